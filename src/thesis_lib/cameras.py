@@ -1,0 +1,171 @@
+"""Pinhole cameras on a hemisphere: pose, projection, pixels (thesis 2 and 3.2).
+
+World frame: origin at the structure's centre, X along the length, Y across, Z normal. Camera
+frame: x right, y down, z forward. Image frame: u right, v down, in pixels from the top-left
+corner of the sensor. ``R_camera_world`` turns world directions into camera directions. Arrays put
+cameras and coordinates first and points last: world points are ``(3, ...)``, images
+``(cameras, 2, ...)``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CameraArray:
+    """Several pinhole cameras.
+
+    Parameters
+    ----------
+    K : ndarray, shape (cameras, 3, 3)
+        Intrinsic matrices in px.
+    R_camera_world : ndarray, shape (cameras, 3, 3)
+        Rotations from world to camera directions.
+    centres : ndarray, shape (cameras, 3)
+        Centres of projection in world coordinates, m.
+    size : tuple of int
+        Width and height of the sensor in px.
+    """
+
+    K: Array
+    R_camera_world: Array
+    centres: Array
+    size: tuple[int, int]
+
+    @property
+    def P(self) -> Array:
+        """Projection matrices K [R | −R C], shape (cameras, 3, 4) (eq. 3.10)."""
+        t = -np.einsum("nij,nj->ni", self.R_camera_world, self.centres)
+        return self.K @ np.concatenate([self.R_camera_world, t[:, :, None]], axis=2)
+
+    def __len__(self) -> int:
+        return len(self.centres)
+
+
+def intrinsics(
+    focal_px: float, size: tuple[int, int], skew: float = 0.0, aspect: float = 1.0
+) -> Array:
+    """Intrinsic matrix of eq. 3.12 with the principal point at (W/2, H/2), shape (3, 3), px.
+
+    Parameters
+    ----------
+    focal_px : float
+        Focal length over pixel width.
+    size : tuple of int
+        Width W and height H of the sensor in px.
+    skew : float
+        Skew γ; the matrix holds focal_px · γ.
+    aspect : float
+        Ratio r of vertical to horizontal scale.
+    """
+    width, height = size
+    return np.array(
+        [
+            [focal_px, focal_px * skew, width / 2],
+            [0.0, focal_px * aspect, height / 2],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def hemisphere_directions(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
+    """Unit vectors (cosφ sinθ, cosφ cosθ, sinφ) from the origin, shape (..., 3).
+
+    Azimuth θ counts from +Y towards +X, elevation φ from the XY plane, both in rad.
+    """
+    theta, phi = np.asarray(azimuth, float), np.asarray(elevation, float)
+    return np.stack(
+        [np.cos(phi) * np.sin(theta), np.cos(phi) * np.cos(theta), np.sin(phi)], axis=-1
+    )
+
+
+def hemisphere_rotations(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
+    """Rotations from world to camera for optical axes through the origin, shape (..., 3, 3).
+
+    The rows are x right = (−cosθ, sinθ, 0), parallel to the XY plane and defined at φ = 90° too,
+    y down = z × x, and z forward, towards the origin.
+    """
+    theta, phi = np.broadcast_arrays(np.asarray(azimuth, float), np.asarray(elevation, float))
+    x = np.stack([-np.cos(theta), np.sin(theta), np.zeros_like(theta)], axis=-1)
+    z = -hemisphere_directions(theta, phi)
+    return np.stack([x, np.cross(z, x), z], axis=-2)
+
+
+def hemisphere_cameras(
+    distance: float,
+    azimuth: ArrayLike,
+    elevation: ArrayLike,
+    focal_px: float,
+    size: tuple[int, int],
+) -> CameraArray:
+    """Equal cameras at one distance from the origin, all looking at it.
+
+    Parameters
+    ----------
+    distance : float
+        Distance of the centres of projection from the origin in m.
+    azimuth, elevation : array_like, shape (cameras,)
+        Angles in rad.
+    focal_px : float
+        Focal length in px.
+    size : tuple of int
+        Sensor width and height in px.
+    """
+    R = hemisphere_rotations(azimuth, elevation)
+    K = np.broadcast_to(intrinsics(focal_px, size), R.shape)
+    return CameraArray(K, R, distance * hemisphere_directions(azimuth, elevation), size)
+
+
+def project(P: ArrayLike, points: ArrayLike) -> Array:
+    """Image coordinates of world points (eq. 3.9, 3.20).
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    points : array_like, shape (3, ...)
+        World points in m.
+
+    Returns
+    -------
+    ndarray, shape (cameras, 2, ...)
+        u and v in px.
+    """
+    P, X = np.asarray(P, float), np.asarray(points, float)
+    flat = X.reshape(3, -1)
+    homogeneous = P[:, :, :3] @ flat + P[:, :, 3:]
+    uv: Array = homogeneous[:, :2] / homogeneous[:, 2:]
+    return uv.reshape((len(P), 2) + X.shape[1:])
+
+
+def pixelate(uv: ArrayLike) -> Array:
+    """Round image coordinates to whole pixels, halves to even.
+
+    A coordinate within 1e-9 px of a half counts as that half, so that symmetric setups do not
+    fall to one side or the other by the noise of floating-point arithmetic.
+    """
+    uv = np.asarray(uv, float)
+    doubled = np.rint(2 * uv)
+    near_half = np.abs(2 * uv - doubled) < 2e-9
+    rounded: Array = np.rint(np.where(near_half, doubled / 2, uv))
+    return rounded
+
+
+def on_sensor(uv: ArrayLike, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Whether images (cameras, 2, ...) lie on the sensor, shape (cameras, ...)."""
+    uv = np.asarray(uv, float)
+    width, height = size
+    u, v = uv[:, 0], uv[:, 1]
+    return (u >= 0) & (u <= width) & (v >= 0) & (v <= height)
+
+
+def ground_sample_distance(cameras: CameraArray) -> float:
+    """Length in m that one pixel spans at the origin across the optical axis, mean of cameras."""
+    distance = np.linalg.norm(cameras.centres, axis=1)
+    return float(np.mean(distance / cameras.K[:, 0, 0]))

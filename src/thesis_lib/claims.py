@@ -1,0 +1,156 @@
+"""What the thesis states, beside what we get (chapter 3's figures).
+
+One rule for every claim, set before looking: the 5–95 % band of the trials, widened by 1 point
+(0.5 if the stated value is below 10 %), must meet the stated value or interval. Upper and lower
+bounds are one-sided. A claim about all settings holds if it holds for each. Where the text excepts
+one marker, the second-largest error is meant.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.parameters import STUDIES
+from thesis_lib.setups import data_folder
+
+BAND = (0.05, 0.95)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One figure that the thesis states.
+
+    Parameters
+    ----------
+    id, section, figure, panel, case : str
+        Where it stands.
+    mode : int
+        Mode it speaks of.
+    quantity : str
+        ``mean_error`` or ``max_point_error``.
+    value : float or None
+        Value of the varied parameter; None if it speaks of all settings of the case.
+    relation : str
+        ``about``, ``range``, ``max``, ``less_than`` or ``min``.
+    low, high : float
+        The stated interval in %; equal for a single value.
+    excepted : int
+        How many markers the text leaves out.
+    """
+
+    id: str
+    section: str
+    figure: str
+    panel: str
+    case: str
+    mode: int
+    quantity: str
+    value: float | None
+    relation: str
+    low: float
+    high: float
+    excepted: int
+
+    @property
+    def stated(self) -> str:
+        """The claim in a few characters, such as ``10–15 %`` or ``≤ 40 %``."""
+        sign = {"max": "≤ ", "less_than": "< ", "min": "≥ "}.get(self.relation, "")
+        interval = f"{self.low:g}" if self.low == self.high else f"{self.low:g}–{self.high:g}"
+        return f"{sign}{interval} %"
+
+
+@dataclass(frozen=True)
+class Check:
+    """A claim and what a cube says of it: the band over the settings it speaks of, in %."""
+
+    claim: Claim
+    literal: float
+    median: float
+    low: float
+    high: float
+    inside: bool
+
+
+def read_claims() -> list[Claim]:
+    """The stated figures, from ``data/thesis/claims.csv``.
+
+    Raises
+    ------
+    ValueError
+        Naming the line and the field of a malformed row.
+    """
+    path = data_folder() / "claims.csv"
+    kinds = {
+        "mode": int, "low": float, "high": float, "excepted": int,
+        "value": lambda text: None if text == "all" else float(text),
+    }  # fmt: skip
+    claims = []
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            fields: dict[str, object] = dict(row)
+            for field, kind in kinds.items():
+                try:
+                    fields[field] = kind(row[field])
+                except (KeyError, TypeError, ValueError):
+                    raise ValueError(
+                        f"claims.csv, line {len(claims) + 2}: {field}: given {row.get(field)!r}"
+                    ) from None
+            claims.append(Claim(**fields))  # type: ignore[arg-type]
+    return claims
+
+
+def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
+    """The quantity that a claim speaks of, over its settings and all trials, in %."""
+    where = cube["case"] == claim.case
+    if claim.value is not None:
+        where &= cube["value"] == claim.value
+    part = cube.isel(setting=np.flatnonzero(where.values)).sel(mode=claim.mode)
+    if not claim.excepted:
+        return part[claim.quantity]
+    reference = part["reference_deflection"]
+    error = abs(part["measured_deflection"].astype(float) - reference)
+    ordered = np.sort(error / abs(reference).max() * 100, axis=error.get_axis_num("point"))
+    kept = error.copy(data=ordered).isel(point=-1 - claim.excepted)
+    return kept.drop_vars(["x", "y"], errors="ignore")
+
+
+def meets(claim: Claim, low: float, high: float) -> bool:
+    """Whether a band in % meets the claim by the rule at the top of this module."""
+    margin = 0.5 if claim.high < 10 else 1.0
+    below = low - margin <= claim.high
+    above = high + margin >= claim.low
+    if claim.relation in ("max", "less_than"):
+        return below
+    if claim.relation == "min":
+        return above
+    return below and above
+
+
+def check(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
+    """Hold claims against a cube; those whose settings or modes it lacks are left out."""
+    checks = []
+    for claim in claims:
+        known = claim.mode in cube["mode"]
+        values = errors(cube, claim) if known else None
+        if values is None or values.sizes["setting"] == 0 or cube.sizes["trial"] < 2:
+            continue
+        drawn = values.isel(trial=slice(1, None))
+        band = drawn.quantile(BAND, dim="trial").transpose("quantile", "setting").values
+        inside = all(meets(claim, low, high) for low, high in band.T)
+        literal = values.isel(trial=0)
+        checks.append(
+            Check(claim, float(literal.max()), float(drawn.median("trial").max()),
+                  float(band[0].min()), float(band[1].max()), inside)
+        )  # fmt: skip
+    return checks
+
+
+def claims_of(name: str) -> list[Claim]:
+    """Claims about the cases of a figure set."""
+    cases = {setting.case for setting in STUDIES[name]().settings()}
+    return [claim for claim in read_claims() if claim.case in cases]

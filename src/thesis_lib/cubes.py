@@ -1,0 +1,211 @@
+"""Result cubes on disk: provenance, whole-or-nothing files, comparison of two runs."""
+
+from __future__ import annotations
+
+import datetime
+import importlib.metadata
+import json
+import os
+import platform
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from thesis_lib import __version__
+from thesis_lib.parameters import STUDIES, CameraStudy
+
+ERRORS = ("mean_error", "max_point_error")
+KEYS = ["case", "value", "mode"]
+STATISTICS = ["trial_0", "median", "low", "high"]
+RUN_DEPENDENT = ("commit", "created", "run_time_s")
+
+
+class CubeError(ValueError):
+    """A file that is not one of our cubes; the message is one line."""
+
+
+def project_root() -> Path:
+    """The checkout that the library is installed from.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the library was installed without its checkout.
+    """
+    root = Path(__file__).parents[2]
+    if not (root / "notebooks").is_dir():
+        raise FileNotFoundError(
+            f"{root}: no notebooks here; run this from a clone of the project, "
+            "in which the library is installed with `pip install -e .`"
+        )
+    return root
+
+
+def whole_file(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a temporary file beside `path`, then rename it: never a half-written one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        write(temporary)
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _commit() -> str:
+    """Commit of the checkout, with a plus sign if it has changes; `unknown` elsewhere."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--abbrev=12"]
+    try:
+        done = subprocess.run(
+            [*command, "--dirty=+", "--exclude=*"], capture_output=True, text=True, timeout=10
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return "unknown"
+    return done.stdout.strip() or "unknown"
+
+
+def with_provenance(cube: xr.Dataset, study: CameraStudy, seconds: float) -> xr.Dataset:
+    """The cube with attributes that say what it is and how it was made.
+
+    `commit`, `created` and `run_time_s` differ from run to run; all else is a function of the
+    parameters, the library and the versions of the packages it computes with.
+    """
+    packages = ("numpy", "scipy", "xarray", "netCDF4")
+    versions = {name: importlib.metadata.version(name) for name in packages}
+    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+    return cube.assign_attrs(
+        Conventions="CF-1.11",
+        title=study.title,
+        source=f"simulation by thesis_lib {__version__}, figure set {study.name}",
+        references="thesis on flexural vibration measurement with multiple cameras, section 3.3",
+        figure_set=study.name,
+        parameters=json.dumps(study.request, sort_keys=True),
+        parameters_hash=study.digest,
+        seed=np.int64(study.seed),
+        versions=json.dumps({"python": platform.python_version(), **versions}),
+        run_dependent=" ".join(RUN_DEPENDENT),
+        commit=_commit().ljust(16),  # of one length: bytes after it stay in place
+        created=now.isoformat(),
+        run_time_s=np.float64(seconds),
+    )
+
+
+def write(cube: xr.Dataset, path: Path) -> None:
+    """Write a cube as netCDF-4, whole or not at all."""
+    whole_file(path, lambda part: cube.to_netcdf(part, engine="netcdf4", format="NETCDF4"))
+
+
+def read(path: Path) -> xr.Dataset:
+    """Open one of our cubes.
+
+    Raises
+    ------
+    CubeError
+        In one line: the file, and what is wrong with it.
+    """
+    if not path.is_file():
+        raise CubeError(f"{path}: no such file; give a cube (.nc) that `thesis run` has written")
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as file:
+            cube = file.load()
+    except Exception as error:  # the netCDF and HDF libraries raise what they like
+        raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
+    missing = {"figure_set", "parameters"} - set(cube.attrs) or set(ERRORS) - set(cube.data_vars)
+    if missing or cube.attrs["figure_set"] not in STUDIES:
+        lacks = ", ".join(sorted(map(str, missing))) or "a known figure set"
+        raise CubeError(f"{path}: not a cube of this project (it lacks {lacks})")
+    return cube
+
+
+def summary(cube: xr.Dataset) -> pd.DataFrame:
+    """Each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
+
+    Without trials the band is that of trial 0 alone.
+    """
+    rows: list[dict[str, Any]] = []
+    drawn = cube.isel(trial=slice(1, None)) if cube.sizes["trial"] > 1 else cube
+    for quantity in ERRORS:
+        low, median, high = (
+            drawn[quantity].quantile([0.05, 0.5, 0.95], dim="trial").transpose("quantile", ...)
+        )
+        for s in range(cube.sizes["setting"]):
+            for m, mode in enumerate(cube["mode"].values):
+                rows.append(
+                    {
+                        "case": str(cube["case"].values[s]),
+                        "value": float(cube["value"].values[s]),
+                        "label": str(cube["label"].values[s]),
+                        "mode": int(mode),
+                        "error": quantity,
+                        "trial_0": float(cube[quantity].values[s, m, 0]),
+                        "median": float(median.values[s, m]),
+                        "low": float(low.values[s, m]),
+                        "high": float(high.values[s, m]),
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+def published_path(name: str) -> Path:
+    """Where the published figures of a figure set are kept."""
+    return project_root() / "data" / "published" / f"{name}.csv"
+
+
+def publish(cube: xr.Dataset) -> Path:
+    """Make this cube's errors the published ones; returns the file."""
+    path = published_path(cube.attrs["figure_set"])
+    table = summary(cube)
+    whole_file(path, lambda part: table.to_csv(part, index=False, float_format="%.6g"))
+    return path
+
+
+def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
+    """Two summaries side by side, for the settings and modes that both have.
+
+    Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
+    and ``apart`` tells whether the 5–95 % bands do not meet.
+    """
+    keys = [*KEYS, "error"]
+    table = new.merge(old.drop(columns="label"), on=keys, suffixes=("", "_old"))
+    table["difference"] = table["median"] - table["median_old"]
+    table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
+    return table
+
+
+def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
+    """The comparison as text: one line per setting and mode, in % of the largest deflection."""
+    if table.empty:
+        return [f"no setting in common with {old_name}"]
+    changed = ~np.isclose(table[STATISTICS], table[[f"{s}_old" for s in STATISTICS]], rtol=1e-4)
+    if not changed.any():
+        return [f"no difference from {old_name} ({len(table)} errors compared)"]
+    header = (
+        f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | "
+        f"{'median (5–95 %)':>20} | {old_name:>20} | {'change':>7} | {'trial 0':>15}"
+    )
+    lines = [header, "-" * len(header)]
+    for row in table.itertuples():
+        bands = [
+            f"{middle:.1f} ({low:.1f}–{high:.1f})"
+            for middle, low, high in (
+                (row.median, row.low, row.high),
+                (row.median_old, row.low_old, row.high_old),
+            )
+        ]
+        lines.append(
+            f"{row.case:>6} {row.label:>12} {row.mode:>4} "
+            f"{'mean' if row.error == 'mean_error' else 'peak':>5} | "
+            f"{bands[0]:>20} | {bands[1]:>20} | {row.difference:>+7.1f} | "
+            f"{row.trial_0_old:>6.1f} → {row.trial_0:>6.1f}{' *' if row.apart else ''}"
+        )
+    lines.append("errors in % of the largest reference deflection; * the bands do not meet")
+    return lines

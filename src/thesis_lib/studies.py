@@ -1,0 +1,216 @@
+"""Parametric studies: from validated parameters to a labelled cube (thesis 3.3).
+
+For every setting the markers are projected at rest and in each deflection shape, rounded to whole
+pixels on the grid of each trial, triangulated, and compared with the reference. Shifting a pixel
+grid by s is ``rint(uv + s) − s`` with unchanged cameras, so all trials, all shapes and the rest
+image of a setting are one batch of points.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib import rounding
+from thesis_lib.cameras import (
+    CameraArray,
+    ground_sample_distance,
+    on_sensor,
+    pixelate,
+    project,
+)
+from thesis_lib.parameters import CameraStudy
+from thesis_lib.setups import Setting
+from thesis_lib.structures import Structure, deflection_shape
+from thesis_lib.triangulation import triangulate
+
+Array = NDArray[np.float64]
+
+
+def world_points(structure: Structure, deflections: Array) -> Array:
+    """World coordinates of the markers for deflections (..., markers) in m, shape (3, ...)."""
+    centre = np.array(structure.extent) / 2
+    x, y = structure.markers - centre[:, None]
+    return np.stack(np.broadcast_arrays(x, y, deflections))
+
+
+def measure(
+    cameras: CameraArray, points: Array, shifts: Array, rest_is_known: bool = False
+) -> Array:
+    """Deflections that cameras with whole pixels measure.
+
+    Parameters
+    ----------
+    cameras : CameraArray
+        The cameras.
+    points : ndarray, shape (3, 1 + modes, markers)
+        Marker positions in m: at rest, then deflected.
+    shifts : ndarray, shape (trials, cameras, 2)
+        Shift of each camera's pixel grid in px.
+    rest_is_known : bool
+        Subtract the true rest position instead of the rebuilt one.
+
+    Returns
+    -------
+    ndarray, shape (modes, trials, markers)
+        Measured deflections in m.
+    """
+    P = cameras.P
+    shift = np.moveaxis(shifts, 0, 2)[:, :, None, :, None]
+    if rest_is_known:
+        images = project(P, points[:, 1:])[:, :, :, None] + shift
+        return triangulate(P, pixelate(images) - shift)[2] - points[2, 0]
+    images = project(P, points)[:, :, :, None] + shift
+    height = triangulate(P, pixelate(images) - shift)[2]
+    return height[1:] - height[0]
+
+
+def percent_errors(measured: Array, reference: Array) -> tuple[Array, Array, Array]:
+    """Point, mean (rms) and largest error in % of the largest reference deflection.
+
+    Equations 3.22 and 3.23; `measured` is (modes, trials, markers), `reference` (modes, markers).
+    """
+    scale = 100 / np.max(np.abs(reference), axis=-1)
+    point = np.abs(measured - reference[:, None]) * scale[:, None, None]
+    return point, np.sqrt(np.mean(point**2, axis=-1)), np.max(point, axis=-1)
+
+
+def modal_assurance(measured: Array, reference: Array) -> Array:
+    """Modal assurance criterion |mᵀr|² / (mᵀm · rᵀr), from 0 to 1; NaN if nothing moves."""
+    cross = np.einsum("mtp,mp->mt", measured, reference)
+    norms = np.einsum("mtp,mtp->mt", measured, measured)
+    with np.errstate(invalid="ignore"):
+        result: Array = cross**2 / (norms * np.sum(reference**2, axis=-1)[:, None])
+    return result
+
+
+def _setting_results(study: CameraStudy, setting: Setting, points: Array) -> dict[str, Any]:
+    cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
+    known = study.rest == "known"
+    shifts = rounding.grid_shifts(study.seed, study.trials, len(cameras))
+    reference = points[2, 1:]
+    measured = measure(cameras, points, shifts, known)
+    point, mean, largest = percent_errors(measured, reference)
+    variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:], known)
+    scale = 100 / np.max(np.abs(reference), axis=-1)
+    return {
+        "measured_deflection": measured,
+        "point_error": point[:, 0],
+        "mean_error": mean,
+        "max_point_error": largest,
+        "predicted_error": np.sqrt(np.mean(variance, axis=-1)) * scale,
+        "mac": modal_assurance(measured, reference),
+        "in_view": np.mean(on_sensor(project(cameras.P, points[:, 1:]), cameras.size)),
+        "ground_sample_distance": ground_sample_distance(cameras),
+    }
+
+
+# Dimensions beside `setting`, type on disk, units, long name. Float64 where rounding matters.
+_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
+    "measured_deflection": (
+        ("mode", "trial", "point"), "float32", "m", "measured deflection of the markers"),
+    "mean_error": (
+        ("mode", "trial"), "float64", "percent", "rms error over the markers (eq. 3.23)"),
+    "max_point_error": (
+        ("mode", "trial"), "float64", "percent", "largest error of a marker (eq. 3.22)"),
+    "point_error": (
+        ("mode", "point"), "float64", "percent", "error of each marker in trial 0 (eq. 3.22)"),
+    "predicted_error": (
+        ("mode",), "float64", "percent", "rms error over the trials by the law of rounding"),
+    "mac": (("mode", "trial"), "float64", "1", "modal assurance criterion with the reference"),
+    "in_view": ((), "float64", "1", "share of camera x marker x mode images on the sensor"),
+    "ground_sample_distance": ((), "float64", "m", "length of a pixel at the origin, per px"),
+}  # fmt: skip
+
+
+def run(study: CameraStudy) -> xr.Dataset:
+    """The cube of a camera study.
+
+    Parameters
+    ----------
+    study : CameraStudy
+        Validated parameters.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions ``setting``, ``mode``, ``trial``, ``point``, ``camera``; every variable has
+        ``units`` and ``long_name``.
+    """
+    structure, settings = study.structure, study.settings()
+    shapes = [
+        deflection_shape(structure, mode, structure.markers, peak)
+        for mode, peak in zip(study.modes, study.peaks_m, strict=True)
+    ]
+    reference = np.array(shapes)
+    points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
+    results = [_setting_results(study, setting, points) for setting in settings]
+
+    cube = xr.Dataset(coords=_coordinates(study, structure, settings))
+    cube["reference_deflection"] = (
+        ("mode", "point"), reference,
+        {"units": "m", "long_name": "reference deflection of the markers (eq. 3.7)"},
+    )  # fmt: skip
+    for name, (dims, dtype, units, long_name) in _VARIABLES.items():
+        values = np.array([result[name] for result in results]).astype(dtype)
+        cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
+    for name, units, column in (
+        ("camera_distance", "m", 0), ("camera_azimuth", "degree", 1),
+        ("camera_elevation", "degree", 2),
+    ):  # fmt: skip
+        cube[name] = (
+            ("setting", "camera"), _camera_table(settings)[:, :, column],
+            {"units": units, "long_name": name.replace("_", " ")},
+        )  # fmt: skip
+    return cube
+
+
+def _camera_table(settings: list[Setting]) -> Array:
+    """Distance in m, azimuth and elevation in degrees: (settings, cameras, 3), NaN-padded."""
+    most = max(len(setting.directions_deg) for setting in settings)
+    table = np.full((len(settings), most, 3), np.nan)
+    for row, setting in zip(table, settings, strict=True):
+        row[: len(setting.directions_deg), 0] = setting.distance_mm / 1000
+        row[: len(setting.directions_deg), 1:] = setting.directions_deg
+    return table
+
+
+def _coordinates(
+    study: CameraStudy, structure: Structure, settings: list[Setting]
+) -> dict[str, Any]:
+    x, y = structure.markers
+    hertz = structure.angular_frequencies(max(study.modes)) / (2 * np.pi)
+
+    def on_setting(values: list[Any], long_name: str, units: str = "1") -> Any:
+        attributes = {"long_name": long_name}
+        if not isinstance(values[0], str):
+            attributes["units"] = units
+        return "setting", np.array(values), attributes
+
+    varied_units = {"distance_mm": "mm", "aperture_deg": "degree"}.get(study.varied, "1")
+    return {
+        "case": on_setting([s.case for s in settings], "case of the thesis, or layout"),
+        "parameter": on_setting([study.varied] * len(settings), "varied parameter"),
+        "value": on_setting(
+            [float(s.value) for s in settings], "value of the varied parameter", varied_units
+        ),
+        "label": on_setting([s.label for s in settings], "value with its unit"),
+        "n_cameras": on_setting([len(s.directions_deg) for s in settings], "number of cameras"),
+        "width_px": on_setting([s.resolution_px[0] for s in settings], "width of the sensor"),
+        "height_px": on_setting([s.resolution_px[1] for s in settings], "height of the sensor"),
+        "pair_order": on_setting([s.pair_order for s in settings], "order of adding pairs"),
+        "mode": ("mode", np.array(study.modes), {"long_name": "mode number", "units": "1"}),
+        "frequency": (
+            "mode", hertz[np.array(study.modes) - 1],
+            {"long_name": "natural frequency", "units": "Hz"},
+        ),
+        "trial": (
+            "trial", np.arange(study.trials + 1),
+            {"long_name": "random shift of the pixel grids, 0 for the literal run", "units": "1"},
+        ),
+        "x": ("point", x, {"long_name": "marker position along the length", "units": "m"}),
+        "y": ("point", y, {"long_name": "marker position across", "units": "m"}),
+    }  # fmt: skip
