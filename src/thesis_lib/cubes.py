@@ -160,6 +160,12 @@ def published_path(name: str) -> Path:
     return project_root() / "data" / "published" / f"{name}.csv"
 
 
+def read_published(name: str) -> pd.DataFrame | None:
+    """The published summary of a figure set, if there is one."""
+    path = published_path(name)
+    return pd.read_csv(path, dtype={"case": str}) if path.is_file() else None
+
+
 def publish(cube: xr.Dataset) -> Path:
     """Make this cube's errors the published ones; returns the file."""
     path = published_path(cube.attrs["figure_set"])

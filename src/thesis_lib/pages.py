@@ -19,9 +19,9 @@ from mdit_py_plugins.amsmath import amsmath_plugin
 from mdit_py_plugins.colon_fence import colon_fence_plugin
 from mdit_py_plugins.deflist import deflist_plugin
 from mdit_py_plugins.dollarmath import dollarmath_plugin
-from pygments import highlight
-from pygments.formatters import HtmlFormatter
-from pygments.lexers import PythonLexer
+from pygments import highlight  # type: ignore[import-untyped, unused-ignore]
+from pygments.formatters import HtmlFormatter  # type: ignore[import-untyped, unused-ignore]
+from pygments.lexers import PythonLexer  # type: ignore[import-untyped, unused-ignore]
 
 __all__ = ["MATHJAX", "BookError", "index_page", "page"]
 
@@ -32,6 +32,7 @@ _SUMMARY = {"parameters": "Default parameters", "injected-parameters": "Paramete
 _IMAGES = ("image/svg+xml", "image/png", "image/jpeg", "image/gif")
 _ROLE = re.compile(r"\{([\w:]+)\}`([^`]+)`")
 _TARGET = re.compile(r"(.+?)\s*<([^<>]+)>", re.DOTALL)
+_BOOK_LINK = re.compile(r'<a href="(?![\w+.-]+:|#|[^"]*\.html)[^"]*">(.*?)</a>', re.DOTALL)
 _LABELLED = re.compile(r"\$\$\s*\(([\w:.-]+)\)")
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _POLICY = (
@@ -52,6 +53,7 @@ figcaption { font-size: .9rem; opacity: .85; margin-top: .4rem; }
 pre { background: var(--soft); font-size: .82rem; line-height: 1.35; padding: .6rem; }
 pre, .output, .scroll, .math.block { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .85rem; }
+.output :is(th, td) { white-space: nowrap; }
 th, td { border-bottom: 1px solid var(--line); padding: .25rem .6rem; text-align: right; }
 aside { border-left: 3px solid var(--link); padding: .1rem 1rem; background: var(--soft); }
 details { border-left: 3px solid var(--line); margin: .5rem 0; padding-left: .6rem; }
@@ -159,8 +161,9 @@ class _Text:
         rules["table_close"] = lambda *_: "</table></div>\n"
 
     def html(self, source: str) -> str:
-        """Render Markdown."""
-        return str(self.parser.render(_ROLE.sub(self._role, source)))
+        """Render Markdown; a link into the book, which is not there, becomes plain words."""
+        html = str(self.parser.render(_ROLE.sub(self._role, source)))
+        return _BOOK_LINK.sub(r"\1", html)
 
     def _role(self, match: re.Match[str]) -> str:
         role, content = match.groups()
@@ -214,7 +217,10 @@ def _cell(cell: Mapping[str, Any], text: _Text) -> str:
         code = highlight(cell["source"], PythonLexer(), HtmlFormatter())
         parts.append(f"<details{state}><summary>{summary}</summary>{code}</details>")
     if not tags & {"remove-output", "remove_output"}:
-        parts += [_output(output, cell, text) for output in cell["outputs"]]
+        shown = "\n".join(_output(output, cell, text) for output in cell["outputs"])
+        if tags & {"hide-output", "hide_output", "hide-cell", "hide_cell"} and shown:
+            shown = f"<details><summary>Output</summary>{shown}</details>"
+        parts.append(shown)
     return "\n".join(parts)
 
 

@@ -10,7 +10,7 @@ import difflib
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -328,7 +328,7 @@ def validate(name: str, values: Mapping[str, Any]) -> CameraStudy:
     """
     if name not in STUDIES:
         raise ParameterError(
-            f"{name}: no such figure set{_nearest(name, [*STUDIES, *CHAPTERS])}; "
+            f"{name}: no such figure set{_hint(name, [*STUDIES, *CHAPTERS])}; "
             f"there are {', '.join(STUDIES)}"
         )
     model = STUDIES[name]
@@ -374,9 +374,14 @@ def _allowed(model: type[CameraStudy], field: str) -> str:
     return str(extra["allowed"]) if isinstance(extra, dict) else ""
 
 
-def _nearest(name: str, names: list[str]) -> str:
-    close = difflib.get_close_matches(name, names, 1, 0.5)
-    return f" (did you mean {close[0]}?)" if close else ""
+def nearest(name: str, names: Iterable[str]) -> str:
+    """The name most like `name`, or empty if none is."""
+    return next(iter(difflib.get_close_matches(name, list(names), 1, 0.6)), "")
+
+
+def _hint(name: str, names: Iterable[str]) -> str:
+    meant = nearest(name, names)
+    return f" (did you mean {meant}?)" if meant else ""
 
 
 def _shown(value: Any) -> str:
@@ -394,7 +399,7 @@ def _first_problem(model: type[CameraStudy], error: ValidationError) -> str:
     field = str(where[0])
     if problem["type"] == "extra_forbidden":
         names = list(model.model_fields)
-        return f"no parameter {field}{_nearest(field, names)}; there are {', '.join(names)}"
+        return f"no parameter {field}{_hint(field, names)}; there are {', '.join(names)}"
     given = problem["input"]
     place = "".join(f"[{part}]" for part in where[1:] if isinstance(part, int))
     return f"{field}{place}: given {_shown(given)}, allowed: {_allowed(model, field)}"

@@ -1,0 +1,1 @@
+"""Speed of the library, beside the direct way of writing the same; ``python -m benchmarks``."""

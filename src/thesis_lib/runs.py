@@ -1,0 +1,300 @@
+"""Executing notebooks: validated parameters to cube and page, side by side, nothing twice.
+
+doit keeps what was done and with which inputs: a notebook is executed again only if its cells, the
+library, the thesis's data, the lock file or the parameters differ. Files appear whole or not at
+all: everything is written in a staging folder beside its place and renamed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import re
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from doit.cmd_base import ModuleTaskLoader
+from doit.dependency import SqliteDB
+from doit.doit_cmd import DoitMain
+from doit.exceptions import TaskFailed
+from doit.tools import config_changed
+
+from thesis_lib.cubes import project_root
+from thesis_lib.parameters import CameraStudy
+
+
+class RunError(RuntimeError):
+    """A run that failed; the message says what, where, and how to go on."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One figure set to execute, and the files it makes.
+
+    Parameters
+    ----------
+    study : CameraStudy
+        Validated parameters.
+    notebook, cube : Path
+        Where the executed notebook and the cube go.
+    page : Path or None
+        Where the self-contained page goes, if one is wanted.
+    """
+
+    study: CameraStudy
+    notebook: Path
+    cube: Path
+    page: Path | None = None
+
+    @property
+    def targets(self) -> list[Path]:
+        """All files that the job makes."""
+        return [self.notebook, self.cube, *([self.page] if self.page else [])]
+
+
+def source(name: str) -> Path:
+    """The parameterised notebook of a figure set."""
+    return project_root() / "notebooks" / f"{name}.ipynb"
+
+
+def inputs() -> list[Path]:
+    """Files that every run depends on: the library, the thesis's facts, the lock."""
+    root = project_root()
+    library = root / "src" / "thesis_lib"
+    files = [p for p in library.rglob("*") if p.is_file() and p.suffix != ".pyc"]
+    return sorted([*files, *(root / "data" / "thesis").iterdir(), root / "requirements.lock"])
+
+
+def digest(job: Job) -> str:
+    """Hash of all that determines a job's files: cells, request, library, facts, lock."""
+    notebook = json.loads(source(job.study.name).read_text(encoding="utf-8"))
+    cells = [[c["cell_type"], c["source"], c["metadata"]] for c in notebook["cells"]]
+    request = [job.study.name, job.study.request, cells]
+    total = hashlib.sha256(json.dumps(request, sort_keys=True).encode())
+    for path in inputs():
+        total.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return total.hexdigest()
+
+
+@contextlib.contextmanager
+def staging(folder: Path) -> Iterator[Path]:
+    """A folder inside `folder` to write in; those that dead processes left are removed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for left in folder.glob(".staging-*"):
+        if not _alive(int(left.name.split("-")[1])):
+            shutil.rmtree(left, ignore_errors=True)
+    path = Path(tempfile.mkdtemp(prefix=f".staging-{os.getpid()}-", dir=folder))
+    try:
+        yield path
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def execute(job: Job) -> None:
+    """Execute a job's notebook and put its files in place.
+
+    Raises
+    ------
+    RunError
+        If a cell fails.
+    """
+    import nbformat  # papermill and nbconvert take a second to import
+    import papermill
+
+    name = job.study.name
+    defaults = type(job.study)().request
+    given = {key: value for key, value in job.study.request.items() if value != defaults[key]}
+    with staging(job.notebook.parent) as folder:
+        executed, cube = folder / f"{name}.ipynb", folder / f"{name}.nc"
+        try:
+            papermill.execute_notebook(
+                str(source(name)),
+                str(executed),
+                parameters={**given, "cube": cube.name},
+                resources={"metadata": {"path": str(folder)}},  # the kernel's folder; `cwd` is
+                # the process's, which the runs side by side share
+                kernel_name="python3",
+                progress_bar=False,
+                store_widget_state=False,
+                extra_arguments=["--log-level=CRITICAL"],  # kernels chat on standard error
+            )
+        except papermill.PapermillExecutionError as error:
+            log = project_root() / "build" / "logs" / f"{name}.txt"
+            log.parent.mkdir(parents=True, exist_ok=True)
+            log.write_text(re.sub(r"\x1b\[[0-9;]*m", "", str(error)), encoding="utf-8")
+            raise RunError(
+                f"{name}: cell {error.exec_count} failed with {error.ename}: {error.evalue}; "
+                f"the traceback is in {log}; mend the cause and run the same command again"
+            ) from None
+        notebook = nbformat.read(executed, as_version=4)
+        notebook.metadata["papermill"].update(
+            input_path=f"notebooks/{name}.ipynb", output_path=executed.name
+        )
+        nbformat.write(notebook, executed)
+        ready = [(executed, job.notebook), (cube, job.cube)]
+        if job.page:
+            from thesis_lib.pages import page
+
+            html = folder / f"{name}.html"
+            html.write_text(page(executed, job.study.title), encoding="utf-8")
+            ready.append((html, job.page))
+        for made, place in ready:
+            place.parent.mkdir(parents=True, exist_ok=True)
+            made.replace(place)
+
+
+def job_task(job: Job) -> dict[str, Any]:
+    """The job as a doit task."""
+    # The digest is taken before the run, not after it as doit does with files: what is edited
+    # while a notebook runs makes it stale.
+    return task(job.study.name, lambda: execute(job), [], job.targets, digest(job))
+
+
+def task(
+    name: str, action: Any, needs: Sequence[Path], makes: Sequence[Path], key: str = ""
+) -> dict[str, Any]:
+    """A doit task whose errors arrive as one line."""
+
+    def act() -> TaskFailed | None:
+        try:
+            action()
+        except Exception as error:
+            return TaskFailed(str(error) or type(error).__name__)
+        return None
+
+    return {
+        "name": name,
+        "actions": [act],
+        "file_dep": [str(path) for path in needs],
+        "targets": [str(path) for path in makes],
+        "uptodate": [config_changed(key)] if key else [],
+        "io": {"capture": False},
+    }
+
+
+class _Journal(SqliteDB):  # type: ignore[misc]
+    """doit's database, kept up to date at once: what was done survives a pulled plug."""
+
+    def set(self, task_id: str, dependency: str, value: Any) -> None:
+        super().set(task_id, dependency, value)
+        if dependency == "deps:":  # the last of a task's entries
+            self._conn.execute(
+                "insert or replace into doit values (?,?)",
+                (task_id, self.codec.encode(self._cache[task_id])),
+            )
+            self._conn.commit()
+
+
+class _Progress:
+    """doit reporter: which task, how many, how long; collects the failures."""
+
+    desc = "progress"
+
+    def __init__(self, total: int) -> None:
+        self.total, self.done = total, 0
+        self.started: dict[str, float] = {}
+        self.failures: list[str] = []
+        self.begin = time.monotonic()
+
+    def _say(self, task: Any, text: str) -> None:
+        elapsed = time.monotonic() - self.begin
+        print(
+            f"[{self.done}/{self.total}] {elapsed:5.1f} s  {_title(task)}: {text}",
+            file=sys.stderr, flush=True,
+        )  # fmt: skip
+
+    def execute_task(self, task: Any) -> None:
+        if task.has_subtask:  # the group, which doit reports like a task
+            return
+        self.started[task.name] = time.monotonic()
+        self._say(task, "running")
+
+    def add_success(self, task: Any) -> None:
+        if task.has_subtask:
+            return
+        self.done += 1
+        self._say(task, f"done in {time.monotonic() - self.started[task.name]:.1f} s")
+
+    def skip_uptodate(self, task: Any) -> None:
+        if task.has_subtask:
+            return
+        self.done += 1
+        self._say(task, "up to date")
+
+    def add_failure(self, task: Any, fail: Any) -> None:
+        if task.has_subtask:
+            return
+        self.done += 1
+        self._say(task, "FAILED")
+        self.failures.append(f"{_title(task)}: {fail.message}".strip())
+
+    def runtime_error(self, message: str) -> None:
+        self.failures.append(message)
+
+    def cleanup_error(self, error: Any) -> None:
+        self.failures.append(str(error))
+
+    def __getattr__(self, name: str) -> Any:  # the events that need no words
+        if name in {"initialize", "get_status", "skip_ignore", "teardown_task", "complete_run"}:
+            return lambda *_: None
+        raise AttributeError(name)
+
+
+def _title(task: Any) -> str:
+    return str(task.name).partition(":")[2] or str(task.name)
+
+
+def run(tasks: Sequence[dict[str, Any]], state: Path, workers: int = 2) -> None:
+    """Run what is stale of some tasks, side by side.
+
+    Parameters
+    ----------
+    tasks : sequence of dict
+        Tasks as :func:`job_task` and :func:`task` make them.
+    state : Path
+        File in which doit remembers what was done.
+    workers : int
+        Tasks at a time.
+
+    Raises
+    ------
+    RunError
+        If a task failed; the others have been run all the same.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as many processes as cores already
+    state.parent.mkdir(parents=True, exist_ok=True)
+    progress = _Progress(len(tasks))
+    config = {
+        "GLOBAL": {
+            "backend": "journal",
+            "dep_file": str(state),
+            "reporter": progress,
+            "num_process": workers,
+            "par_type": "thread",
+            "continue": True,
+            "verbosity": 0,
+        },
+        "BACKEND": {"journal": "thesis_lib.runs:_Journal"},
+    }
+    loader = ModuleTaskLoader({"task_thesis": lambda: (task for task in tasks)})
+    status = DoitMain(loader, config_filenames=(), extra_config=config).run(["run"])
+    if progress.failures or status:
+        raise RunError("\n".join(progress.failures) or f"the task runner stopped ({status})")

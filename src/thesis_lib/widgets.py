@@ -1,0 +1,150 @@
+"""The interactive viewer of a parametric study, with or without a kernel.
+
+`Viewer` is an anywidget for live notebooks. Beside its widget view it offers `static_html`, which
+carries the same JavaScript and the data, and so runs in a page without a server or a network.
+"""
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import anywidget
+import traitlets
+
+__all__ = ["Viewer", "static_html"]
+
+_ASSETS = Path(__file__).parent / "assets"
+_ESM = (_ASSETS / "viewer.js").read_text(encoding="utf-8")
+_CSS = (_ASSETS / "viewer.css").read_text(encoding="utf-8")
+
+_FRAGMENT = """\
+<div class="tl-fragment" data-tl-fragment="%(id)s">
+<noscript>This viewer needs JavaScript; the figures below show the same results.</noscript>
+</div>
+<style>%(css)s</style>
+<script type="module">
+%(esm)s
+const state = %(state)s;
+function createModel(values = { ...state }, handlers = {}) {
+  const of = (event) => (handlers[event] ??= new Set());
+  return {
+    get: (name) => values[name],
+    set(name, value) {
+      if (values[name] === value) return;
+      values[name] = value;
+      [...of(`change:${name}`)].forEach((handler) => handler());
+    },
+    on: (event, handler) => of(event).add(handler),
+    off: (event, handler) => (handler ? of(event).delete(handler) : of(event).clear()),
+    save_changes() {}, send() {},
+  };
+}
+for (const el of document.querySelectorAll('[data-tl-fragment="%(id)s"]:not([data-mounted])')) {
+  el.dataset.mounted = "";
+  widget.render({ model: createModel(), el });
+}
+</script>
+"""
+
+
+def _plain(value: object) -> Any:
+    """Copy JSON data: floats to 6 significant digits, NaN and infinities to None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value
+
+
+def static_html(esm: str, css: str, state: Mapping[str, object]) -> str:
+    """Write a widget as a self-contained HTML fragment that needs no kernel, server or network.
+
+    Parameters
+    ----------
+    esm, css : str
+        The front end, an ES module whose one ``export default`` has `render`, and its styles.
+    state : Mapping[str, object]
+        The traits it reads. Floats are written with 6 digits, NaN and infinities as null.
+
+    Returns
+    -------
+    str
+        A function of the arguments alone; it may stand on a page more than once.
+
+    Raises
+    ------
+    ValueError
+        If `esm` has not one ``export default``, or if `esm` or `css` would end its element.
+    TypeError
+        If `state` is not JSON-serialisable.
+    """
+    body, exports = re.subn(r"^export default ", "const widget = ", esm, flags=re.MULTILINE)
+    if exports != 1:
+        raise ValueError(f"esm: {exports} lines start with 'export default', 1 expected")
+    if re.search(r"</?script|<!--", esm, re.I) or re.search(r"</style", css, re.I):
+        raise ValueError("esm or css: holds a tag or comment that would break out of its element")
+    text = json.dumps(_plain(state), allow_nan=False, separators=(",", ":"))  # ASCII only
+    text = re.sub("[<>&]", lambda match: f"\\u{ord(match[0]):04x}", text)  # no tag can begin or end
+    key = hashlib.sha256("\0".join((esm, css, text)).encode()).hexdigest()[:16]
+    return _FRAGMENT % {"id": key, "css": css.strip(), "esm": body.strip(), "state": text}
+
+
+class Viewer(anywidget.AnyWidget):
+    """Four linked panels for one study: cameras, deflection shapes, point errors and mean errors.
+
+    The reader chooses the case and the mode, sees the best and the worst setting, and highlights
+    any setting by pointing at its bar. Where no kernel runs, the view of `static_html` is shown.
+
+    Parameters
+    ----------
+    data : dict
+        The study, JSON-serialisable; a number that does not exist is None or NaN. Keys:
+
+        ``structure``
+            ``{"kind": "beam", "length_mm": 623, "width_mm": 30}``, clamped at −X.
+        ``parameter``
+            The varied one: ``{"name": "aperture_deg", "label": "aperture", "unit": "°"}``. A name
+            that begins with aperture, distance or width is drawn into the camera sketch.
+        ``x_mm``, ``colors``
+            Lists: marker positions from the clamp; a hexadecimal colour per setting of a case.
+        ``modes``
+            List of ``{"mode": 1, "frequency_hz": 6.31, "reference_mm": [one per marker]}``.
+        ``cases``
+            List of ``{"name": "2a", "title": str, "figures": {"1": "3.7"}, "settings": […]}``;
+            ``figures`` maps a mode to the figure of the thesis. A setting is ``{"label": "16°",
+            "value": 16, "cameras": [[distance_mm, azimuth_deg, elevation_deg]], "resolution":
+            [320, 180], "in_view": share of marker images on the sensor, "modes": [one per mode]}``,
+            and each of its modes ``{"measured_mm": [one per marker], "point_error": [one per
+            marker], "mean", "median", "low", "high", "predicted", "stated": None | [low, high]}``:
+            errors in percent of the largest reference deflection, ``mean`` of trial 0, ``low`` and
+            ``high`` the 5 and 95 % quantiles; an end of ``stated`` is None where it is open.
+    case : str, optional
+    mode : int, optional
+        What to show first; the first case or mode of the data if unknown.
+    """
+
+    _esm = _ESM
+    _css = _CSS
+    data = traitlets.Dict().tag(sync=True)
+    case = traitlets.Unicode().tag(sync=True)
+    mode = traitlets.Int(1).tag(sync=True)
+
+    @traitlets.validate("data")
+    def _plain_data(self, proposal: Mapping[str, Any]) -> Any:
+        return _plain(proposal["value"])
+
+    def __repr__(self) -> str:
+        cases = ", ".join(str(one["name"]) for one in self.data.get("cases", [])) or "none"
+        label, case = self.data.get("parameter", {}).get("label"), self.case or "first"
+        return f"Viewer(varied: {label}; cases: {cases}; shown: {case}, mode {self.mode})"
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
+        page = static_html(_ESM, _CSS, {"data": self.data, "case": self.case, "mode": self.mode})
+        return {**data, "text/plain": repr(self), "text/html": page}, metadata

@@ -1,0 +1,120 @@
+"""Open a local page in a real browser without a network, and write down what it tried."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+LOCAL = ("file:", "data:", "blob:", "about:")
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--disable-dev-shm-usage",
+    "--disable-sync",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-default-apps",
+    "--no-first-run",
+]
+
+
+def find_browser() -> str | None:
+    """Path of Chromium or Chrome on this machine, or None."""
+    names = (
+        os.environ.get("CHROME_BIN", "chromium"),
+        "chromium",
+        "chromium-browser",
+        "google-chrome",
+    )
+    return next((path for name in names if (path := shutil.which(name))), None)
+
+
+@contextmanager
+def browser() -> Iterator[Browser]:
+    """A headless browser for as long as the context lasts."""
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=find_browser(), args=FLAGS)
+        try:
+            yield running
+        finally:
+            running.close()
+
+
+@dataclass
+class Opened:
+    """A page, and what went wrong while it was opened and used."""
+
+    page: Page
+    external: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    console: list[str] = field(default_factory=list)
+
+    @property
+    def trouble(self) -> list[str]:
+        """Requests beyond this machine, failed requests, console errors and page errors."""
+        return [*self.external, *self.failed, *self.console]
+
+    def sideways_px(self) -> int:
+        """How far the page itself scrolls sideways."""
+        return int(
+            self.page.evaluate("""() => {
+            const e = document.scrollingElement;
+            return Math.max(e.scrollWidth, document.body.scrollWidth) - innerWidth; }""")
+        )
+
+
+@contextmanager
+def open_offline(
+    running: Browser,
+    path: Path,
+    width: int = 1280,
+    height: int = 900,
+    dark: bool = False,
+    query: str = "",
+) -> Iterator[Opened]:
+    """Open the file `path` with no network, and wait until it and its equations are there."""
+    context = running.new_context(
+        viewport={"width": width, "height": height},
+        color_scheme="dark" if dark else "light",
+        offline=True,
+        has_touch=width < 600,
+    )
+    try:
+        page = context.new_page()
+        opened = Opened(page)
+        page.on(
+            "request",
+            lambda request: (
+                None
+                if request.url.startswith(LOCAL)
+                else opened.external.append(f"external request: {request.url}")
+            ),
+        )
+        page.on(
+            "requestfailed",
+            lambda request: opened.failed.append(f"failed: {request.url}: {request.failure}"),
+        )
+        page.on(
+            "console",
+            lambda message: (
+                opened.console.append(f"console: {message.text}")
+                if message.type == "error"
+                else None
+            ),
+        )
+        page.on("pageerror", lambda error: opened.console.append(f"page error: {error}"))
+        page.goto(path.resolve().as_uri() + (f"?{query}" if query else ""), wait_until="load")
+        page.wait_for_function("() => !document.querySelector('meta[http-equiv=Refresh]')")
+        page.wait_for_load_state("load")
+        page.evaluate("() => window.MathJax?.startup?.promise")
+        page.wait_for_timeout(100)
+        yield opened
+    finally:
+        context.close()

@@ -1,0 +1,275 @@
+"""Every page of the rendered book, opened from its folder without a network."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import nbformat
+import pytest
+
+pytest.importorskip("playwright", reason="the browser tests need the playwright package")
+
+from browser import Opened, browser, find_browser, open_offline
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+from playwright.sync_api import Browser
+
+from thesis_lib import book
+
+BOOK = Path(__file__).parents[1] / "build" / "html"
+PAGES = sorted(
+    path.relative_to(BOOK).as_posix()
+    for path in BOOK.rglob("*.html")
+    if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
+)
+
+pytestmark = [
+    pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome on this machine"),
+    pytest.mark.xdist_group("browser"),
+]
+needs_book = pytest.mark.skipif(not PAGES, reason="no book in build/html: render it first")
+
+PICTURES = """() => [...document.querySelectorAll('.cell_output svg, .cell_output canvas')]
+    .map(one => one.tagName === 'CANVAS' ? one.toDataURL() : one.innerHTML).join()"""
+FACTS = """async () => {
+    const all = (css, of) => [...document.querySelectorAll(css)].map(of);
+    const images = [...document.querySelectorAll('.bd-article img')];
+    images.forEach(image => { image.loading = 'eager'; });
+    await Promise.allSettled(images.map(image => image.decode()));
+    return {
+        images: images.map(image => [image.src, image.naturalWidth, image.alt]),
+        links: all('a[href]', link => link.href),
+        math: all('.math', one => one.querySelectorAll('mjx-container svg').length),
+        mistakes: all('mjx-merror, [data-mjx-error]', one => one.textContent),
+        text: document.body.innerText,
+    };
+}"""
+
+
+@dataclass
+class Visit:
+    """What one page was seen to hold and to do."""
+
+    trouble: list[str]
+    sideways_px: int
+    images: list[tuple[str, int, str]]
+    links: list[str]
+    math: list[int]
+    mistakes: list[str]
+    text: str
+
+
+def look(opened: Opened) -> Visit:
+    opened.page.mouse.wheel(0, 20_000)
+    return Visit(
+        sideways_px=opened.sideways_px(),
+        trouble=opened.trouble,
+        **opened.page.evaluate(FACTS),
+    )
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Browser]:
+    with browser() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def visit(running: Browser) -> Callable[[str, bool], Visit]:
+    """Open a page of the book once on a screen in the light, and once on a phone in the dark."""
+    seen: dict[tuple[str, bool], Visit] = {}
+
+    def once(name: str, phone: bool) -> Visit:
+        if (name, phone) not in seen:
+            width = 390 if phone else 1280
+            with open_offline(running, BOOK / name, width=width, dark=phone) as opened:
+                seen[name, phone] = look(opened)
+        return seen[name, phone]
+
+    return once
+
+
+@needs_book
+@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("phone", [False, True], ids=["screen", "phone"])
+class TestPage:
+    def test_loads_nothing_from_outside_and_makes_no_error(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        assert visit(name, phone).trouble == []
+
+    def test_does_not_scroll_sideways(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        assert visit(name, phone).sideways_px <= 0
+
+    def test_equations_are_typeset(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        assert all(visit(name, phone).math)
+        assert visit(name, phone).mistakes == []
+
+    def test_pictures_are_there_and_described(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        for source, width, alt in visit(name, phone).images:
+            assert width > 0, source
+            assert alt.strip(), source
+            assert not re.search(r"\.(svg|png)$", alt), source
+
+
+@needs_book
+@pytest.mark.parametrize("name", PAGES)
+def test_references_are_resolved(visit: Callable[[str, bool], Visit], name: str) -> None:
+    assert re.findall(r"\{(?:numref|eq|ref|doc|cite\S*)\}`", visit(name, False).text) == []
+
+
+@needs_book
+@pytest.mark.parametrize("name", PAGES)
+def test_links_lead_to_files_and_anchors(visit: Callable[[str, bool], Visit], name: str) -> None:
+    for link in visit(name, False).links:
+        if link.startswith("file:"):
+            address, _, anchor = link.removeprefix("file://").partition("#")
+            target = Path(address.partition("?")[0])
+            assert target.is_relative_to(BOOK), link
+            assert target.is_file(), link
+            if anchor and target.suffix == ".html":
+                assert f'id="{anchor}"' in target.read_text(encoding="utf-8"), link
+
+
+@needs_book
+@pytest.mark.parametrize("name", [name for name in PAGES if name.startswith("executed/")])
+def test_a_choice_in_a_widget_changes_its_picture(running: Browser, name: str) -> None:
+    with open_offline(running, BOOK / name) as opened:
+        lists = opened.page.locator(".cell_output select:has(option:nth-of-type(2))")
+        buttons = opened.page.locator(".cell_output input[type=radio]:not(:checked)")
+        before = opened.page.evaluate(PICTURES)
+        if lists.count():
+            chosen = lists.first.evaluate("one => one.selectedIndex")
+            lists.first.select_option(index=1 if chosen == 0 else 0)
+        elif buttons.count():
+            buttons.first.check(force=True)
+        else:
+            pytest.skip("no widget with a choice on this page")
+        opened.page.wait_for_function(
+            f"before => ({PICTURES})() !== before", arg=before, timeout=5_000
+        )
+        assert opened.trouble == []
+
+
+@needs_book
+def test_search_finds_a_page(running: Browser) -> None:
+    with open_offline(running, BOOK / "search.html", query="q=beam") as opened:
+        opened.page.wait_for_selector("#search-results li a")
+        assert opened.trouble == []
+
+
+@needs_book
+@pytest.mark.parametrize("name", PAGES)
+def test_source_names_no_file_elsewhere(name: str) -> None:
+    html = (BOOK / name).read_text(encoding="utf-8")
+    html = re.sub(r"<script(?![^>]*\bsrc=)[^>]*>.*?</script>", "", html, flags=re.DOTALL)
+    loads = r"""<(?:script|img|iframe|source|link)\b[^>]*?(?:src|href)=["']((?:https?:)?//[^"']+)"""
+    assert re.findall(loads, html) == []
+
+
+SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="900" height="9"><path d="M0 0h900"/></svg>'
+WIDGET = """<select aria-label="x"><option>1</option><option>2</option></select><b id="w">?</b>
+<script type="module">
+const list = document.querySelector("select"), show = () => { w.textContent = "=" + list.value; };
+list.addEventListener("change", show); show();
+</script>"""
+
+
+@pytest.fixture
+def notebook(tmp_path: Path) -> Path:
+    """A small executed notebook with one of everything a page shows."""
+    figure = {"figure": {"name": "fig-a", "caption": "*Error* of $w$."}, "image": {"alt": 'a "b"'}}
+    view = {"application/vnd.jupyter.widget-view+json": {"model_id": "m"}, "text/html": WIDGET}
+    state = {"application/vnd.jupyter.widget-state+json": {"state": {"m": {"secret": 1}}}}
+    cells = [
+        new_markdown_cell(
+            "# Head\n\nSee {numref}`fig-a`, {eq}`eq-a`, [x](some-label).\n\n$$\na^2\n$$ (eq-a)"
+        ),
+        new_code_cell("n = 1", metadata={"tags": ["injected-parameters"]}),
+        new_code_cell("hidden_word()", metadata={"tags": ["remove-input"]}),
+        new_code_cell(
+            "print(1)", outputs=[new_output("stream", name="stdout", text="<1 & 2>" * 50)]
+        ),
+        new_code_cell(
+            "draw()",
+            metadata={"mystnb": figure},
+            outputs=[new_output("display_data", data={"image/svg+xml": SVG})],
+        ),
+        new_code_cell("explore()", outputs=[new_output("display_data", data=view)]),
+    ]
+    path = tmp_path / "run.ipynb"
+    nbformat.write(new_notebook(cells=cells, metadata={"widgets": state}), path)
+    return path
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_self_contained_page_works_alone(running: Browser, notebook: Path, width: int) -> None:
+    html = notebook.with_suffix(".html")
+    html.write_text(book.page(notebook, "<i>R</i> & co"), encoding="utf-8")
+    with open_offline(running, html, width=width) as opened:
+        page = opened.page
+        assert page.title() == "<i>R</i> & co"
+        assert opened.sideways_px() <= 0
+        assert page.locator("figure#fig-a figcaption").inner_text().startswith("Figure 1. Error")
+        assert page.locator("figure#fig-a img").get_attribute("alt") == 'a "b"'
+        assert page.locator("a[href='#fig-a']").inner_text() == "Figure 1"
+        assert page.locator("a[href='#equation-eq-a']").inner_text() == "(1)"
+        assert page.locator("a").count() == 2
+        assert page.locator("#w").inner_text() == "=1"
+        page.locator("select").select_option("2")
+        assert page.locator("#w").inner_text() == "=2"
+        assert "<1 & 2>" in page.locator("pre").nth(2).inner_text()
+        assert opened.trouble == []
+
+
+def test_self_contained_page_keeps_the_picture_and_drops_the_rest(notebook: Path) -> None:
+    text = book.page(notebook, "run")
+    assert base64.b64encode(SVG.encode()).decode() in text
+    assert "hidden_word" not in text
+    assert "secret" not in text
+
+
+def test_page_without_equations_is_small(tmp_path: Path) -> None:
+    path = tmp_path / "plain.ipynb"
+    nbformat.write(new_notebook(cells=[new_markdown_cell("# Plain, costs 5 $")]), path)
+    assert len(book.page(path, "plain")) < 20_000
+
+
+def test_index_page_escapes_and_links(running: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "index.html"
+    path.write_text(book.index_page("<b>", [("a <x>", "a%20b.html"), ("c", 'd".html')]))
+    with open_offline(running, path, width=390) as opened:
+        links = opened.page.locator("a")
+        assert links.all_inner_texts() == ["a <x>", "c"]
+        assert links.nth(1).get_attribute("href") == 'd".html'
+        assert opened.page.title() == "<b>"
+        assert opened.trouble == []
+
+
+def test_unreadable_notebook_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "bad.ipynb").write_text("{")
+    for name in ("bad.ipynb", "none.ipynb"):
+        with pytest.raises(book.BookError, match=name) as caught:
+            book.page(tmp_path / name, "x")
+        assert "\n" not in str(caught.value)
+
+
+def test_render_does_not_replace_what_is_not_a_book(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(book.BookError, match="not a book"):
+        book.render(tmp_path, tmp_path)
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+
+
+def test_missing_lock_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(book.BookError, match=r"package-lock\.json"):
+        book.install_assets(tmp_path)
