@@ -22,7 +22,7 @@ bench: $(READY)  ## speed, as ratios measured in one run
 
 lock:  ## requirements.lock anew from pyproject.toml; needs uv
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-		--no-header --all-extras --upgrade pyproject.toml -o requirements.lock
+		--no-header --all-extras pyproject.toml -o requirements.lock
 
 clean:
 	rm -rf build runs data/results book/executed

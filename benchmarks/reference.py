@@ -115,8 +115,8 @@ def _correct(F: Array, m1: Array, m2: Array) -> Array:
     e1, e2 = _epipole(F), _epipole(F.T)
     R1, R2 = _rotation_to_x(e1), _rotation_to_x(e2)
     F = R2 @ F @ R1.T
-    f1, f2 = e1[2], e2[2]
-    (a, b), (c, d) = F[1:, 1:]
+    f1, f2 = float(e1[2]), float(e2[2])
+    (a, b), (c, d) = F[1:, 1:].tolist()
 
     ab, cd, linear = np.poly1d([a, b]), np.poly1d([c, d]), np.poly1d([1, 0])
     weight = np.poly1d([f1 * f1, 0, 1])

@@ -9,7 +9,7 @@ one marker, the second-largest error is meant.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,11 +85,11 @@ def read_claims() -> list[Claim]:
         Naming the line and the field of a malformed row.
     """
     path = data_folder() / "claims.csv"
-    kinds = {
+    kinds: dict[str, Callable[[str], object]] = {
         "mode": int, "low": float, "high": float, "excepted": int,
         "value": lambda text: None if text == "all" else float(text),
     }  # fmt: skip
-    claims = []
+    claims: list[Claim] = []
     with path.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             fields: dict[str, object] = dict(row)

@@ -31,7 +31,7 @@ def cli() -> None:
 @cli.command("list")
 @click.argument("name", required=False)
 def list_(name: str | None) -> None:
-    """List the figure sets, or the parameters of the set NAME."""
+    """List the figure sets, or the parameters of the set or chapter NAME."""
     from thesis_lib.parameters import CHAPTERS, STUDIES, ParameterError, describe, validate
 
     if name is None:
@@ -42,19 +42,32 @@ def list_(name: str | None) -> None:
         click.echo("\n`thesis list NAME` shows a set's parameters, `thesis run NAME` runs it.")
         return
     try:
-        study = type(validate(name, {}))
+        chosen = [type(validate(set_, {})) for set_ in CHAPTERS.get(name, [name])]
     except ParameterError as error:
         raise Refused(str(error)) from None
-    click.echo(f"{study.name}: {study.title}\n")
-    for row in describe(study):
-        with_unit = f"{row['default']} {row['unit']}".strip()
-        click.echo(f"{row['name']} = {with_unit}\n    {row['meaning']}: {row['allowed']}")
+    for study in chosen:
+        click.echo(f"{study.name}: {study.title}\n")
+        for row in describe(study):
+            with_unit = f"{row['default']} {row['unit']}".strip()
+            click.echo(f"{row['name']} = {with_unit}\n    {row['meaning']}: {row['allowed']}")
+        if study is not chosen[-1]:
+            click.echo()
 
 
 @cli.command()
 @click.argument("names", nargs=-1, required=True, metavar="NAME...")
-@click.option("-p", "assignments", multiple=True, metavar="KEY=VALUE", help="A parameter; lists and objects as JSON.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder to write to.  [default: runs/NAME-HASH]")  # fmt: skip
+@click.option(
+    "-p",
+    "assignments",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="A parameter; lists and objects as JSON.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder to write to.  [default: runs/NAME-HASH]",
+)
 def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> None:
     """Run figure sets or chapters (ch3) with your parameters.
 
@@ -82,7 +95,9 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
     for job in jobs:
         click.echo(f"\n{job.study.name}")
         _print_difference(cubes.read(job.cube))
-    click.echo(f"\nOpen {folder / ('index.html' if len(jobs) > 1 else f'{jobs[0].study.name}.html')}")
+    click.echo(
+        f"\nOpen {folder / ('index.html' if len(jobs) > 1 else f'{jobs[0].study.name}.html')}"
+    )
 
 
 @cli.command()
@@ -131,12 +146,12 @@ def _values(assignments: Sequence[str]) -> dict[str, Any]:
         if not equals or not key:
             raise Refused(f"-p: given {assignment!r}, allowed: KEY=VALUE")
         if key in values:
-            raise Refused(f"-p: {key} is given twice")
+            raise Refused(f"-p: {key!r} is given twice, allowed: once")
         if key == "cube":
             raise Refused("-p: cube is where a notebook writes; use --out to choose the folder")
         try:
             values[key] = json.loads(text)
-        except (json.JSONDecodeError, RecursionError):
+        except (ValueError, RecursionError):  # no JSON, or beyond its limits
             values[key] = text
     return values
 
@@ -147,22 +162,23 @@ def _requested(names: Sequence[str], values: dict[str, Any]) -> list[CameraStudy
 
     expanded = [set_ for name in names for set_ in CHAPTERS.get(name, [name])]
     wanted = list(dict.fromkeys(expanded))
-    known = [STUDIES[name] for name in wanted if name in STUDIES]
-    several = len(wanted) > 1 and len(known) == len(wanted)
+    studies, notes = [], []
     try:
-        if several:
-            for key in values:
-                if not any(key in study.model_fields for study in known):
-                    validate(wanted[0], {key: values[key]})
-        studies = []
         for name in wanted:
-            fields = STUDIES[name].model_fields if several else values
-            own = {key: value for key, value in values.items() if key in fields}
-            for key in values.keys() - own.keys():
-                click.echo(f"{name} has no parameter {key}: it runs without", err=True)
-            studies.append(validate(name, own))
+            validate(name, {})
+        for key, value in values.items():
+            if not any(key in STUDIES[name].model_fields for name in wanted):
+                validate(wanted[0], {key: value})
+        for name in wanted:
+            fields = STUDIES[name].model_fields
+            studies.append(validate(name, {key: values[key] for key in values if key in fields}))
+            notes += [
+                f"{name} has no {key}: it runs without" for key in values if key not in fields
+            ]
     except ParameterError as error:
         raise Refused(str(error)) from None
+    for note in notes:
+        click.echo(note, err=True)
     return studies
 
 
@@ -177,9 +193,11 @@ def _folder(names: Sequence[str], studies: Sequence[CameraStudy], out: Path | No
             joined = " ".join(study.digest for study in studies)
             digest = hashlib.sha256(joined.encode()).hexdigest()[:10]
         return project_root() / "runs" / f"{'+'.join(names)}-{digest}"
-    if out.exists() and not out.is_dir():
-        raise Refused(f"--out: given {out}, which is a file; allowed: a folder, new or not")
-    return out.absolute()
+    folder = out.absolute()
+    there = next(place for place in (folder, *folder.parents) if place.exists())
+    if not there.is_dir():
+        raise Refused(f"--out: given {out}, but {there} is a file; allowed: a folder, new or not")
+    return folder
 
 
 def main() -> None:

@@ -88,7 +88,7 @@ def with_provenance(cube: xr.Dataset, study: CameraStudy, seconds: float) -> xr.
         source=f"simulation by thesis_lib {__version__}, figure set {study.name}",
         references="thesis on flexural vibration measurement with multiple cameras, section 3.3",
         figure_set=study.name,
-        parameters=json.dumps(study.request, sort_keys=True),
+        parameters=json.dumps(study.request),
         parameters_hash=study.digest,
         seed=np.int64(study.seed),
         versions=json.dumps({"python": platform.python_version(), **versions}),
@@ -119,8 +119,9 @@ def read(path: Path) -> xr.Dataset:
             cube = file.load()
     except Exception as error:  # the netCDF and HDF libraries raise what they like
         raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
-    missing = {"figure_set", "parameters"} - set(cube.attrs) or set(ERRORS) - set(cube.data_vars)
-    if missing or cube.attrs["figure_set"] not in STUDIES:
+    missing = {"figure_set", "parameters"} - set(cube.attrs)
+    missing |= {*ERRORS, *KEYS, "label"} - set(cube.variables)
+    if missing or str(cube.attrs["figure_set"]) not in STUDIES:
         lacks = ", ".join(sorted(map(str, missing))) or "a known figure set"
         raise CubeError(f"{path}: not a cube of this project (it lacks {lacks})")
     return cube

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib import setups
-from thesis_lib.cameras import hemisphere_directions
+from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations
 from thesis_lib.claims import Claim, read_claims
 from thesis_lib.parameters import STUDIES
 
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
 REFERENCE = "#8a8a8a"
 HIGHLIGHT = "#B22222"
-STYLE = {
+STYLE: Any = {
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
@@ -133,7 +133,7 @@ def _bar_panel(axes: Axes, part: xr.Dataset, claims: list[Claim | None]) -> None
     low, median, high = band(part)
     literal = part["mean_error"].values[:, 0]
     position = np.arange(len(literal))
-    colors = [color(index) for index in position]
+    colors = [color(index) for index in range(len(position))]
     axes.bar(position, literal, 0.62, color=colors, alpha=0.75, label="literal run")
     axes.vlines(position, low, high, color="#222222", linewidth=1.2, label="5–95 % of trials")
     axes.plot(position, median, "o", color="#222222", markersize=4, label="median")
@@ -142,13 +142,14 @@ def _bar_panel(axes: Axes, part: xr.Dataset, claims: list[Claim | None]) -> None
     given = [(i, claim) for i, claim in enumerate(claims) if claim]
     for number, (i, claim) in enumerate(given):
         axes.plot([i + 0.38] * 2, [claim.low, claim.high], color=HIGHLIGHT, linewidth=1.2)
-        axes.plot(i + 0.38, (claim.low + claim.high) / 2, "D", markerfacecolor="white",
-                  color=HIGHLIGHT, markersize=5, label="thesis" if number == 0 else None)  # fmt: skip
-    crowded = len(position) > 4
+        middle, name = (claim.low + claim.high) / 2, None if number else "thesis"
+        axes.plot(i + 0.38, middle, "D", markerfacecolor="white", color=HIGHLIGHT, markersize=5,
+                  label=name)  # fmt: skip
     names = [text.replace(" cameras", "") for text in part["label"].values]
     partial = part["in_view"].values < 1
     names = [f"{name}*" if cut else name for name, cut in zip(names, partial, strict=True)]
-    axes.set_xticks(position, names, fontsize=8, rotation=30 if crowded and len(names[0]) > 4 else 0)
+    turn = 30 if len(position) > 4 and len(names[0]) > 4 else 0
+    axes.set_xticks(position, names, fontsize=8, rotation=turn)
     unit = "number of cameras" if part["label"].values[0].endswith("cameras") else None
     axes.set_xlabel(
         "; ".join(filter(None, [unit, "* markers leave the sensor" if partial.any() else None]))
@@ -188,9 +189,9 @@ def _setup_panel(axes: Axes, part: xr.Dataset, varied: str) -> None:
     _mark_varied(axes, cameras, varied, part)
     for end, name in (([1.12 * half, 0, 0], "X"), ([0, 0.45 * radius, 0], "Y"),
                       ([0, 0, 0.45 * radius], "Z")):  # fmt: skip
-        tip = _view(np.array(end))
-        axes.annotate("", tip, (0, 0), arrowprops={"arrowstyle": "->", "color": "#777777", "lw": 0.7})
-        axes.text(*(1.08 * tip), name, color="#777777", fontsize=8, ha="center", va="center")
+        arrow = _view([[0, 0, 0], end])
+        axes.plot(*arrow.T, color="#777777", linewidth=0.7, zorder=4)
+        _write(axes, np.array(end) * 1.08, name, color="#777777", fontsize=8)
     axes.set_aspect("equal")
     axes.margins(0.06)
     axes.axis("off")
@@ -202,7 +203,7 @@ def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset
     if varied == "distance_mm":
         far = max((c[0] for c in cameras), key=lambda c: float(np.linalg.norm(c)))
         _draw(axes, np.array([0 * far, far]), **style)
-        axes.text(*_view(0.55 * far), "  d", color=HIGHLIGHT, va="bottom")
+        _write(axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=HIGHLIGHT)
     elif varied == "aperture_deg":
         first, second = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))[:2]
         radius = float(np.linalg.norm(first))
@@ -214,7 +215,7 @@ def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset
         turn = np.linspace(-angle, angle, 41)[:, None]
         arc = 0.45 * radius * (np.cos(turn) * middle + np.sin(turn) * aside)
         _draw(axes, arc, **style)
-        axes.text(*_view(1.12 * arc[20]), "α", color=HIGHLIGHT, ha="center", va="center")
+        _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT)
     else:
         text = f"{labels[0]} … {labels[-1]}" if len(labels) > 1 else labels[0]
         axes.text(0.0, 0.0, text, color=HIGHLIGHT, transform=axes.transAxes, fontsize=8)
@@ -229,15 +230,19 @@ def _positions(setting: xr.Dataset) -> Array:
 
 
 def _view(points: ArrayLike) -> Array:
-    """Orthographic view from azimuth 25°, elevation 28°: horizontal and vertical coordinate."""
-    theta, phi = np.radians([25.0, 28.0])
-    right = np.array([-np.cos(theta), np.sin(theta), 0])
-    up = np.array([-np.sin(phi) * np.sin(theta), -np.sin(phi) * np.cos(theta), np.cos(phi)])
-    return np.asarray(points, float) @ np.stack([-right, up]).T * np.array([-1, 1])
+    """Orthographic view from azimuth 155°, elevation 28°: horizontal and vertical coordinate."""
+    theta, phi = np.radians([155.0, 28.0])
+    right, down, _ = hemisphere_rotations(theta, phi)
+    return np.asarray(points, float) @ np.stack([right, -down]).T
 
 
 def _draw(axes: Axes, points: Array, **style: Any) -> None:
     axes.plot(*_view(points).T, **style)
+
+
+def _write(axes: Axes, place: Array, text: str, **style: Any) -> None:
+    u, v = _view(place)
+    axes.text(u, v, text, ha="center", va="center", **style)
 
 
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
@@ -247,7 +252,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     cases = list(dict.fromkeys(cube["case"].values.tolist()))
     modes = cube["mode"].values.tolist()
     unit = {"distance_mm": "mm", "aperture_deg": "°", "width_px": "px"}.get(study.varied, "")
-    chapter_study = study.name.partition("-")
+    structure, _, figure_set = study.name.partition("-")
     return {
         "structure": {
             "kind": "beam", "length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)
@@ -266,9 +271,9 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
         "cases": [
             {
                 "name": case,
-                "title": study.title,
+                "title": setups.case_title(structure, figure_set, case) or "own layout",
                 "figures": {
-                    str(mode): setups.figure_number(chapter_study[0], chapter_study[2], case, mode)
+                    str(mode): setups.figure_number(structure, figure_set, case, mode)
                     for mode in modes
                 },
                 "settings": _viewer_settings(cube, case, modes),

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import xarray as xr
 from IPython.display import SVG, Markdown, display
 
@@ -142,7 +143,7 @@ def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] =
 def _svg(cube: xr.Dataset, case: str, mode: int) -> SVG:
     text = io.StringIO()
     drawing = figures.figure(cube, case, mode)
-    with figures.plt.rc_context(figures.STYLE):
+    with plt.rc_context(figures.STYLE):
         drawing.savefig(text, format="svg", metadata={"Date": None})
     return SVG(text.getvalue())
 

@@ -104,7 +104,7 @@ def page(notebook: Path, title: str) -> str:
         If the notebook cannot be read.
     """
     try:
-        cells = nbformat.read(notebook, as_version=4).cells  # type: ignore[no-untyped-call]
+        cells = nbformat.read(notebook, as_version=4).cells
     except (OSError, ValueError, AttributeError) as error:
         reason = str(error).splitlines() or [type(error).__name__]
         raise BookError(f"cannot read the notebook {notebook}: {reason[0]}") from error

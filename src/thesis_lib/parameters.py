@@ -10,12 +10,12 @@ import difflib
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic_core import PydanticCustomError, from_json
 
 from thesis_lib import setups
 from thesis_lib.cameras import hemisphere_directions
@@ -69,7 +69,9 @@ def _distance(study: str) -> Any:
 class CameraStudy(BaseModel):
     """Parameters that all camera studies share."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True
+    )
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -138,7 +140,7 @@ class CameraStudy(BaseModel):
     @property
     def digest(self) -> str:
         """Ten hexadecimal digits that stand for the request."""
-        text = json.dumps([self.name, self.request], sort_keys=True)
+        text = json.dumps([self.name, self.request])  # the order of layouts is part of it
         return hashlib.sha256(text.encode()).hexdigest()[:10]
 
     @model_validator(mode="after")
@@ -155,11 +157,11 @@ class CameraStudy(BaseModel):
         settings = self.settings()
         _check_reach(self, settings)
         for setting in settings:
-            _check_coincidence(setting)
+            _check_coincidence(self, setting)
         return self
 
     def _refuse(self, field: str) -> None:
-        _refuse(field, getattr(self, field), f"allowed: {_allowed(type(self), field)}")
+        _refuse(field, getattr(self, field), _permitted(type(self), field))
 
 
 class BeamDistance(CameraStudy):
@@ -305,7 +307,7 @@ class BeamArrays(CameraStudy):
         """Growing sets of cameras, cases first and layouts after them."""
         return setups.array_settings(
             self.cases,
-            {"4d": "reversed", **self.pair_order},
+            {"4d": "reversed"} | {str(case): order for case, order in self.pair_order.items()},
             self.layouts,
             self.distance_mm,
             self.resolution_px,
@@ -324,21 +326,33 @@ def validate(name: str, values: Mapping[str, Any]) -> CameraStudy:
     Raises
     ------
     ParameterError
-        In one line: the set and field, what was given, what is allowed.
+        In one line: the set and field, what was given, what is allowed and in which unit.
     """
     if name not in STUDIES:
         raise ParameterError(
-            f"{name}: no such figure set{_hint(name, [*STUDIES, *CHAPTERS])}; "
+            f"{_line(name)}: no such figure set{_hint(name, [*STUDIES, *CHAPTERS])}; "
             f"there are {', '.join(STUDIES)}"
         )
     model = STUDIES[name]
+    parts = []
+    for field, value in values.items():
+        if field not in model.model_fields:
+            names = list(model.model_fields)
+            hint = _hint(str(field), names)
+            raise ParameterError(
+                f"{name}: no parameter {_line(str(field))}{hint}; there are {', '.join(names)}"
+            )
+        try:
+            text = json.dumps(value).replace("4a\\u2032", "4a'")
+            from_json(f"[{text}]")
+        except (TypeError, ValueError, RecursionError):  # not JSON, or nested beyond measure
+            problem = f"{field}: given {_shown(value)}, {_permitted(model, field)}"
+            raise ParameterError(f"{name}: {problem}") from None
+        parts.append(f'"{field}": {text}')
     try:
-        text = json.dumps(dict(values)).replace("4a\\u2032", "4a'")
-        return model.model_validate_json(text)
-    except (TypeError, ValueError) as error:
-        if not isinstance(error, ValidationError):
-            raise ParameterError(f"{name}: {error}") from None
-        raise ParameterError(f"{name}: {_first_problem(model, error)}") from None
+        return model.model_validate_json(f"{{{', '.join(parts)}}}")
+    except ValidationError as error:
+        raise ParameterError(f"{name}: {_first_problem(model, values, error)}") from None
 
 
 def unit(field: str) -> str:
@@ -374,6 +388,10 @@ def _allowed(model: type[CameraStudy], field: str) -> str:
     return str(extra["allowed"]) if isinstance(extra, dict) else ""
 
 
+def _permitted(model: type[CameraStudy], field: str) -> str:
+    return f"allowed: {_allowed(model, field)}" + (f", in {unit(field)}" if unit(field) else "")
+
+
 def nearest(name: str, names: Iterable[str]) -> str:
     """The name most like `name`, or empty if none is."""
     return next(iter(difflib.get_close_matches(name, list(names), 1, 0.6)), "")
@@ -384,32 +402,38 @@ def _hint(name: str, names: Iterable[str]) -> str:
     return f" (did you mean {meant}?)" if meant else ""
 
 
-def _shown(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False, default=str)
+def _line(text: str) -> str:
+    """At most 60 characters of a text, on one line."""
+    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _first_problem(model: type[CameraStudy], error: ValidationError) -> str:
+def _shown(value: Any) -> str:
+    try:
+        return _line(json.dumps(value, ensure_ascii=False, default=repr))
+    except (TypeError, ValueError, RecursionError):
+        return f"a {type(value).__name__} that is not JSON"
+
+
+def _first_problem(
+    model: type[CameraStudy], values: Mapping[str, Any], error: ValidationError
+) -> str:
     problem = error.errors(include_url=False)[0]
     if problem["type"] == "refused":
         return problem["msg"]
-    where = problem["loc"]
-    if not where:
-        return f"given {_shown(problem['input'])}, needs an object of parameters"
-    field = str(where[0])
-    if problem["type"] == "extra_forbidden":
-        names = list(model.model_fields)
-        return f"no parameter {field}{_hint(field, names)}; there are {', '.join(names)}"
-    given = problem["input"]
-    place = "".join(f"[{part}]" for part in where[1:] if isinstance(part, int))
-    return f"{field}{place}: given {_shown(given)}, allowed: {_allowed(model, field)}"
+    field = str(problem["loc"][0])
+    place, inside = field, values[field]
+    for part in problem["loc"][1:]:  # where in the value; the rest is pydantic's own words
+        if isinstance(inside, Mapping) and part in inside:
+            place, inside = f"{place}[{_shown(part)}]", inside[part]
+        elif isinstance(inside, Sequence) and isinstance(part, int) and part < len(inside):
+            place, inside = f"{place}[{part}]", inside[part]
+    return f"{place}: given {_shown(problem['input'])}, {_permitted(model, field)}"
 
 
 def _refuse(field: str, given: Any, why: str) -> None:
-    raise PydanticCustomError(
-        "refused", "{field}: given {given}, {why}",
-        {"field": field, "given": _shown(given), "why": why},
-    )  # fmt: skip
+    message = f"{field}: given {_shown(given)}, {why}"
+    raise PydanticCustomError("refused", "{message}", {"message": message})
 
 
 def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
@@ -422,13 +446,19 @@ def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
                     "of the structure and its deflection")  # fmt: skip
 
 
-def _check_coincidence(setting: Setting) -> None:
+def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
     angles = np.radians(setting.directions_deg)
     directions = hemisphere_directions(angles[:, 0], angles[:, 1])
     apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)
     first, second = np.nonzero(np.triu(apart < 1e-6, k=1))
     if len(first):
+        if setting.case in getattr(study, "layouts", {}):
+            field = "layouts"
+        elif setting.directions_deg[first[0]][1] < 90:
+            field = "azimuth_deg"
+        else:
+            field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
         given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
-        _refuse(f"case {setting.case}, {setting.label}", given,
-                "two cameras at the same place ([azimuth, elevation] in degrees), "
-                "allowed: different places")  # fmt: skip
+        where = f"case {_shown(setting.case)}, {setting.label}"
+        _refuse(field, given, f"two cameras at the same place in {where} "
+                "([azimuth, elevation] in °), allowed: different places")  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -82,10 +83,9 @@ def _text_only(output: dict[str, object]) -> dict[str, object]:
 
 def _write_numbers(made: Sequence[Path], places: Sequence[Path]) -> None:
     opened = [cubes.read(path) for path in made]
-    for path, text in zip(
-        places, [_model_table(), _results(opened), _parameter_tables()], strict=True
-    ):
-        cubes.whole_file(path, lambda part, text=text: part.write_text(text, encoding="utf-8"))
+    texts = [_model_table(), _results(opened), _parameter_tables()]
+    for path, text in zip(places, texts, strict=True):
+        cubes.whole_file(path, partial(Path.write_text, data=text, encoding="utf-8"))
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -127,10 +127,9 @@ def _change_table(opened: Sequence[xr.Dataset]) -> str:
             parts = [figures.select(cube, case, mode) for mode in modes]
             labels = parts[0]["label"].values
             medians = [figures.band(part)[1] for part in parts]
-            rows.append(
-                [case, STUDIES[cube.attrs["figure_set"]].varied_label, f"{labels[0]} → {labels[-1]}"]
-                + [f"{m[0]:.1f} → {m[-1]:.1f} (×{m[-1] / m[0]:.2f})" for m in medians]
-            )  # fmt: skip
+            varied = STUDIES[cube.attrs["figure_set"]].varied_label
+            changes = [f"{m[0]:.1f} → {m[-1]:.1f} (×{m[-1] / m[0]:.2f})" for m in medians]
+            rows.append([case, varied, f"{labels[0]} → {labels[-1]}", *changes])
     header = ["case", "varied", "from → to", "mode 1", "mode 2", "mode 3"]
     return _table(header, rows) + (
         "\nMedian over the trials of the mean error, in % of the largest reference deflection.\n"
@@ -154,10 +153,10 @@ def _agreement(opened: Sequence[xr.Dataset]) -> str:
 
 
 def _law(opened: Sequence[xr.Dataset]) -> str:
-    ratios = [
-        (cube["predicted_error"] / np.sqrt((cube["mean_error"][:, :, 1:] ** 2).mean("trial"))).values
-        for cube in opened
-    ]
+    ratios = []
+    for cube in opened:
+        drawn = cube["mean_error"].isel(trial=slice(1, None))
+        ratios.append((cube["predicted_error"] / np.sqrt((drawn**2).mean("trial"))).values)
     flat = np.concatenate([ratio.ravel() for ratio in ratios])
     trials = opened[0].sizes["trial"] - 1
     return (

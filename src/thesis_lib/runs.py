@@ -7,6 +7,7 @@ all: everything is written in a staging folder beside its place and renamed.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import hashlib
 import json
@@ -76,9 +77,9 @@ def inputs() -> list[Path]:
 def digest(job: Job) -> str:
     """Hash of all that determines a job's files: cells, request, library, facts, lock."""
     notebook = json.loads(source(job.study.name).read_text(encoding="utf-8"))
-    cells = [[c["cell_type"], c["source"], c["metadata"]] for c in notebook["cells"]]
-    request = [job.study.name, job.study.request, cells]
-    total = hashlib.sha256(json.dumps(request, sort_keys=True).encode())
+    cells = [[c["cell_type"], "".join(c["source"]), c["metadata"]] for c in notebook["cells"]]
+    total = hashlib.sha256(json.dumps(cells, sort_keys=True).encode())
+    total.update(json.dumps([job.study.name, job.study.request]).encode())
     for path in inputs():
         total.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
     return total.hexdigest()
@@ -92,6 +93,7 @@ def staging(folder: Path) -> Iterator[Path]:
         if not _alive(int(left.name.split("-")[1])):
             shutil.rmtree(left, ignore_errors=True)
     path = Path(tempfile.mkdtemp(prefix=f".staging-{os.getpid()}-", dir=folder))
+    atexit.register(shutil.rmtree, path, ignore_errors=True)  # an interrupt unwinds no thread
     try:
         yield path
     finally:
@@ -148,6 +150,7 @@ def execute(job: Job) -> None:
         notebook.metadata["papermill"].update(
             input_path=f"notebooks/{name}.ipynb", output_path=executed.name
         )
+        _hide_staging(notebook)
         nbformat.write(notebook, executed)
         ready = [(executed, job.notebook), (cube, job.cube)]
         if job.page:
@@ -159,6 +162,16 @@ def execute(job: Job) -> None:
         for made, place in ready:
             place.parent.mkdir(parents=True, exist_ok=True)
             made.replace(place)
+
+
+def _hide_staging(notebook: Any) -> None:
+    """Leave the reader's parameters in the injected cell, not where we let it write the cube."""
+    for cell in notebook.cells:
+        if "injected-parameters" in cell.metadata.get("tags", []):
+            lines = [line for line in cell.source.splitlines() if not line.startswith("cube = ")]
+            cell.source = "\n".join(lines)
+    empty = [cell for cell in notebook.cells if cell.source.strip() in ("", "# Parameters")]
+    notebook.cells = [cell for cell in notebook.cells if cell not in empty]
 
 
 def job_task(job: Job) -> dict[str, Any]:

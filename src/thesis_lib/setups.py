@@ -106,6 +106,11 @@ def figure_number(structure: str, study: str, case: str, mode: int) -> str:
     return f"{chapter}.{int(number) + mode - 1}"
 
 
+def case_title(structure: str, study: str, case: str) -> str:
+    """What a case of the thesis is, in a few words; empty for a reader's own layout."""
+    return str(table(structure, study)["titles"].get(case, ""))
+
+
 def distance_settings(
     distances_mm: Sequence[float],
     azimuth_deg: float,
@@ -136,9 +141,7 @@ def aperture_settings(
             ]
         else:
             one, other = OPPOSITE_DEG[case]
-            pairs_of_case = [
-                (180 - 2 * phi, ((one, phi), (other, phi))) for phi in elevations_deg
-            ]
+            pairs_of_case = [(180 - 2 * phi, ((one, phi), (other, phi))) for phi in elevations_deg]
         settings += [
             Setting(case, alpha, f"{alpha:g}°", distance_mm, pair, resolution_px)
             for alpha, pair in pairs_of_case

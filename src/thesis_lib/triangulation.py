@@ -95,8 +95,9 @@ def gain(P: ArrayLike, points: ArrayLike) -> Array:
     J = jacobian(P, points)
     trailing = J.shape[3:]
     rows = np.moveaxis(J.reshape(2 * len(J), 3, -1), 2, 0)
-    G = np.linalg.solve(np.swapaxes(rows, 1, 2) @ rows, np.swapaxes(rows, 1, 2))
-    return np.moveaxis(G, 0, 2).reshape((3, len(J), 2) + trailing)
+    columns = np.swapaxes(rows, 1, 2)
+    G = np.moveaxis(np.linalg.solve(columns @ rows, columns), 0, 2)
+    return np.asarray(G, float).reshape((3, len(J), 2) + trailing)
 
 
 def covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
@@ -223,6 +224,4 @@ def _multiply_symmetric(matrix: Array, vector: Array) -> Array:
     """Products of symmetric 3×3 matrices (6, m) and vectors (3, m)."""
     xx, xy, xz, yy, yz, zz = matrix
     x, y, z = vector
-    return np.stack(
-        [xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z]
-    )
+    return np.stack([xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z])

@@ -1,0 +1,10 @@
+"""What every pytest run needs, plain or with ``--nbval``, from whatever folder it is started."""
+
+import pytest
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Sanitise the notebooks' outputs: an option with a relative path works in one folder only."""
+    if config.getoption("nbval_sanitize_with", None) is None:
+        file = config.rootpath / "tests" / "nbval_sanitize.cfg"
+        config.option.nbval_sanitize_with = str(file)
