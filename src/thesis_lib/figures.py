@@ -7,6 +7,7 @@ by the law of rounding, and what the thesis states. One colour stands for one se
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable
 from typing import Any
 
@@ -127,6 +128,14 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         _bar_panel(axes[1, 1], part, stated(case, mode, part["value"].values))
     plt.close(drawing)
     return drawing
+
+
+def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
+    """The figure of one case and mode as SVG; the same cube gives the same text."""
+    text = io.StringIO()
+    with plt.rc_context(STYLE):
+        figure(cube, case, mode).savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue()
 
 
 def _bar_panel(axes: Axes, part: xr.Dataset, claims: list[Claim | None]) -> None:

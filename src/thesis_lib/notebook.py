@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import xarray as xr
 from IPython.display import SVG, Markdown, display
 
@@ -127,7 +125,7 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> SVG | Markdown:
     """The four-panel figure of a case and mode, or a line that it was not run."""
     if not figures.has(cube, case, mode):
         return Markdown(f"Case {case}, mode {mode}: not part of this run.")
-    return _svg(cube, case, mode)
+    return SVG(figures.as_svg(cube, case, mode))
 
 
 def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] = (1, 2, 3)) -> None:
@@ -137,15 +135,7 @@ def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] =
         for mode in cube["mode"].values.tolist():
             if (case, mode) not in own:
                 display(Markdown(f"**{_escape(case)}, mode {mode}**"))
-                display(_svg(cube, case, mode))
-
-
-def _svg(cube: xr.Dataset, case: str, mode: int) -> SVG:
-    text = io.StringIO()
-    drawing = figures.figure(cube, case, mode)
-    with plt.rc_context(figures.STYLE):
-        drawing.savefig(text, format="svg", metadata={"Date": None})
-    return SVG(text.getvalue())
+                display(SVG(figures.as_svg(cube, case, mode)))
 
 
 def _escape(text: str) -> str:

@@ -1,0 +1,122 @@
+"""A copy of the project that a test may change, and the ``thesis`` command run from it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import nbformat
+import pytest
+
+PROJECT = Path(__file__).parents[1]
+PARTS = ["src", "notebooks", "data", "requirements.lock", "pyproject.toml"]
+
+
+class Checkout:
+    """A copy of the library, the notebooks and the data; Python started here imports the copy."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        root.mkdir(parents=True)
+        ignored = shutil.ignore_patterns("__pycache__", "results", ".ipynb_checkpoints")
+        for part in PARTS:
+            if (PROJECT / part).is_dir():
+                shutil.copytree(PROJECT / part, root / part, ignore=ignored)
+            else:
+                shutil.copy(PROJECT / part, root / part)
+        self.environment = {**os.environ, "PYTHONPATH": str(root / "src")}
+
+    def notebook(self, name: str) -> Path:
+        return self.root / "notebooks" / f"{name}.ipynb"
+
+    def change(self, name: str, edit: Callable[[nbformat.NotebookNode], object]) -> None:
+        """Rewrite a notebook after `edit` has changed it."""
+        document = nbformat.read(self.notebook(name), as_version=4)
+        edit(document)
+        nbformat.write(document, self.notebook(name))
+
+    def python(
+        self, *arguments: str | Path, cwd: Path, timeout: float = 150, **extra: str
+    ) -> subprocess.CompletedProcess[str]:
+        """Run Python with the copy on its path; standard input is empty."""
+        return subprocess.run(
+            [sys.executable, *map(str, arguments)],
+            cwd=cwd,
+            env={**self.environment, **extra},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            timeout=timeout,
+        )
+
+    def thesis(
+        self, *arguments: str | Path, cwd: Path, timeout: float = 150
+    ) -> subprocess.CompletedProcess[str]:
+        """Run the ``thesis`` command and wait for it."""
+        return self.python("-m", "thesis_lib", *arguments, cwd=cwd, timeout=timeout)
+
+
+class Running:
+    """A ``thesis`` command under way, in a session of its own."""
+
+    def __init__(self, checkout: Checkout, log: Path, *arguments: str | Path) -> None:
+        self.log = log
+        with log.open("w") as stream:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "thesis_lib", *map(str, arguments)],
+                cwd=log.parent,
+                env=checkout.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=stream,
+                stderr=stream,
+                start_new_session=True,
+            )
+
+    def said(self) -> str:
+        return self.log.read_text(encoding="utf-8")
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Wait until `condition` holds while the command is still running."""
+        for _ in range(1200):
+            if condition():
+                return
+            assert self.process.poll() is None, f"ended too early:\n{self.said()}"
+            time.sleep(0.05)
+        pytest.fail(f"nothing came of it within a minute:\n{self.said()}")
+
+    def end(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait(timeout=30)
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory: pytest.TempPathFactory) -> Checkout:
+    """A fresh copy for the tests of one file, which leave it as it is."""
+    return Checkout(tmp_path_factory.mktemp("checkout") / "project")
+
+
+@pytest.fixture
+def own_checkout(tmp_path: Path) -> Checkout:
+    """A fresh copy that one test may change."""
+    return Checkout(tmp_path / "project")
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Running]]:
+    """Start ``thesis`` commands that are ended with the test at the latest."""
+    running: list[Running] = []
+
+    def begin(checkout: Checkout, log: Path, *arguments: str | Path) -> Running:
+        running.append(Running(checkout, log, *arguments))
+        return running[-1]
+
+    yield begin
+    for one in running:
+        one.end()
