@@ -234,9 +234,7 @@ def test_gain_is_the_derivative_of_triangulation(rig):
             step[camera, axis] = h
             both = [triangulate(rig.P, exact + s, steps=8) for s in (step, -step)]
             numerical = (both[0] - both[1]) / (2 * h)
-            np.testing.assert_allclose(
-                numerical, G[:, camera, axis], atol=1e-5 * np.max(np.abs(G))
-            )
+            np.testing.assert_allclose(numerical, G[:, camera, axis], atol=1e-5 * np.max(np.abs(G)))
 
 
 def test_jacobian_and_gain_keep_the_shape_of_the_points():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 import xarray as xr
@@ -48,7 +47,7 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
     result = studies.run(request)
     result = cubes.with_provenance(result, request, time.perf_counter() - start)
     if request.cube:
-        cubes.write(result, Path(request.cube).absolute())
+        cubes.write(result, cubes.project_root() / request.cube)  # an absolute path stands
     return result
 
 

@@ -111,7 +111,9 @@ class CameraStudy(BaseModel):
         0, "seed of the random shifts", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63
     )
     cube: str = _field(
-        "", "file to write the cube to; empty writes nothing", "a path that ends in .nc, or empty"
+        "",
+        "file to write the cube to, from the project's folder; empty writes nothing",
+        "a path that ends in .nc, or empty",
     )
 
     def settings(self) -> list[Setting]:

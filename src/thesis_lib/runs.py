@@ -130,9 +130,7 @@ def execute(job: Job) -> None:
             papermill.execute_notebook(
                 str(source(name)),
                 str(executed),
-                parameters={**given, "cube": cube.name},
-                resources={"metadata": {"path": str(folder)}},  # the kernel's folder; `cwd` is
-                # the process's, which the runs side by side share
+                parameters={**given, "cube": str(cube)},
                 kernel_name="python3",
                 progress_bar=False,
                 store_widget_state=False,
@@ -147,10 +145,7 @@ def execute(job: Job) -> None:
                 f"the traceback is in {log}; mend the cause and run the same command again"
             ) from None
         notebook = nbformat.read(executed, as_version=4)
-        notebook.metadata["papermill"].update(
-            input_path=f"notebooks/{name}.ipynb", output_path=executed.name
-        )
-        _hide_staging(notebook)
+        _hide_staging(notebook, name)
         nbformat.write(notebook, executed)
         ready = [(executed, job.notebook), (cube, job.cube)]
         if job.page:
@@ -164,14 +159,16 @@ def execute(job: Job) -> None:
             made.replace(place)
 
 
-def _hide_staging(notebook: Any) -> None:
-    """Leave the reader's parameters in the injected cell, not where we let it write the cube."""
+def _hide_staging(notebook: Any, name: str) -> None:
+    """Leave the reader's parameters in the notebook, not where we let it write."""
+    recorded = notebook.metadata["papermill"]
+    recorded.update(input_path=f"notebooks/{name}.ipynb", output_path=f"{name}.ipynb")
+    recorded["parameters"].pop("cube")
     for cell in notebook.cells:
         if "injected-parameters" in cell.metadata.get("tags", []):
             lines = [line for line in cell.source.splitlines() if not line.startswith("cube = ")]
             cell.source = "\n".join(lines)
-    empty = [cell for cell in notebook.cells if cell.source.strip() in ("", "# Parameters")]
-    notebook.cells = [cell for cell in notebook.cells if cell not in empty]
+    notebook.cells = [cell for cell in notebook.cells if cell.source != "# Parameters"]
 
 
 def job_task(job: Job) -> dict[str, Any]:

@@ -235,13 +235,27 @@ def full_response(
     return np.tensordot(q, shapes, axes=1)
 
 
+def single_mode_response(
+    structure: Structure, mode: int, points: ArrayLike, omega: float, force: float = 1.0
+) -> ComplexArray:
+    """One mode's share of the response (eq. 3.7) at `points` (2, ...), complex, in m."""
+    q = modal_coordinates(structure, omega, mode, force)[mode - 1]
+    return q * structure.mode_shapes([mode], points)[0]
+
+
 def peak_deflection(structure: Structure, mode: int, force: float = 1.0) -> float:
     """Peak |w| in m over the structure of one mode alone at its resonance, for a force in N."""
     q = modal_coordinates(structure, resonance(structure, mode), mode, force)[mode - 1]
     return float(abs(q) * structure.shape_peak)
 
 
-def deflection_shape(structure: Structure, mode: int, points: ArrayLike, peak: float) -> Array:
+def deflection_shape(
+    structure: Structure,
+    mode: int,
+    points: ArrayLike,
+    peak: float | None = None,
+    force: float | None = None,
+) -> Array:
     """Single-mode deflection at the instant of its maximum (eq. 3.7), in m.
 
     The instant is that of the largest |Re q|: at resonance q is almost purely imaginary, so the
@@ -255,14 +269,26 @@ def deflection_shape(structure: Structure, mode: int, points: ArrayLike, peak: f
         Mode number from 1.
     points : array_like, shape (2, ...)
         Positions in m.
-    peak : float
-        Largest |w| over the structure in m; :func:`peak_deflection` gives it for a force.
+    peak : float, optional
+        Largest |w| over the structure in m.
+    force : float, optional
+        Amplitude in N of the point force at the mode's resonance; instead of `peak`.
 
     Returns
     -------
     ndarray, shape (...)
         Deflection in m.
+
+    Raises
+    ------
+    ValueError
+        If not exactly one of `peak` and `force` is given.
     """
+    if (peak is None) == (force is None):
+        raise ValueError(f"peak, force: given {peak} and {force}, needs exactly one of them")
+    if peak is None:
+        assert force is not None
+        peak = peak_deflection(structure, mode, force)
     return structure.mode_shapes([mode], points)[0] * (peak / structure.shape_peak)
 
 
@@ -291,6 +317,5 @@ def single_mode_distance(
     points = np.stack([np.linspace(0, length, n_points), np.full(n_points, width / 2)])
     omega = resonance(structure, mode)
     full = full_response(structure, points, omega, n_modes)
-    shape = structure.mode_shapes([mode], points)[0]
-    single = modal_coordinates(structure, omega, mode)[mode - 1] * shape
+    single = single_mode_response(structure, mode, points, omega)
     return float(np.max(np.abs(full - single)) / np.max(np.abs(single)))

@@ -1,0 +1,92 @@
+"""Print all measurements and draw the growth: ``python -m benchmarks``, about a minute."""
+
+from __future__ import annotations
+
+import os
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read when NumPy is first imported
+
+import platform
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import measure
+
+FIGURE = Path(__file__).parents[1] / "build" / "benchmarks" / "growth.svg"
+
+
+def print_triangulation(n_points: int = 100_000) -> None:
+    """Table of rates beside the reference."""
+    print(f"\nTriangulation of {n_points} points, linear start and 3 Gauss-Newton steps")
+    print("reference: batched numpy.linalg.svd + solve; thin: with full_matrices=False")
+    print("million points/s: medians; ratios: medians over interleaved pairs")
+    print(f"{'cameras':>8} {'library':>8} {'svd':>7} {'thin':>7} {'ratio':>7} {'to thin':>8} "
+          f"{'apart':>10} {'memory':>9}")  # fmt: skip
+    for n_cameras in (2, 4, 12):
+        c = measure.compare_triangulation(n_cameras, n_points)
+        print(f"{c.n_cameras:>8} {c.rate:>8.2f} {c.rate_svd:>7.3f} {c.rate_thin:>7.3f} "
+              f"{c.ratio_svd:>7.1f} {c.ratio_thin:>8.1f} {c.difference:>8.0e} m "
+              f"{c.memory:>5.1f} MiB")  # fmt: skip
+
+
+def print_studies(trials: int = 200) -> None:
+    """Table of the beam studies' times."""
+    print(f"\nBeam studies with {trials} trials")
+    times = measure.study_seconds(trials)
+    for name, time in {**times, "total": sum(times.values())}.items():
+        print(f"{name:>18} {time:>7.2f} s")
+
+
+def print_growth(growths: list[measure.Growth]) -> None:
+    """Times by size, and the fitted exponents."""
+    print("\nGrowth: time against points (4 cameras), cameras (10 000 points), trials (case 1)")
+    for growth in growths:
+        pairs = zip(growth.sizes, growth.seconds, strict=True)
+        times = "  ".join(f"{size}: {1000 * time:.3g} ms" for size, time in pairs)
+        print(f"{growth.what:>8}^{growth.exponent:.2f}   {times}")
+
+
+def print_commands() -> None:
+    """Table of the commands that compute nothing."""
+    print("\nCommands, wall time from start to exit, median of 5")
+    for arguments in (["list"], ["run", "beam-distance", "-p", "trials=-1"]):
+        time, status = measure.command_seconds(*arguments)
+        print(f"{time:>8.2f} s   thesis {' '.join(arguments)} (exit status {status})")
+
+
+def draw(growths: list[measure.Growth], path: Path) -> None:
+    """Time against size in doubly logarithmic axes."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3), layout="constrained")
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        for axes, growth in zip(figure.subplots(1, len(growths)), growths, strict=True):
+            axes.loglog(growth.sizes, growth.seconds, "o-", color="tab:blue")
+            axes.set(xlabel=f"number of {growth.what}", ylabel="time in s",
+                     title=f"time ~ {growth.what}$^{{{growth.exponent:.2f}}}$")  # fmt: skip
+            axes.grid(which="major", linewidth=0.4)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path)
+
+
+def main() -> None:
+    """Run everything."""
+    print(f"Python {platform.python_version()}, NumPy {np.__version__}, "
+          f"{os.cpu_count()} processors, one BLAS thread (OPENBLAS_NUM_THREADS=1)")  # fmt: skip
+    print_triangulation()
+    print_studies()
+    growths = measure.growth()
+    print_growth(growths)
+    print_commands()
+    try:
+        draw(growths, FIGURE)
+    except ImportError:
+        print("\nno figure: matplotlib is not installed")
+    else:
+        print(f"\nfigure: {FIGURE}")
+
+
+if __name__ == "__main__":
+    main()

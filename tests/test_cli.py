@@ -1,0 +1,338 @@
+"""The ``thesis`` command as people call it: from another folder, in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from thesis_lib.parameters import CHAPTERS, STUDIES, describe, validate
+
+RUN = ["run", "beam-distance", "-p", "trials=3", "-p", "distances_mm=[500,800]"]
+KINDS = ("ipynb", "nc", "html")
+
+
+def refused(checkout, cwd: Path, *arguments: str) -> str:
+    """The one line of a refused request, which writes nothing."""
+    before = sorted(cwd.rglob("*"))
+    done = checkout.thesis(*arguments, cwd=cwd)
+    assert done.returncode == 2, done.stderr
+    assert done.stdout == ""
+    assert done.stderr.endswith("\n")
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert sorted(cwd.rglob("*")) == before
+    return done.stderr.strip()
+
+
+class Loads(HTMLParser):
+    """What a page loads, where its links lead, and its text."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.loaded, self.links, self.tags, self.text = [], [], set(), ""
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        for name, value in attrs:
+            if tag == "a" and name == "href":
+                self.links.append(value)
+            elif name in {"src", "href", "srcset", "data", "poster", "action"} and value:
+                self.loaded.append(value)
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+
+
+# What is listed.
+
+
+def test_list_names_sets_and_chapters(checkout, tmp_path):
+    done = checkout.thesis("list", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    for name, model in STUDIES.items():
+        line = next(line for line in done.stdout.splitlines() if line.startswith(name))
+        assert f" {len(model().settings())} settings" in line
+        assert line.endswith(model.title)
+    for chapter, names in CHAPTERS.items():
+        line = next(line for line in done.stdout.splitlines() if line.startswith(chapter))
+        assert all(name in line for name in names)
+
+
+@pytest.mark.parametrize("name", ["beam-arrays", "ch3"])
+def test_list_of_a_set_or_chapter_shows_every_parameter(checkout, tmp_path, name):
+    done = checkout.thesis("list", name, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    for set_ in CHAPTERS.get(name, [name]):
+        shown = done.stdout.partition(f"{set_}: {STUDIES[set_].title}\n")[2]
+        for row in describe(STUDIES[set_]):
+            first, second = (f"{row['name']} = {row['default']}", row["allowed"])
+            assert f"{first} {row['unit']}".strip() + "\n" in shown
+            assert f"    {row['meaning']}: {second}\n" in shown
+
+
+# What is refused.
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["list", "beam-distnce"], ["beam-distnce", "did you mean beam-distance?"]),
+        (["run", "beam-aperture2"], ["did you mean beam-aperture?", *STUDIES]),
+        (["run", "ch4"], ["ch4: no such figure set", "did you mean ch3?"]),
+        (["run", "beam-distance", "nosuch", "-p", "layouts={}"], ["nosuch: no such figure set"]),
+        (["run"], ["NAME"]),
+        (["run", "beam-distance", "--nosuch"], ["--nosuch"]),
+        (["nosuch"], ["nosuch"]),
+        (["run", "beam-distance", "-p", "trials"], ["-p", "'trials'", "KEY=VALUE"]),
+        (["run", "beam-distance", "-p", "=3"], ["-p", "'=3'", "KEY=VALUE"]),
+        (["run", "beam-distance", "-p", "trials=1", "-p", "trials=1"], ["'trials'", "twice"]),
+        (["run", "beam-distance", "-p", "cube=a.nc"], ["cube", "--out"]),
+        (["run", "beam-distance", "-p", "trial=1"], ["no parameter trial", "mean trials?"]),
+        (["run", "ch3", "-p", "azimut_deg=1"], ["no parameter azimut_deg", "mean azimuth_deg?"]),
+        (["run", "ch3", "-p", "layouts={}", "-p", "trials=-1"], ["trials: given -1", "allowed"]),
+        (["run", "ch3", "-p", "widths_px=[1]"], ["beam-resolution: widths_px[0]: given 1", "px"]),
+        (["run", "beam-distance", "-p", "azimuth_deg=NaN"], ["azimuth_deg: given NaN", "°"]),
+        (["run", "beam-distance", "-p", "trials=1e3"], ["trials: given 1000.0", "whole number"]),
+        (["run", "beam-distance", "-p", f"trials={'9' * 5000}"], ["trials: given", "whole"]),
+        (["run", "beam-distance", "-p", f"modes={'[' * 9000}"], ["modes: given", "..."]),
+        (["run", "beam-distance", "-p", "distances_mm=500"], ["distances_mm: given 500", "mm"]),
+        (["run", "beam-distance", "-p", "rest=known\nrebuilt"], [r'"known\nrebuilt"']),
+        (["run", "beam-distance", "-p", "bad\nname=1"], [r"bad\nname"]),
+    ],
+    ids=lambda value: " ".join(value)[:40] if isinstance(value, list) else None,
+)
+def test_wrong_request_is_one_line_and_writes_nothing(checkout, tmp_path, arguments, words):
+    if arguments[0] == "run":
+        arguments = [*arguments, "--out", "out"]
+    message = refused(checkout, tmp_path, *arguments)
+    assert message.startswith("thesis: ")
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize("out", ["file", "file/below/it"])
+def test_out_that_is_a_file_is_refused(checkout, tmp_path, out):
+    (tmp_path / "file").write_text("mine")
+    message = refused(checkout, tmp_path, "run", "beam-distance", "--out", out)
+    assert "--out" in message
+    assert "allowed: a folder" in message
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+# A run.
+
+
+@pytest.fixture(scope="module")
+def ran(checkout, tmp_path_factory):
+    """Folder and report of a small run."""
+    cwd = tmp_path_factory.mktemp("small")
+    done = checkout.thesis(*RUN, "--out", "out", cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return cwd / "out", done
+
+
+def test_run_writes_notebook_cube_and_page(ran):
+    folder, done = ran
+    assert files(folder) == sorted(f"beam-distance.{kind}" for kind in KINDS)
+    assert not list(folder.glob(".staging-*"))
+    assert f"Open {folder / 'beam-distance.html'}" in done.stdout
+    assert "beam-distance: done in" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_run_tells_the_difference_where_the_published_run_has_the_setting(ran):
+    _, done = ran
+    rows = re.findall(r"^ +1 +(\d+) mm +(\d) +(mean|peak) \|", done.stdout, re.MULTILINE)
+    assert rows == [("500", mode, error) for error in ("mean", "peak") for mode in "123"]
+    assert "published" in done.stdout
+
+
+def test_cube_opens_plainly_and_says_what_it_is(ran):
+    study = validate("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
+    with xr.open_dataset(ran[0] / "beam-distance.nc") as cube:
+        assert cube.attrs["figure_set"] == "beam-distance"
+        assert json.loads(cube.attrs["parameters"]) == study.request
+        assert cube.attrs["parameters_hash"] == study.digest
+        assert cube.sizes["setting"] == 2
+        assert cube.sizes["trial"] == 4
+        assert cube["mean_error"].notnull().all()
+
+
+def test_page_is_self_contained(ran):
+    page = Loads(ran[0] / "beam-distance.html")
+    assert page.loaded
+    assert all(address.startswith(("data:", "#")) for address in page.loaded)
+    assert "800 mm" in page.text
+    assert "Parameters of this run" in page.text
+
+
+def test_nothing_tells_where_it_was_made(ran, checkout):
+    folder = ran[0]
+    for kind in KINDS:
+        content = (folder / f"beam-distance.{kind}").read_bytes()
+        for place in (folder.parent, checkout.root, checkout.root.parent, Path.home()):
+            assert str(place).encode() not in content, kind
+        assert b".staging-" not in content, kind
+
+
+def test_second_call_does_nothing_and_a_changed_parameter_runs_again(ran, checkout, tmp_path):
+    folder = shutil.copytree(ran[0], tmp_path / "out")
+    # doit knows targets by their place: run the first call's command where it was made
+    made = {path: path.stat().st_mtime_ns for path in ran[0].glob("beam-*")}
+    again = checkout.thesis(*RUN, "--out", ran[0], cwd=tmp_path)
+    assert again.returncode == 0
+    assert "beam-distance: up to date" in again.stderr
+    assert {path: path.stat().st_mtime_ns for path in ran[0].glob("beam-*")} == made
+    assert again.stdout == ran[1].stdout
+    changed = checkout.thesis(*RUN, "-p", "seed=1", "--out", folder, cwd=tmp_path)
+    assert changed.returncode == 0
+    assert "beam-distance: done in" in changed.stderr
+    with xr.open_dataset(folder / "beam-distance.nc") as cube:
+        assert cube.attrs["seed"] == 1
+
+
+def test_without_out_the_folder_is_named_by_set_and_hash(own_checkout, tmp_path):
+    def short(document):
+        document.cells = document.cells[:3]
+
+    own_checkout.change("beam-distance", short)
+    done = own_checkout.thesis(*RUN, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    study = validate("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
+    folder = own_checkout.root / "runs" / f"beam-distance-{study.digest}"
+    assert files(folder) == sorted(f"beam-distance.{kind}" for kind in KINDS)
+    assert [path.name for path in tmp_path.iterdir()] == ["project"]
+
+
+def test_chapter_makes_four_pages_and_an_index(checkout, tmp_path):
+    chapter = ["run", "ch3", "-p", "trials=2", "-p", "focal_length_mm=35", "--out", "out"]
+    done = checkout.thesis(*chapter, cwd=tmp_path, timeout=280)
+    assert done.returncode == 0, done.stderr
+    names = CHAPTERS["ch3"]
+    assert files(tmp_path / "out") == sorted(
+        [*(f"{name}.{kind}" for name in names for kind in KINDS), "index.html"]
+    )
+    index = Loads(tmp_path / "out" / "index.html")
+    assert index.links == [f"{name}.html" for name in names]
+    assert all(STUDIES[name].title in index.text for name in names)
+    assert "it runs without" not in done.stderr
+    assert done.stderr.count("done in") == 4
+    for name in names:
+        with xr.open_dataset(tmp_path / "out" / f"{name}.nc") as cube:
+            assert json.loads(cube.attrs["parameters"])["focal_length_mm"] == 35
+
+
+def test_own_layout_runs_and_its_name_is_text(checkout, tmp_path):
+    name = "tilted <b>&\"x' *y*"
+    layouts = {name: [[[80, 10], [-80, 10]], [[80, 10], [-80, 10], [0, 30]]]}
+    given = ["-p", f"layouts={json.dumps(layouts)}", "-p", "cases=[]", "-p", "trials=2"]
+    done = checkout.thesis("run", "beam-arrays", *given, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "no setting in common with published" in done.stdout
+    page = Loads(tmp_path / "out" / "beam-arrays.html")
+    assert name in page.text
+    assert "b" not in page.tags
+    with xr.open_dataset(tmp_path / "out" / "beam-arrays.nc") as cube:
+        assert cube["case"].values.tolist() == [name, name]
+        assert cube["n_cameras"].values.tolist() == [2, 3]
+
+
+def test_sets_run_without_what_they_do_not_have(checkout, tmp_path, own_checkout):
+    def short(document):
+        document.cells = document.cells[:3]
+
+    for name in ("beam-distance", "beam-resolution"):
+        own_checkout.change(name, short)
+    several = ["run", "beam-distance", "beam-resolution", "-p", "widths_px=[320]"]
+    done = own_checkout.thesis(*several, "-p", "trials=1", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.splitlines()[0] == "beam-distance has no widths_px: it runs without"
+    assert "beam-resolution has no" not in done.stderr
+    with xr.open_dataset(tmp_path / "out" / "beam-resolution.nc") as cube:
+        assert cube["width_px"].values.tolist() == [320]
+
+
+def test_failing_cell_is_told_with_what_where_and_how_to_go_on(own_checkout, tmp_path):
+    def breaks(document):
+        document.cells[4].source = "raise RuntimeError('the lamp went out')"
+
+    own_checkout.change("beam-distance", breaks)
+    done = own_checkout.thesis(*RUN, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 1
+    message = done.stderr.splitlines()[-1]
+    assert message.startswith("thesis: beam-distance: ")
+    assert re.search(r"cell \d+ failed with RuntimeError: the lamp went out", message)
+    assert "run the same command again" in message
+    log = own_checkout.root / "build" / "logs" / "beam-distance.txt"
+    assert str(log) in message
+    assert "the lamp went out" in log.read_text(encoding="utf-8")
+    assert "\x1b" not in log.read_text(encoding="utf-8")
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    assert files(tmp_path / "out") == []
+    assert not list((tmp_path / "out").glob(".staging-*"))
+
+
+# Two cubes.
+
+
+def test_cube_compared_with_itself_has_no_difference(ran, checkout, tmp_path):
+    cube = ran[0] / "beam-distance.nc"
+    done = checkout.thesis("compare", cube, cube, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [
+        "no difference from beam-distance.nc (12 errors compared)"  # 2 settings × 3 modes × 2
+    ]
+
+
+def test_cube_compared_with_the_published_run(ran, checkout, tmp_path):
+    done = checkout.thesis("compare", ran[0] / "beam-distance.nc", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.strip() in ran[1].stdout
+    assert "published" in done.stdout
+
+
+def test_compare_shows_what_differs(ran, checkout, tmp_path):
+    cube = ran[0] / "beam-distance.nc"
+    with xr.open_dataset(cube) as opened:
+        other = opened.load()
+    error = other["mean_error"].astype(float).values
+    error[1, 2, :] += 5
+    other = other.assign(mean_error=(other["mean_error"].dims, error))
+    other.to_netcdf(tmp_path / "other.nc")
+    done = checkout.thesis("compare", tmp_path / "other.nc", cube, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "beam-distance.nc" in done.stdout.splitlines()[0]
+    line = next(line for line in done.stdout.splitlines() if "+5.0" in line)
+    assert line.split()[:4] == ["1", "800", "mm", "3"]
+    assert " mean | " in line
+    assert done.stdout.count("+5.0") == 1
+
+
+def test_compare_refuses_what_is_not_a_cube(ran, checkout, tmp_path):
+    cube = ran[0] / "beam-distance.nc"
+    (tmp_path / "text.nc").write_text("not netCDF at all")
+    (tmp_path / "empty.nc").write_bytes(b"")
+    (tmp_path / "cut.nc").write_bytes(cube.read_bytes()[:2000])
+    foreign = xr.Dataset({"t": ("x", np.arange(3.0))})
+    foreign.to_netcdf(tmp_path / "foreign.nc")
+    foreign.assign_attrs(figure_set="beam-distance", parameters="{}").to_netcdf(
+        tmp_path / "posing.nc"
+    )
+    (tmp_path / "folder.nc").mkdir()
+    for name in ("text", "empty", "cut", "foreign", "posing", "folder", "missing"):
+        bad = f"{name}.nc"
+        assert f"{bad}: " in refused(checkout, tmp_path, "compare", bad)
+        assert f"{bad}: " in refused(checkout, tmp_path, "compare", str(cube), bad)
+    assert "A.nc" in refused(checkout, tmp_path, "compare")
