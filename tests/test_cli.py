@@ -31,11 +31,11 @@ def refused(checkout, cwd: Path, *arguments: str) -> str:
 
 
 class Loads(HTMLParser):
-    """What a page loads, where its links lead, and its text."""
+    """What a page loads, where its links lead, its text and its styles."""
 
     def __init__(self, page: Path) -> None:
         super().__init__()
-        self.loaded, self.links, self.tags, self.text = [], [], set(), ""
+        self.loaded, self.links, self.tags, self.text, self.styles = [], [], set(), "", ""
         self.feed(page.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag, attrs):
@@ -48,6 +48,7 @@ class Loads(HTMLParser):
 
     def handle_data(self, data):
         self.text += data
+        self.styles += data if self.lasttag == "style" else ""
 
 
 def files(folder: Path) -> list[str]:
@@ -173,6 +174,7 @@ def test_page_is_self_contained(ran):
     page = Loads(ran[0] / "beam-distance.html")
     assert page.loaded
     assert all(address.startswith(("data:", "#")) for address in page.loaded)
+    assert not re.search(r"url\(\s*['\"]?(?!data:|#)|@import", page.styles)
     assert "800 mm" in page.text
     assert "Parameters of this run" in page.text
 
@@ -334,5 +336,5 @@ def test_compare_refuses_what_is_not_a_cube(ran, checkout, tmp_path):
     for name in ("text", "empty", "cut", "foreign", "posing", "folder", "missing"):
         bad = f"{name}.nc"
         assert f"{bad}: " in refused(checkout, tmp_path, "compare", bad)
-        assert f"{bad}: " in refused(checkout, tmp_path, "compare", str(cube), bad)
+    assert "text.nc: " in refused(checkout, tmp_path, "compare", str(cube), "text.nc")
     assert "A.nc" in refused(checkout, tmp_path, "compare")

@@ -10,8 +10,7 @@ import xarray as xr
 
 from benchmarks.reference import svd_triangulate
 from thesis_lib import claims, cubes, setups, studies
-from thesis_lib.cameras import project
-from thesis_lib.parameters import STUDIES, validate
+from thesis_lib.parameters import validate
 
 NAMES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
 UNITS = {
@@ -445,7 +444,3 @@ def test_malformed_claim_is_named_by_line_and_field(tmp_path, monkeypatch, colum
     with pytest.raises(ValueError, match=f"line 5: {field}") as caught:
         claims.read_claims()
     assert repr(value) in str(caught.value)
-
-
-def test_every_study_is_covered_here():
-    assert set(NAMES) <= set(STUDIES)

@@ -94,7 +94,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
         cubes.whole_file(folder / "index.html", lambda part: part.write_text(html, "utf-8"))
     for job in jobs:
         click.echo(f"\n{job.study.name}")
-        _print_difference(cubes.read(job.cube))
+        click.echo("\n".join(cubes.difference_lines(cubes.read(job.cube))))
     click.echo(
         f"\nOpen {folder / ('index.html' if len(jobs) > 1 else f'{jobs[0].study.name}.html')}"
     )
@@ -121,22 +121,7 @@ def compare(new: Path, old: Path | None) -> None:
         second = cubes.read(old) if old else None
     except cubes.CubeError as error:
         raise Refused(str(error)) from None
-    _print_difference(first, second, old.name if old else "")
-
-
-def _print_difference(cube: Any, other: Any = None, name: str = "") -> None:
-    from thesis_lib import cubes
-
-    if other is None:
-        published = cubes.read_published(cube.attrs["figure_set"])
-        if published is None:
-            click.echo("nothing is published yet to compare with")
-            return
-        old, name = published, "published"
-    else:
-        old = cubes.summary(other)
-    for line in cubes.comparison_lines(cubes.compare(cubes.summary(cube), old), name):
-        click.echo(line)
+    click.echo("\n".join(cubes.difference_lines(first, second, old.name if old else "")))
 
 
 def _values(assignments: Sequence[str]) -> dict[str, Any]:

@@ -130,14 +130,15 @@ def read(path: Path) -> xr.Dataset:
 def summary(cube: xr.Dataset) -> pd.DataFrame:
     """Each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
 
-    Without trials the band is that of trial 0 alone.
+    Without other trials the latter three are NaN.
     """
     rows: list[dict[str, Any]] = []
-    drawn = cube.isel(trial=slice(1, None)) if cube.sizes["trial"] > 1 else cube
     for quantity in ERRORS:
-        low, median, high = (
-            drawn[quantity].quantile([0.05, 0.5, 0.95], dim="trial").transpose("quantile", ...)
-        )
+        drawn = cube[quantity].transpose("setting", "mode", "trial").values[:, :, 1:]
+        if drawn.shape[2]:
+            low, median, high = np.quantile(drawn, [0.05, 0.5, 0.95], axis=2)
+        else:
+            low = median = high = np.full(drawn.shape[:2], np.nan)
         for s in range(cube.sizes["setting"]):
             for m, mode in enumerate(cube["mode"].values):
                 rows.append(
@@ -148,12 +149,17 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
                         "mode": int(mode),
                         "error": quantity,
                         "trial_0": float(cube[quantity].values[s, m, 0]),
-                        "median": float(median.values[s, m]),
-                        "low": float(low.values[s, m]),
-                        "high": float(high.values[s, m]),
+                        "median": float(median[s, m]),
+                        "low": float(low[s, m]),
+                        "high": float(high[s, m]),
                     }
                 )
     return pd.DataFrame(rows)
+
+
+def band_text(median: float, low: float, high: float) -> str:
+    """Median and band as they stand in tables; a dash where there were no trials."""
+    return "—" if np.isnan(median) else f"{median:.1f} ({low:.1f}–{high:.1f})"
 
 
 def published_path(name: str) -> Path:
@@ -192,7 +198,8 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
     """The comparison as text: one line per setting and mode, in % of the largest deflection."""
     if table.empty:
         return [f"no setting in common with {old_name}"]
-    changed = ~np.isclose(table[STATISTICS], table[[f"{s}_old" for s in STATISTICS]], rtol=1e-4)
+    old = table[[f"{name}_old" for name in STATISTICS]]
+    changed = ~np.isclose(table[STATISTICS], old, rtol=1e-4, equal_nan=True)
     if not changed.any():
         return [f"no difference from {old_name} ({len(table)} errors compared)"]
     header = (
@@ -201,18 +208,26 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
     )
     lines = [header, "-" * len(header)]
     for row in table.itertuples():
-        bands = [
-            f"{middle:.1f} ({low:.1f}–{high:.1f})"
-            for middle, low, high in (
-                (row.median, row.low, row.high),
-                (row.median_old, row.low_old, row.high_old),
-            )
-        ]
+        new = band_text(row.median, row.low, row.high)
+        old = band_text(row.median_old, row.low_old, row.high_old)
+        change = "—" if np.isnan(row.difference) else f"{row.difference:+.1f}"
         lines.append(
             f"{row.case:>6} {row.label:>12} {row.mode:>4} "
             f"{'mean' if row.error == 'mean_error' else 'peak':>5} | "
-            f"{bands[0]:>20} | {bands[1]:>20} | {row.difference:>+7.1f} | "
+            f"{new:>20} | {old:>20} | {change:>7} | "
             f"{row.trial_0_old:>6.1f} → {row.trial_0:>6.1f}{' *' if row.apart else ''}"
         )
     lines.append("errors in % of the largest reference deflection; * the bands do not meet")
     return lines
+
+
+def difference_lines(
+    cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
+) -> list[str]:
+    """How a cube's errors differ from those of another, or from the published run."""
+    if other is not None:
+        return comparison_lines(compare(summary(cube), summary(other)), name)
+    published = read_published(cube.attrs["figure_set"])
+    if published is None:
+        return ["nothing is published yet to compare with"]
+    return comparison_lines(compare(summary(cube), published), "published")

@@ -62,10 +62,8 @@ def error_table(cube: xr.Dataset) -> Markdown:
         cells = []
         for m, mode in enumerate(modes):
             row = table.iloc[s * len(modes) + m]
-            cells.append(
-                f"{row['trial_0']:.1f} · {row['median']:.1f} ({row['low']:.1f}–{row['high']:.1f})"
-                f" · {predicted[s, m]:.1f}"
-            )
+            band = cubes.band_text(row["median"], row["low"], row["high"])
+            cells.append(f"{row['trial_0']:.1f} · {band} · {predicted[s, m]:.1f}")
             assert row["mode"] == mode
         in_view = float(cube["in_view"].values[s])
         rows.append(
@@ -86,6 +84,8 @@ def error_table(cube: xr.Dataset) -> Markdown:
 
 def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
     """The thesis's stated figures beside the band of the trials."""
+    if cube.sizes["trial"] == 1:
+        return Markdown("Without trials there is no band to hold the stated figures against.")
     checks = claims.check(cube, claims.claims_of(cube.attrs["figure_set"]))
     if not checks:
         return Markdown("The thesis states no figure for these settings.")
@@ -120,11 +120,9 @@ def viewer(cube: xr.Dataset) -> Viewer:
     return Viewer(data=data, case=data["cases"][0]["name"], mode=data["modes"][0]["mode"])
 
 
-def figure(cube: xr.Dataset, case: str, mode: int) -> SVG | Markdown:
-    """The four-panel figure of a case and mode, or a line that it was not run."""
-    if not figures.has(cube, case, mode):
-        return Markdown(f"Case {case}, mode {mode}: not part of this run.")
-    return SVG(figures.as_svg(cube, case, mode))
+def figure(cube: xr.Dataset, case: str, mode: int) -> SVG | None:
+    """The four-panel figure of a case and mode, or nothing if it was not run."""
+    return SVG(figures.as_svg(cube, case, mode)) if figures.has(cube, case, mode) else None
 
 
 def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] = (1, 2, 3)) -> None:

@@ -142,8 +142,6 @@ class _Text:
     """Markdown of one notebook: the part of MyST that makes sense on a page of its own."""
 
     def __init__(self, cells: Sequence[Mapping[str, Any]]) -> None:
-        named = [_myst(cell, "figure").get("name") for cell in cells]
-        self.figures = {name: i for i, name in enumerate(filter(None, named), 1)}
         prose = "\n".join(cell["source"] for cell in cells if cell["cell_type"] == "markdown")
         self.equations = {name: i for i, name in enumerate(_LABELLED.findall(prose), 1)}
         self.parser = (
@@ -169,17 +167,13 @@ class _Text:
         role, content = match.groups()
         given = _TARGET.fullmatch(content)
         words, target = given.groups() if given else ("", content)
-        if role == "numref" and target in self.figures:
-            number = self.figures[target]
-            words = words.replace("%s", str(number)).replace("{number}", str(number))
-            return f"[{words or f'Figure {number}'}](#{target})"
         if role == "eq" and target in self.equations:
             return f"[({self.equations[target]})](#equation-{target})"
         if role.startswith("cite"):
             return f"[{target}]"
         if role == "math":
             return f"${content}$"
-        return words or (f"*{target}*" if role in ("numref", "eq", "ref", "doc") else f"`{target}`")
+        return words or (f"*{target}*" if role in ("eq", "ref", "doc") else f"`{target}`")
 
     def _equation(self, tokens: Sequence[Any], index: int, *_: object) -> str:
         label, tex = tokens[index].info, tokens[index].content
@@ -239,9 +233,7 @@ def _output(output: Mapping[str, Any], cell: Mapping[str, Any], text: _Text) -> 
     if not figure:
         return html
     name = f' id="{escape(str(figure["name"]))}"' if figure.get("name") else ""
-    number = text.figures.get(figure.get("name"))
-    label = f"**Figure {number}.** " if number else ""
-    caption = text.html(label + str(figure.get("caption", "")))
+    caption = text.html(str(figure.get("caption", "")))
     caption = f"<figcaption>{caption}</figcaption>" if caption else ""
     return f"<figure{name}>{html}{caption}</figure>"
 

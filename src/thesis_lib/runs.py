@@ -28,6 +28,7 @@ from doit.doit_cmd import DoitMain
 from doit.exceptions import TaskFailed
 from doit.tools import config_changed
 
+from thesis_lib import cubes
 from thesis_lib.cubes import project_root
 from thesis_lib.parameters import CameraStudy
 
@@ -80,7 +81,8 @@ def digest(job: Job) -> str:
     cells = [[c["cell_type"], "".join(c["source"]), c["metadata"]] for c in notebook["cells"]]
     total = hashlib.sha256(json.dumps(cells, sort_keys=True).encode())
     total.update(json.dumps([job.study.name, job.study.request]).encode())
-    for path in inputs():
+    published = [cubes.published_path(job.study.name)] if job.page else []
+    for path in [*inputs(), *filter(Path.is_file, published)]:
         total.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
     return total.hexdigest()
 
@@ -146,6 +148,10 @@ def execute(job: Job) -> None:
             ) from None
         notebook = nbformat.read(executed, as_version=4)
         _hide_staging(notebook, name)
+        if job.page:
+            text = "\n".join(cubes.difference_lines(cubes.read(cube)))
+            text = f"## Difference from the published run\n\n```text\n{text}\n```"
+            notebook.cells.append(nbformat.v4.new_markdown_cell(text, id=f"{name}-difference"))
         nbformat.write(notebook, executed)
         ready = [(executed, job.notebook), (cube, job.cube)]
         if job.page:
