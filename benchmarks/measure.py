@@ -71,7 +71,11 @@ def peak_memory(work: Callable[[], object]) -> float:
 def compare_triangulation(
     n_cameras: int, n_points: int = 100_000, repetitions: int = 5
 ) -> Comparison:
-    """Library and both variants of the reference, one after the other, several times."""
+    """Library and both variants of the reference, one after the other, several times.
+
+    The library is so much shorter that each time it is called five times for one median, lest
+    one interruption decide.
+    """
     P, uv = images(n_cameras, n_points)
     calls: tuple[Callable[[], Array], ...] = (
         lambda: triangulate(P, uv),
@@ -79,7 +83,12 @@ def compare_triangulation(
         lambda: svd_triangulate(P, uv, full_matrices=False),
     )
     results = [call() for call in calls]  # also warms up
-    times = np.array([[seconds(call) for call in calls] for _ in range(repetitions)])
+    times = np.array(
+        [
+            [statistics.median(seconds(calls[0]) for _ in range(5)), *map(seconds, calls[1:])]
+            for _ in range(repetitions)
+        ]
+    )
     rate, rate_svd, rate_thin = (n_points / np.median(times, axis=0) / 1e6).tolist()
     ratio_svd, ratio_thin = np.median(times[:, 1:] / times[:, :1], axis=0).tolist()
     return Comparison(

@@ -90,7 +90,7 @@ def test_list_of_a_set_or_chapter_shows_every_parameter(checkout, tmp_path, name
     [
         (["list", "beam-distnce"], ["beam-distnce", "did you mean beam-distance?"]),
         (["run", "beam-aperture2"], ["did you mean beam-aperture?", *STUDIES]),
-        (["run", "ch4"], ["ch4: no such figure set", "did you mean ch3?"]),
+        (["run", "ch33"], ["ch33: no such figure set", "did you mean ch3?"]),
         (["run", "beam-distance", "nosuch", "-p", "layouts={}"], ["nosuch: no such figure set"]),
         (["run"], ["NAME"]),
         (["run", "beam-distance", "--nosuch"], ["--nosuch"]),

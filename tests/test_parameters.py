@@ -20,7 +20,8 @@ from thesis_lib.parameters import STUDIES, ParameterError, describe, unit, valid
 
 NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 INF, NAN = math.inf, math.nan
-DISTANCE, APERTURE, RESOLUTION, ARRAYS = STUDIES
+DISTANCE, APERTURE = "beam-distance", "beam-aperture"
+RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
 PAIR = [[80, 10], [-80, 10]]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -21,7 +22,7 @@ WAITS = """
 import time
 from pathlib import Path
 
-Path("begun").touch()
+Path(cube).with_name("begun").touch()
 for _ in range(600):
     if Path({go!r}).exists():
         break
@@ -150,7 +151,8 @@ def test_a_failure_keeps_the_files_of_the_run_before(own_checkout, tmp_path):
 
 @pytest.fixture
 def root(own_checkout, monkeypatch):
-    monkeypatch.setattr(runs, "project_root", lambda: own_checkout.root)
+    for module in (runs, cubes):
+        monkeypatch.setattr(module, "project_root", lambda: own_checkout.root)
     return own_checkout.root
 
 
@@ -234,6 +236,13 @@ def test_parameters_make_stale_but_not_the_place(root, tmp_path):
     assert runs.digest(job(tmp_path / "elsewhere", cube="x.nc")) == digest
 
 
+def test_published_figures_make_a_page_stale(root, tmp_path):
+    with_page = dataclasses.replace(job(tmp_path), page=tmp_path / "a.html")
+    before = runs.digest(with_page)
+    FRESH["published figures"](root)
+    assert runs.digest(with_page) != before
+
+
 def test_edited_library_runs_again_and_new_outputs_do_not(own_checkout, tmp_path):
     shorten(own_checkout, SLOW)
     first = own_checkout.thesis(*ONE, cwd=tmp_path)
@@ -295,7 +304,7 @@ def test_failing_task_is_told_and_the_others_are_done(tmp_path):
         runs.task("good", writer(tmp_path / "good", log), [], [tmp_path / "good"], "key"),
     ]
     for _ in range(2):
-        with pytest.raises(runs.RunError, match="^bad: no ink left$"):
+        with pytest.raises(runs.RunError, match=r"^bad: no ink left$"):
             runs.run(tasks, tmp_path / "state.sqlite")
     assert log == ["good"]
 

@@ -1,4 +1,4 @@
-"""What the thesis states, beside what we get (chapter 3's figures).
+"""What the thesis states, beside what we get.
 
 One rule for every claim, set before looking: the 5–95 % band of the trials, widened by 1 point
 (0.5 if the stated value is below 10 %), must meet the stated value or interval. Upper and lower
@@ -9,13 +9,14 @@ one marker, the second-largest error is meant.
 from __future__ import annotations
 
 import csv
+import dataclasses
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
-from thesis_lib.parameters import STUDIES
+from thesis_lib import cubes
 from thesis_lib.setups import data_folder
 
 BAND = (0.05, 0.95)
@@ -27,14 +28,14 @@ class Claim:
 
     Parameters
     ----------
-    id, section, figure, panel, case : str
+    id, figure_set, section, figure, panel, case : str
         Where it stands.
     mode : int
         Mode it speaks of.
     quantity : str
-        ``mean_error`` or ``max_point_error``.
-    value : float or None
-        Value of the varied parameter; None if it speaks of all settings of the case.
+        ``mean_error``, ``max_point_error``, ``plane_error_xz`` or ``plane_error_yz``.
+    values : tuple of float
+        Values of the varied parameter; empty if it speaks of all settings of the case.
     relation : str
         ``about``, ``range``, ``max``, ``less_than`` or ``min``.
     low, high : float
@@ -44,13 +45,14 @@ class Claim:
     """
 
     id: str
+    figure_set: str
     section: str
     figure: str
     panel: str
     case: str
     mode: int
     quantity: str
-    value: float | None
+    values: tuple[float, ...]
     relation: str
     low: float
     high: float
@@ -86,12 +88,16 @@ def read_claims() -> list[Claim]:
     """
     path = data_folder() / "claims.csv"
     kinds: dict[str, Callable[[str], object]] = {
-        "mode": int, "low": float, "high": float, "excepted": int,
-        "value": lambda text: None if text == "all" else float(text),
+        "mode": int, "low": float, "high": float, "excepted": int, "value": _values,
     }  # fmt: skip
     claims: list[Claim] = []
     with path.open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
+        rows = csv.DictReader(file)
+        expected = {f.name for f in dataclasses.fields(Claim)} - {"values"} | {"value"}
+        if set(rows.fieldnames or ()) != expected:
+            given = ", ".join(rows.fieldnames or ())
+            raise ValueError(f"claims.csv, line 1: given {given}, allowed: {', '.join(expected)}")
+        for row in rows:
             fields: dict[str, object] = dict(row)
             for field, kind in kinds.items():
                 try:
@@ -100,18 +106,23 @@ def read_claims() -> list[Claim]:
                     raise ValueError(
                         f"claims.csv, line {len(claims) + 2}: {field}: given {row.get(field)!r}"
                     ) from None
+            fields["values"] = fields.pop("value")
             claims.append(Claim(**fields))  # type: ignore[arg-type]
     return claims
+
+
+def _values(text: str) -> tuple[float, ...]:
+    return () if text == "all" else tuple(float(value) for value in text.split(";"))
 
 
 def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
     """The quantity that a claim speaks of, over its settings and all trials, in %."""
     where = cube["case"] == claim.case
-    if claim.value is not None:
-        where &= cube["value"] == claim.value
+    if claim.values:
+        where &= cube["value"].isin(claim.values)
     part = cube.isel(setting=np.flatnonzero(where.values)).sel(mode=claim.mode)
     if not claim.excepted:
-        return part[claim.quantity]
+        return cubes.errors(part)[claim.quantity]
     reference = part["reference_deflection"]
     error = abs(part["measured_deflection"].astype(float) - reference)
     ordered = np.sort(error / abs(reference).max() * 100, axis=error.get_axis_num("point"))
@@ -151,6 +162,5 @@ def check(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
 
 
 def claims_of(name: str) -> list[Claim]:
-    """Claims about the cases of a figure set."""
-    cases = {setting.case for setting in STUDIES[name]().settings()}
-    return [claim for claim in read_claims() if claim.case in cases]
+    """Claims about a figure set."""
+    return [claim for claim in read_claims() if claim.figure_set == name]

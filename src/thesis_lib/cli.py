@@ -84,7 +84,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
         runs.Job(study, *(folder / f"{study.name}.{kind}" for kind in ("ipynb", "nc", "html")))
         for study in studies
     ]
-    runs.run([runs.job_task(job) for job in jobs], folder / ".state.sqlite")
+    runs.run(runs.job_tasks(jobs), folder / ".state.sqlite")
     if len(jobs) > 1:
         from thesis_lib.pages import index_page
 
@@ -121,6 +121,9 @@ def compare(new: Path, old: Path | None) -> None:
         second = cubes.read(old) if old else None
     except cubes.CubeError as error:
         raise Refused(str(error)) from None
+    sets = [cube.attrs["figure_set"] for cube in (first, second) if cube is not None]
+    if len(set(sets)) > 1:
+        raise Refused(f"{old}: given a cube of {sets[1]}, allowed: one of {sets[0]}, as {new} is")
     click.echo("\n".join(cubes.difference_lines(first, second, old.name if old else "")))
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import datetime
+import hashlib
 import importlib.metadata
 import json
 import os
 import platform
 import subprocess
 import tempfile
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,9 +23,17 @@ import xarray as xr
 from thesis_lib import __version__
 from thesis_lib.parameters import STUDIES, CameraStudy
 
-ERRORS = ("mean_error", "max_point_error")
+ERRORS = {  # name in the tables: variable, and plane if it has one
+    "mean_error": ("mean_error", None),
+    "max_point_error": ("max_point_error", None),
+    "plane_error_xz": ("plane_error", "XZ"),
+    "plane_error_yz": ("plane_error", "YZ"),
+}
+SHORT = {"mean_error": "mean", "max_point_error": "peak",
+         "plane_error_xz": "XZ", "plane_error_yz": "YZ"}  # fmt: skip
 KEYS = ["case", "value", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
+_HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at once
 RUN_DEPENDENT = ("commit", "created", "run_time_s")
 
 
@@ -45,6 +56,29 @@ def project_root() -> Path:
             "in which the library is installed with `pip install -e .`"
         )
     return root
+
+
+def library_files() -> list[Path]:
+    """Files that every result depends on: the library, the thesis's facts, the lock."""
+    root = project_root()
+    files = [p for p in (root / "src" / "thesis_lib").rglob("*") if p.is_file()]
+    files = [p for p in files if p.suffix != ".pyc"]
+    return sorted([*files, *(root / "data" / "thesis").iterdir(), root / "requirements.lock"])
+
+
+def cached(study: CameraStudy, compute: Callable[[CameraStudy], xr.Dataset]) -> xr.Dataset:
+    """A study's cube, computed once for its parameters and the library as it is.
+
+    Notebooks that need the same cube share it through ``build/cache``.
+    """
+    total = hashlib.sha256(f"{study.name} {study.digest}".encode())
+    for file in library_files():
+        total.update(file.read_bytes())
+    path = project_root() / "build" / "cache" / f"{study.name}-{total.hexdigest()[:16]}.nc"
+    if not path.is_file():
+        start = time.perf_counter()
+        write(with_provenance(compute(study), study, time.perf_counter() - start), path)
+    return read(path)
 
 
 def whole_file(path: Path, write: Callable[[Path], object]) -> None:
@@ -86,7 +120,8 @@ def with_provenance(cube: xr.Dataset, study: CameraStudy, seconds: float) -> xr.
         Conventions="CF-1.11",
         title=study.title,
         source=f"simulation by thesis_lib {__version__}, figure set {study.name}",
-        references="thesis on flexural vibration measurement with multiple cameras, section 3.3",
+        references="thesis on flexural vibration measurement with multiple cameras, section "
+        + {"beam": "3.3", "plate": "4.2", "sound": "6.2"}[study.subject],
         figure_set=study.name,
         parameters=json.dumps(study.request),
         parameters_hash=study.digest,
@@ -101,7 +136,8 @@ def with_provenance(cube: xr.Dataset, study: CameraStudy, seconds: float) -> xr.
 
 def write(cube: xr.Dataset, path: Path) -> None:
     """Write a cube as netCDF-4, whole or not at all."""
-    whole_file(path, lambda part: cube.to_netcdf(part, engine="netcdf4", format="NETCDF4"))
+    with _HDF5:
+        whole_file(path, lambda part: cube.to_netcdf(part, engine="netcdf4", format="NETCDF4"))
 
 
 def read(path: Path) -> xr.Dataset:
@@ -115,16 +151,26 @@ def read(path: Path) -> xr.Dataset:
     if not path.is_file():
         raise CubeError(f"{path}: no such file; give a cube (.nc) that `thesis run` has written")
     try:
-        with xr.open_dataset(path, engine="netcdf4") as file:
+        with _HDF5, xr.open_dataset(path, engine="netcdf4") as file:
             cube = file.load()
     except Exception as error:  # the netCDF and HDF libraries raise what they like
         raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
     missing = {"figure_set", "parameters"} - set(cube.attrs)
-    missing |= {*ERRORS, *KEYS, "label"} - set(cube.variables)
+    missing |= {*KEYS, "label"} - set(cube.variables)
+    missing |= set() if {variable for variable, _ in ERRORS.values()} & set(cube) else {"errors"}
     if missing or str(cube.attrs["figure_set"]) not in STUDIES:
         lacks = ", ".join(sorted(map(str, missing))) or "a known figure set"
         raise CubeError(f"{path}: not a cube of this project (it lacks {lacks})")
     return cube
+
+
+def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
+    """The errors that a cube holds in %, by their names in the tables."""
+    return {
+        name: cube[variable] if plane is None else cube[variable].sel(plane=plane)
+        for name, (variable, plane) in ERRORS.items()
+        if variable in cube
+    }
 
 
 def summary(cube: xr.Dataset) -> pd.DataFrame:
@@ -133,8 +179,9 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
     Without other trials the latter three are NaN.
     """
     rows: list[dict[str, Any]] = []
-    for quantity in ERRORS:
-        drawn = cube[quantity].transpose("setting", "mode", "trial").values[:, :, 1:]
+    for quantity, values in errors(cube).items():
+        literal = values.transpose("setting", "mode", "trial").values
+        drawn = literal[:, :, 1:]
         if drawn.shape[2]:
             low, median, high = np.quantile(drawn, [0.05, 0.5, 0.95], axis=2)
         else:
@@ -148,7 +195,7 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
                         "label": str(cube["label"].values[s]),
                         "mode": int(mode),
                         "error": quantity,
-                        "trial_0": float(cube[quantity].values[s, m, 0]),
+                        "trial_0": float(literal[s, m, 0]),
                         "median": float(median[s, m]),
                         "low": float(low[s, m]),
                         "high": float(high[s, m]),
@@ -213,7 +260,7 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
         change = "—" if np.isnan(row.difference) else f"{row.difference:+.1f}"
         lines.append(
             f"{row.case:>6} {row.label:>12} {row.mode:>4} "
-            f"{'mean' if row.error == 'mean_error' else 'peak':>5} | "
+            f"{SHORT[row.error]:>5} | "
             f"{new:>20} | {old:>20} | {change:>7} | "
             f"{row.trial_0_old:>6.1f} → {row.trial_0:>6.1f}{' *' if row.apart else ''}"
         )

@@ -8,7 +8,8 @@ by the law of rounding, and what the thesis states. One colour stands for one se
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -18,9 +19,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib import setups
+from thesis_lib import cubes
 from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations
-from thesis_lib.claims import Claim, read_claims
+from thesis_lib.claims import Claim, claims_of
 from thesis_lib.parameters import STUDIES
 
 Array = NDArray[np.float64]
@@ -63,70 +64,77 @@ def has(cube: xr.Dataset, case: str, mode: int) -> bool:
 
 def best_and_worst(part: xr.Dataset) -> list[int]:
     """Indices of the settings with the least and the largest mean error in the literal run."""
-    mean = part["mean_error"].isel(trial=0).values
+    name = "mean_error" if "mean_error" in part else "deflection_error"
+    mean = part[name].isel(trial=0).values
     order = np.argsort(mean, kind="stable")
     return [int(order[0])] if len(order) == 1 else [int(order[0]), int(order[-1])]
 
 
-def stated(case: str, mode: int, values: Iterable[float]) -> list[Claim | None]:
-    """What the thesis states of the mean error at each value of the varied parameter, if it does.
+def stated(
+    cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error"
+) -> list[Claim | None]:
+    """What the thesis states of an error of each setting of a case, if it does.
 
     A claim about all settings counts for each of them.
     """
-    claims = {
-        claim.value: claim
-        for claim in read_claims()
-        if (claim.case, claim.mode, claim.quantity) == (case, mode, "mean_error")
-    }
-    return [claims.get(value, claims.get(None)) for value in values]
-
-
-def band(part: xr.Dataset, quantity: str = "mean_error") -> Array:
-    """Quantiles 5, 50 and 95 % over the trials, shape (3, setting); of trial 0 if alone."""
-    values = part[quantity].transpose("setting", "trial").values
-    drawn = values[:, 1:] if values.shape[1] > 1 else values
-    quantiles: Array = np.quantile(drawn, [0.05, 0.5, 0.95], axis=1)
-    return quantiles
+    claims = [
+        claim
+        for claim in claims_of(cube.attrs["figure_set"])
+        if (claim.case, claim.mode, claim.quantity) == (case, mode, quantity)
+    ]
+    return [
+        next((c for c in claims if value in c.values), None)
+        or next((c for c in claims if not c.values), None)
+        for value in select(cube, case, mode)["value"].values
+    ]
 
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """The four-panel figure of one case and mode.
+    """The figure of one case and mode, in the framework of its structure.
 
     Parameters
     ----------
     cube : xarray.Dataset
-        Cube of a camera study.
+        Cube of a figure set.
     case : str
         Case or layout that the cube holds.
     mode : int
         Mode that the cube holds.
     """
+    from thesis_lib import maps  # which draws with the panels of this module
+
+    subject = STUDIES[cube.attrs["figure_set"]].subject
+    draw = {"beam": _beam_figure, "plate": maps.plate_figure, "sound": maps.sound_figure}[subject]
+    with plt.rc_context(STYLE):
+        drawing = draw(cube, case, mode)
+    plt.close(drawing)
+    return drawing
+
+
+def _beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
+    """Setup, shapes, marker errors and bars."""
     part = select(cube, case, mode)
-    study = STUDIES[cube.attrs["figure_set"]]
     chosen = best_and_worst(part)
     labels = list(part["label"].values)
-    with plt.rc_context(STYLE):
-        drawing, axes = plt.subplots(2, 2, figsize=(7.6, 5.4), layout="constrained")
-        _setup_panel(axes[0, 0], part, study.varied)
-        axes[0, 0].set_title(f"(a) setups: {study.varied_label} varied")
-
-        x = part["x"].values * 1000
-        reference = part["reference_deflection"].values * 1000
-        axes[0, 1].plot(x, reference, color=REFERENCE, linewidth=3, label="reference")
-        for index in chosen:
-            measured = part["measured_deflection"].values[index, 0] * 1000
-            name = "best" if index == chosen[0] else "worst"
-            axes[0, 1].plot(x, measured, ".-", color=color(index), linewidth=1,
-                            label=f"{labels[index]} ({name})")  # fmt: skip
-            error = part["point_error"].values[index]
-            axes[1, 0].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
-        axes[0, 1].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
-        axes[1, 0].set(title="(c) error of each marker", xlabel="x in mm",
-                       ylabel="% of the largest deflection", ylim=(0, None))  # fmt: skip
-        axes[0, 1].legend()
-        axes[1, 0].legend()
-        _bar_panel(axes[1, 1], part, stated(case, mode, part["value"].values))
-    plt.close(drawing)
+    drawing, axes = plt.subplots(2, 2, figsize=(7.6, 5.4), layout="constrained")
+    setup_panel(axes[0, 0], cube, part)
+    x = part["x"].values * 1000
+    reference = part["reference_deflection"].values * 1000
+    axes[0, 1].plot(x, reference, color=REFERENCE, linewidth=3, label="reference")
+    for index in chosen:
+        measured = part["measured_deflection"].values[index, 0] * 1000
+        name = "best" if index == chosen[0] else "worst"
+        axes[0, 1].plot(x, measured, ".-", color=color(index), linewidth=1,
+                        label=f"{labels[index]} ({name})")  # fmt: skip
+        error = part["point_error"].values[index]
+        axes[1, 0].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
+    axes[0, 1].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
+    axes[1, 0].set(title="(c) error of each marker", xlabel="x in mm",
+                   ylabel="% of the largest deflection", ylim=(0, None))  # fmt: skip
+    axes[0, 1].legend()
+    axes[1, 0].legend()
+    bar_panel(axes[1, 1], part, [error_bars(cube, case, mode)])
+    axes[1, 1].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
     return drawing
 
 
@@ -138,39 +146,87 @@ def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
     return text.getvalue()
 
 
-def _bar_panel(axes: Axes, part: xr.Dataset, claims: list[Claim | None]) -> None:
-    low, median, high = band(part)
-    literal = part["mean_error"].values[:, 0]
-    position = np.arange(len(literal))
-    colors = [color(index) for index in range(len(position))]
-    axes.bar(position, literal, 0.62, color=colors, alpha=0.75, label="literal run")
-    axes.vlines(position, low, high, color="#222222", linewidth=1.2, label="5–95 % of trials")
-    axes.plot(position, median, "o", color="#222222", markersize=4, label="median")
-    axes.plot(position, part["predicted_error"].values, "_", color="#222222", markersize=18,
-              label="law of rounding")  # fmt: skip
-    given = [(i, claim) for i, claim in enumerate(claims) if claim]
-    for number, (i, claim) in enumerate(given):
-        axes.plot([i + 0.38] * 2, [claim.low, claim.high], color=HIGHLIGHT, linewidth=1.2)
-        middle, name = (claim.low + claim.high) / 2, None if number else "thesis"
-        axes.plot(i + 0.38, middle, "D", markerfacecolor="white", color=HIGHLIGHT, markersize=5,
-                  label=name)  # fmt: skip
-    names = [text.replace(" cameras", "") for text in part["label"].values]
+@dataclass(frozen=True)
+class Bars:
+    """One error of every setting: literal run, band of the trials, prediction, stated figures.
+
+    Parameters
+    ----------
+    literal, predicted : ndarray, shape (settings,)
+        In %.
+    band : ndarray, shape (3, settings)
+        Quantiles 5, 50 and 95 % in %.
+    claims : list
+        What the thesis states of each setting, or None.
+    name : str
+        What the bars are, if there is more than one to a setting.
+    """
+
+    literal: Array
+    predicted: Array
+    band: Array
+    claims: list[Claim | None]
+    name: str = ""
+
+
+def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error") -> Bars:
+    """The bars of one error of a case and mode, by the error's name in the tables."""
+    part = select(cube, case, mode)
+    values = cubes.errors(part)[quantity].transpose("setting", "trial").values
+    predicted = part["predicted_error"]
+    plane = cubes.ERRORS[quantity][1]
+    predicted = predicted if plane is None else predicted.sel(plane=plane)
+    drawn = values[:, 1:] if values.shape[1] > 1 else values
+    quantiles: Array = np.quantile(drawn, [0.05, 0.5, 0.95], axis=1)
+    claims = stated(cube, case, mode, quantity)
+    return Bars(values[:, 0], predicted.values, quantiles, claims, plane or "")
+
+
+def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
+    """Bars of each setting, one or more side by side."""
+    n_settings, width = part.sizes["setting"], 0.7 / len(groups)
+    colors = [color(index) for index in range(n_settings)]
+    top = 0.1
+    for g, bars in enumerate(groups):
+        position = np.arange(n_settings) + (g - (len(groups) - 1) / 2) * width
+        first = g == 0
+        hidden = "" if first else "_"  # in the legend once
+        if np.isnan(bars.literal).all():
+            axes.plot([], [], " ", label=f"{bars.name}: nodal plane")
+            continue
+        low, median, high = bars.band
+        axes.bar(position, bars.literal, 0.9 * width, color=colors, alpha=0.75 if first else 0.4,
+                 label=bars.name or "literal run")  # fmt: skip
+        axes.vlines(position, low, high, color="#222222", linewidth=1.2,
+                    label=hidden + "5–95 % of trials")  # fmt: skip
+        axes.plot(position, median, "o", color="#222222", markersize=4,
+                  label=hidden + "median")  # fmt: skip
+        axes.plot(position, bars.predicted, "_", color="#222222", markersize=18 / len(groups),
+                  label=hidden + "law of rounding")  # fmt: skip
+        given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
+        for number, (i, claim) in enumerate(given):
+            at, name = position[i] + 0.54 * width, "thesis" if first and not number else None
+            axes.plot([at, at], [claim.low, claim.high], color=HIGHLIGHT, linewidth=1.2)
+            axes.plot(at, (claim.low + claim.high) / 2, "D", markerfacecolor="white",
+                      color=HIGHLIGHT, markersize=4, label=name)  # fmt: skip
+        top = max(top, high.max(), bars.literal.max(), *(claim.high for _, claim in given))
+    labels = [text.replace(" cameras", "") for text in part["label"].values]
     partial = part["in_view"].values < 1
-    names = [f"{name}*" if cut else name for name, cut in zip(names, partial, strict=True)]
-    turn = 30 if len(position) > 4 and len(names[0]) > 4 else 0
-    axes.set_xticks(position, names, fontsize=8, rotation=turn)
-    unit = "number of cameras" if part["label"].values[0].endswith("cameras") else None
-    axes.set_xlabel(
-        "; ".join(filter(None, [unit, "* markers leave the sensor" if partial.any() else None]))
-    )
-    axes.set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
-    axes.set_ylim(0, 1.3 * max(high.max(), literal.max(), *(c.high for _, c in given), 0.1))
+    names = [f"{label}*" if cut else label for label, cut in zip(labels, partial, strict=True)]
+    turn = 30 if n_settings > 4 and len(names[0]) > 4 else 0
+    axes.set_xticks(np.arange(n_settings), names, fontsize=8, rotation=turn)
+    unit = "number of cameras" if part["label"].values[0].endswith("cameras") else ""
+    cut = "* markers leave the sensor" if partial.any() else ""
+    axes.set_xlabel("; ".join(filter(None, [unit, cut])))
+    axes.set_ylim(0, 1.35 * top)
     axes.grid(visible=False, axis="x")
     axes.legend(ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
 
 
-def _setup_panel(axes: Axes, part: xr.Dataset, varied: str) -> None:
+def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     """Cameras on their hemispheres, seen from a corner, with the varied parameter marked."""
+    study = STUDIES[cube.attrs["figure_set"]]
+    axes.set_title(f"(a) setups: {study.varied_label} varied")
     cameras = [_positions(part.isel(setting=index)) for index in range(part.sizes["setting"])]
     radius = max(np.linalg.norm(c, axis=1).max() for c in cameras)
     turn = np.linspace(0, 2 * np.pi, 181)
@@ -180,9 +236,8 @@ def _setup_panel(axes: Axes, part: xr.Dataset, varied: str) -> None:
     across = overhead[:, [1, 0, 2]]
     for curve in (circle, overhead, across):
         _draw(axes, radius * curve, color="#d0d0d0", linewidth=0.7)
-    x = part["x"].values
-    half = (x.max() + x.min()) / 2
-    width = 2 * part["y"].values.mean()
+    length, width = study().structure.extent
+    half = length / 2
     corners = np.array([[-half, -width / 2, 0], [half, -width / 2, 0],
                         [half, width / 2, 0], [-half, width / 2, 0]])  # fmt: skip
     axes.fill(*_view(corners).T, color="#9a9a9a", zorder=3)
@@ -195,7 +250,7 @@ def _setup_panel(axes: Axes, part: xr.Dataset, varied: str) -> None:
             seen.add(key)
             _draw(axes, np.array([place, 0 * place]), color=color(index), linewidth=0.6, alpha=0.6)
             axes.plot(*_view(place), "o", color=color(index), markersize=5, zorder=4)
-    _mark_varied(axes, cameras, varied, part)
+    _mark_varied(axes, cameras, study.varied, part)
     for end, name in (([1.12 * half, 0, 0], "X"), ([0, 0.45 * radius, 0], "Y"),
                       ([0, 0, 0.45 * radius], "Z")):  # fmt: skip
         arrow = _view([[0, 0, 0], end])
@@ -252,89 +307,3 @@ def _draw(axes: Axes, points: Array, **style: Any) -> None:
 def _write(axes: Axes, place: Array, text: str, **style: Any) -> None:
     u, v = _view(place)
     axes.text(u, v, text, ha="center", va="center", **style)
-
-
-def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
-    """What the interactive viewer draws: the cube's literal run and its statistics, as JSON."""
-    study = STUDIES[cube.attrs["figure_set"]]
-    length, width = setups.beam().extent
-    cases = list(dict.fromkeys(cube["case"].values.tolist()))
-    modes = cube["mode"].values.tolist()
-    unit = {"distance_mm": "mm", "aperture_deg": "°", "width_px": "px"}.get(study.varied, "")
-    structure, _, figure_set = study.name.partition("-")
-    return {
-        "structure": {
-            "kind": "beam", "length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)
-        },
-        "parameter": {"name": study.varied, "label": study.varied_label, "unit": unit},
-        "x_mm": np.round(cube["x"].values * 1000, 3).tolist(),
-        "modes": [
-            {
-                "mode": mode,
-                "frequency_hz": round(float(cube["frequency"].sel(mode=mode)), 3),
-                "reference_mm": _rounded(cube["reference_deflection"].sel(mode=mode) * 1000),
-            }
-            for mode in modes
-        ],
-        "colors": list(COLORS),
-        "cases": [
-            {
-                "name": case,
-                "title": setups.case_title(structure, figure_set, case) or "own layout",
-                "figures": {
-                    str(mode): setups.figure_number(structure, figure_set, case, mode)
-                    for mode in modes
-                },
-                "settings": _viewer_settings(cube, case, modes),
-            }
-            for case in cases
-        ],
-    }  # fmt: skip
-
-
-def _viewer_settings(cube: xr.Dataset, case: str, modes: list[int]) -> list[dict[str, Any]]:
-    parts = {mode: select(cube, case, mode) for mode in modes}
-    bands = {mode: band(part) for mode, part in parts.items()}
-    first = parts[modes[0]]
-    claims = {mode: stated(case, mode, first["value"].values) for mode in modes}
-    settings = []
-    for index in range(first.sizes["setting"]):
-        one = first.isel(setting=index)
-        count = int(one["n_cameras"])
-        table = np.stack([one[f"camera_{a}"] for a in ("distance", "azimuth", "elevation")], 1)
-        results = []
-        for mode in modes:
-            result = parts[mode].isel(setting=index)
-            claim = claims[mode][index]
-            low, median, high = bands[mode][:, index]
-            results.append(
-                {
-                    "measured_mm": _rounded(result["measured_deflection"].isel(trial=0) * 1000),
-                    "point_error": _rounded(result["point_error"]),
-                    "mean": _rounded(result["mean_error"].isel(trial=0)),
-                    "median": _rounded(median),
-                    "low": _rounded(low),
-                    "high": _rounded(high),
-                    "predicted": _rounded(result["predicted_error"]),
-                    "stated": [claim.low, claim.high] if claim else None,
-                }
-            )
-        settings.append(
-            {
-                "label": str(one["label"].values),
-                "value": float(one["value"]),
-                "cameras": np.round(table[:count] * [1000, 1, 1], 6).tolist(),
-                "resolution": [int(one["width_px"]), int(one["height_px"])],
-                "in_view": float(one["in_view"]),
-                "modes": results,
-            }
-        )
-    return settings
-
-
-def _rounded(values: Any) -> Any:
-    """Numbers with four decimals for JSON; what is not finite becomes null."""
-    array = np.round(np.asarray(values, float), 4)
-    if array.ndim == 0:
-        return float(array) if np.isfinite(array) else None
-    return [float(v) if np.isfinite(v) else None for v in array]

@@ -6,11 +6,13 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
 import xarray as xr
 from IPython.display import SVG, Markdown, display
 
-from thesis_lib import claims, cubes, figures, studies
-from thesis_lib.parameters import STUDIES, ParameterError, nearest, validate
+from thesis_lib import claims, cubes, figures, sound, studies
+from thesis_lib.parameters import STUDIES, CameraStudy, ParameterError, nearest, validate
+from thesis_lib.viewer_data import viewer_data
 from thesis_lib.widgets import Viewer
 
 
@@ -43,43 +45,60 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
             if meant:
                 raise ParameterError(f"{name}: no parameter {variable} (did you mean {meant}?)")
     request = validate(name, {field: namespace[field] for field in fields if field in namespace})
-    start = time.perf_counter()
-    result = studies.run(request)
-    result = cubes.with_provenance(result, request, time.perf_counter() - start)
+    if request.subject == "plate":  # what the sound notebooks need, too
+        result = cubes.cached(request, studies.run)
+    else:
+        start = time.perf_counter()
+        result = sound_of(request) if request.subject == "sound" else studies.run(request)
+        result = cubes.with_provenance(result, request, time.perf_counter() - start)
     if request.cube:
         cubes.write(result, cubes.project_root() / request.cube)  # an absolute path stands
     return result
 
 
+def sound_of(request: CameraStudy) -> xr.Dataset:
+    """The cube of a sound study, from the plate's deflections with the same parameters."""
+    plate = validate(request.name.replace("sound", "plate"), request.plate_request)  # type: ignore[attr-defined]
+    return sound.run(request, cubes.cached(plate, studies.run))
+
+
 def error_table(cube: xr.Dataset) -> Markdown:
-    """Mean error by setting and mode: trial 0, median, 5–95 % band, law of rounding."""
-    table = cubes.summary(cube)
-    table = table[table["error"] == "mean_error"]
-    predicted = cube["predicted_error"].values
-    modes = [int(mode) for mode in cube["mode"].values]
-    rows = []
-    for s in range(cube.sizes["setting"]):
-        cells = []
-        for m, mode in enumerate(modes):
-            row = table.iloc[s * len(modes) + m]
-            band = cubes.band_text(row["median"], row["low"], row["high"])
-            cells.append(f"{row['trial_0']:.1f} · {band} · {predicted[s, m]:.1f}")
-            assert row["mode"] == mode
-        in_view = float(cube["in_view"].values[s])
-        rows.append(
-            [str(cube["case"].values[s]), str(cube["label"].values[s]), *cells, f"{in_view:.0%}"]
-        )
-    header = ["case", "setting", *(f"mode {mode}" for mode in modes), "in view"]
+    """Errors by setting and mode: trial 0, median, 5–95 % band, law of rounding."""
+    table = cubes.summary(cube).set_index(["error", "mode"])
+    predicted = cube["predicted_error"]
+    columns = {}
+    for mode in cube["mode"].values.tolist():
+        for error, (_, plane) in cubes.ERRORS.items():
+            if (error, mode) not in table.index or error == "max_point_error":
+                continue
+            law = (
+                predicted.sel(mode=mode) if plane is None else predicted.sel(mode=mode, plane=plane)
+            )
+            rows = table.loc[[(error, mode)]].to_dict("records")
+            columns[f"mode {mode}" + (f", {plane}" if plane else "")] = [
+                "nodal" if np.isnan(row["trial_0"]) else
+                f"{row['trial_0']:.1f} · {cubes.band_text(row['median'], row['low'], row['high'])}"
+                f" · {value:.1f}"
+                for row, value in zip(rows, law.values, strict=True)
+            ]  # fmt: skip
+    cases, labels = cube["case"].values.tolist(), cube["label"].values.tolist()
+    shares = [f"{share:.0%}" for share in cube["in_view"].values]
+    rows_ = [list(row) for row in zip(cases, labels, *columns.values(), shares, strict=True)]
+    reference = "pressure of the plane" if "plane_error" in cube else "deflection"
     notes = [
         "Each cell: literal run · median (5–95 %) of the trials · law of rounding, in % of the "
-        "largest reference deflection."
+        f"largest reference {reference}."
     ]
-    cut = [f"{row[0]}, {row[1]} ({row[-1]})" for row in rows if row[-1] != "100%"]
+    cut = [
+        f"{row[0]}, {row[1]} ({row[-1]})"
+        for row, share in zip(rows_, cube["in_view"].values, strict=True)
+        if share < 1
+    ]
     if cut:
         notes.append(
             "Markers leave the sensor, and are computed all the same, in: " + "; ".join(cut) + "."
         )
-    return _markdown_table(header, rows, "\n\n".join(notes))
+    return _markdown_table(["case", "setting", *columns, "in view"], rows_, "\n\n".join(notes))
 
 
 def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
@@ -89,9 +108,8 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
     checks = claims.check(cube, claims.claims_of(cube.attrs["figure_set"]))
     if not checks:
         return Markdown("The thesis states no figure for these settings.")
-    names = {"mean_error": "mean", "max_point_error": "peak"}
     counts = []
-    for quantity, word in names.items():
+    for quantity, word in cubes.SHORT.items():
         of_kind = [check for check in checks if check.claim.quantity == quantity]
         if of_kind:
             met = sum(check.inside for check in of_kind)
@@ -100,8 +118,8 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
     rows = [
         [
             check.claim.figure, check.claim.case, str(check.claim.mode),
-            "all" if check.claim.value is None else f"{check.claim.value:g}",
-            names[check.claim.quantity] + (" but one" if check.claim.excepted else ""),
+            ", ".join(f"{value:g}" for value in check.claim.values) or "all",
+            cubes.SHORT[check.claim.quantity] + (" but one" if check.claim.excepted else ""),
             check.claim.stated, f"{check.literal:.1f}",
             f"{check.low:.1f}–{check.high:.1f}", "yes" if check.inside else "no",
         ]
@@ -116,7 +134,7 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
 
 def viewer(cube: xr.Dataset) -> Viewer:
     """The interactive viewer, in a live notebook and in the static page alike."""
-    data = figures.viewer_data(cube)
+    data = viewer_data(cube)
     return Viewer(data=data, case=data["cases"][0]["name"], mode=data["modes"][0]["mode"])
 
 

@@ -7,187 +7,80 @@ field's ``allowed`` text is what the user reads, in the table and in the error m
 from __future__ import annotations
 
 import difflib
-import hashlib
 import json
-import math
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Literal
+from copy import copy
+from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import PydanticCustomError, from_json
+from pydantic import BaseModel, Field, ValidationError, create_model, model_validator
+from pydantic_core import from_json
 
 from thesis_lib import setups
-from thesis_lib.cameras import hemisphere_directions
+from thesis_lib.camera_study import (
+    Azimuth,
+    CameraStudy,
+    Elevation,
+    Layout,
+    Name,
+    Order,
+    ParameterError,
+    Positive,
+    Resolution,
+    Width,
+    allowed_text,
+    field,
+    one_line,
+    permitted,
+    refuse,
+    shown,
+    unit,
+)
+from thesis_lib.planes import Plane, pistons
+from thesis_lib.radiation import Medium, check_pistons
 from thesis_lib.setups import Setting
-from thesis_lib.structures import Beam, peak_deflection
+from thesis_lib.structures import Plate, Structure, resonance
 
-Positive = Annotated[float, Field(gt=0, le=1e5)]
-Azimuth = Annotated[float, Field(ge=-360, le=360)]
-Elevation = Annotated[float, Field(gt=0, le=90)]
-Width = Annotated[int, Field(ge=2, le=20_000)]
-Resolution = tuple[Width, Width]
-Mode = Annotated[int, Field(ge=1, le=30)]
-Order = Literal["printed", "reversed"]
-Layout = list[Annotated[list[tuple[Azimuth, Elevation]], Field(min_length=2, max_length=100)]]
-Name = Annotated[str, Field(pattern=r"^\S(.{0,38}\S)?$")]
+__all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "describe", "nearest", "unit",
+           "validate"]  # fmt: skip
 
-LENGTHS = "a list of different numbers above 0, at most 100000"
+Markers = Annotated[int, Field(ge=2, le=60)]
+PlanePoints = Annotated[int, Field(ge=2, le=500)]
+POSITIVE = "a number above 0, at most 100000"
 ELEVATION = "a number above 0, at most 90"
+DISTANCE = field(
+    ...,
+    "distance of all cameras from the structure's centre",
+    "a number above the structure's reach, at most 100000",
+)
+RESOLUTION = field(
+    ...,
+    "width and height of the sensors",
+    "[width, height], whole numbers from 2 to 20000",
+)
+AZIMUTH = field(..., "the pair stands at plus and minus this azimuth", "a number from -360 to 360")
 
 
-class ParameterError(ValueError):
-    """A request that cannot be run; the message is one line for the person who made it."""
+# The four studies. Where a field has no default here, it is what the table of the structure says.
 
 
-def _field(default: Any, what: str, allowed: str, **bounds: Any) -> Any:
-    factory = {"default_factory": default} if callable(default) else {"default": default}
-    return Field(description=what, json_schema_extra={"allowed": allowed}, **factory, **bounds)
+class Distance(CameraStudy):
+    """Case 1: two cameras at growing distance (sections 3.3.1, 4.2.1, 6.2.1)."""
 
-
-def _printed(study: str, key: str) -> Any:
-    """Default of a field: what the thesis's table says."""
-    return lambda: setups.table("beam", study)[key]
-
-
-def _resolution(study: str) -> Any:
-    return _field(
-        lambda: tuple(setups.table("beam", study)["resolution_px"]),
-        "width and height of the sensors",
-        "[width, height], whole numbers from 2 to 20000",
-    )
-
-
-def _distance(study: str) -> Any:
-    return _field(
-        _printed(study, "distance_mm"),
-        "distance of all cameras from the structure's centre",
-        "a number above the structure's reach, at most 100000",
-    )
-
-
-class CameraStudy(BaseModel):
-    """Parameters that all camera studies share."""
-
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True
-    )
-
-    name: ClassVar[str]
-    title: ClassVar[str]
-    varied: ClassVar[str]  # name of the varied parameter
-    varied_label: ClassVar[str]
-
-    focal_length_mm: Positive = _field(
-        24.0, "focal length of the lenses", "a number above 0, at most 100000"
-    )
-    sensor_width_mm: Positive = _field(
-        36.0, "width of the sensors", "a number above 0, at most 100000"
-    )
-    amplitude_mm: Positive | list[Positive] | Literal["force"] = _field(
-        5.5,
-        "peak of the deflection over the structure",
-        'a number above 0, a list with one for each mode, or "force" (the response to 1 N)',
-    )
-    rest: Literal["rebuilt", "known"] = _field(
-        "rebuilt",
-        "whether the rest position is rebuilt from rounded pixels or known",
-        '"rebuilt" or "known"',
-    )
-    modes: list[Mode] = _field(
-        lambda: [1, 2, 3],
-        "modes to measure",
-        "a list of different whole numbers from 1 to 30",
-        min_length=1,
-    )
-    trials: int = _field(
-        200,
-        "random shifts of the pixel grids beside the literal run",
-        "a whole number from 0 to 10000",
-        ge=0,
-        le=10_000,
-    )
-    seed: int = _field(
-        0, "seed of the random shifts", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63
-    )
-    cube: str = _field(
-        "",
-        "file to write the cube to, from the project's folder; empty writes nothing",
-        "a path that ends in .nc, or empty",
-    )
-
-    def settings(self) -> list[Setting]:
-        """The study's settings in the order of the thesis's tables."""
-        raise NotImplementedError
-
-    @property
-    def structure(self) -> Beam:
-        """What is measured."""
-        return setups.beam()
-
-    @property
-    def peaks_m(self) -> list[float]:
-        """Peak deflection of each mode in m."""
-        if self.amplitude_mm == "force":
-            return [peak_deflection(self.structure, mode) for mode in self.modes]
-        if isinstance(self.amplitude_mm, list):
-            return [peak / 1000 for peak in self.amplitude_mm]
-        return [float(self.amplitude_mm) / 1000] * len(self.modes)
-
-    @property
-    def request(self) -> dict[str, Any]:
-        """All that determines the result, as JSON values; where it is written does not."""
-        return self.model_dump(mode="json", exclude={"cube"})
-
-    @property
-    def digest(self) -> str:
-        """Ten hexadecimal digits that stand for the request."""
-        text = json.dumps([self.name, self.request])  # the order of layouts is part of it
-        return hashlib.sha256(text.encode()).hexdigest()[:10]
-
-    @model_validator(mode="after")
-    def _check_together(self) -> CameraStudy:
-        for field in type(self).model_fields:
-            value = getattr(self, field)
-            repeats = isinstance(value, list) and len(set(value)) < len(value)
-            if repeats and field != "amplitude_mm":
-                self._refuse(field)
-        if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
-            self._refuse("amplitude_mm")
-        if self.cube and not self.cube.endswith(".nc"):
-            self._refuse("cube")
-        settings = self.settings()
-        _check_reach(self, settings)
-        for setting in settings:
-            _check_coincidence(self, setting)
-        return self
-
-    def _refuse(self, field: str) -> None:
-        _refuse(field, getattr(self, field), _permitted(type(self), field))
-
-
-class BeamDistance(CameraStudy):
-    """Case 1: two cameras at growing distance (thesis 3.3.1)."""
-
-    name = "beam-distance"
-    title = "Beam: distance of the cameras"
+    study = "distance"
+    title = "distance of the cameras"
     varied = "distance_mm"
     varied_label = "distance d"
 
-    distances_mm: list[Positive] = _field(
-        _printed("distance", "distances_mm"),
+    distances_mm: list[Positive] = field(
+        ...,
         "distances of the pair from the structure's centre",
         "a list of different numbers above the structure's reach, at most 100000",
         min_length=1,
     )
-    azimuth_deg: Azimuth = _field(
-        _printed("distance", "azimuth_deg"), "the pair stands at plus and minus this azimuth",
-        "a number from -360 to 360",
-    )  # fmt: skip
-    elevation_deg: Elevation = _field(
-        _printed("distance", "elevation_deg"), "elevation of the cameras", ELEVATION
-    )
-    resolution_px: Resolution = _resolution("distance")
+    azimuth_deg: Azimuth = AZIMUTH
+    elevation_deg: Elevation = field(..., "elevation of the cameras", ELEVATION)
+    resolution_px: Resolution = RESOLUTION
 
     def settings(self) -> list[Setting]:
         """One setting per distance."""
@@ -196,37 +89,35 @@ class BeamDistance(CameraStudy):
         )
 
 
-class BeamAperture(CameraStudy):
-    """Cases 2a–2d: two cameras at growing aperture (thesis 3.3.2)."""
+class Aperture(CameraStudy):
+    """Cases 2a–2d: two cameras at growing aperture (sections 3.3.2, 4.2.2, 6.2.2)."""
 
-    name = "beam-aperture"
-    title = "Beam: aperture between the cameras"
+    study = "aperture"
+    title = "aperture between the cameras"
     varied = "aperture_deg"
     varied_label = "aperture α"
 
-    cases: list[Literal["2a", "2b", "2c", "2d"]] = _field(
+    cases: list[Literal["2a", "2b", "2c", "2d"]] = field(
         lambda: ["2a", "2b", "2c", "2d"],
         "cases to run",
         "a list of different ones of 2a, 2b, 2c, 2d",
         min_length=1,
     )
-    half_apertures_deg: list[Annotated[float, Field(gt=0, lt=180)]] = _field(
-        _printed("aperture", "half_apertures_deg"),
+    half_apertures_deg: list[Annotated[float, Field(gt=0, lt=180)]] = field(
+        ...,
         "half of the azimuths between the cameras, cases 2a and 2c",
         "a list of different numbers above 0 and below 180",
         min_length=1,
     )
-    elevations_deg: list[Elevation] = _field(
-        _printed("aperture", "elevations_deg"),
+    elevations_deg: list[Elevation] = field(
+        ...,
         "elevations of the cameras, cases 2b and 2d",
         "a list of different numbers above 0 and below 90",
         min_length=1,
     )
-    elevation_deg: Elevation = _field(
-        _printed("aperture", "elevation_deg"), "elevation in cases 2a and 2c", ELEVATION
-    )
-    distance_mm: Positive = _distance("aperture")
-    resolution_px: Resolution = _resolution("aperture")
+    elevation_deg: Elevation = field(..., "elevation in cases 2a and 2c", ELEVATION)
+    distance_mm: Positive = DISTANCE
+    resolution_px: Resolution = RESOLUTION
 
     def settings(self) -> list[Setting]:
         """Cases in the order asked for, apertures in the order of the table."""
@@ -240,28 +131,23 @@ class BeamAperture(CameraStudy):
         )
 
 
-class BeamResolution(CameraStudy):
-    """Case 3: two cameras of growing resolution (thesis 3.3.3)."""
+class Resolutions(CameraStudy):
+    """Case 3: two cameras of growing resolution (sections 3.3.3, 4.2.3, 6.2.3)."""
 
-    name = "beam-resolution"
-    title = "Beam: resolution of the cameras"
+    study = "resolution"
+    title = "resolution of the cameras"
     varied = "width_px"
     varied_label = "resolution"
 
-    widths_px: list[Width] = _field(
-        _printed("resolution", "widths_px"),
+    widths_px: list[Width] = field(
+        ...,
         "widths of the sensors; heights are 9/16 of them",
         "a list of different whole numbers from 2 to 20000",
         min_length=1,
     )
-    distance_mm: Positive = _distance("resolution")
-    azimuth_deg: Azimuth = _field(
-        _printed("resolution", "azimuth_deg"), "the pair stands at plus and minus this azimuth",
-        "a number from -360 to 360",
-    )  # fmt: skip
-    elevation_deg: Elevation = _field(
-        _printed("resolution", "elevation_deg"), "elevation of the cameras", ELEVATION
-    )
+    distance_mm: Positive = DISTANCE
+    azimuth_deg: Azimuth = AZIMUTH
+    elevation_deg: Elevation = field(..., "elevation of the cameras", ELEVATION)
 
     def settings(self) -> list[Setting]:
         """One setting per width."""
@@ -270,39 +156,39 @@ class BeamResolution(CameraStudy):
         )
 
 
-class BeamArrays(CameraStudy):
-    """Cases 4a–4e: growing numbers of cameras (thesis 3.3.4), and the reader's own layouts."""
+class Arrays(CameraStudy):
+    """Cases 4a–4e: growing numbers of cameras (sections 3.3.4, 4.2.4, 6.2.4), and own layouts."""
 
-    name = "beam-arrays"
-    title = "Beam: number and layout of the cameras"
+    study = "arrays"
+    title = "number and layout of the cameras"
     varied = "n_cameras"
     varied_label = "cameras"
 
-    cases: list[Literal["4a", "4a'", "4b", "4c", "4d", "4e"]] = _field(
+    cases: list[Literal["4a", "4a'", "4b", "4c", "4d", "4e"]] = field(
         lambda: ["4a", "4a'", "4b", "4c", "4d", "4e"],
         "cases to run",
         "a list of different ones of 4a, 4a', 4b, 4c, 4d, 4e; empty only with layouts",
     )
-    pair_order: dict[Literal["4a", "4a'", "4b", "4c", "4d", "4e"], Order] = _field(
+    pair_order: dict[Literal["4a", "4a'", "4b", "4c", "4d", "4e"], Order] = field(
         lambda: {},
         'order of adding pairs by case, over the default {"4d": "reversed"}',
         'an object such as {"4b": "reversed"}: cases of Table 3.4 to "printed" or "reversed"',
     )
-    layouts: dict[Name, Annotated[Layout, Field(min_length=1, max_length=50)]] = _field(
+    layouts: dict[Name, Annotated[Layout, Field(min_length=1, max_length=50)]] = field(
         lambda: {},
         "your own layouts: name to a list of growing sets of [azimuth, elevation] in degrees",
         'an object such as {"mine": [[[0, 20], [90, 20]]]}: new names of 1 to 40 characters, each '
         "with sets of 2 to 100 different cameras, azimuth -360 to 360, elevation above 0 to 90",
     )
-    distance_mm: Positive = _distance("arrays")
-    resolution_px: Resolution = _resolution("arrays")
+    distance_mm: Positive = DISTANCE
+    resolution_px: Resolution = RESOLUTION
 
     @model_validator(mode="after")
-    def _check_cases(self) -> BeamArrays:
+    def _check_cases(self) -> Arrays:
         if not self.cases and not self.layouts:
-            self._refuse("cases")
+            self.refuse("cases")
         if set(self.layouts) & set(setups.pairs()):
-            self._refuse("layouts")
+            self.refuse("layouts")
         return self
 
     def settings(self) -> list[Setting]:
@@ -316,10 +202,115 @@ class BeamArrays(CameraStudy):
         )
 
 
+# What the plate and its sound add.
+
+
+class PlateMarkers(BaseModel):
+    """Parameters of a plate."""
+
+    grid: tuple[Markers, Markers] = field(
+        ..., "markers along and across the plate", "[along, across], whole numbers from 2 to 60"
+    )
+
+    @property
+    def structure(self) -> Structure:
+        """What is measured."""
+        return setups.plate(self.grid)
+
+
+class SoundPlanes(PlateMarkers):
+    """Parameters of the sound field."""
+
+    speed_of_sound_m_s: Positive = field(343.0, "speed of sound in the fluid", POSITIVE)
+    air_density_kg_m3: Positive = field(1.21, "density of the fluid", POSITIVE)
+    plane_half_width_mm: Positive = field(334.0, "the planes reach |X|, |Y| up to this", POSITIVE)
+    plane_bottom_mm: Positive = field(44.5, "lowest height of the planes", POSITIVE)
+    plane_top_mm: Positive = field(
+        443.0, "greatest height of the planes", "a number above plane_bottom_mm, at most 100000"
+    )
+    plane_shape: tuple[PlanePoints, PlanePoints] = field(
+        (149, 99),
+        "points along X or Y, and along Z",
+        "[width, height], whole numbers from 2 to 500",
+    )
+
+    @property
+    def medium(self) -> Medium:
+        """The fluid."""
+        return Medium(self.speed_of_sound_m_s, self.air_density_kg_m3)
+
+    @property
+    def planes(self) -> tuple[Plane, Plane]:
+        """The planes XZ and YZ."""
+        half, bottom, top = (
+            length / 1000
+            for length in (self.plane_half_width_mm, self.plane_bottom_mm, self.plane_top_mm)
+        )
+        return (
+            Plane("XZ", half, bottom, top, self.plane_shape),
+            Plane("YZ", half, bottom, top, self.plane_shape),
+        )
+
+    @property
+    def plate_request(self) -> dict[str, Any]:
+        """Parameters of the plate's study whose deflections radiate."""
+        model = STUDIES[self.name.replace("sound", "plate")]  # type: ignore[attr-defined]
+        return {key: value for key, value in self.model_dump().items() if key in model.model_fields}
+
+    @model_validator(mode="after")
+    def _check_sound(self) -> SoundPlanes:
+        if self.plane_top_mm <= self.plane_bottom_mm:
+            refuse("plane_top_mm", self.plane_top_mm, permitted(type(self), "plane_top_mm"))
+        plate, highest = self.structure, max(self.modes)  # type: ignore[attr-defined]
+        assert isinstance(plate, Plate)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # the page warns
+                check_pistons(pistons(plate), resonance(plate, highest), self.medium)
+        except ValueError as error:
+            refuse("modes", highest, str(error).replace("use more and smaller pistons",
+                   "or a finer grid"))  # fmt: skip
+        return self
+
+
+def _figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
+    """A study of one structure: its fields default to what the structure's tables say."""
+    structure = "beam" if subject == "beam" else "plate"
+    printed = {**setups.table(subject, kind.study), **setups.reading(structure)}
+    bases = (*more, kind)
+    fields: dict[str, Any] = {}
+    for name, info in {
+        k: v for base in reversed(bases) for k, v in base.model_fields.items()
+    }.items():
+        if name in printed and info.is_required():
+            filled = copy(info)
+            value = printed[name]
+            filled.default = tuple(value) if name in ("resolution_px", "grid") else value
+            fields[name] = (info.annotation, filled)
+    model: type[CameraStudy] = create_model(
+        f"{subject.title()}{kind.__name__}",
+        __base__=bases,  # type: ignore[arg-type]
+        __doc__=kind.__doc__,
+        **fields,
+    )
+    model.subject, model.name = subject, f"{subject}-{kind.study}"
+    model.title = f"{subject.title()}: {kind.title}"
+    return model
+
+
+_KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
+_EXTRA: dict[str, tuple[type[BaseModel], ...]] = {
+    "beam": (), "plate": (PlateMarkers,), "sound": (SoundPlanes,),
+}  # fmt: skip
 STUDIES: dict[str, type[CameraStudy]] = {
-    study.name: study for study in (BeamDistance, BeamAperture, BeamResolution, BeamArrays)
+    study.name: study
+    for subject, extra in _EXTRA.items()
+    for study in (_figure_set(subject, kind, *extra) for kind in _KINDS)
 }
-CHAPTERS = {"ch3": ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]}
+CHAPTERS = {
+    chapter: [f"{subject}-{kind.study}" for kind in _KINDS]
+    for chapter, subject in (("ch3", "beam"), ("ch4", "plate"), ("ch6", "sound"))
+}
 
 
 def validate(name: str, values: Mapping[str, Any]) -> CameraStudy:
@@ -332,40 +323,29 @@ def validate(name: str, values: Mapping[str, Any]) -> CameraStudy:
     """
     if name not in STUDIES:
         raise ParameterError(
-            f"{_line(name)}: no such figure set{_hint(name, [*STUDIES, *CHAPTERS])}; "
+            f"{one_line(name)}: no such figure set{_hint(name, [*STUDIES, *CHAPTERS])}; "
             f"there are {', '.join(STUDIES)}"
         )
     model = STUDIES[name]
     parts = []
-    for field, value in values.items():
-        if field not in model.model_fields:
+    for key, value in values.items():
+        if key not in model.model_fields:
             names = list(model.model_fields)
-            hint = _hint(str(field), names)
+            hint = _hint(str(key), names)
             raise ParameterError(
-                f"{name}: no parameter {_line(str(field))}{hint}; there are {', '.join(names)}"
+                f"{name}: no parameter {one_line(str(key))}{hint}; there are {', '.join(names)}"
             )
         try:
             text = json.dumps(value).replace("4a\\u2032", "4a'")
             from_json(f"[{text}]")
         except (TypeError, ValueError, RecursionError):  # not JSON, or nested beyond measure
-            problem = f"{field}: given {_shown(value)}, {_permitted(model, field)}"
+            problem = f"{key}: given {shown(value)}, {permitted(model, key)}"
             raise ParameterError(f"{name}: {problem}") from None
-        parts.append(f'"{field}": {text}')
+        parts.append(f'"{key}": {text}')
     try:
         return model.model_validate_json(f"{{{', '.join(parts)}}}")
     except ValidationError as error:
         raise ParameterError(f"{name}: {_first_problem(model, values, error)}") from None
-
-
-def unit(field: str) -> str:
-    """Unit of a parameter from its suffix, or empty.
-
-    Examples
-    --------
-    >>> unit("distances_mm"), unit("azimuth_deg"), unit("widths_px"), unit("seed")
-    ('mm', '°', 'px', '')
-    """
-    return {"mm": "mm", "deg": "°", "px": "px"}.get(field.rsplit("_", 1)[-1], "")
 
 
 def describe(model: type[CameraStudy]) -> list[dict[str, str]]:
@@ -373,25 +353,16 @@ def describe(model: type[CameraStudy]) -> list[dict[str, str]]:
     defaults = model().model_dump(mode="json")
     return [
         {
-            "name": field,
-            "default": json.dumps(defaults[field], ensure_ascii=False),
-            "unit": unit(field),
-            "allowed": _allowed(model, field),
+            "name": name,
+            "default": json.dumps(defaults[name], ensure_ascii=False),
+            "unit": unit(name),
+            "allowed": allowed_text(model, name),
             "meaning": info.description or "",
         }
-        for field, info in sorted(
+        for name, info in sorted(
             model.model_fields.items(), key=lambda item: item[0] in CameraStudy.model_fields
         )
     ]
-
-
-def _allowed(model: type[CameraStudy], field: str) -> str:
-    extra = model.model_fields[field].json_schema_extra
-    return str(extra["allowed"]) if isinstance(extra, dict) else ""
-
-
-def _permitted(model: type[CameraStudy], field: str) -> str:
-    return f"allowed: {_allowed(model, field)}" + (f", in {unit(field)}" if unit(field) else "")
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
@@ -404,63 +375,17 @@ def _hint(name: str, names: Iterable[str]) -> str:
     return f" (did you mean {meant}?)" if meant else ""
 
 
-def _line(text: str) -> str:
-    """At most 60 characters of a text, on one line."""
-    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _shown(value: Any) -> str:
-    try:
-        return _line(json.dumps(value, ensure_ascii=False, default=repr))
-    except (TypeError, ValueError, RecursionError):
-        return f"a {type(value).__name__} that is not JSON"
-
-
 def _first_problem(
     model: type[CameraStudy], values: Mapping[str, Any], error: ValidationError
 ) -> str:
     problem = error.errors(include_url=False)[0]
     if problem["type"] == "refused":
         return problem["msg"]
-    field = str(problem["loc"][0])
-    place, inside = field, values[field]
+    key = str(problem["loc"][0])
+    place, inside = key, values[key]
     for part in problem["loc"][1:]:  # where in the value; the rest is pydantic's own words
         if isinstance(inside, Mapping) and part in inside:
-            place, inside = f"{place}[{_shown(part)}]", inside[part]
+            place, inside = f"{place}[{shown(part)}]", inside[part]
         elif isinstance(inside, Sequence) and isinstance(part, int) and part < len(inside):
             place, inside = f"{place}[{part}]", inside[part]
-    return f"{place}: given {_shown(problem['input'])}, {_permitted(model, field)}"
-
-
-def _refuse(field: str, given: Any, why: str) -> None:
-    message = f"{field}: given {_shown(given)}, {why}"
-    raise PydanticCustomError("refused", "{message}", {"message": message})
-
-
-def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
-    length, width = study.structure.extent
-    reach = 1000 * (math.hypot(length, width) / 2 + max(study.peaks_m))
-    field = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
-    for setting in settings:
-        if setting.distance_mm <= reach:
-            _refuse(field, setting.distance_mm, f"allowed: more than {reach:.4g} mm, the reach "
-                    "of the structure and its deflection")  # fmt: skip
-
-
-def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
-    angles = np.radians(setting.directions_deg)
-    directions = hemisphere_directions(angles[:, 0], angles[:, 1])
-    apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)
-    first, second = np.nonzero(np.triu(apart < 1e-6, k=1))
-    if len(first):
-        if setting.case in getattr(study, "layouts", {}):
-            field = "layouts"
-        elif setting.directions_deg[first[0]][1] < 90:
-            field = "azimuth_deg"
-        else:
-            field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
-        given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
-        where = f"case {_shown(setting.case)}, {setting.label}"
-        _refuse(field, given, f"two cameras at the same place in {where} "
-                "([azimuth, elevation] in °), allowed: different places")  # fmt: skip
+    return f"{place}: given {shown(problem['input'])}, {permitted(model, key)}"

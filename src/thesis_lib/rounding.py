@@ -36,7 +36,8 @@ def grid_shifts(seed: int, trials: int, n_cameras: int) -> Array:
 
 def difference_variance(displacement_px: ArrayLike) -> Array:
     """Variance f(1 − f) in px² of the rounding error of a displacement, f = frac |δ|."""
-    f = np.mod(np.abs(np.asarray(displacement_px, float)), 1.0)
+    delta = np.asarray(displacement_px, float)
+    f = np.abs(delta - np.rint(delta))  # or 1 − f, which gives the same
     return f * (1 - f)
 
 
@@ -69,3 +70,48 @@ def deflection_variance(
     g_r = gain(P, rest)[2]
     f = difference_variance(project(P, deflected) - project(P, rest))
     return np.asarray(np.sum((g_d - g_r) ** 2 / 12 + g_d * g_r * f, axis=(0, 1)))
+
+
+def error_covariance(distance_px: ArrayLike) -> Array:
+    """Covariance 1/12 − f(1 − f)/2 in px² of the rounding errors of two coordinates on one grid.
+
+    `distance_px` is how far they lie apart, f its fractional part: both errors are the same
+    sawtooth of the grid's shift, moved against each other.
+    """
+    return 1 / 12 - difference_variance(distance_px) / 2
+
+
+def deflection_covariance(
+    P: ArrayLike, rest: ArrayLike, deflected: ArrayLike, rest_is_known: bool = False
+) -> Array:
+    """First-order covariance of the measured deflections of all markers over random grid shifts.
+
+    All images in one coordinate of one camera share its shift, so their rounding errors go
+    together; this matters where markers are summed, as in sound. The diagonal is
+    :func:`deflection_variance`.
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    rest, deflected : array_like, shape (3, markers)
+        World points in m.
+    rest_is_known : bool
+        Whether the rest position is known rather than rebuilt from rounded pixels.
+
+    Returns
+    -------
+    ndarray, shape (markers, markers)
+        Covariance in m².
+    """
+    points = np.stack([np.asarray(deflected, float), np.asarray(rest, float)], axis=1)
+    signs = np.array([1.0, -1.0])
+    if rest_is_known:
+        points, signs = points[:, :1], signs[:1]
+    n_markers = points.shape[2]
+    images = project(P, points).reshape(-1, len(signs) * n_markers)
+    gains = (gain(P, points)[2] * signs[:, None]).reshape(images.shape)
+    total = np.zeros((images.shape[1],) * 2)
+    for a, g in zip(images, gains, strict=True):
+        total += error_covariance(a[:, None] - a) * (g[:, None] * g)
+    return total.reshape(len(signs), n_markers, len(signs), n_markers).sum(axis=(0, 2))

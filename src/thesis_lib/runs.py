@@ -19,17 +19,18 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from doit.cmd_base import ModuleTaskLoader
 from doit.dependency import SqliteDB
 from doit.doit_cmd import DoitMain
-from doit.exceptions import TaskFailed
+from doit.exceptions import TaskFailed, UnmetDependency
 from doit.tools import config_changed
 
 from thesis_lib import cubes
-from thesis_lib.cubes import project_root
+from thesis_lib.cubes import library_files, project_root
 from thesis_lib.parameters import CameraStudy
 
 
@@ -67,22 +68,17 @@ def source(name: str) -> Path:
     return project_root() / "notebooks" / f"{name}.ipynb"
 
 
-def inputs() -> list[Path]:
-    """Files that every run depends on: the library, the thesis's facts, the lock."""
-    root = project_root()
-    library = root / "src" / "thesis_lib"
-    files = [p for p in library.rglob("*") if p.is_file() and p.suffix != ".pyc"]
-    return sorted([*files, *(root / "data" / "thesis").iterdir(), root / "requirements.lock"])
-
-
 def digest(job: Job) -> str:
-    """Hash of all that determines a job's files: cells, request, library, facts, lock."""
+    """Hash of all that determines a job's files: cells, request, library, facts, lock.
+
+    The page shows the difference from the published run, so that counts for it, too.
+    """
     notebook = json.loads(source(job.study.name).read_text(encoding="utf-8"))
     cells = [[c["cell_type"], "".join(c["source"]), c["metadata"]] for c in notebook["cells"]]
     total = hashlib.sha256(json.dumps(cells, sort_keys=True).encode())
     total.update(json.dumps([job.study.name, job.study.request]).encode())
     published = [cubes.published_path(job.study.name)] if job.page else []
-    for path in [*inputs(), *filter(Path.is_file, published)]:
+    for path in [*library_files(), *filter(Path.is_file, published)]:
         total.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
     return total.hexdigest()
 
@@ -177,11 +173,19 @@ def _hide_staging(notebook: Any, name: str) -> None:
     notebook.cells = [cell for cell in notebook.cells if cell.source != "# Parameters"]
 
 
-def job_task(job: Job) -> dict[str, Any]:
-    """The job as a doit task."""
-    # The digest is taken before the run, not after it as doit does with files: what is edited
-    # while a notebook runs makes it stale.
-    return task(job.study.name, lambda: execute(job), [], job.targets, digest(job))
+def job_tasks(jobs: Sequence[Job]) -> list[dict[str, Any]]:
+    """The jobs as doit tasks; sound waits for the plate whose deflections it uses."""
+    names = {job.study.name for job in jobs}
+    tasks = []
+    for job in jobs:
+        # The digest is taken before the run, not after it as doit does with files: what is edited
+        # while a notebook runs makes it stale.
+        made = task(job.study.name, partial(execute, job), [], job.targets, digest(job))
+        plate = job.study.name.replace("sound-", "plate-")
+        if plate != job.study.name and plate in names:
+            made["task_dep"] = [f"thesis:{plate}"]
+        tasks.append(made)
+    return tasks
 
 
 def task(
@@ -260,7 +264,10 @@ class _Progress:
             return
         self.done += 1
         self._say(task, "FAILED")
-        self.failures.append(f"{_title(task)}: {fail.message}".strip())
+        title, message = _title(task), str(fail.message).strip()
+        if isinstance(fail, UnmetDependency):
+            message = f"not run, since {message.replace('thesis:', '')} failed"
+        self.failures.append(message if message.startswith(title) else f"{title}: {message}")
 
     def runtime_error(self, message: str) -> None:
         self.failures.append(message)
@@ -310,7 +317,7 @@ def run(tasks: Sequence[dict[str, Any]], state: Path, workers: int = 2) -> None:
         },
         "BACKEND": {"journal": "thesis_lib.runs:_Journal"},
     }
-    loader = ModuleTaskLoader({"task_thesis": lambda: (task for task in tasks)})
+    loader = ModuleTaskLoader({"task_thesis": lambda: (dict(task) for task in tasks)})
     status = DoitMain(loader, config_filenames=(), extra_config=config).run(["run"])
     if progress.failures or status:
         raise RunError("\n".join(progress.failures) or f"the task runner stopped ({status})")

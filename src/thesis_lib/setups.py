@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.cameras import CameraArray, hemisphere_cameras
-from thesis_lib.structures import Beam
+from thesis_lib.structures import Beam, Plate
 
 Direction = tuple[float, float]  # azimuth, elevation in degrees
 CENTRES_DEG = {"2a": 0.0, "2c": -90.0}  # middle of the arc at constant elevation
@@ -77,6 +77,21 @@ def _read(name: str) -> dict[str, Any]:
 def beam() -> Beam:
     """The thesis's cantilever beam (Table 3.1)."""
     return Beam(**_read("structures.toml")["beam"])
+
+
+def plate(grid: tuple[int, int] | None = None) -> Plate:
+    """The thesis's plate (Table 4.1), with another grid of markers if one is given."""
+    facts = dict(_read("structures.toml")["plate"])
+    facts["force_position"] = tuple(facts["force_position"])
+    facts["grid"] = tuple(grid or facts["grid"])
+    return Plate(**facts)
+
+
+def reading(structure: str) -> dict[str, Any]:
+    """What the thesis does not state and we took: amplitude, and the plate's grid of markers."""
+    facts = _read("structures.toml")
+    taken = {"amplitude_mm": facts["amplitude_mm"][structure]}
+    return taken | {k: v for k, v in facts[structure].items() if k == "grid"}
 
 
 def table(structure: str, study: str) -> dict[str, Any]:

@@ -21,7 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 _UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
-_BLOCK_VALUES = 48000  # camera × point values per block: the features of a block stay in cache
+# Points per block: intermediate results stay in cache, and the allocator reuses their memory.
+_BLOCK_POINTS, _BLOCK_VALUES = 6000, 72000  # the latter: camera × point values, for many cameras
+_MOVED = 1e-5  # motion over depth in a step below which JᵀJ is kept: its change is of second order
 
 
 def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
@@ -54,15 +56,12 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
     n = len(P)
     pixels = uv.reshape(n, 2, -1)
     points = np.empty((3, pixels.shape[2]))
-    normalised, shift, scale = _normalise(P)
-    block = max(1, min(_BLOCK_VALUES // n, pixels.shape[2]))
-    solver = _NormalEquations(normalised, block)
+    block = max(1, min(_BLOCK_POINTS, _BLOCK_VALUES // n, pixels.shape[2]))
+    solver = _NormalEquations(P, block)
     with np.errstate(divide="ignore", invalid="ignore"):  # degenerate rays end as NaN or inf
         for start in range(0, points.shape[1], block):
             part = slice(start, start + block)
-            image = pixels[:, :, part] - shift[:, :, None]
-            image /= scale
-            points[:, part] = solver.solve(image[:, 0], image[:, 1], steps)
+            points[:, part] = solver.solve(pixels[:, :, part], steps)
     return points.reshape((3,) + uv.shape[2:])
 
 
@@ -122,18 +121,14 @@ def covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
     return result
 
 
-def _normalise(P: Array) -> tuple[Array, Array, float]:
-    """Projection matrices for pixels counted from the principal point in focal lengths.
+def _centre(P: Array) -> tuple[Array, Array]:
+    """Projection matrices for pixels counted from the principal point, and that point.
 
-    One scale serves all cameras, so that the cost remains the one in pixels.
+    The point is in px, shape (2, cameras, 1).
     """
-    depth = P[:, 2:, :3]
-    P = P / np.linalg.norm(depth, axis=2, keepdims=True)
-    depth = P[:, 2:, :3]
-    shift = (P[:, :2, :3] @ np.swapaxes(depth, 1, 2))[:, :, 0]
-    image = P[:, :2] - shift[:, :, None] * P[:, 2:]
-    scale = float(np.sqrt(np.mean(image[:, :, :3] ** 2) * 3))
-    return np.concatenate([image / scale, P[:, 2:]], axis=1), shift, scale
+    P = P / np.linalg.norm(P[:, 2:, :3], axis=2, keepdims=True)
+    middle = P[:, :2, :3] @ P[:, 2, :3, None]
+    return np.concatenate([P[:, :2] - middle * P[:, 2:], P[:, 2:]], axis=1), middle.swapaxes(0, 1)
 
 
 class _NormalEquations:
@@ -141,6 +136,7 @@ class _NormalEquations:
 
     def __init__(self, P: Array, block: int) -> None:
         n = len(P)
+        P, self.middle = _centre(P)
         a, b = P[:, :, :3], P[:, :, 3:]
         outer = np.einsum("nik,njl->nijkl", a, a)[..., _UPPER[0], _UPPER[1]]
         constant = outer[:, 0, 0] + outer[:, 1, 1]
@@ -163,65 +159,70 @@ class _NormalEquations:
         self.hessian = np.pad(np.concatenate([constant, *varying]).T, ((0, 2), (0, 0)))
         self.gradient = np.pad(np.hstack([a[:, 0].T, a[:, 1].T, -a[:, 2].T]), ((0, 1), (0, 0)))
         self.rows = np.concatenate([P[:, 0], P[:, 1], P[:, 2]])
-        self.room = np.empty((10, n * block))
+        self.room = np.empty(10 * n * block)
 
-    def solve(self, u: Array, v: Array, steps: int) -> Array:
-        """Points (3, m) from normalised images (cameras, m)."""
-        n, m = u.shape
-        room = self.room.reshape(-1)[: 10 * n * m].reshape(10 * n, m)
-        image, residual, features = room[: 3 * n], room[3 * n : 6 * n], room[6 * n :]
+    def solve(self, pixels: Array, steps: int) -> Array:
+        """Points (3, m) from images (cameras, 2, m) in px."""
+        n, m = len(pixels), pixels.shape[2]
+        room = self.room[: 10 * n * m].reshape(10, n, m)
+        # What is used up makes room for what comes next: features of the linear start, images,
+        # features of JᵀJ, features of Jᵀr. The less there is, the more of it stays in cache.
+        uv, hg, w = room[:2], room[2:4], room[4]
+        squares, image = room[2], room[2:5].reshape(3 * n, m)
+        w2, w2hg, w2s, spare = room[5], room[6:8], room[8], room[8:]
+        residual, turned = room[5:7], room[7]
+        for_linear, for_hessian, for_gradient = (
+            part.reshape(-1, m) for part in (room[:3], room[5:9], room[5:8])
+        )
 
-        f0, f1, f2 = residual.reshape(3, n, m)
-        f0[:], f1[:] = u, v
-        np.multiply(u, u, out=f2)
-        f2 += np.multiply(v, v, out=image[:n])
-        system = self.linear @ residual
+        np.subtract(pixels.swapaxes(0, 1), self.middle, out=uv)
+        np.multiply(uv, uv, out=spare)
+        np.add(spare[0], spare[1], out=squares)
+        system = self.linear @ for_linear
         system += self.linear_constant
         x = np.ones((4, m))  # homogeneous
-        x[:3] = _multiply_symmetric(_invert_symmetric(system[:6]), system[6:])
+        x[:3] = _solve(_factorise(system[:6]), system[6:])
 
-        h, g, w = image.reshape(3, n, m)
-        ru, rv, rs = residual.reshape(3, n, m)
-        w2, w2h, w2g, w2s = features.reshape(4, n, m)
+        nearest = moved = np.inf  # largest inverse depth, longest step
         for step in range(steps):
             np.matmul(self.rows, x, out=image)
             np.divide(1.0, w, out=w)
-            h *= w
-            g *= w
-            if step < 2:  # the point then moves too little for JᵀJ to change
+            hg *= w
+            if step == 0:
+                nearest = np.fmax.reduce(np.abs(w), axis=None)
+            if step == 0 or moved * nearest > _MOVED:
                 np.multiply(w, w, out=w2)
-                np.multiply(w2, h, out=w2h)
-                np.multiply(w2, g, out=w2g)
-                np.multiply(w2h, h, out=w2s)
-                w2s += np.multiply(w2g, g, out=rs)
-                inverse = _invert_symmetric((self.hessian @ features)[:6])
-            np.subtract(u, h, out=ru)
-            np.subtract(v, g, out=rv)
-            ru *= w
-            rv *= w
-            h *= ru
-            g *= rv
-            np.add(h, g, out=rs)
-            x[:3] += _multiply_symmetric(inverse, (self.gradient @ residual)[:3])
+                np.multiply(w2, hg, out=w2hg)
+                np.multiply(w2hg, hg, out=spare)
+                w2s += spare[1]
+                factors = _factorise((self.hessian @ for_hessian)[:6])
+            np.subtract(uv, hg, out=residual)
+            residual *= w
+            hg *= residual
+            np.add(hg[0], hg[1], out=turned)
+            change = _solve(factors, (self.gradient @ for_gradient)[:3])
+            moved = np.fmax.reduce(np.abs(change), axis=None)
+            x[:3] += change
         return x[:3]
 
 
-def _invert_symmetric(matrix: Array) -> Array:
-    """Inverses of symmetric 3×3 matrices, upper triangles (6, m) to upper triangles."""
+def _factorise(matrix: Array) -> tuple[Array, ...]:
+    """LDLᵀ factors of symmetric 3×3 matrices, upper triangles (6, m): D's entries, then L's."""
     xx, xy, xz, yy, yz, zz = matrix
-    inverse = np.empty_like(matrix)
-    inverse[0] = yy * zz - yz * yz
-    inverse[1] = xz * yz - xy * zz
-    inverse[2] = xy * yz - xz * yy
-    inverse[3] = xx * zz - xz * xz
-    inverse[4] = xy * xz - xx * yz
-    inverse[5] = xx * yy - xy * xy
-    inverse /= xx * inverse[0] + xy * inverse[1] + xz * inverse[2]
-    return inverse
+    yx, zx = xy / xx, xz / xx
+    dy = yy - yx * xy
+    rest = yz - yx * xz
+    zy = rest / dy
+    dz = zz - zx * xz - zy * rest
+    return xx, dy, dz, yx, zx, zy
 
 
-def _multiply_symmetric(matrix: Array, vector: Array) -> Array:
-    """Products of symmetric 3×3 matrices (6, m) and vectors (3, m)."""
-    xx, xy, xz, yy, yz, zz = matrix
-    x, y, z = vector
-    return np.stack([xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z])
+def _solve(factors: tuple[Array, ...], right: Array) -> Array:
+    """Solutions (3, m) of factorised systems with right sides (3, m)."""
+    dx, dy, dz, yx, zx, zy = factors
+    x, y, z = right
+    y = y - yx * x
+    z = (z - zx * x - zy * y) / dz
+    y = y / dy - zy * z
+    x = x / dx - yx * y - zx * z
+    return np.stack([x, y, z])

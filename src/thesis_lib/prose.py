@@ -1,0 +1,255 @@
+"""The numbers that the book's prose includes: computed from the cubes and the library."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib import claims, cubes, figures, planes, radiation, setups, sound
+from thesis_lib.parameters import CHAPTERS, STUDIES, describe, validate
+from thesis_lib.structures import (
+    Structure,
+    modal_overlap,
+    peak_deflection,
+    resonance,
+    single_mode_distance,
+)
+
+GRAVITY = 9.80665
+
+
+def write(made: Sequence[Path], folder: Path) -> None:
+    """Write every piece of :data:`PIECES` from the cubes `made` into `folder`."""
+    opened = {path.stem: cubes.read(path) for path in made}
+    for name, piece in PIECES.items():
+        text = piece(opened)
+        cubes.whole_file(
+            folder / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8")
+        )
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
+    return [cube for name, cube in opened.items() if STUDIES[name].subject == subject]
+
+
+def _model(structure: Structure, unit: str, scale: float) -> str:
+    """What sections 3.1 and 4.1 assume of a structure, mode by mode."""
+    rows = []
+    for mode in (1, 2, 3):
+        omega = resonance(structure, mode)
+        rows.append(
+            [
+                str(mode),
+                f"{structure.angular_frequencies(mode)[-1] / (2 * np.pi):.4g}",
+                f"{scale * peak_deflection(structure, mode):.3g}",
+                f"{float(modal_overlap(structure, omega)):.3f}",
+                f"{100 * single_mode_distance(structure, mode):.2g}",
+            ]
+        )
+    header = ["mode", "natural frequency, Hz", f"peak for 1 N, {unit}", "modal overlap",
+              "one mode against all, %"]  # fmt: skip
+    return _table(header, rows)
+
+
+def _beam_results(opened: dict[str, xr.Dataset]) -> str:
+    chapter = _chapter(opened, "beam")
+    return "\n".join([_changes(chapter), _agreement(chapter), _law(chapter)])
+
+
+def _plate_results(opened: dict[str, xr.Dataset]) -> str:
+    chapter = _chapter(opened, "plate")
+    return "\n".join([_changes(chapter), _agreement(chapter), _law(chapter)])
+
+
+def _sound_results(opened: dict[str, xr.Dataset]) -> str:
+    return "\n".join([_changes(_chapter(opened, "sound")), _agreement(_chapter(opened, "sound"))])
+
+
+def _changes(chapter: Sequence[xr.Dataset]) -> str:
+    """First and last setting of each case in expectation."""
+    rows, header = [], ["case", "varied", "from → to"]
+    columns: list[str] = []
+    for cube in chapter:
+        for case in dict.fromkeys(cube["case"].values.tolist()):
+            modes = cube["mode"].values.tolist()
+            labels = figures.select(cube, case, modes[0])["label"].values
+            cells = {}
+            for mode in modes:
+                for error in cubes.errors(cube):
+                    bars = figures.error_bars(cube, case, mode, error)
+                    if error == "max_point_error" or np.isnan(bars.literal).all():
+                        continue
+                    first, last = bars.band[1][0], bars.band[1][-1]
+                    title = f"mode {mode}" + (f", {bars.name}" if bars.name else "")
+                    cells[title] = f"{first:.1f} → {last:.1f} (×{last / first:.2f})"
+            columns = list(cells)
+            varied = STUDIES[cube.attrs["figure_set"]].varied_label
+            rows.append([case, varied, f"{labels[0]} → {labels[-1]}", *cells.values()])
+    what = "pressure of the plane" if "plane_error" in chapter[0] else "deflection"
+    return _table([*header, *columns], rows) + (
+        f"\nMedian over the trials of the rms error, in % of the largest reference {what}.\n"
+    )
+
+
+def _agreement(chapter: Sequence[xr.Dataset]) -> str:
+    """How many of the stated figures are met, by figure set and kind of error."""
+    kinds: dict[str, dict[str, list[bool]]] = {}
+    for cube in chapter:
+        name = cube.attrs["figure_set"]
+        for check in claims.check(cube, claims.claims_of(name)):
+            kind = cubes.SHORT[check.claim.quantity]
+            kinds.setdefault(kind, {}).setdefault(name, []).append(check.inside)
+    names = [cube.attrs["figure_set"] for cube in chapter]
+    rows = [
+        [f"[{STUDIES[name].title}](executed/{name}.ipynb)"]
+        + [f"{sum(met.get(name, []))} of {len(met.get(name, []))}" for met in kinds.values()]
+        for name in names
+    ]
+    total = ["**the chapter**"]
+    for met in kinds.values():
+        every = [inside for checks in met.values() for inside in checks]
+        total.append(f"**{sum(every)} of {len(every)}** ({np.mean(every):.0%})")
+    words = {"mean": "mean errors", "peak": "peak errors"}
+    return _table(
+        ["figure set", *(words.get(kind, f"errors on {kind}") for kind in kinds)], [*rows, total]
+    )
+
+
+def _law(chapter: Sequence[xr.Dataset]) -> str:
+    """The law of rounding against the rms over the trials."""
+    ratios = []
+    for cube in chapter:
+        drawn = cube["mean_error"].isel(trial=slice(1, None))
+        ratios.append((cube["predicted_error"] / np.sqrt((drawn**2).mean("trial"))).values)
+    flat = np.concatenate([ratio.ravel() for ratio in ratios])
+    trials = chapter[0].sizes["trial"] - 1
+    return (
+        f"\nOver the {flat.size} settings and modes the law's prediction divided by the rms over "
+        f"{trials} trials lies between {flat.min():.3f} and {flat.max():.3f}.\n"
+    )
+
+
+def _usable(cube: xr.Dataset) -> list[tuple[int, str]]:
+    """Modes and planes that have a reference pressure."""
+    modes, names = cube["mode"].values.tolist(), cube["plane"].values.tolist()
+    ratio = cube["independent_ratio"]
+    return [(m, p) for m in modes for p in names if np.isfinite(ratio.sel(mode=m, plane=p))]
+
+
+def _scatter(opened: dict[str, xr.Dataset]) -> str:
+    """How far one rounding scatters, and how field and deflection errors are related."""
+    chapter = _chapter(opened, "sound")
+    rows = []
+    for mode, plane in _usable(chapter[0]):
+        spread, ratio, law = [], [], []
+        for cube in chapter:
+            part = cube.sel(mode=mode)
+            drawn = part["plane_error"].sel(plane=plane).transpose("setting", "trial").values[:, 1:]
+            shape = part["deflection_error"].transpose("setting", "trial").values[:, 1:]
+            low, high = np.quantile(drawn, [0.05, 0.95], axis=1)
+            rms = np.sqrt(np.mean(drawn**2, axis=1))
+            spread += list(high / low)
+            ratio += list(rms / np.sqrt(np.mean(shape**2, axis=1)))
+            law += list(part["predicted_error"].sel(plane=plane).values / rms)
+        free = float(chapter[0]["independent_ratio"].sel(mode=mode, plane=plane))
+        rows.append(
+            [
+                f"{mode}, {plane}",
+                f"{np.median(spread):.1f} ({min(spread):.1f}–{max(spread):.1f})",
+                f"{free:.3f}",
+                f"{np.median(ratio):.3f} ({min(ratio):.3f}–{max(ratio):.3f})",
+                f"{min(law):.2f}–{max(law):.2f}",
+            ]
+        )
+    header = ["mode, plane", "95 % over 5 % of the trials", "κ, independent errors",
+              "κ, with shared shifts", "law over rms of trials"]  # fmt: skip
+    return _table(header, rows) + "\nMedians and ranges over all settings of the chapter.\n"
+
+
+def _markers(opened: dict[str, xr.Dataset]) -> str:
+    """κ of independent errors against the number of markers."""
+    request = validate("sound-distance", {})
+    plane = request.planes[0]  # type: ignore[attr-defined]
+    rows, counts, ratios = [], [], []
+    for grid in ((6, 4), (9, 6), (15, 10), (24, 16)):
+        plate = setups.plate(grid)
+        omega = resonance(plate, 1)
+        op = planes.operator(plate, plane, omega)
+        shape = plate.mode_shapes([1], plate.markers)[0]
+        largest = np.max(np.abs(op.field(shape)))
+        ratio = np.linalg.norm(sound.full_factor(op)) * np.max(np.abs(shape)) / largest
+        counts.append(plate.markers.shape[1])
+        ratios.append(float(ratio))
+        rows.append([f"{grid[0]}×{grid[1]}", str(counts[-1]), f"{ratio:.4f}",
+                     f"{ratio * np.sqrt(counts[-1]):.2f}"])  # fmt: skip
+    slope = np.polyfit(np.log(counts), np.log(ratios), 1)[0]
+    return _table(["grid", "markers M", "κ (mode 1, XZ)", "κ √M"], rows) + (
+        f"\nThe fitted exponent of M is {slope:.3f}.\n"
+    )
+
+
+def _levels(opened: dict[str, xr.Dataset]) -> str:
+    """Absolute levels: of a force of 1 N, and what the 10 mm of the study would mean."""
+    request = validate("sound-distance", {})
+    plate = setups.plate()
+    parts = planes.pistons(plate)
+    rows = []
+    for mode in (1, 2, 3):
+        omega = resonance(plate, mode)
+        shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak
+        velocity = omega * peak_deflection(plate, mode) * shape
+        power = radiation.sound_power(parts, velocity, omega)
+        largest = max(
+            np.max(np.abs(planes.operator(plate, plane, omega).field(velocity)))
+            for plane in request.planes  # type: ignore[attr-defined]
+        )
+        scale = request.peaks_m[mode - 1] / peak_deflection(plate, mode)
+        level = float(radiation.pressure_level(largest))
+        rows.append(
+            [
+                str(mode),
+                f"{radiation.radiation_efficiency(parts, velocity, omega):.3f}",
+                f"{float(radiation.power_level(power)):.0f}",
+                f"{level:.0f}",
+                f"{level + 20 * np.log10(scale):.0f}",
+                f"{omega**2 * request.peaks_m[mode - 1] / GRAVITY:.0f} g",
+            ]
+        )
+    header = ["mode", "radiation efficiency", "sound power for 1 N, dB",
+              "largest pressure level for 1 N, dB",
+              "level for 10 mm, dB", "acceleration for 10 mm"]  # fmt: skip
+    return _table(header, rows)
+
+
+def _parameters(opened: dict[str, xr.Dataset]) -> str:
+    parts = []
+    for name in [name for chapter in CHAPTERS.values() for name in chapter]:
+        rows = [
+            [f"`{row['name']}`", f"`{row['default']}`", row["unit"], row["meaning"], row["allowed"]]
+            for row in describe(STUDIES[name])
+        ]
+        header = ["parameter", "default", "unit", "meaning", "allowed"]
+        parts.append(f":::{{dropdown}} `{name}`\n{_table(header, rows)}:::\n")
+    return "\n".join(parts)
+
+
+PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
+    "beam-model": lambda _: _model(setups.beam(), "mm", 1e3),
+    "beam-results": _beam_results,
+    "plate-model": lambda _: _model(setups.plate(), "nm", 1e9),
+    "plate-results": _plate_results,
+    "sound-results": _sound_results,
+    "sound-scatter": _scatter,
+    "sound-markers": _markers,
+    "sound-levels": _levels,
+    "parameters": _parameters,
+}

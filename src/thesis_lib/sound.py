@@ -1,0 +1,179 @@
+"""The sound of measured deflections: from a plate's cube to a cube of plane errors (thesis 6.2).
+
+The pressure on a plane is linear in the deflection errors e, so its rms error is ω ‖F e‖ with a
+small triangular factor F of the plane and the frequency: no trial ever needs its field.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib import radiation, rounding
+from thesis_lib.parameters import CameraStudy
+from thesis_lib.planes import Plane, PlaneOperator, operator, pistons
+from thesis_lib.structures import Plate, resonance
+from thesis_lib.studies import world_points
+
+Array = NDArray[np.float64]
+NODAL = 1e-6  # a plane whose reference is below this share of the other's has none
+
+
+def checksum(plate_cube: xr.Dataset) -> str:
+    """SHA-256 of the measured deflections that a plate's cube holds."""
+    return hashlib.sha256(plate_cube["measured_deflection"].values.tobytes()).hexdigest()
+
+
+def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
+    """The cube of a sound study.
+
+    Parameters
+    ----------
+    study : CameraStudy
+        Validated parameters of a sound study.
+    plate_cube : xarray.Dataset
+        Cube of the plate's study with the same settings, modes and trials.
+
+    Returns
+    -------
+    xarray.Dataset
+        Errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8,
+        with the modulus of the complex difference), NaN where a plane is nodal, and of the larger
+        of the two; predicted errors; reference fields and those of the best and worst settings.
+    """
+    plate = study.structure
+    assert isinstance(plate, Plate)
+    planes: tuple[Plane, ...] = study.planes  # type: ignore[attr-defined]
+    medium: radiation.Medium = study.medium  # type: ignore[attr-defined]
+    reference = plate_cube["reference_deflection"].values
+    measured = plate_cube["measured_deflection"].values.astype(float)
+    known = study.rest == "known"
+    settings = study.settings()
+    rigs = [setting.cameras(study.focal_length_mm, study.sensor_width_mm) for setting in settings]
+    extremes = _extremes(plate_cube)
+
+    n_settings, n_modes, n_trials, _ = measured.shape
+    rms = np.empty((n_settings, n_modes, n_trials, len(planes)))
+    predicted = np.empty((n_settings, n_modes, len(planes)))
+    independent = np.empty((n_modes, len(planes)))
+    largest = np.empty((n_modes, len(planes)))
+    fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
+    extreme_fields = np.empty((len(extremes), n_modes, 2, *fields.shape[1:]), complex)
+    power = np.empty((n_modes, 2))
+    for m, mode in enumerate(study.modes):
+        omega = resonance(plate, mode)
+        points = world_points(plate, np.stack([np.zeros_like(reference[m]), reference[m]]))
+        operators = [operator(plate, plane, omega, medium) for plane in planes]
+        factors = [full_factor(op) for op in operators]
+        error = measured[:, m] - reference[m]
+        covariance = [
+            rounding.deflection_covariance(rig.P, points[:, 0], points[:, 1], known) for rig in rigs
+        ]
+        for p, (op, factor) in enumerate(zip(operators, factors, strict=True)):
+            fields[m, p] = op.field(1j * omega * reference[m])
+            largest[m, p] = np.max(np.abs(fields[m, p]))
+            rms[:, m, :, p] = omega * np.linalg.norm(error @ factor.T, axis=-1)
+            independent[m, p] = omega * np.linalg.norm(factor)
+            predicted[:, m, p] = [
+                omega * np.sqrt(np.sum((factor @ C) * factor)) for C in covariance
+            ]
+            for c, chosen in enumerate(extremes.values()):
+                for x, setting in enumerate(chosen[m]):
+                    extreme_fields[c, m, x, p] = op.field(1j * omega * measured[setting, m, 0])
+        parts = pistons(plate)
+        velocity = 1j * omega * reference[m]
+        power[m] = (
+            radiation.sound_power(parts, velocity, omega, medium),
+            radiation.radiation_efficiency(parts, velocity, omega, medium),
+        )
+
+    greater = largest.max(axis=1, keepdims=True)
+    usable = np.where(largest > NODAL * greater, largest, np.nan)
+    amplitude = np.max(np.abs(reference), axis=1)[:, None]
+    cube = xr.Dataset(coords=_coordinates(plate_cube, planes, list(extremes)))
+    trial = ("setting", "mode", "trial", "plane")
+    field = ("mode", "plane", "u", "z")
+    for name, dims, values, units, long_name in (
+        ("plane_error", trial, 100 * rms / usable[:, None], "percent",
+         "rms pressure error over a plane (eq. 6.8), of the plane's largest reference pressure"),
+        ("plane_error_of_larger", trial, 100 * rms / greater[:, None], "percent",
+         "rms pressure error over a plane, of the largest reference pressure of both planes"),
+        ("predicted_error", ("setting", "mode", "plane"), 100 * predicted / usable, "percent",
+         "rms error over the trials by the law of rounding"),
+        ("independent_ratio", ("mode", "plane"), independent * amplitude / usable, "1",
+         "plane error over mean deflection error for errors of equal size, marker by marker"),
+        ("largest_pressure", ("mode", "plane"), largest, "Pa", "largest reference pressure"),
+        ("deflection_error", trial[:3], plate_cube["mean_error"].values, "percent",
+         "rms deflection error over the markers of the same run (eq. 4.9)"),
+        ("best_and_worst", ("case", "mode", "extreme"), np.array(list(extremes.values())), "1",
+         "index of the setting with the lowest and highest deflection error in trial 0"),
+        ("radiation_efficiency", ("mode",), power[:, 1], "1",
+         "radiated power over that of a plane wave of the same mean square velocity"),
+        ("pressure_reference_real", field, fields.real, "Pa", "reference pressure, real part"),
+        ("pressure_reference_imag", field, fields.imag, "Pa", "reference pressure, imaginary part"),
+        ("pressure_measured_real", ("case", "mode", "extreme", *field[1:]), extreme_fields.real,
+         "Pa", "pressure of the measured deflections in trial 0, real part"),
+        ("pressure_measured_imag", ("case", "mode", "extreme", *field[1:]), extreme_fields.imag,
+         "Pa", "pressure of the measured deflections in trial 0, imaginary part"),
+    ):  # fmt: skip
+        values = values.astype("float32") if name.startswith("pressure") else values
+        cube[name] = (dims, values, {"units": units, "long_name": long_name})
+    for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
+        cube[name] = plate_cube[name]
+    if study.amplitude_mm == "force":
+        _add_levels(cube, power[:, 0], largest)
+    return cube.assign_attrs(deflections_sha256=checksum(plate_cube))
+
+
+def full_factor(op: PlaneOperator) -> Array:
+    """Factor F of a plane for unfolded velocities: ‖F v‖ is the rms of |p|, for real v."""
+    n = op.grid[0] * op.grid[1]
+    folded, _ = op.fold(np.eye(n))
+    return op.rms_factor() @ np.real(folded).T
+
+
+def _add_levels(cube: xr.Dataset, power: Array, largest: Array) -> None:
+    """Power and levels, which mean something only for a force in newtons."""
+    for name, dims, values, units, long_name in (
+        ("sound_power", ("mode",), power, "W", "sound power of the reference deflection"),
+        ("sound_power_level", ("mode",), radiation.power_level(power), "dB",
+         "sound power level re 1 pW"),
+        ("largest_pressure_level", ("mode", "plane"), radiation.pressure_level(largest), "dB",
+         "largest sound pressure level re 20 uPa"),
+    ):  # fmt: skip
+        cube[name] = (dims, values, {"units": units, "long_name": long_name})
+
+
+def _extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
+    """Per case and mode the settings with the lowest and highest deflection error of trial 0."""
+    literal = plate_cube["mean_error"].isel(trial=0).values
+    result: dict[str, list[tuple[int, int]]] = {}
+    for case in dict.fromkeys(plate_cube["case"].values.tolist()):
+        rows = np.flatnonzero(plate_cube["case"].values == case)
+        result[case] = [
+            (int(rows[np.argmin(literal[rows, m])]), int(rows[np.argmax(literal[rows, m])]))
+            for m in range(literal.shape[1])
+        ]
+    return result
+
+
+def _coordinates(
+    plate_cube: xr.Dataset, planes: tuple[Plane, ...], cases: list[str]
+) -> dict[str, Any]:
+    kept = {
+        str(name): coordinate
+        for name, coordinate in plate_cube.coords.items()
+        if coordinate.dims in (("setting",), ("mode",), ("trial",))
+    }
+    return {
+        **kept,
+        "case_name": ("case", np.array(cases), {"long_name": "cases in the order of `case`"}),
+        "plane": ("plane", np.array([plane.name for plane in planes]), {"long_name": "plane"}),
+        "extreme": ("extreme", np.array(["best", "worst"]), {"long_name": "setting of a case"}),
+        "u": ("u", planes[0].u, {"units": "m", "long_name": "X on plane XZ, Y on plane YZ"}),
+        "z": ("z", planes[0].z, {"units": "m", "long_name": "height above the plate"}),
+    }

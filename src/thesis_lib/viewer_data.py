@@ -1,0 +1,183 @@
+"""What the interactive viewer draws, from a cube, as plain JSON values."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib import cubes, setups
+from thesis_lib.figures import COLORS, Bars, error_bars, select
+from thesis_lib.maps import DIVERGING
+from thesis_lib.parameters import STUDIES
+
+Array = NDArray[np.float64]
+FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
+
+
+def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
+    """The literal run and the statistics of a cube (the format is in `widgets.Viewer`)."""
+    study = STUDIES[cube.attrs["figure_set"]]
+    kind = study.subject
+    length, width = study().structure.extent
+    cases = list(dict.fromkeys(cube["case"].values.tolist()))
+    modes = cube["mode"].values.tolist()
+    unit = {"distance_mm": "mm", "aperture_deg": "°", "width_px": "px"}.get(study.varied, "")
+    size = {"length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)}
+    data: dict[str, Any] = {
+        "structure": {"kind": kind, **size},
+        "parameter": {"name": study.varied, "label": study.varied_label, "unit": unit},
+        "modes": [
+            {"mode": mode, "frequency_hz": round(float(cube["frequency"].sel(mode=mode)), 3)}
+            for mode in modes
+        ],
+        "colors": list(COLORS),
+        "cases": [
+            {
+                "name": case,
+                "title": setups.case_title(study.subject, study.study, case) or "own layout",
+                "figures": {
+                    str(mode): setups.figure_number(study.subject, study.study, case, mode)
+                    for mode in modes
+                },
+                "settings": _settings(cube, case, modes, _planes if kind == "sound" else _shape),
+            }
+            for case in cases
+        ],
+    }
+    if kind == "sound":
+        _add_fields(data, cube)
+    else:
+        _add_shapes(data, cube)
+    if kind != "beam":
+        data["colormap"] = list(DIVERGING)
+    return data
+
+
+def _settings(
+    cube: xr.Dataset, case: str, modes: list[int], result: Callable[..., dict[str, Any]]
+) -> list[dict[str, Any]]:
+    parts = {mode: select(cube, case, mode) for mode in modes}
+    names = list(cubes.errors(cube))
+    bars = {mode: {name: error_bars(cube, case, mode, name) for name in names} for mode in modes}
+    settings = []
+    for index in range(parts[modes[0]].sizes["setting"]):
+        one = parts[modes[0]].isel(setting=index)
+        table = np.stack([one[f"camera_{a}"] for a in ("distance", "azimuth", "elevation")], 1)
+        settings.append(
+            {
+                "label": str(one["label"].values),
+                "value": float(one["value"]),
+                "cameras": np.round(table[: int(one["n_cameras"])] * [1000, 1, 1], 6).tolist(),
+                "resolution": [int(one["width_px"]), int(one["height_px"])],
+                "in_view": float(one["in_view"]),
+                "modes": [
+                    result(parts[mode].isel(setting=index), bars[mode], index) for mode in modes
+                ],
+            }
+        )
+    return settings
+
+
+def _bar(bars: Bars, index: int) -> dict[str, Any]:
+    claim = bars.claims[index]
+    low, median, high = bars.band[:, index]
+    return {
+        "mean": _rounded(bars.literal[index]),
+        "median": _rounded(median),
+        "low": _rounded(low),
+        "high": _rounded(high),
+        "predicted": _rounded(bars.predicted[index]),
+        "stated": [claim.low, claim.high] if claim else None,
+    }
+
+
+def _shape(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
+    return {
+        "measured_mm": _rounded(result["measured_deflection"].isel(trial=0) * 1000),
+        "point_error": _rounded(result["point_error"]),
+        **_bar(bars["mean_error"], index),
+    }
+
+
+def _planes(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
+    planes = {
+        error.name: None if np.isnan(error.literal[index]) else _bar(error, index)
+        for error in bars.values()
+    }
+    return {
+        "planes": planes,
+        "deflection": {"mean": _rounded(result["deflection_error"].isel(trial=0))},
+    }
+
+
+def _add_shapes(data: dict[str, Any], cube: xr.Dataset) -> None:
+    for entry in data["modes"]:
+        reference = cube["reference_deflection"].sel(mode=entry["mode"])
+        entry["reference_mm"] = _rounded(reference * 1000)
+    x, y = (np.unique(np.round(cube[axis].values * 1000, 3)) for axis in ("x", "y"))
+    data["x_mm"] = x.tolist()
+    if data["structure"]["kind"] == "plate":
+        data["y_mm"], data["grid"] = y.tolist(), [len(x), len(y)]
+
+
+def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
+    """Reference fields, and those of the best and worst setting of each case and mode."""
+    u, z = cube["u"].values[::FIELD_STEP] * 1000, cube["z"].values[::FIELD_STEP] * 1000
+    names = cube["plane"].values.tolist()
+    data["planes"] = [
+        {"name": name, "u_mm": [u[0], u[-1]], "z_mm": [z[0], z[-1]], "shape": [len(u), len(z)]}
+        for name in names
+    ]
+    data["pressure_unit"] = "Pa"
+    data["nodal_note"] = (
+        "this plane is a nodal plane of the mode: its reference pressure is zero, "
+        "and an error relative to it has no meaning"
+    )
+    largest = cube["largest_pressure"].sel(mode=cube["mode"])
+    for m, entry in enumerate(data["modes"]):
+        scales = largest.isel(mode=m).values
+        reference = cube["pressure_reference_real"], cube["pressure_reference_imag"]
+        entry["fields"] = _fields([part.isel(mode=m).values for part in reference], scales, names)
+    measured = [
+        cube[f"pressure_measured_{part}"].transpose("case", "mode", "extreme", ...).values
+        for part in ("real", "imag")
+    ]
+    for c, case in enumerate(data["cases"]):
+        rows = np.flatnonzero(cube["case"].values == case["name"])
+        case["extremes"] = {}
+        for m, entry in enumerate(data["modes"]):
+            scales = largest.isel(mode=m).values
+            case["extremes"][str(entry["mode"])] = {
+                extreme: {
+                    "index": int(cube["best_and_worst"].values[c, m, x] - rows[0]),
+                    "fields": _fields([part[c, m, x] for part in measured], scales, names),
+                }
+                for x, extreme in enumerate(("best", "worst"))
+            }
+
+
+def _fields(parts: list[Array], scales: Array, names: list[str]) -> dict[str, Any]:
+    """Complex fields (plane, u, z) as signed bytes; a nodal plane on the scale of the other."""
+    result = {}
+    for p, name in enumerate(names):
+        scale = float(scales[p] if scales[p] > 1e-6 * scales.max() else scales.max())
+        coded = [
+            np.clip(np.rint(part[p, ::FIELD_STEP, ::FIELD_STEP] / scale * 127), -127, 127)
+            for part in parts
+        ]
+        real, imaginary = (base64.b64encode(c.astype(np.int8).tobytes()).decode() for c in coded)
+        result[name] = {"scale": float(f"{scale:.6g}"), "re": real, "im": imaginary}
+    return result
+
+
+def _rounded(values: Any) -> Any:
+    """Numbers with four decimals for JSON; what is not finite becomes null."""
+    array = np.round(np.asarray(values, float), 4)
+    if array.ndim == 0:
+        return float(array) if np.isfinite(array) else None
+    return [float(v) if np.isfinite(v) else None for v in array]
