@@ -264,7 +264,7 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
             f"{new:>20} | {old:>20} | {change:>7} | "
             f"{row.trial_0_old:>6.1f} → {row.trial_0:>6.1f}{' *' if row.apart else ''}"
         )
-    lines.append("errors in % of the largest reference deflection; * the bands do not meet")
+    lines.append("errors in % of the largest reference value; * the bands do not meet")
     return lines
 
 

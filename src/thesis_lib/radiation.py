@@ -208,7 +208,7 @@ def _waves(
     k = _wavenumber(omega, medium)
     check_pistons(pistons, omega, medium)
     flat = points.reshape(3, -1)
-    if np.any(flat[2] <= 0):
+    if not np.all(flat[2] > 0):
         raise ValueError(f"points: given Z = {flat[2].min()} m, needs Z > 0, in front of the plate")
     x, y = pistons.centres
     step = max(1, _BLOCK_PAIRS // len(x))
@@ -276,7 +276,7 @@ def sound_power(pistons: Pistons, velocity: ArrayLike, omega: float, medium: Med
 def radiation_efficiency(
     pistons: Pistons, velocity: ArrayLike, omega: float, medium: Medium = AIR
 ) -> float:
-    """Power over that of a plane wave of the same area S and mean square v², W / (ρ₀ c S v² / 2)."""
+    """Power over that of a plane wave of the same area and mean square v², W / (ρ₀ c S v² / 2)."""
     v = np.asarray(velocity)
     area = pistons.area * len(v)
     plane = medium.density * medium.speed_of_sound * area * np.mean(np.abs(v) ** 2) / 2

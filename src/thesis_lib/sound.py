@@ -63,7 +63,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
     largest = np.empty((n_modes, len(planes)))
     fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
     extreme_fields = np.empty((len(extremes), n_modes, 2, *fields.shape[1:]), complex)
-    power = np.empty((n_modes, 2))
+    power, piston_size = np.empty((n_modes, 2)), np.empty(n_modes)
     for m, mode in enumerate(study.modes):
         omega = resonance(plate, mode)
         points = world_points(plate, np.stack([np.zeros_like(reference[m]), reference[m]]))
@@ -85,6 +85,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
                 for x, setting in enumerate(chosen[m]):
                     extreme_fields[c, m, x, p] = op.field(1j * omega * measured[setting, m, 0])
         parts = pistons(plate)
+        piston_size[m] = omega / medium.speed_of_sound * max(parts.size)
         velocity = 1j * omega * reference[m]
         power[m] = (
             radiation.sound_power(parts, velocity, omega, medium),
@@ -111,6 +112,13 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
          "rms deflection error over the markers of the same run (eq. 4.9)"),
         ("best_and_worst", ("case", "mode", "extreme"), np.array(list(extremes.values())), "1",
          "index of the setting with the lowest and highest deflection error in trial 0"),
+        (
+            "piston_size",
+            ("mode",),
+            piston_size,
+            "1",
+            "wavenumber times the longer side of a piston; above 1 it is hardly a point source",
+        ),
         ("radiation_efficiency", ("mode",), power[:, 1], "1",
          "radiated power over that of a plane wave of the same mean square velocity"),
         ("pressure_reference_real", field, fields.real, "Pa", "reference pressure, real part"),

@@ -18,8 +18,9 @@ import traitlets
 __all__ = ["Viewer", "static_html"]
 
 _ASSETS = Path(__file__).parent / "assets"
-_ESM = (_ASSETS / "viewer.js").read_text(encoding="utf-8")
 _CSS = (_ASSETS / "viewer.css").read_text(encoding="utf-8")
+_KINDS = ("beam", "plate", "sound")
+_IMPORT = re.compile(r'^import (?:\{[^}]*\} from )?"\./(\w+)\.js";\n', re.MULTILINE)
 
 _FRAGMENT = """\
 <div class="tl-fragment" data-tl-fragment="%(id)s">
@@ -49,6 +50,27 @@ for (const el of document.querySelectorAll('[data-tl-fragment="%(id)s"]:not([dat
 }
 </script>
 """
+
+
+def _join(*kinds: str) -> str:
+    """Write viewer.js and what it imports as one module, without the panels of other kinds."""
+    modules = {kind: "" for kind in _KINDS if kind not in kinds}
+
+    def add(name: str) -> None:
+        if name in modules:
+            return
+        modules[name] = ""  # a part stands behind those it needs, also if they need each other
+        text = (_ASSETS / f"{name}.js").read_text(encoding="utf-8")
+        for needed in _IMPORT.findall(text):
+            add(needed)
+        del modules[name]
+        modules[name] = re.sub(r"^export (?!default )", "", _IMPORT.sub("", text), flags=re.M)
+
+    add("viewer")
+    return "".join(modules.values())
+
+
+_ESM = _join(*_KINDS)
 
 
 def _plain(value: object) -> Any:
@@ -96,10 +118,12 @@ def static_html(esm: str, css: str, state: Mapping[str, object]) -> str:
 
 
 class Viewer(anywidget.AnyWidget):
-    """Four linked panels for one study: cameras, deflection shapes, point errors and mean errors.
+    """Linked panels for one study: the cameras, what they measured, and the error of each setting.
 
     The reader chooses the case and the mode, sees the best and the worst setting, and highlights
-    any setting by pointing at its bar. Where no kernel runs, the view of `static_html` is shown.
+    any setting by pointing at its bar. A beam shows curves, a plate maps of its markers, a sound
+    study the pressure on two planes at any instant of the period. Where no kernel runs, the view of
+    `static_html` is shown.
 
     Parameters
     ----------
@@ -107,7 +131,8 @@ class Viewer(anywidget.AnyWidget):
         The study, JSON-serialisable; a number that does not exist is None or NaN. Keys:
 
         ``structure``
-            ``{"kind": "beam", "length_mm": 623, "width_mm": 30}``, clamped at −X.
+            ``{"kind": "beam", "length_mm": 623, "width_mm": 30}``, clamped at −X; the kind may also
+            be ``plate`` or ``sound`` (of a plate), which differ as said below.
         ``parameter``
             The varied one: ``{"name": "aperture_deg", "label": "aperture", "unit": "°"}``. A name
             that begins with aperture, distance or width is drawn into the camera sketch.
@@ -124,6 +149,28 @@ class Viewer(anywidget.AnyWidget):
             marker], "mean", "median", "low", "high", "predicted", "stated": None | [low, high]}``:
             errors in percent of the largest reference deflection, ``mean`` of trial 0, ``low`` and
             ``high`` the 5 and 95 % quantiles; an end of ``stated`` is None where it is open.
+
+        Only a plate has ``grid``, ``[15, 10]`` markers along X and Y; its ``x_mm`` and ``y_mm`` are
+        the coordinates of the columns and rows from the plate's corner, and a list with one entry
+        per marker runs along X first. ``point_error`` may be missing. Plate and sound have
+        ``colormap``, hexadecimal colours from −max to max, the middle one for 0.
+
+        A sound study has no ``x_mm``, ``reference_mm``, ``measured_mm`` and ``point_error``, but:
+
+        ``planes``
+            List of ``{"name": "XZ" | "YZ", "u_mm": [min, max], "z_mm": [min, max], "shape": [nu,
+            nz]}``; u is X or Y from the plate's centre, the outermost points lie at min and max.
+        ``pressure_unit``, ``nodal_note``
+            The unit for the colour bar; the words for a plane without reference pressure.
+        ``modes[…]["fields"]``
+            The ideal field, ``{"XZ": F, "YZ": F}``, where F is ``{"scale": Pa per 127, "re":
+            base64 of int8, "im": …}`` with the index ``iu * nz + iz``; drawn is Re(p e^{jωt}).
+        ``cases[…]["extremes"]``
+            ``{"1": {"best": {"index": i, "fields": {"XZ": F, "YZ": F}}, "worst": …}}``, by mode:
+            the settings with the least and the largest mean error of the deflection.
+        ``cases[…]["settings"][…]["modes"][…]``
+            ``{"planes": {"XZ": E, "YZ": E}, "deflection": {"mean": 3.1}}``, where E has ``mean`` to
+            ``stated`` as above, or is None on a nodal plane.
     case : str, optional
     mode : int, optional
         What to show first; the first case or mode of the data if unknown.
@@ -146,5 +193,7 @@ class Viewer(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
-        page = static_html(_ESM, _CSS, {"data": self.data, "case": self.case, "mode": self.mode})
+        kind = self.data.get("structure", {}).get("kind")
+        esm = _join(kind) if kind in _KINDS else _ESM
+        page = static_html(esm, _CSS, {"data": self.data, "case": self.case, "mode": self.mode})
         return {**data, "text/plain": repr(self), "text/html": page}, metadata

@@ -1,0 +1,102 @@
+// Panel (d): the mean error of each setting as a bar, or one per plane of the sound; point, pin, walk.
+import { MARGIN, extent, frame } from "./chart.js";
+import { entitle, html, icon, isNumber, mark, path, show, svg, text } from "./parts.js";
+
+export function createBars(panel, study, uid, highlight) { // returns what draws them
+  const hatched = (box, ...more) => svg("rect", { ...box, fill: `url(#${uid}-hatch)` }, ...more);
+
+  function draw() {
+    const { width, data } = study, settings = study.settings(), { label, unit } = data.parameter;
+    const every = settings.map((_, i) => study.errors(i)), count = every[0].length;
+    const errors = every.flat(), axis = `error (% of the largest ${data.planes ? "pressure" : "deflection"})`;
+    const [, most] = extent(errors.map((r) => [r.mean, r.high, r.median, r.predicted, ...(r.stated ?? [])]));
+    const had = panel.canvas.contains(document.activeElement) ? study.focused : null;
+    const slotWidth = (width - MARGIN.left - MARGIN.right) / every.length;
+    const staggered = settings.some((one) => one.label.length * 7 > slotWidth), room = staggered ? 15 : 0;
+    const { x, y, bottom } = frame(panel, width, [0, every.length], [0, most],
+      unit ? `${label} (${unit})` : label, axis, room);
+    const tile = { width: 6, height: 6, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" };
+    panel.canvas.append(svg("pattern", { id: `${uid}-hatch`, ...tile }, path("tl-hatch", "M0 0V6")));
+    const gap = Math.max(10, Math.min(22, slotWidth * 0.18)); // between the two of a setting
+    const wide = count > 1 ? Math.min(34, slotWidth / 2 - gap) : Math.min(44, slotWidth * 0.46);
+    const stub = count > 1 ? gap / 2 + 4 : Math.min(14, slotWidth / 4);
+
+    function column(setting, i, r, n) { // one bar with its band, median, prediction and statement
+      const middle = x(i + 0.5) + (n - (count - 1) / 2) * (wide + gap), left = middle - wide / 2;
+      if (!isNumber(r.mean) && r.name) return [svg("g", { class: "tl-nodal" },
+        svg("title", {}, `${r.name}: ${data.nodal_note}`), path("tl-band", `M${middle - 5} ${y(0) - 6}h10`))];
+      const box = { x: left, y: y(r.mean ?? 0), width: wide, height: y(0) - y(r.mean ?? 0) };
+      const parts = [svg("rect", { class: `tl-box${n ? " tl-second" : ""}`, ...box })];
+      if (setting.in_view < 1) parts.push(hatched(box, svg("title", {}, study.inView(setting))));
+      const add = (values, cls, line) => {
+        if (values.every(isNumber)) parts.push(path(cls, line(...values.map(y))));
+      };
+      add([r.low, r.high], "tl-band",
+        (low, high) => `M${middle} ${low}V${high}m-4 0h8M${middle - 4} ${low}h8`);
+      add([r.median], "tl-median", (at) => mark(0, middle, at, 3));
+      add([r.predicted], "tl-predicted", (at) => `M${left + wide - 5} ${at}h${stub}`);
+      if (r.stated) add([r.stated[0] ?? 0, r.stated[1] ?? most], "tl-stated",
+        (low, high) => (low === high ? mark(3, left - 5, low, 4) : `M${left - 1} ${low}h-4V${high}h4`));
+      parts.push(text(middle, y(Math.max(...[0, r.mean, r.high].filter(isNumber))) - 6, show(r.mean)));
+      return parts;
+    }
+    const bars = settings.map((setting, i) => {
+      const drop = staggered && i % 2 ? 15 : 0;
+      const height = bottom - MARGIN.top + 36 + drop;
+      const area = { x: x(i) + 2, y: MARGIN.top - 12, width: slotWidth - 4, height, rx: 4 };
+      const names = { role: "button", "data-setting": i, "aria-label": study.describe(i) };
+      const bar = svg("g", { class: "tl-bar", ...names, style: study.tint(i) },
+        svg("rect", { class: "tl-hit", ...area }), ...every[i].flatMap((r, n) => column(setting, i, r, n)),
+        text(x(i + 0.5), bottom + 17 + drop, setting.label));
+      listen(bar, i, () => bars);
+      return bar;
+    });
+    panel.canvas.append(...bars);
+    if (had !== null) bars[had]?.focus();
+    drawKey(settings, errors);
+  }
+
+  function listen(bar, i, bars) {
+    const on = (name, handler) => bar.addEventListener(name, (event) => { handler(event); highlight(); });
+    on("pointerenter", (event) => { if (event.pointerType === "mouse") study.hovered = i; });
+    on("pointerleave", () => { study.hovered = null; });
+    on("focus", () => { study.focused = bar.matches(":focus-visible") ? i : null; });
+    on("blur", () => { study.focused = null; });
+    on("click", () => { study.pinned = study.pinned === i ? null : i; });
+    on("keydown", (event) => {
+      const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+      const next = { Home: 0, End: -1 }[event.key] ?? i + step;
+      if (isNumber(next)) bars().at(next % bars().length).focus();
+      else if (event.key === "Enter" || event.key === " ") bar.dispatchEvent(new Event("click"));
+      else if (event.key === "Escape") study.pinned = null;
+      else return;
+      event.preventDefault();
+    });
+  }
+
+  function drawKey(settings, errors) {
+    const box = { x: 4, y: 2, width: 10, height: 10 };
+    const grey = (cls = "") => svg("rect", { class: `tl-box${cls}`, ...box });
+    const entry = (words, ...parts) => panel.foot.append(html("span", {}, icon(18, ...parts), words));
+    const { planes, nodal_note: note } = study.data;
+    panel.foot.replaceChildren();
+    if (planes) planes.forEach(({ name }, n) => entry(`${name}: mean (rms)`, grey(n ? " tl-second" : "")));
+    else entry("mean (rms)", grey());
+    entry("5–95 % over pixel-grid shifts", path("tl-band", "M9 1V13M5 1h8M5 13h8"));
+    entry("their median", path("tl-median", mark(0, 9, 7, 3)));
+    entry("first-order prediction", path("tl-predicted", "M2 7h14"));
+    const stated = path("tl-stated", mark(3, 5, 7, 4) + "M17 2h-4V12h4");
+    if (errors.some((r) => r.stated)) entry("stated in the thesis", stated);
+    if (errors.some((r) => r.name && !isNumber(r.mean))) entry(note, path("tl-band", "M4 7h10"));
+    if (settings.some((one) => one.in_view < 1)) entry("markers leave the image", grey(), hatched(box));
+  }
+
+  return {
+    draw,
+    label() {
+      const where = study.data.planes ? " on both planes" : "";
+      entitle(panel, study, "group", `Mean error of each setting${where}`, "",
+        "Arrow keys move, Enter pins, Escape releases.");
+    },
+  };
+}

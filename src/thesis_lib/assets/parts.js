@@ -1,0 +1,70 @@
+// Small pieces that every panel uses: elements, numbers as text, marks of the settings, figures.
+
+// Each kind of structure registers its own panels here, by the name in `structure.kind`: a function of
+// (study, uid) that returns {figures, draw(), highlight(), stop()}.
+export const KINDS = {};
+
+// Attributes and text only, never markup: strings of the data cannot become elements.
+export function fill(node, attributes, children = []) {
+  for (const [name, value] of Object.entries(attributes)) if (value != null) node.setAttribute(name, value);
+  node.append(...children);
+  return node;
+}
+export const html = (tag, attributes = {}, ...children) =>
+  fill(document.createElement(tag), attributes, children);
+export const svg = (tag, attributes = {}, ...children) =>
+  fill(document.createElementNS("http://www.w3.org/2000/svg", tag), attributes, children);
+export const path = (cls, d, extra = {}) => svg("path", { class: cls, d, ...extra });
+export const text = (x, y, words, cls, anchor = "middle") =>
+  svg("text", { x, y, class: cls, "text-anchor": anchor }, words);
+export const lines = (points, end = "") =>
+  points.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("") + end;
+export const icon = (width, ...parts) =>
+  svg("svg", { width, height: 14, viewBox: `0 0 ${width} 14`, "aria-hidden": "true" }, ...parts);
+
+// Numbers
+export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
+export const fixed = (value, digits) => value.toFixed(digits).replace("-", "−");
+const digitsOf = (value) => (Math.abs(value) >= 99.5 ? 0 : Math.abs(value) >= 0.995 ? 1 : 2);
+export const show = (value) => (isNumber(value) ? fixed(value, digitsOf(value)) : "–");
+export function range(low, high) {
+  if (isNumber(low) && isNumber(high) && low !== high) return `${fixed(low, digitsOf(high))}–${show(high)} %`;
+  return isNumber(high) ? `${isNumber(low) ? "" : "up to "}${show(high)} %` : `at least ${show(low)} %`;
+}
+export function ticks(low, high, count) { // pairs of a value and its text
+  const rough = (high - low || 1) / count, power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find((factor) => factor * power > rough * 0.999);
+  const first = Math.ceil(low / step - 1e-9), last = Math.floor(high / step + 1e-9);
+  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  return Array.from({ length: last - first + 1 },
+    (_, i) => [(first + i) * step, fixed((first + i) * step || 0, digits)]);
+}
+
+// One marker shape per setting (null: a circle), so that colour is never the only difference.
+const SHAPES = [null, [[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]],
+  [[0, -1.2], [1.1, 0.8], [-1.1, 0.8]], [[0, -1.3], [1.3, 0], [0, 1.3], [-1.3, 0]],
+  [[0, 1.2], [1.1, -0.8], [-1.1, -0.8]], [[-1.4, -0.5], [1.4, -0.5], [1.4, 0.5], [-1.4, 0.5]]];
+export function mark(index, x, y, r) {
+  const shape = SHAPES[index % SHAPES.length];
+  if (shape) return lines(shape.map(([u, v]) => [x + u * r, y + v * r]), "Z");
+  return `M${(x - r).toFixed(1)} ${y.toFixed(1)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`;
+}
+
+export const swatch = (i) => icon(14, path("tl-mark", mark(i, 7, 7, 4)));
+
+// A figure: caption, what is drawn, and a line below it.
+export function figure(letter, canvas, letters = letter) {
+  const caption = html("span"), foot = html("div", { class: "tl-foot" });
+  fill(canvas, { "data-testid": `panel-${letter}` });
+  const heading = html("figcaption", {}, html("b", {}, letters), caption);
+  const node = html("figure", { class: `tl-panel-${letter}` }, heading, canvas, foot);
+  return { node, canvas, caption, foot };
+}
+export function entitle({ canvas, caption }, study, role, words, strong = "", help = "") {
+  caption.replaceChildren(words, html("strong", {}, strong));
+  const place = `case ${study.case().name}, mode ${study.mode().mode}`;
+  fill(canvas, { role, "aria-label": `${words}${strong}, ${place}. ${help}` });
+}
+export const heightOf = (width) => (width < 420 ? 270 : 310);
+export const resize = ({ canvas }, width, height) =>
+  fill(canvas, { viewBox: `0 0 ${width} ${height}`, height });

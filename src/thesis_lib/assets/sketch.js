@@ -1,0 +1,132 @@
+// Panel (a): the structure and the cameras around it, to be turned.
+import { entitle, fill, heightOf, lines, path, resize, svg, text } from "./parts.js";
+
+// World frame: X along the structure, Y across, Z up; azimuth from +Y towards +X, elevation from XY.
+const RAD = Math.PI / 180;
+const direction = (azimuth, elevation) => [Math.cos(elevation * RAD) * Math.sin(azimuth * RAD),
+  Math.cos(elevation * RAD) * Math.cos(azimuth * RAD), Math.sin(elevation * RAD)];
+const sideways = (azimuth) => [-Math.cos(azimuth * RAD), Math.sin(azimuth * RAD), 0];
+const times = (v, k) => v.map((c) => c * k);
+const plus = (u, v) => u.map((c, i) => c + v[i]);
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const trace = (point, steps = 72) => Array.from({ length: steps + 1 }, (_, i) => point(i / steps));
+const SQUARE = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
+
+export function createSketch(panel, study) { // returns what draws it
+  const view = { azimuth: 158, elevation: 33 };
+  let dragged;
+
+  function draw() {
+    const { width, data } = study, height = heightOf(width), { kind, length_mm: length } = data.structure;
+    const every = study.settings(), shown = every.map((_, i) => i).filter((i) => study.stateOf(i) === "on");
+    const distances = [...new Set(every.flatMap((one) => one.cameras.map((camera) => camera[0])))];
+    const half = length / 2, across = (data.structure.width_mm ?? 30) / 2;
+    const radius = Math.max(...distances, half * 1.1), scene = [];
+    const viewer = direction(view.azimuth, view.elevation), right = sideways(view.azimuth);
+    const up = cross(viewer, right), sine = Math.sin(view.elevation * RAD);
+    const unit = Math.min((width - 70) / 2, (height - 44) / (1 + sine)) / radius;
+    const flat = (v) => [width / 2 + unit * dot(v, right),
+      height / 2 + unit * ((radius * (1 - sine)) / 2 - dot(v, up))];
+    const line = (cls, points, end, style) => path(cls, lines(points.map(flat), end), { style });
+
+    const ring = (r, elevation) => line("tl-wire", trace((t) => times(direction(360 * t, elevation), r)));
+    scene.push(...distances.map((r) => ring(r, 0)),
+      ...[0, 30, 60].map((elevation) => ring(radius, elevation)),
+      ...[0, 45, 90, 135].map((azimuth) =>
+        line("tl-wire", trace((t) => times(direction(azimuth, 180 * t), radius)))));
+    const axes = [["X", [1, 0, 0], half], ["Y", [0, 1, 0], across], ["Z", [0, 0, 1], 0]];
+    for (const [name, axis, from] of axes) {
+      const [x, y] = flat(times(axis, from + 0.22 * radius)), ends = [from, from + 0.16 * radius];
+      scene.push(line("tl-axis", ends.map((end) => times(axis, end))), text(x, y + 4, name, "tl-muted"));
+    }
+    const corners = SQUARE.map(([u, v]) => [u * half, v * across, 0]);
+    scene.push(line(kind === "beam" ? "tl-beam" : "tl-plate", corners, "Z"));
+    if (kind === "beam") {
+      const clamp = SQUARE.map(([u, v]) => [-half, u * 0.07 * radius, v * 0.05 * radius]);
+      scene.push(line("tl-clamp", clamp, "Z"));
+    }
+    for (const { name, u_mm: [u0, u1], z_mm: [z0, z1] } of data.planes ?? []) { // where the sound is computed
+      const place = ([u, z]) => (name.startsWith("X") ? [u, 0, z] : [0, u, z]);
+      const rectangle = [[u0, z0], [u1, z0], [u1, z1], [u0, z1]].map(place), [x, y] = flat(rectangle[3]);
+      scene.push(line("tl-plane", rectangle, "Z"), text(x, y - 4, name, "tl-muted"));
+    }
+
+    // Cameras: pyramids with the tip at the centre of projection and the base towards the origin. One that
+    // several highlighted settings share is drawn in the first one's colour; larger for the next, if they
+    // are but few.
+    const seen = new Map(), pyramids = [];
+    const nested = shown.length < 3 || new Set(shown.map((i) => String(every[i].cameras))).size === 1;
+    function pyramid(camera, style = null) {
+      const [distance, azimuth, elevation] = camera, copies = seen.get(String(camera)) ?? 0;
+      if (copies && !(nested && style)) return;
+      seen.set(String(camera), copies + 1);
+      const tip = times(direction(azimuth, elevation), distance), size = 0.12 * radius * (1 + 0.4 * copies);
+      const side = times(sideways(azimuth), size * 0.5);
+      const over = times(cross(side, direction(azimuth, elevation)), 0.56);
+      const centre = times(tip, 1 - size / distance);
+      const base = SQUARE.map(([u, v]) => plus(centre, plus(times(side, u), times(over, v))));
+      if (style && !copies) scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style));
+      pyramids.push([dot(tip, viewer), svg("g", { class: `tl-camera${style ? "" : " tl-faint"}`, style },
+        line("tl-base", base, "Z"), ...base.map((corner) => line("", [tip, corner])))]);
+    }
+    for (const i of shown) for (const camera of every[i].cameras) pyramid(camera, study.tint(i));
+    for (const one of every) for (const camera of one.cameras) pyramid(camera);
+    scene.push(...pyramids.sort(([one], [two]) => one - two).map(([, group]) => group));
+
+    scene.push(...drawParameter(every, shown, flat, line));
+    resize(panel, width, height).replaceChildren(...scene);
+  }
+
+  function drawParameter(every, shown, flat, line) { // the varied one, where it has a place in the sketch
+    const { name } = study.data.parameter, scene = [], notes = [];
+    const isAperture = name.startsWith("aperture"), isDistance = name.startsWith("distance");
+    if (isDistance || name.startsWith("width") || (isAperture && shown.length < 3)) shown.forEach((i, n) => {
+      const [one, two] = every[i].cameras.map(([, azimuth, elevation]) => direction(azimuth, elevation));
+      const [[distance]] = every[i].cameras, pixels = every[i].resolution;
+      let at = flat(times(one, distance)).map((value, axis) => value + [44, 10][axis]); // beside the camera
+      if (isAperture && two) { // the angle between the first two optical axes
+        const angle = Math.acos(dot(one, two) * 0.99999);
+        const size = (distance * (0.66 - 0.2 * n)) / Math.sin(angle);
+        const arc = trace((t) => plus(times(one, size * Math.sin((1 - t) * angle)),
+          times(two, size * Math.sin(t * angle))), 32);
+        scene.push(line("tl-arc", arc, "", study.tint(i)));
+        at = flat(arc[16]);
+      } else if (isDistance) scene.push(line("tl-arc", [[0, 0, 0], times(one, distance)], "", study.tint(i)));
+      notes.push([...at, isAperture || isDistance || !pixels ? every[i].label : `${pixels.join(" × ")} px`]);
+    });
+    notes.sort((one, two) => two[1] - one[1]).forEach((note, n) => {
+      if (n && Math.abs(note[0] - notes[n - 1][0]) < 100) note[1] = Math.min(note[1], notes[n - 1][1] - 15);
+      scene.push(text(Math.max(50, Math.min(study.width - 50, note[0])), note[1] - 5, note[2], "tl-note"));
+    });
+    return scene;
+  }
+
+  function rotate(event, azimuth, elevation) {
+    view.azimuth += azimuth;
+    view.elevation = Math.max(0, Math.min(90, view.elevation + elevation));
+    event.preventDefault();
+    draw();
+  }
+  panel.canvas.addEventListener("pointerdown", (event) => {
+    dragged = event;
+    panel.canvas.setPointerCapture(event.pointerId);
+  });
+  panel.canvas.addEventListener("pointermove", (event) => {
+    if (!panel.canvas.hasPointerCapture(event.pointerId)) return;
+    rotate(event, (event.clientX - dragged.clientX) * 0.5, (event.clientY - dragged.clientY) * 0.4);
+    dragged = event;
+  });
+  panel.canvas.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, 6], ArrowDown: [0, -6] }[event.key];
+    if (step) rotate(event, ...step);
+  });
+  fill(panel.canvas, { tabindex: 0 });
+  panel.foot.append("Drag, or focus and press the arrow keys, to rotate.");
+  return {
+    draw,
+    label() {
+      entitle(panel, study, "img", "Cameras; varied: ", study.data.parameter.label, "Arrow keys rotate.");
+    },
+  };
+}

@@ -1,0 +1,127 @@
+// Panels of a sound field: ideal, best and worst pressure on each plane, at any instant of the period.
+import { colourBar, createMap, mapWidth, paletteOf } from "./heatmap.js";
+import { KINDS, entitle, figure, html, icon, isNumber, path, swatch } from "./parts.js";
+
+const PERIOD = 3000; // ms on the screen
+
+function decode({ scale, re, im }) { // complex pressures at the points, u-major
+  const numbers = (code) => Int8Array.from(atob(code), (sign) => sign.charCodeAt(0));
+  return { scale: scale / 127, re: numbers(re), im: numbers(im) };
+}
+function amplitude(field) {
+  const { scale, re, im } = field ?? { scale: 0, re: [], im: [] };
+  let most = 0;
+  for (let n = 0; n < re.length; n++) most = Math.max(most, re[n] * re[n] + im[n] * im[n]);
+  return scale * Math.sqrt(most);
+}
+
+KINDS.sound = (study, uid) => {
+  const b = figure("b", html("div", { class: "tl-planes" }), "b, c");
+  let phase = 0, playing = null, colours = [], fields = []; // what is on the screen
+
+  // --- the instant: a button and a slider
+  const button = html("button", { type: "button", class: "tl-play", "data-testid": "play" });
+  const slider = html("input", { type: "range", min: 0, max: 360, value: 0, "data-testid": "phase" });
+  const degrees = html("span", { "aria-hidden": "true" }), label = html("label", {}, "phase ωt", slider);
+  const time = html("div", { class: "tl-time" }, button, html("div", { class: "tl-phase" }, label, degrees));
+  b.canvas.before(time);
+  b.foot.append("Best and worst by the mean error of the deflection. One scale for the fields of a plane.");
+
+  function show(angle) {
+    phase = angle;
+    slider.value = Math.round(phase);
+    degrees.textContent = `${Math.round(phase)}°`;
+    slider.setAttribute("aria-valuetext", degrees.textContent);
+    const cos = Math.cos((phase * Math.PI) / 180), sin = Math.sin((phase * Math.PI) / 180);
+    for (const one of fields) paint(one, cos, sin);
+  }
+  function play(on) { // only the reader starts it, so nothing moves unasked
+    if (!on) cancelAnimationFrame(playing);
+    playing = on ? requestAnimationFrame((start) => step(start, start)) : null;
+    const sign = path("tl-sign", on ? "M3 2V12M10 2V12" : "M3 1V13L12 7Z");
+    button.replaceChildren(icon(14, sign), on ? "Pause" : "Play");
+  }
+  function step(now, before) {
+    show((phase + ((now - before) / PERIOD) * 360) % 360);
+    playing = requestAnimationFrame((next) => step(next, now));
+  }
+  button.addEventListener("click", () => play(playing === null));
+  slider.addEventListener("input", () => { play(false); show(Number(slider.value)); });
+
+  // --- one field
+  function paint({ context, image, pixels, field: { scale, re, im }, most, shape: [nu, nz] }, cos, sin) {
+    const middle = (colours.length - 1) / 2, factor = (scale * middle) / most;
+    for (let iz = nz - 1, at = 0; iz >= 0; iz--) for (let iu = 0; iu < nu; iu++, at++) { // from the top
+      const n = iu * nz + iz, step = Math.round(middle + factor * (re[n] * cos - im[n] * sin));
+      pixels[at] = colours[Math.max(0, Math.min(2 * middle, step))];
+    }
+    context.putImageData(image, 0, 0);
+  }
+  function drawField(width, plane, most, [word, field, i]) {
+    const { u_mm: [u0, u1], z_mm: [z0, z1], shape: [nu, nz], name } = plane;
+    const du = (u1 - u0) / (nu - 1) / 2, dz = (z1 - z0) / (nz - 1) / 2; // a pixel around each point
+    const map = createMap(width, [u0 - du, u1 + du], [0, z1 + dz], `${name[0]} (mm)`, "Z (mm)");
+    const half = study.data.structure[name[0] === "X" ? "length_mm" : "width_mm"] / 2;
+    map.node.append(map.frame(), path("tl-slab", `M${map.x(-half)} ${map.y(0)}H${map.x(half)}`));
+    const place = (node) => {
+      const size = { left: map.x(u0 - du), top: map.y(z1 + dz), width: map.unit * (u1 - u0 + 2 * du),
+        height: map.unit * (z1 - z0 + 2 * dz) };
+      for (const [key, value] of Object.entries(size)) node.style[key] = `${value}px`;
+      return node;
+    };
+    const picture = html("div", { class: "tl-picture" }, map.node);
+    const names = { "data-testid": `field-${name}-${word}`, "aria-label": `${word} field on ${name}` };
+    if (field) {
+      const canvas = html("canvas", { width: nu, height: nz, role: "img", ...names });
+      const context = canvas.getContext("2d");
+      const image = context.createImageData(nu, nz), pixels = new Uint32Array(image.data.buffer);
+      fields.push({ context, image, pixels, field, most, shape: plane.shape });
+      picture.append(place(canvas));
+    } else {
+      picture.append(place(html("div", { class: "tl-nodal-note", ...names }, study.data.nodal_note)));
+    }
+    return html("div", { class: "tl-map" }, html("p", { class: "tl-maphead" }, headingOf(word, i)), picture);
+  }
+
+  // --- all of them
+  const nodal = (name) => study.results().every((result) => !isNumber(result.planes[name]?.mean));
+  function fieldsOf(name) { // [word, field or null, setting or null]
+    const extremes = study.case().extremes?.[study.mode().mode] ?? {};
+    const read = ({ fields: all }) => (all?.[name] ? decode(all[name]) : null);
+    return [["ideal", nodal(name) ? null : read(study.mode()), null],
+      ...["best", "worst"].filter((word) => extremes[word]).map((word) =>
+        [word, read(extremes[word]), extremes[word].index])];
+  }
+  function headingOf(word, i) {
+    if (i === null) return word;
+    return html("span", { style: study.tint(i), "data-setting": i },
+      swatch(i), study.nameOf(i), html("em", {}, word));
+  }
+  function drawPlane({ plane, list, limit }) {
+    const { name } = plane, { colormap, pressure_unit: unit } = study.data, width = mapWidth(study, 2);
+    const palette = paletteOf(colormap), wide = Math.min(width, 260);
+    const bar = colourBar(`${uid}-${name}`, palette, limit, unit, "pressure", wide);
+    const maps = list.map((one) => drawField(width, plane, limit, one));
+    return html("section", { "aria-label": `${name} plane` },
+      html("div", { class: "tl-planehead" }, html("strong", {}, `${name} plane`), bar),
+      html("div", { class: "tl-maps" }, ...maps));
+  }
+  function draw() {
+    entitle(b, study, "group", "Sound pressure: ideal and from the measured shapes", "",
+      "The button plays the period; the slider sets the instant.");
+    colours = Uint32Array.from(paletteOf(study.data.colormap),
+      ([red, green, blue]) => (255 << 24) | (blue << 16) | (green << 8) | red);
+    fields = [];
+    const every = study.data.planes.map((plane) => ({ plane, list: fieldsOf(plane.name) }));
+    for (const one of every) one.most = Math.max(0, ...one.list.map(([, field]) => amplitude(field)));
+    const sounding = every.filter(({ plane }) => !nodal(plane.name));
+    for (const one of every) { // what is left on a nodal plane is seen on the scale of the other plane
+      const scales = sounding.length && !sounding.includes(one) ? sounding : [one];
+      one.limit = Math.max(...scales.map(({ most }) => most)) || 1;
+    }
+    b.canvas.replaceChildren(...every.map(drawPlane));
+    show(phase);
+  }
+  play(false);
+  return { figures: [b.node], draw, highlight() {}, stop: () => play(false) };
+};

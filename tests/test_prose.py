@@ -1,0 +1,62 @@
+"""The numbers in the book's prose are those of the cubes."""
+
+import re
+
+import pytest
+
+from thesis_lib import claims, cubes, prose, sound, studies
+from thesis_lib.parameters import STUDIES, validate
+
+
+@pytest.fixture(scope="module")
+def opened():
+    """Every cube, with few trials and, for sound, few points."""
+    made = {}
+    for name, model in STUDIES.items():
+        request = validate(name, {"trials": 12})
+        if model.subject == "sound":
+            request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
+            cube = sound.run(request, made[name.replace("sound", "plate")])
+        else:
+            cube = studies.run(request)
+        made[name] = cubes.with_provenance(cube, request, 0.0)
+    return made
+
+
+def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
+    book = cubes.project_root() / "book"
+    pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
+    assert set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages)) == set(prose.PIECES)
+
+
+@pytest.mark.parametrize("name", prose.PIECES)
+def test_piece_is_a_table_without_gaps(opened, name):
+    text = prose.PIECES[name](opened)
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(rows) > 3
+    assert "nan" not in text.lower()
+
+
+def test_agreement_counts_the_checks(opened):
+    text = prose.PIECES["beam-results"](opened)
+    (met, total) = map(int, re.search(r"\*\*(\d+) of (\d+)\*\*", text).groups())
+    checks = [
+        check
+        for name, cube in opened.items()
+        if name.startswith("beam")
+        for check in claims.check(cube, claims.claims_of(name))
+        if check.claim.quantity == "mean_error"
+    ]
+    assert (met, total) == (sum(check.inside for check in checks), len(checks))
+
+
+def test_a_doctored_cube_changes_the_prose(opened):
+    cube = opened["plate-distance"]
+    doctored = {**opened, "plate-distance": cube.assign(mean_error=10 * cube["mean_error"])}
+    assert prose.PIECES["plate-results"](doctored) != prose.PIECES["plate-results"](opened)
+
+
+def test_field_error_falls_like_the_root_of_the_number_of_markers(opened):
+    text = prose.PIECES["sound-markers"](opened)
+    (exponent,) = map(float, re.findall(r"exponent of M is (-\d\.\d+)", text))
+    assert -0.55 < exponent < -0.45
