@@ -170,7 +170,9 @@ PLANES = [
     {"name": "YZ", "u_mm": [-334, 334], "z_mm": [44.5, 443], "shape": [75, 50]},
 ]
 NODAL = {(2, "YZ"), (3, "XZ")}
-NOTE = "no reference pressure: the plane is nodal"
+NOTE = (
+    "this plane is a nodal plane of the mode: its reference pressure is zero, so no error is given"
+)
 
 
 def sound_field(mode: int, plane: str, wave: float) -> dict[str, Any]:
@@ -733,6 +735,8 @@ def test_maps_fit_a_phone(chromium: Browser, request: pytest.FixtureRequest, kin
             assert box is not None
             assert box["x"] >= 0
             assert box["x"] + box["width"] <= 390
+        for note in viewer.locator(".tl-nodal-note").all():
+            assert note.evaluate("e => e.scrollHeight <= e.clientHeight")
         if kind == "plate":
             viewer.locator("[data-testid=map-1] .tl-cells rect").nth(80).tap()
             assert "reference" in viewer.get_by_test_id("readout-c").inner_text()

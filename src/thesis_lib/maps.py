@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from thesis_lib import figures
+from thesis_lib.sound import NODAL
 
 Array = NDArray[np.float64]
 
@@ -98,7 +99,7 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     largest = part["largest_pressure"].values
     for row, plane in zip(("cde", "fgh"), ("XZ", "YZ"), strict=True):
         p = ("XZ", "YZ").index(plane)
-        nodal = largest[p] < 1e-6 * largest.max()
+        nodal = largest[p] < NODAL * largest.max()
         limit = largest.max() if nodal else largest[p]
         fields = (
             (f"(b) {plane}, ideal{' (nodal)' if nodal else ''}",

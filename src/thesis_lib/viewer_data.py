@@ -14,6 +14,7 @@ from thesis_lib import cubes, setups
 from thesis_lib.figures import COLORS, Bars, error_bars, select
 from thesis_lib.maps import DIVERGING
 from thesis_lib.parameters import STUDIES
+from thesis_lib.sound import NODAL
 
 Array = NDArray[np.float64]
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
@@ -134,10 +135,7 @@ def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
         for name in names
     ]
     data["pressure_unit"] = "Pa"
-    data["nodal_note"] = (
-        "this plane is a nodal plane of the mode: its reference pressure is zero, "
-        "and an error relative to it has no meaning"
-    )
+    data["nodal_note"] = "nodal plane: no reference pressure"
     largest = cube["largest_pressure"].sel(mode=cube["mode"])
     for m, entry in enumerate(data["modes"]):
         scales = largest.isel(mode=m).values
@@ -165,7 +163,8 @@ def _fields(parts: list[Array], scales: Array, names: list[str]) -> dict[str, An
     """Complex fields (plane, u, z) as signed bytes; a nodal plane on the scale of the other."""
     result = {}
     for p, name in enumerate(names):
-        scale = float(scales[p] if scales[p] > 1e-6 * scales.max() else scales.max())
+        reference = scales[p] if scales[p] > NODAL * scales.max() else scales.max()
+        scale = float(max(reference, *(np.abs(part[p]).max() for part in parts)))
         coded = [
             np.clip(np.rint(part[p, ::FIELD_STEP, ::FIELD_STEP] / scale * 127), -127, 127)
             for part in parts

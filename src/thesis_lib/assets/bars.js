@@ -12,7 +12,7 @@ export function createBars(panel, study, uid, highlight) { // returns what draws
     const [, most] = extent(errors.map((r) => [r.mean, r.high, r.median, r.predicted, ...(r.stated ?? [])]));
     const had = panel.canvas.contains(document.activeElement) ? study.focused : null;
     const slotWidth = (width - MARGIN.left - MARGIN.right) / every.length;
-    const staggered = settings.some((one) => one.label.length * 7 > slotWidth), room = staggered ? 15 : 0;
+    const staggered = settings.some((one) => one.label.length * 7.5 + 2 > slotWidth), room = staggered ? 15 : 0;
     const { x, y, bottom } = frame(panel, width, [0, every.length], [0, most],
       unit ? `${label} (${unit})` : label, axis, room);
     const tile = { width: 6, height: 6, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" };

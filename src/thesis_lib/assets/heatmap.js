@@ -18,7 +18,7 @@ export const isDark = ([r, g, b]) => 0.3 * r + 0.59 * g + 0.11 * b < 128;
 
 // How to write values up to `most`: very small and very large ones in powers of ten of their unit.
 export function scaleOf(most, unit) {
-  const power = most > 0 ? Math.floor(Math.log10(most)) : 0, far = power < -2 || power > 4;
+  const power = most > 0 ? Math.floor(Math.log10(most)) : 0, far = power < -2 || power > 3;
   const exponent = far ? 3 * Math.floor(power / 3) : 0;
   const raised = String(exponent).replace(/./g, (sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]);
   return { factor: 10 ** exponent, unit: far ? `× 10${raised} ${unit}` : unit,

@@ -97,7 +97,7 @@ export function createSketch(panel, study) { // returns what draws it
     });
     notes.sort((one, two) => two[1] - one[1]).forEach((note, n) => {
       if (n && Math.abs(note[0] - notes[n - 1][0]) < 100) note[1] = Math.min(note[1], notes[n - 1][1] - 15);
-      scene.push(text(Math.max(50, Math.min(study.width - 50, note[0])), note[1] - 5, note[2], "tl-note"));
+      scene.push(text(Math.max(56, Math.min(study.width - 56, note[0])), note[1] - 5, note[2], "tl-note"));
     });
     return scene;
   }
