@@ -1,4 +1,4 @@
-"""Print all measurements and draw the growth: ``python -m benchmarks``, about a minute."""
+"""Print all measurements and draw the growth: ``python -m benchmarks``, two minutes at most."""
 
 from __future__ import annotations
 
@@ -31,11 +31,37 @@ def print_triangulation(n_points: int = 100_000) -> None:
 
 
 def print_studies(trials: int = 200) -> None:
-    """Table of the beam studies' times."""
-    print(f"\nBeam studies with {trials} trials")
-    times = measure.study_seconds(trials)
-    for name, time in {**times, "total": sum(times.values())}.items():
-        print(f"{name:>18} {time:>7.2f} s")
+    """Tables of the studies' times."""
+    for subject, what in (("beam", ""), ("plate", ""), ("sound", ", given the plate's cubes")):
+        print(f"\n{subject.title()} studies with {trials} trials{what}")
+        times = measure.study_seconds(subject, trials)
+        for name, time in {**times, "total": sum(times.values())}.items():
+            print(f"{name:>18} {time:>7.2f} s")
+
+
+def print_plane_errors() -> None:
+    """All plane errors of a study beside a field for every trial."""
+    e = measure.compare_plane_errors()
+    print(f"\nAll {e.fields} plane errors of sound-distance with 200 trials")
+    print(f"{e.seconds:>9.3f} s   from one factor per plane and mode, factors included")
+    print(f"{e.direct_seconds:>9.1f} s   by Rayleigh's integral, field by field: "
+          f"{e.direct_seconds / e.seconds:.0f} times as long")  # fmt: skip
+    print(f"{e.kernel_seconds:>9.1f} s   from ready operators, field by field: "
+          f"{e.kernel_seconds / e.seconds:.0f} times as long")  # fmt: skip
+    print(f"the latter two measured on {e.sampled} fields and scaled to all; "
+          f"largest difference {e.difference:.0e} of the error")  # fmt: skip
+
+
+def print_field() -> None:
+    """Field on each plane beside the direct expression."""
+    print("\nField of one velocity vector on 149 × 99 points, medians of 15, interleaved")
+    print("direct: exp(-1j*k*R)/R @ v with the distances R given")
+    print(f"{'plane':>6} {'direct':>10} {'operator':>11} {'ratio':>6} {'rayleigh':>11} "
+          f"{'ratio':>6} {'apart':>7}")  # fmt: skip
+    for name in ("XZ", "YZ"):
+        f = measure.compare_field(name)
+        print(f"{f.plane:>6} {f.direct:>7.1f} ms {f.operator:>8.1f} ms {f.ratio_operator:>6.1f} "
+              f"{f.rayleigh:>8.1f} ms {f.ratio_rayleigh:>6.1f} {f.difference:>7.0e}")  # fmt: skip
 
 
 def print_growth(growths: list[measure.Growth]) -> None:
@@ -77,6 +103,8 @@ def main() -> None:
           f"{os.cpu_count()} processors, one BLAS thread (OPENBLAS_NUM_THREADS=1)")  # fmt: skip
     print_triangulation()
     print_studies()
+    print_plane_errors()
+    print_field()
     growths = measure.growth()
     print_growth(growths)
     print_commands()

@@ -1,4 +1,4 @@
-"""What is timed: triangulation beside its reference, the beam studies, growth, commands."""
+"""What is timed: triangulation and sound beside their references, studies, growth, commands."""
 
 from __future__ import annotations
 
@@ -13,13 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.reference import svd_triangulate
-from thesis_lib import studies
+from benchmarks.reference import distances, field_of_distances, svd_triangulate
+from thesis_lib import setups, sound, studies
 from thesis_lib.cameras import hemisphere_cameras, pixelate, project
-from thesis_lib.parameters import STUDIES, validate
+from thesis_lib.parameters import STUDIES, CameraStudy, SoundPlanes, validate
+from thesis_lib.planes import Plane, operator, pistons
+from thesis_lib.radiation import AIR, rayleigh
+from thesis_lib.structures import resonance
 from thesis_lib.triangulation import triangulate
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 SIZE = (320, 180)
 FOCAL_PX = 24 / 36 * SIZE[0]
 
@@ -103,16 +107,136 @@ def compare_triangulation(
     )
 
 
-def study_seconds(trials: int = 200) -> dict[str, float]:
-    """Seconds to compute each beam study."""
+def _plate_of(study: SoundPlanes) -> CameraStudy:
+    """The plate's study whose deflections a sound study takes."""
+    name: str = study.name.replace("sound", "plate")  # type: ignore[attr-defined]
+    return validate(name, study.plate_request)
+
+
+def study_seconds(subject: str, trials: int = 200) -> dict[str, float]:
+    """Seconds to compute each study of a structure; of sound, given the plate's cubes."""
     times = {}
     for name in STUDIES:
-        if name.startswith("beam-"):
+        if name.startswith(f"{subject}-"):
             study = validate(name, {"trials": trials})
+            plate = studies.run(_plate_of(study)) if isinstance(study, SoundPlanes) else None
             start = time.perf_counter()
-            studies.run(study)
+            if plate is None:
+                studies.run(study)
+            else:
+                sound.run(study, plate)
             times[name] = time.perf_counter() - start
     return times
+
+
+@dataclass(frozen=True)
+class PlaneErrors:
+    """All plane errors of a sound study, and the same by building every trial's field.
+
+    Seconds of the versions that build fields are those of a sample of the fields, scaled; the
+    difference is the largest over that sample, relative to the error.
+    """
+
+    fields: int
+    sampled: int
+    seconds: float
+    direct_seconds: float
+    kernel_seconds: float
+    difference: float
+
+
+def compare_plane_errors(trials: int = 200, sample: int = 12) -> PlaneErrors:
+    """Plane errors of `sound-distance` from the factor of each plane, and from fields.
+
+    The factors, and the operators that they come of, are part of the time. One field at a time
+    is built by Rayleigh's integral as the library has it, or from the plane's ready operator.
+    """
+    study = validate("sound-distance", {"trials": trials})
+    assert isinstance(study, SoundPlanes)
+    plate = setups.plate(study.grid)
+    cube = studies.run(_plate_of(study))
+    reference = cube["reference_deflection"].values
+    errors = cube["measured_deflection"].values.astype(float) - reference[:, None]
+    omegas = [resonance(plate, mode) for mode in study.modes]
+
+    def by_factors() -> Array:
+        rms = np.empty((*errors.shape[:3], 2))
+        for m, omega in enumerate(omegas):
+            for p, plane in enumerate(study.planes):
+                factor = sound.full_factor(operator(plate, plane, omega))
+                rms[:, m, :, p] = omega * np.linalg.norm(errors[:, m] @ factor.T, axis=-1)
+        return rms
+
+    by_factors()
+    fast = statistics.median(seconds(by_factors) for _ in range(5))
+    result = by_factors()
+    rng = np.random.default_rng(0)
+    chosen = [tuple(rng.integers(result.shape)) for _ in range(sample)]
+    parts = pistons(plate)
+    direct, kernel, apart = [], [], []
+    for s, m, t, p in chosen:
+        plane, omega, v = study.planes[p], omegas[m], 1j * omegas[m] * errors[s, m, t]
+        ready, points = operator(plate, plane, omega), plane.points
+        start = time.perf_counter()
+        rms = _rms(rayleigh(parts, v, points, omega))
+        middle = time.perf_counter()
+        _rms(ready.field(v))
+        direct.append(middle - start)
+        kernel.append(time.perf_counter() - middle)
+        apart.append(abs(rms / result[s, m, t, p] - 1))
+    return PlaneErrors(
+        fields=result.size,
+        sampled=sample,
+        seconds=fast,
+        direct_seconds=statistics.median(direct) * result.size,
+        kernel_seconds=statistics.median(kernel) * result.size,
+        difference=max(apart),
+    )
+
+
+def _rms(pressure: ComplexArray) -> float:
+    return float(np.sqrt(np.mean(np.abs(pressure) ** 2)))
+
+
+@dataclass(frozen=True)
+class FieldComparison:
+    """Field of one velocity vector on one plane: milliseconds, ratios, difference over peak."""
+
+    plane: str
+    direct: float
+    operator: float
+    rayleigh: float
+    ratio_operator: float
+    ratio_rayleigh: float
+    difference: float
+
+
+def compare_field(name: str, repetitions: int = 15) -> FieldComparison:
+    """Operator and its field, and plain Rayleigh, beside the direct expression with R given."""
+    plate = setups.plate()
+    plane = Plane("XZ" if name == "XZ" else "YZ", 0.334, 0.0445, 0.443, (149, 99))
+    omega, parts, points = resonance(plate, 1), pistons(plate), plane.points
+    rng = np.random.default_rng(0)
+    v = rng.normal(size=(2, 150)).T @ np.array([1, 1j])
+    R = distances(parts, points)
+    calls: tuple[Callable[[], ComplexArray], ...] = (
+        lambda: field_of_distances(parts, R, v, omega, AIR),
+        lambda: operator(plate, plane, omega).field(v),
+        lambda: rayleigh(parts, v, points, omega),
+    )
+    exact, *others = [call() for call in calls]
+    times = np.array([[seconds(call) for call in calls] for _ in range(repetitions)])
+    direct, folded, plain = (1000 * np.median(times, axis=0)).tolist()
+    ratio_operator, ratio_rayleigh = np.median(times[:, :1] / times[:, 1:], axis=0).tolist()
+    return FieldComparison(
+        name,
+        direct,
+        folded,
+        plain,
+        ratio_operator,
+        ratio_rayleigh,
+        difference=max(float(np.max(np.abs(p - exact)) / np.max(np.abs(exact))) for p in others),
+    )
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from thesis_lib.radiation import Medium, Pistons
+
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 
 def svd_triangulate(
@@ -138,3 +141,19 @@ def _correct(F: Array, m1: Array, m2: Array) -> Array:
     x1 = to_m1 @ R1.T @ _nearest_to_origin(lines[0])
     x2 = to_m2 @ R2.T @ _nearest_to_origin(lines[1])
     return np.stack([x1[:2] / x1[2], x2[:2] / x2[2]])
+
+
+def distances(pistons: Pistons, points: Array) -> Array:
+    """Distances R in m from `points` (3, ...) to the pistons, shape (..., pistons)."""
+    X, Y, Z = points[..., None]
+    x, y = pistons.centres
+    return np.asarray(np.sqrt((X - x) ** 2 + (Y - y) ** 2 + Z**2))
+
+
+def field_of_distances(
+    pistons: Pistons, R: Array, velocity: ComplexArray, omega: float, medium: Medium
+) -> ComplexArray:
+    """Rayleigh's integral as it is written, jωρ₀A_e/2π Σ v e^{−jkR}/R (eq. 6.7)."""
+    k = omega / medium.speed_of_sound
+    scale = 1j * omega * medium.density * pistons.area / (2 * np.pi)
+    return np.asarray(scale * (np.exp(-1j * k * R) / R @ velocity))

@@ -56,9 +56,9 @@ def test_parameters_are_literals(name):
 @pytest.mark.parametrize("name", STUDIES)
 def test_outputs_to_check_are_there_and_hold_numbers(name):
     marked = [cell for cell in committed(name) if MARK in cell.source.splitlines()]
-    assert marked
-    for cell in marked:
-        assert any(re.search(r"\d+\.\d", text) for text in texts(cell)), cell.id
+    for cell in marked:  # where all stated figures are met there is a count alone
+        assert any(re.search(r"\d", text) for text in texts(cell)), cell.id
+    assert sum(bool(re.search(r"\d+\.\d", "".join(texts(cell)))) for cell in marked) >= 2
 
 
 @pytest.mark.parametrize("name", STUDIES)

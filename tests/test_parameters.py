@@ -22,6 +22,7 @@ NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 INF, NAN = math.inf, math.nan
 DISTANCE, APERTURE = "beam-distance", "beam-aperture"
 RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
+PLATE, SOUND = "plate-distance", "sound-aperture"
 PAIR = [[80, 10], [-80, 10]]
 
 
@@ -140,6 +141,32 @@ BAD = [
     (ARRAYS, "layouts", {"x" * 41: [PAIR]}, f'["{"x" * 41}"]', '"' + "x" * 41 + '"'),
     (ARRAYS, "layouts", {"a\nb": [PAIR]}, r'["a\nb"]', r'"a\nb"'),
     (ARRAYS, "layouts", [PAIR], "", "[[[80, 10], [-80, 10]]]"),
+    (PLATE, "grid", [1, 10], "[0]", "1"),
+    (PLATE, "grid", [15, 61], "[1]", "61"),
+    (PLATE, "grid", [15], "", "[15]"),
+    (PLATE, "grid", [15, 10, 1], "", "[15, 10, 1]"),
+    (PLATE, "grid", [15.0, 10], "[0]", "15.0"),
+    (PLATE, "grid", 15, "", "15"),
+    (SOUND, "grid", [15, 0], "[1]", "0"),
+    (SOUND, "speed_of_sound_m_s", 0, "", "0"),
+    (SOUND, "speed_of_sound_m_s", -343, "", "-343"),
+    (SOUND, "speed_of_sound_m_s", NAN, "", "NaN"),
+    (SOUND, "speed_of_sound_m_s", "343", "", '"343"'),
+    (SOUND, "air_density_kg_m3", 0, "", "0"),
+    (SOUND, "air_density_kg_m3", -1.21, "", "-1.21"),
+    (SOUND, "air_density_kg_m3", INF, "", "Infinity"),
+    (SOUND, "plane_half_width_mm", 0, "", "0"),
+    (SOUND, "plane_half_width_mm", 100_001, "", "100001"),
+    (SOUND, "plane_bottom_mm", 0, "", "0"),
+    (SOUND, "plane_bottom_mm", -44.5, "", "-44.5"),
+    (SOUND, "plane_top_mm", 44.5, "", "44.5"),
+    (SOUND, "plane_top_mm", 44, "", "44.0"),
+    (SOUND, "plane_top_mm", 0, "", "0"),
+    (SOUND, "plane_shape", [1, 99], "[0]", "1"),
+    (SOUND, "plane_shape", [149, 1], "[1]", "1"),
+    (SOUND, "plane_shape", [149, 501], "[1]", "501"),
+    (SOUND, "plane_shape", [149], "", "[149]"),
+    (SOUND, "plane_shape", 149, "", "149"),
 ]
 
 
@@ -213,6 +240,27 @@ def test_two_cameras_at_the_same_place_are_refused(name, values, field, case):
     assert message.endswith("([azimuth, elevation] in °), allowed: different places")
 
 
+@pytest.mark.parametrize("name", [name for name in STUDIES if name.startswith("sound")])
+def test_pistons_too_large_for_the_wave_are_refused(name):
+    message = refusal(name, {"grid": [2, 2], "modes": [1, 30]})
+    assert message.startswith(f"{name}: modes: given 30, k times the size of a piston is ")
+    assert message.endswith("needs at most π: take lower modes or a finer grid")
+    validate(name, {"grid": [60, 60], "modes": [1, 30]})
+    validate(name, {"grid": [2, 2], "modes": [1]})
+    validate(name.replace("sound", "plate"), {"grid": [2, 2], "modes": [1, 30]})
+
+
+def test_a_slow_fluid_may_make_the_pistons_too_large():
+    message = refusal(SOUND, {"speed_of_sound_m_s": 50})
+    assert "k times the size of a piston is 5.27 at 941.7 Hz" in message
+
+
+def test_a_plane_may_start_higher_if_it_ends_higher():
+    message = refusal(SOUND, {"plane_bottom_mm": 500})
+    assert message.startswith(f"{SOUND}: plane_top_mm: given 443.0, allowed: a number above plane_")
+    validate(SOUND, {"plane_bottom_mm": 500, "plane_top_mm": 500.1})
+
+
 def test_cases_that_are_not_run_refuse_nothing():
     validate(APERTURE, {"elevations_deg": [90], "cases": ["2a"]})
     validate(APERTURE, {"elevation_deg": 90, "cases": ["2b"]})
@@ -262,6 +310,13 @@ CHANGES = {
     "widths_px": [320],
     "pair_order": {"4d": "printed"},
     "layouts": {"mine": [PAIR]},
+    "grid": [16, 10],
+    "speed_of_sound_m_s": 340,
+    "air_density_kg_m3": 1.2,
+    "plane_half_width_mm": 300,
+    "plane_bottom_mm": 45,
+    "plane_top_mm": 440,
+    "plane_shape": [149, 100],
 }
 
 
@@ -343,7 +398,8 @@ def test_papermill_tells_type_and_meaning_of_every_parameter(name):
         number = isinstance(default, int) and row["inferred_type_name"] == "float"
         assert number or type(default).__name__ == row["inferred_type_name"], field
         assert len(row["help"]) > 5, field
-        words = {"mm": ["mm"], "px": ["px"], "°": ["degrees", "°"], "": [""]}[unit(field)]
+        words = {"mm": ["mm"], "px": ["px"], "°": ["degrees", "°"], "m/s": ["m/s"],
+                 "kg/m³": ["kg/m3", "kg/m³"], "": [""]}[unit(field)]  # fmt: skip
         assert any(row["help"].startswith(word) for word in words), row["help"]
 
 
@@ -355,7 +411,7 @@ def test_describe_covers_every_parameter(name):
         assert row["meaning"]
         assert row["allowed"]
         assert validate(name, {row["name"]: json.loads(row["default"])}) == STUDIES[name]()
-        suffixes = {"mm": "_mm", "°": "_deg", "px": "_px"}
+        suffixes = {"mm": "_mm", "°": "_deg", "px": "_px", "m/s": "_m_s", "kg/m³": "_kg_m3"}
         assert row["name"].endswith(suffixes.get(row["unit"], ""))
         assert row["unit"] or not row["name"].endswith(tuple(suffixes.values()))
 
@@ -411,8 +467,11 @@ def test_junk_in_one_known_field_is_refused_in_one_line_or_valid(data):
     field = data.draw(st.sampled_from(list(STUDIES[name].model_fields)))
     study, message = outcome(name, {field: data.draw(JUNK)})
     if study is None:
-        # an amplitude can make the default distance too short
-        fields = [field, "distance"] if field == "amplitude_mm" else [field]
+        # an amplitude can make the default distance too short, a grid or a fluid the default
+        # modes too high, and a plane's lower end its default top too low
+        also = {"amplitude_mm": "distance", "grid": "modes", "speed_of_sound_m_s": "modes",
+                "plane_bottom_mm": "plane_top_mm"}  # fmt: skip
+        fields = [field, also.get(field, field)]
         assert message.startswith(tuple(f"{name}: {field}" for field in fields))
         assert message.isprintable()
     else:

@@ -120,7 +120,6 @@ def test_too_large_pistons_are_refused(name):
 # Its rms.
 
 
-
 @pytest.mark.parametrize("columns", [20, 21])
 @pytest.mark.parametrize("grid", [(15, 10), (14, 9)])
 @pytest.mark.parametrize("name", NAMES)

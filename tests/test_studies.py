@@ -14,6 +14,8 @@ from thesis_lib import claims, cubes, rounding, setups, studies
 from thesis_lib.parameters import validate
 
 NAMES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
+PLATES = [name.replace("beam", "plate") for name in NAMES]
+HERTZ = {"beam": [6.312, 39.56, 110.8], "plate": [305.5, 585.5, 942.1]}
 UNITS = {
     "reference_deflection": "m",
     "measured_deflection": "m",
@@ -23,7 +25,7 @@ UNITS = {
     "predicted_error": "percent",
     "mac": "1",
     "in_view": "1",
-    "ground_sample_distance": "m",
+    "ground_sample_distance": "m/px",
     "camera_distance": "m",
     "camera_azimuth": "degree",
     "camera_elevation": "degree",
@@ -59,10 +61,11 @@ def whole_pixels(uv):
     return np.rint(np.round(uv, 9))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES + PLATES)
 def test_cube_keeps_the_contract(name):
     study, cube = validate(name, {"trials": 20}), cube_of(name)
-    sizes = {"setting": len(study.settings()), "mode": 3, "trial": 21, "point": 25}
+    points = {"beam": 25, "plate": 150}[study.subject]
+    sizes = {"setting": len(study.settings()), "mode": 3, "trial": 21, "point": points}
     assert sizes.items() <= dict(cube.sizes).items()
     assert cube.sizes["camera"] == max(cube["n_cameras"].values)
     assert {variable: cube[variable].dims for variable in cube.data_vars} == DIMENSIONS
@@ -76,8 +79,8 @@ def test_cube_keeps_the_contract(name):
     assert cube["x"].dims == cube["y"].dims == ("point",)
     np.testing.assert_array_equal(cube["mode"], [1, 2, 3])
     np.testing.assert_array_equal(cube["trial"], range(21))
-    np.testing.assert_allclose(cube["frequency"], [6.312, 39.56, 110.8], rtol=1e-3)
-    np.testing.assert_array_equal(cube["x"], study.structure.markers[0])
+    np.testing.assert_allclose(cube["frequency"], HERTZ[study.subject], rtol=5e-4)
+    np.testing.assert_array_equal([cube["x"], cube["y"]], study.structure.markers)
 
 
 TABLES = {
@@ -94,9 +97,11 @@ TABLES = {
          ("4c", [2, 4, 6, 8, 10, 12]), ("4d", [2, 4, 6, 8]), ("4e", [2, 4, 6, 8, 10, 12])],
     ),
 }  # fmt: skip
+TABLES |= {name.replace("beam", "plate"): table for name, table in TABLES.items()}
+TABLES["plate-distance"] = ("distance_mm", [("1", [650, 750, 1000, 1500])])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES + PLATES)
 def test_settings_stand_in_the_order_of_the_tables(name):
     parameter, rows = TABLES[name]
     cube = cube_of(name)
@@ -154,12 +159,15 @@ def camera_matrix(distance, azimuth, elevation, focal_px, width, height):
         ("beam-aperture", 5, 24.0, 5.5),
         ("beam-resolution", 1, 24.0, 5.5),
         ("beam-arrays", 9, 24.0, 5.5),
+        ("plate-distance", 1, 24.0, 10.0),
+        ("plate-arrays", 13, 24.0, 10.0),
     ],
 )
 def test_literal_run_is_the_thesis_written_as_a_loop(name, s, focal_mm, peak_mm):
     cube = cube_of(name, focal_length_mm=focal_mm, amplitude_mm=peak_mm).isel(setting=s)
     width, height = float(cube["width_px"]), float(cube["height_px"])
-    n = int(cube["n_cameras"])
+    n, points = int(cube["n_cameras"]), cube.sizes["point"]
+    centre = {"beam": (0.623 / 2, 0.015), "plate": (0.334, 0.2215)}[name.split("-")[0]]
     P = np.stack(
         [
             camera_matrix(
@@ -172,11 +180,12 @@ def test_literal_run_is_the_thesis_written_as_a_loop(name, s, focal_mm, peak_mm)
     seen = 0
     for m in range(3):
         reference = cube["reference_deflection"].values[m]
-        measured = np.empty(25)
-        for i in range(25):
+        measured = np.empty(points)
+        for i in range(points):
             heights = []
             for z in (0.0, reference[i]):
-                point = [cube["x"].values[i] - 0.623 / 2, cube["y"].values[i] - 0.015, z, 1]
+                x, y = cube["x"].values[i] - centre[0], cube["y"].values[i] - centre[1]
+                point = [x, y, z, 1]
                 uv = np.array([(P[c] @ point)[:2] / (P[c] @ point)[2] for c in range(n)])
                 heights.append(svd_triangulate(P, whole_pixels(uv)[:, :, None])[2, 0])
             seen += np.sum((uv >= 0) & (uv <= [width, height]), axis=1).tolist().count(2)
@@ -191,10 +200,10 @@ def test_literal_run_is_the_thesis_written_as_a_loop(name, s, focal_mm, peak_mm)
         np.testing.assert_allclose(cube["max_point_error"].values[m, 0], max(error), rtol=1e-6)
         mac = (measured @ reference) ** 2 / (measured @ measured * (reference @ reference))
         np.testing.assert_allclose(cube["mac"].values[m, 0], mac, rtol=1e-6)
-    assert float(cube["in_view"]) == pytest.approx(seen / (n * 25 * 3), abs=1e-12)
+    assert float(cube["in_view"]) == pytest.approx(seen / (n * points * 3), abs=1e-12)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES + PLATES)
 def test_errors_follow_from_the_deflections(name):
     cube = cube_of(name)
     reference = cube["reference_deflection"]
@@ -296,6 +305,24 @@ def test_each_mode_may_have_its_amplitude():
     np.testing.assert_allclose(several, one * np.array([[1], [2], [4]]), rtol=1e-12)
 
 
+def test_force_moves_the_plate_by_nanometres():
+    reference = cube_of("plate-distance", amplitude_mm="force")["reference_deflection"]
+    unit = cube_of("plate-distance", amplitude_mm=1.0)["reference_deflection"]
+    nanometres = 1e6 * (reference / unit).values
+    np.testing.assert_allclose(nanometres.T - [62.6, 32.9, 12.2], 0, atol=0.06)
+
+
+def test_a_finer_grid_has_more_markers_between_the_same_edges():
+    cube = cube_of("plate-distance", grid=(30, 20))
+    assert cube.sizes["point"] == 600
+    for edge, length in (("x", 0.668), ("y", 0.443)):
+        assert float(cube[edge].min() + cube[edge].max()) == pytest.approx(length)
+    coarse = cube_of("plate-distance")
+    # The law does not know the number of markers: its mean over them stays.
+    ratio = cube["predicted_error"] / coarse["predicted_error"]
+    np.testing.assert_allclose(ratio, 1, atol=0.1)
+
+
 def test_known_rest_differs_from_rebuilt_rest():
     rebuilt, known = cube_of("beam-distance"), cube_of("beam-distance", rest="known")
     assert (rebuilt["mean_error"] != known["mean_error"]).all()
@@ -318,7 +345,7 @@ def written(path, name="beam-distance", seconds=0.25):
     return cube
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES + PLATES)
 def test_file_opens_without_options_and_holds_the_cube(tmp_path, name):
     path = tmp_path / "new" / "cube.nc"
     cube = written(path, name)
@@ -359,7 +386,8 @@ def test_what_is_not_a_cube_is_refused_in_one_line(tmp_path, content):
 def test_physics_needs_neither_labels_nor_figures():
     forbidden = ["xarray", "matplotlib", "ipywidgets", "pandas", "pydantic", "netCDF4"]
     code = (
-        "import sys; from thesis_lib import structures, cameras, triangulation, rounding; "
+        "import sys; from thesis_lib import structures, cameras, triangulation, rounding, "
+        "radiation, planes; "
         f"print([m for m in {forbidden} if m in sys.modules], 'numpy' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -42,6 +42,8 @@ class Claim:
         The stated interval in %; equal for a single value.
     excepted : int
         How many markers the text leaves out.
+    pair_order : str
+        Order of adding pairs that it speaks of; empty for the one that the study runs.
     """
 
     id: str
@@ -57,6 +59,13 @@ class Claim:
     low: float
     high: float
     excepted: int
+    pair_order: str = ""
+
+    @property
+    def ends(self) -> tuple[float | None, float | None]:
+        """The stated interval in %, with None at the open end of a bound."""
+        upper, lower = self.relation in ("max", "less_than"), self.relation == "min"
+        return None if upper else self.low, None if lower else self.high
 
     @property
     def stated(self) -> str:
@@ -120,6 +129,8 @@ def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
     where = cube["case"] == claim.case
     if claim.values:
         where &= cube["value"].isin(claim.values)
+    if claim.pair_order:
+        where &= cube["pair_order"] == claim.pair_order
     part = cube.isel(setting=np.flatnonzero(where.values)).sel(mode=claim.mode)
     if not claim.excepted:
         return cubes.errors(part)[claim.quantity]

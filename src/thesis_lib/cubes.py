@@ -31,7 +31,7 @@ ERRORS = {  # name in the tables: variable, and plane if it has one
 }
 SHORT = {"mean_error": "mean", "max_point_error": "peak",
          "plane_error_xz": "XZ", "plane_error_yz": "YZ"}  # fmt: skip
-KEYS = ["case", "value", "mode"]
+KEYS = ["case", "value", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
 _HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at once
 RUN_DEPENDENT = ("commit", "created", "run_time_s")
@@ -77,8 +77,10 @@ def cached(study: CameraStudy, compute: Callable[[CameraStudy], xr.Dataset]) -> 
     path = project_root() / "build" / "cache" / f"{study.name}-{total.hexdigest()[:16]}.nc"
     if not path.is_file():
         start = time.perf_counter()
-        write(with_provenance(compute(study), study, time.perf_counter() - start), path)
-    return read(path)
+        cube = with_provenance(compute(study), study, 0.0)
+        write(cube.assign_attrs(run_time_s=time.perf_counter() - start), path)
+    cube = read(path)
+    return with_provenance(cube, study, float(cube.attrs["run_time_s"]))  # of today's commit
 
 
 def whole_file(path: Path, write: Callable[[Path], object]) -> None:
@@ -113,7 +115,7 @@ def with_provenance(cube: xr.Dataset, study: CameraStudy, seconds: float) -> xr.
     `commit`, `created` and `run_time_s` differ from run to run; all else is a function of the
     parameters, the library and the versions of the packages it computes with.
     """
-    packages = ("numpy", "scipy", "xarray", "netCDF4")
+    packages = ("numpy", "xarray", "netCDF4")
     versions = {name: importlib.metadata.version(name) for name in packages}
     now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     return cube.assign_attrs(
@@ -192,6 +194,7 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
                     {
                         "case": str(cube["case"].values[s]),
                         "value": float(cube["value"].values[s]),
+                        "pair_order": str(cube["pair_order"].values[s]),
                         "label": str(cube["label"].values[s]),
                         "mode": int(mode),
                         "error": quantity,
@@ -217,14 +220,21 @@ def published_path(name: str) -> Path:
 def read_published(name: str) -> pd.DataFrame | None:
     """The published summary of a figure set, if there is one."""
     path = published_path(name)
-    return pd.read_csv(path, dtype={"case": str}) if path.is_file() else None
+    text = {"case": str, "pair_order": str}
+    return (
+        pd.read_csv(path, dtype=text, keep_default_na=False, na_values=["nan"])
+        if path.is_file()
+        else None
+    )
 
 
 def publish(cube: xr.Dataset) -> Path:
     """Make this cube's errors the published ones; returns the file."""
     path = published_path(cube.attrs["figure_set"])
     table = summary(cube)
-    whole_file(path, lambda part: table.to_csv(part, index=False, float_format="%.6g"))
+    whole_file(
+        path, lambda part: table.to_csv(part, index=False, float_format="%.6g", na_rep="nan")
+    )
     return path
 
 
@@ -235,7 +245,9 @@ def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
     and ``apart`` tells whether the 5–95 % bands do not meet.
     """
     keys = [*KEYS, "error"]
-    table = new.merge(old.drop(columns="label"), on=keys, suffixes=("", "_old"))
+    table = new.merge(
+        old.drop(columns="label"), on=keys, suffixes=("", "_old"), validate="one_to_one"
+    )
     table["difference"] = table["median"] - table["median_old"]
     table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
     return table

@@ -206,8 +206,16 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
         for number, (i, claim) in enumerate(given):
             at, name = position[i] + 0.54 * width, "thesis" if first and not number else None
-            axes.plot([at, at], [claim.low, claim.high], color=HIGHLIGHT, linewidth=1.2)
-            axes.plot(at, (claim.low + claim.high) / 2, "D", markerfacecolor="white",
+            least, most = claim.ends
+            if least is None or most is None:  # a bound: the arrow points to what it allows
+                marker = "v" if least is None else "^"
+                axes.plot([at - 0.3 * width, at + 0.3 * width], [claim.high] * 2,
+                          color=HIGHLIGHT, linewidth=1.2)  # fmt: skip
+                axes.plot(at, claim.high, marker, color=HIGHLIGHT, markersize=5,
+                          label=name and "thesis, bound")  # fmt: skip
+                continue
+            axes.plot([at, at], [least, most], color=HIGHLIGHT, linewidth=1.2)
+            axes.plot(at, (least + most) / 2, "D", markerfacecolor="white",
                       color=HIGHLIGHT, markersize=4, label=name)  # fmt: skip
         top = max(top, high.max(), bars.literal.max(), *(claim.high for _, claim in given))
     labels = [text.replace(" cameras", "") for text in part["label"].values]
@@ -271,6 +279,19 @@ def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset
     elif varied == "aperture_deg":
         first, second = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))[:2]
         radius = float(np.linalg.norm(first))
+        if (
+            abs(first[2] - second[2]) < 1e-9
+            and np.linalg.norm((first + second)[:2]) > 1e-6 * radius
+        ):
+            # α is the difference of the azimuths: an arc at the cameras' elevation
+            start, stop = np.unwrap([np.arctan2(c[0], c[1]) for c in (first, second)]).tolist()
+            up = float(np.arcsin(first[2] / radius))
+            arc = (
+                0.45 * radius * hemisphere_directions(np.linspace(start, stop, 41), np.full(41, up))
+            )
+            _draw(axes, arc, **style)
+            _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT)
+            return
         middle = first + second + [0, 0, 1e-9]
         angle = np.arccos(np.clip(first @ second / radius**2, -1, 1)) / 2
         middle /= np.linalg.norm(middle)

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from thesis_lib import figures
-from thesis_lib.sound import NODAL
 
 Array = NDArray[np.float64]
 
@@ -59,14 +58,13 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     )
     figures.setup_panel(axes["a"], cube, part)
     figures.bar_panel(axes["b"], part, [figures.error_bars(cube, case, mode)])
-    axes["b"].set(title="(e) mean (rms) error", ylabel="% of the largest deflection")
+    axes["b"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
     reference = part["reference_deflection"].values * 1000
-    limit = np.max(np.abs(reference))
     shapes = [("(b) ideal", reference)]
-    for index, letter in zip([chosen[0], chosen[-1]], "cd", strict=True):
-        word = "best" if letter == "c" else "worst"
+    for index, word in ((chosen[0], "best"), (chosen[-1], "worst")):
         measured = part["measured_deflection"].values[index, 0] * 1000
-        shapes.append((f"({letter}) {word}: {part['label'].values[index]}", measured))
+        shapes.append((f"(c) {word}: {part['label'].values[index]}", measured))
+    limit = max(float(np.max(np.abs(values))) for _, values in shapes)
     picture: Any = None
     x, y = (np.unique(np.round(part[axis].values, 9)) * 1000 for axis in ("x", "y"))
     for name, (title, values) in zip("cde", shapes, strict=True):
@@ -96,17 +94,21 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         part["label"].values[int(i) - first]
         for i in cube["best_and_worst"].isel(case=c).sel(mode=mode).values
     )
-    largest = part["largest_pressure"].values
+    nodal = part["independent_ratio"].isnull()
+    ideal = part["pressure_reference_real"]
+    limits = {
+        plane: max(float(abs(ideal.sel(plane=plane)).max()),
+                   float(abs(measured.sel(plane=plane)).max()))
+        for plane in ("XZ", "YZ")
+    }  # fmt: skip
     for row, plane in zip(("cde", "fgh"), ("XZ", "YZ"), strict=True):
-        p = ("XZ", "YZ").index(plane)
-        nodal = largest[p] < NODAL * largest.max()
-        limit = largest.max() if nodal else largest[p]
+        silent = bool(nodal.sel(plane=plane))
+        limit = max(limits.values()) if silent else limits[plane]
         fields = (
-            (f"(b) {plane}, ideal{' (nodal)' if nodal else ''}",
-             part["pressure_reference_real"].sel(plane=plane).values),
+            (f"(b) {plane}, ideal{' (nodal)' if silent else ''}", ideal.sel(plane=plane).values),
             (f"best: {best}", measured.sel(plane=plane, extreme="best").values),
             (f"worst: {worst}", measured.sel(plane=plane, extreme="worst").values),
-        )  # fmt: skip
+        )
         picture: Any = None
         for name, (title, values) in zip(row, fields, strict=True):
             picture = _map(axes[name], values.T, u, z, limit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import time
 import warnings
 from collections.abc import Iterable, Mapping
@@ -12,7 +13,7 @@ import xarray as xr
 from IPython.display import SVG, Markdown, display
 
 from thesis_lib import claims, cubes, figures, sound, studies
-from thesis_lib.parameters import STUDIES, CameraStudy, ParameterError, nearest, validate
+from thesis_lib.parameters import STUDIES, CameraStudy, validate
 from thesis_lib.viewer_data import viewer_data
 from thesis_lib.widgets import Viewer
 
@@ -35,16 +36,12 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
     Raises
     ------
     ParameterError
-        If a value is refused, or a variable is all but named like a parameter (papermill
-        injects misspelt parameters without complaint).
+        If a value is refused, or papermill has injected a parameter that there is not.
     """
     fields = STUDIES[name].model_fields
-    for variable, value in namespace.items():
-        plain = isinstance(value, bool | int | float | str | list | dict)
-        if plain and not variable.startswith("_") and variable not in {*fields, "In", "Out"}:
-            meant = nearest(variable, fields)
-            if meant:
-                raise ParameterError(f"{name}: no parameter {variable} (did you mean {meant}?)")
+    for variable in _injected(namespace.get("In", [])):
+        if variable not in fields:
+            validate(name, {variable: None})  # which says what is wrong with the name
     request = validate(name, {field: namespace[field] for field in fields if field in namespace})
     if request.subject == "plate":  # what the sound notebooks need, too
         result = cubes.cached(request, studies.run)
@@ -55,6 +52,19 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
     if request.cube:
         cubes.write(result, cubes.project_root() / request.cube)  # an absolute path stands
     return result
+
+
+def _injected(inputs: Iterable[str]) -> list[str]:
+    """Names that the cell which papermill injects has set, from a kernel's history of inputs."""
+    return [
+        target.id
+        for source in inputs
+        if source.startswith("# Parameters\n")
+        for statement in ast.parse(source).body
+        if isinstance(statement, ast.Assign)
+        for target in statement.targets
+        if isinstance(target, ast.Name)
+    ]
 
 
 def sound_of(request: CameraStudy) -> xr.Dataset:
@@ -82,7 +92,7 @@ def error_table(cube: xr.Dataset) -> Markdown:
                 "nodal" if np.isnan(row["trial_0"]) else
                 f"{row['trial_0']:.1f} · {cubes.band_text(row['median'], row['low'], row['high'])}"
                 f" · {value:.1f}"
-                for row, value in zip(rows, law.values, strict=True)
+                for number, (row, value) in enumerate(zip(rows, law.values, strict=True))
             ]  # fmt: skip
     cases, labels = cube["case"].values.tolist(), cube["label"].values.tolist()
     shares = [f"{share:.0%}" for share in cube["in_view"].values]
@@ -92,6 +102,11 @@ def error_table(cube: xr.Dataset) -> Markdown:
         "Each cell: literal run · median (5–95 %) of the trials · law of rounding, in % of the "
         f"largest reference {reference}."
     ]
+    if "plane_error" in cube:
+        notes.append(
+            "*Nodal*: the plane has no reference pressure; in brackets the median of its error in "
+            "% of the other plane's."
+        )
     cut = [
         f"{row[0]}, {row[1]} ({row[-1]})"
         for row, share in zip(rows_, cube["in_view"].values, strict=True)
@@ -107,6 +122,13 @@ def error_table(cube: xr.Dataset) -> Markdown:
             f"{float(cube['piston_size'].max()):.2f}): above 1 take a finer grid."
         )
     return _markdown_table(["case", "setting", *columns, "in view"], rows_, "\n\n".join(notes))
+
+
+def _of_larger(cube: xr.Dataset, setting: int, mode: int, plane: str | None) -> str:
+    """The error on a nodal plane, of the other plane's pressure, which is not NaN as a rule."""
+    values = cube["plane_error_of_larger"].isel(setting=setting).sel(mode=mode, plane=plane)
+    drawn = values.values[1:] if values.size > 1 else values.values
+    return "nodal" if np.isnan(drawn).any() else f"nodal [{np.median(drawn):.1f}]"
 
 
 def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:

@@ -11,6 +11,7 @@ import json
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, ValidationError, create_model, model_validator
@@ -178,7 +179,8 @@ class Arrays(CameraStudy):
         lambda: {},
         "your own layouts: name to a list of growing sets of [azimuth, elevation] in degrees",
         'an object such as {"mine": [[[0, 20], [90, 20]]]}: new names of 1 to 40 characters, each '
-        "with sets of 2 to 100 different cameras, azimuth -360 to 360, elevation above 0 to 90",
+        "with growing sets of 2 to 100 different cameras, azimuth -360 to 360, elevation above 0 "
+        "to 90",
     )
     distance_mm: Positive = DISTANCE
     resolution_px: Resolution = RESOLUTION
@@ -187,7 +189,10 @@ class Arrays(CameraStudy):
     def _check_cases(self) -> Arrays:
         if not self.cases and not self.layouts:
             self.refuse("cases")
-        if set(self.layouts) & set(setups.pairs()):
+        grow = all(
+            len(one) < len(other) for sets in self.layouts.values() for one, other in pairwise(sets)
+        )
+        if set(self.layouts) & set(setups.pairs()) or not grow:
             self.refuse("layouts")
         return self
 
@@ -269,7 +274,7 @@ class SoundPlanes(PlateMarkers):
                 check_pistons(pistons(plate), resonance(plate, highest), self.medium)
         except ValueError as error:
             refuse("modes", highest, str(error).replace("use more and smaller pistons",
-                   "or a finer grid"))  # fmt: skip
+                   "take lower modes or a finer grid"))  # fmt: skip
         return self
 
 

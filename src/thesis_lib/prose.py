@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from thesis_lib import claims, cubes, figures, planes, radiation, setups, sound
 from thesis_lib.parameters import CHAPTERS, STUDIES, describe, validate
@@ -19,6 +20,7 @@ from thesis_lib.structures import (
     single_mode_distance,
 )
 
+Array = NDArray[np.float64]
 GRAVITY = 9.80665
 
 
@@ -126,16 +128,25 @@ def _agreement(chapter: Sequence[xr.Dataset]) -> str:
 
 def _law(chapter: Sequence[xr.Dataset]) -> str:
     """The law of rounding against the rms over the trials."""
-    ratios = []
+    ratios, uncertainty = [], []
     for cube in chapter:
-        drawn = cube["mean_error"].isel(trial=slice(1, None))
-        ratios.append((cube["predicted_error"] / np.sqrt((drawn**2).mean("trial"))).values)
+        squared = cube["mean_error"].isel(trial=slice(1, None)) ** 2
+        ratios.append((cube["predicted_error"] / np.sqrt(squared.mean("trial"))).values)
+        uncertainty.append(_standard_error(squared))
     flat = np.concatenate([ratio.ravel() for ratio in ratios])
     trials = chapter[0].sizes["trial"] - 1
     return (
         f"\nOver the {flat.size} settings and modes the law's prediction divided by the rms over "
-        f"{trials} trials lies between {flat.min():.3f} and {flat.max():.3f}.\n"
+        f"{trials} trials lies between {flat.min():.3f} and {flat.max():.3f}. So few trials know "
+        f"their own rms to {100 * np.median(np.concatenate(uncertainty)):.1f} % (median) or "
+        f"{100 * np.max(np.concatenate(uncertainty)):.1f} % (at worst), one standard error.\n"
     )
+
+
+def _standard_error(squared: xr.DataArray) -> Array:
+    """Relative standard error of the rms over the trials, from squared errors (…, trial)."""
+    n = squared.sizes["trial"]
+    return np.ravel(squared.std("trial", ddof=1) / squared.mean("trial") / (2 * np.sqrt(n)))
 
 
 def _usable(cube: xr.Dataset) -> list[tuple[int, str]]:
@@ -146,47 +157,73 @@ def _usable(cube: xr.Dataset) -> list[tuple[int, str]]:
 
 
 def _scatter(opened: dict[str, xr.Dataset]) -> str:
-    """How far one rounding scatters, and how field and deflection errors are related."""
+    """How far one rounding scatters, by mode and plane."""
     chapter = _chapter(opened, "sound")
     rows = []
     for mode, plane in _usable(chapter[0]):
-        spread, ratio, law = [], [], []
+        spread, law, known = [], [], []
         for cube in chapter:
-            part = cube.sel(mode=mode)
-            drawn = part["plane_error"].sel(plane=plane).transpose("setting", "trial").values[:, 1:]
-            shape = part["deflection_error"].transpose("setting", "trial").values[:, 1:]
-            low, high = np.quantile(drawn, [0.05, 0.95], axis=1)
-            rms = np.sqrt(np.mean(drawn**2, axis=1))
+            part = cube.sel(mode=mode, plane=plane)
+            drawn = part["plane_error"].transpose("setting", "trial")[:, 1:]
+            low, high = np.quantile(drawn.values, [0.05, 0.95], axis=1)
             spread += list(high / low)
-            ratio += list(rms / np.sqrt(np.mean(shape**2, axis=1)))
-            law += list(part["predicted_error"].sel(plane=plane).values / rms)
-        free = float(chapter[0]["independent_ratio"].sel(mode=mode, plane=plane))
+            law += list(part["predicted_error"].values / np.sqrt(np.mean(drawn.values**2, axis=1)))
+            known += list(_standard_error(drawn**2))
         rows.append(
             [
                 f"{mode}, {plane}",
                 f"{np.median(spread):.1f} ({min(spread):.1f}–{max(spread):.1f})",
-                f"{free:.3f}",
-                f"{np.median(ratio):.3f} ({min(ratio):.3f}–{max(ratio):.3f})",
                 f"{min(law):.2f}–{max(law):.2f}",
+                f"{100 * np.median(known):.0f} %",
             ]
         )
-    header = ["mode, plane", "95 % over 5 % of the trials", "κ, independent errors",
-              "κ, with shared shifts", "law over rms of trials"]  # fmt: skip
+    header = ["mode, plane", "95 % over 5 % of the trials", "law over rms of the trials",
+              "standard error of that rms"]  # fmt: skip
     return _table(header, rows) + "\nMedians and ranges over all settings of the chapter.\n"
 
 
+def _layouts(opened: dict[str, xr.Dataset]) -> str:
+    """Rms field error over rms deflection error, by case: what the layout does to κ."""
+    chapter = _chapter(opened, "sound")
+    pairs = _usable(chapter[0])
+    rows = []
+    for cube in chapter:
+        for case in dict.fromkeys(cube["case"].values.tolist()):
+            cells = []
+            for mode, plane in pairs:
+                part = figures.select(cube, case, mode)
+                field = part["plane_error"].sel(plane=plane).transpose("setting", "trial").values
+                shape = part["deflection_error"].transpose("setting", "trial").values
+                ratio = np.sqrt(np.mean(field[:, 1:] ** 2, 1) / np.mean(shape[:, 1:] ** 2, 1))
+                cells.append(f"{ratio[0]:.2f} → {ratio[-1]:.2f}")
+            square = _square_to_the_plate(figures.select(cube, case, pairs[0][0]))
+            rows.append([case, f"{square[0]:.0%} → {square[-1]:.0%}", *cells])
+    free = [f"{float(chapter[0]['independent_ratio'].sel(mode=m, plane=p)):.2f}" for m, p in pairs]
+    rows = [["", "independent errors", *free], *sorted(rows, key=lambda row: (len(row[1]), row[1]))]
+    return _table(["case", "square to the plate", *(f"mode {m}, {p}" for m, p in pairs)], rows) + (
+        "\nFirst setting → last setting of each case, from the rms over the trials.\n"
+    )
+
+
+def _square_to_the_plate(part: xr.Dataset) -> Array:
+    """Share of each setting's cameras whose azimuth is a multiple of 90°."""
+    azimuth = part["camera_azimuth"].values
+    off = np.abs((azimuth + 45) % 90 - 45)
+    return np.nanmean(np.where(np.isnan(azimuth), np.nan, off < 1e-6), axis=1)
+
+
 def _markers(opened: dict[str, xr.Dataset]) -> str:
-    """κ of independent errors against the number of markers."""
+    """κ of independent errors, relative to the antinode's peak, against the number of markers."""
     request = validate("sound-distance", {})
     plane = request.planes[0]  # type: ignore[attr-defined]
     rows, counts, ratios = [], [], []
-    for grid in ((6, 4), (9, 6), (15, 10), (24, 16)):
+    for grid in ((12, 8), (15, 10), (24, 16), (36, 24)):
         plate = setups.plate(grid)
         omega = resonance(plate, 1)
         op = planes.operator(plate, plane, omega)
         shape = plate.mode_shapes([1], plate.markers)[0]
         largest = np.max(np.abs(op.field(shape)))
-        ratio = np.linalg.norm(sound.full_factor(op)) * np.max(np.abs(shape)) / largest
+        ratio = np.linalg.norm(sound.full_factor(op)) * plate.shape_peak / largest
         counts.append(plate.markers.shape[1])
         ratios.append(float(ratio))
         rows.append([f"{grid[0]}×{grid[1]}", str(counts[-1]), f"{ratio:.4f}",
@@ -202,6 +239,7 @@ def _levels(opened: dict[str, xr.Dataset]) -> str:
     request = validate("sound-distance", {})
     plate = setups.plate()
     parts = planes.pistons(plate)
+    peak = f"{1000 * request.peaks_m[0]:g} mm"
     rows = []
     for mode in (1, 2, 3):
         omega = resonance(plate, mode)
@@ -226,7 +264,7 @@ def _levels(opened: dict[str, xr.Dataset]) -> str:
         )
     header = ["mode", "radiation efficiency", "sound power for 1 N, dB",
               "largest pressure level for 1 N, dB",
-              "level for 10 mm, dB", "acceleration for 10 mm"]  # fmt: skip
+              f"level for {peak}, dB", f"acceleration for {peak}"]  # fmt: skip
     return _table(header, rows)
 
 
@@ -249,6 +287,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "plate-results": _plate_results,
     "sound-results": _sound_results,
     "sound-scatter": _scatter,
+    "sound-layouts": _layouts,
     "sound-markers": _markers,
     "sound-levels": _levels,
     "parameters": _parameters,

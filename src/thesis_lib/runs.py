@@ -17,6 +17,7 @@ import shutil
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -31,6 +32,7 @@ from doit.tools import config_changed
 
 from thesis_lib import cubes
 from thesis_lib.cubes import library_files, project_root
+from thesis_lib.pages import BookError
 from thesis_lib.parameters import CameraStudy
 
 
@@ -135,9 +137,7 @@ def execute(job: Job) -> None:
                 extra_arguments=["--log-level=CRITICAL"],  # kernels chat on standard error
             )
         except papermill.PapermillExecutionError as error:
-            log = project_root() / "build" / "logs" / f"{name}.txt"
-            log.parent.mkdir(parents=True, exist_ok=True)
-            log.write_text(re.sub(r"\x1b\[[0-9;]*m", "", str(error)), encoding="utf-8")
+            log = _log(name, re.sub(r"\x1b\[[0-9;]*m", "", str(error)))
             raise RunError(
                 f"{name}: cell {error.exec_count} failed with {error.ename}: {error.evalue}; "
                 f"the traceback is in {log}; mend the cause and run the same command again"
@@ -145,9 +145,14 @@ def execute(job: Job) -> None:
         notebook = nbformat.read(executed, as_version=4)
         _hide_staging(notebook, name)
         if job.page:
-            text = "\n".join(cubes.difference_lines(cubes.read(cube)))
+            from thesis_lib.viewer_data import as_in_the_thesis
+
+            result = cubes.read(cube)
+            text = "\n".join(cubes.difference_lines(result))
             text = f"## Difference from the published run\n\n```text\n{text}\n```"
             notebook.cells.append(nbformat.v4.new_markdown_cell(text, id=f"{name}-difference"))
+            if not as_in_the_thesis(result):
+                _disown_captions(notebook)
         nbformat.write(notebook, executed)
         ready = [(executed, job.notebook), (cube, job.cube)]
         if job.page:
@@ -173,6 +178,22 @@ def _hide_staging(notebook: Any, name: str) -> None:
     notebook.cells = [cell for cell in notebook.cells if cell.source != "# Parameters"]
 
 
+def _log(name: str, text: str) -> Path:
+    """Keep a traceback for whoever mends its cause."""
+    path = project_root() / "build" / "logs" / f"{name}.txt"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _disown_captions(notebook: Any) -> None:
+    """Say under each figure that it is the thesis's only in kind."""
+    for cell in notebook.cells:
+        caption = cell.metadata.get("mystnb", {}).get("figure", {})
+        if "caption" in caption:
+            caption["caption"] = "With the parameters of this run, after: " + caption["caption"]
+
+
 def job_tasks(jobs: Sequence[Job]) -> list[dict[str, Any]]:
     """The jobs as doit tasks; sound waits for the plate whose deflections it uses."""
     names = {job.study.name for job in jobs}
@@ -196,8 +217,11 @@ def task(
     def act() -> TaskFailed | None:
         try:
             action()
+        except (RunError, BookError) as error:
+            return TaskFailed(str(error))
         except Exception as error:
-            return TaskFailed(str(error) or type(error).__name__)
+            log = _log(name, traceback.format_exc())
+            return TaskFailed(f"{type(error).__name__}: {error}; the traceback is in {log}")
         return None
 
     return {
@@ -291,7 +315,7 @@ def run(tasks: Sequence[dict[str, Any]], state: Path, workers: int = 2) -> None:
     Parameters
     ----------
     tasks : sequence of dict
-        Tasks as :func:`job_task` and :func:`task` make them.
+        Tasks as :func:`job_tasks` and :func:`task` make them.
     state : Path
         File in which doit remembers what was done.
     workers : int

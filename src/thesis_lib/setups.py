@@ -1,4 +1,6 @@
-"""The thesis's structures and camera setups (Tables 3.1, 3.3, 3.4), read from ``data/thesis``.
+"""The thesis's structures and camera setups, read from ``data/thesis``.
+
+Structures are those of Tables 3.1 and 4.1, setups those of Tables 3.3, 3.4, 4.3, 4.4, 6.1 and 6.2.
 
 A *setting* is one entry of a parametric study: some cameras at given directions, one distance and
 one resolution, with the value of the parameter that is varied. A study is a list of settings in

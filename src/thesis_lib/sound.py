@@ -20,7 +20,9 @@ from thesis_lib.structures import Plate, resonance
 from thesis_lib.studies import world_points
 
 Array = NDArray[np.float64]
-NODAL = 1e-6  # a plane whose reference is below this share of the other's has none
+# A plane whose reference is below this share of the other's, or of the pressure of pistons that
+# move as much but without order, has none: mode (2, 2) is silent on both planes.
+NODAL = 1e-6
 
 
 def checksum(plate_cube: xr.Dataset) -> str:
@@ -43,7 +45,8 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
     xarray.Dataset
         Errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8,
         with the modulus of the complex difference), NaN where a plane is nodal, and of the larger
-        of the two; predicted errors; reference fields and those of the best and worst settings.
+        of the two, NaN where both are; predicted errors; reference fields and those of the best
+        and worst settings.
     """
     plate = study.structure
     assert isinstance(plate, Plate)
@@ -92,9 +95,10 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
             radiation.radiation_efficiency(parts, velocity, omega, medium),
         )
 
-    greater = largest.max(axis=1, keepdims=True)
-    usable = np.where(largest > NODAL * greater, largest, np.nan)
     amplitude = np.max(np.abs(reference), axis=1)[:, None]
+    expected = np.maximum(largest, independent * amplitude).max(axis=1, keepdims=True)
+    usable = np.where(largest > NODAL * expected, largest, np.nan)
+    greater = np.fmax.reduce(usable, axis=1, keepdims=True)  # NaN if both planes are nodal
     cube = xr.Dataset(coords=_coordinates(plate_cube, planes, list(extremes)))
     trial = ("setting", "mode", "trial", "plane")
     field = ("mode", "plane", "u", "z")
@@ -179,9 +183,21 @@ def _coordinates(
     }
     return {
         **kept,
-        "case_name": ("case", np.array(cases), {"long_name": "cases in the order of `case`"}),
-        "plane": ("plane", np.array([plane.name for plane in planes]), {"long_name": "plane"}),
-        "extreme": ("extreme", np.array(["best", "worst"]), {"long_name": "setting of a case"}),
+        "case_name": (
+            "case",
+            np.array(cases),
+            {"long_name": "cases in the order of `case`", "units": "1"},
+        ),
+        "plane": (
+            "plane",
+            np.array([plane.name for plane in planes]),
+            {"long_name": "plane", "units": "1"},
+        ),
+        "extreme": (
+            "extreme",
+            np.array(["best", "worst"]),
+            {"long_name": "setting of a case", "units": "1"},
+        ),
         "u": ("u", planes[0].u, {"units": "m", "long_name": "X on plane XZ, Y on plane YZ"}),
         "z": ("z", planes[0].z, {"units": "m", "long_name": "height above the plate"}),
     }

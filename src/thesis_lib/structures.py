@@ -149,7 +149,7 @@ class Beam:
             Dimensionless for derivative 0 (2 at the tip), else in m^-derivative.
         """
         x = np.asarray(points, float)[0]
-        beta = cantilever_roots(max(modes))[np.asarray(modes) - 1]
+        beta = cantilever_roots(max(modes))[_from_one(modes) - 1]
         beta = beta.reshape((-1,) + (1,) * x.ndim)
         decay = np.exp(-beta)
         scale = 1 + decay**2 + 2 * decay * np.cos(beta)
@@ -206,7 +206,7 @@ class Plate:
 
     @property
     def bending_stiffness(self) -> float:
-        """D = E h³ / 12 (1 − ν²) in N m."""
+        """D = E h³ / (12 (1 − ν²)) in N m."""
         return self.youngs_modulus * self.thickness**3 / (12 * (1 - self.poisson**2))
 
     @property
@@ -256,7 +256,7 @@ class Plate:
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
         """Mode shapes 2 sin(m₁πx/Lx) sin(m₂πy/Ly) at `points` (2, ...), dimensionless (eq. 4.4)."""
         x, y = np.asarray(points, float)
-        m = self.mode_indices(max(modes))[np.asarray(modes) - 1].T
+        m = self.mode_indices(max(modes))[_from_one(modes) - 1].T
         m1, m2 = m.reshape((2, -1) + (1,) * x.ndim)
         return 2 * np.sin(m1 * np.pi * x / self.length) * np.sin(m2 * np.pi * y / self.width)
 
@@ -266,6 +266,13 @@ def _plate_indices(aspect: float, n_modes: int) -> tuple[tuple[int, int], ...]:
     # A mode among the first n has m₁ m₂ ≤ n: the modes below it fill the rectangle to it.
     pairs = [(m1, m2) for m1 in range(1, n_modes + 1) for m2 in range(1, n_modes // m1 + 1)]
     return tuple(sorted(pairs, key=lambda m: ((m[0] / aspect) ** 2 + m[1] ** 2, m))[:n_modes])
+
+
+def _from_one(modes: Sequence[int]) -> NDArray[np.int64]:
+    numbers = np.asarray(modes, np.int64)
+    if numbers.min() < 1:
+        raise ValueError(f"modes: given {list(modes)}, needs numbers from 1")
+    return numbers
 
 
 @lru_cache

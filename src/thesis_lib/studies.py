@@ -113,16 +113,16 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
     "measured_deflection": (
         ("mode", "trial", "point"), "float32", "m", "measured deflection of the markers"),
     "mean_error": (
-        ("mode", "trial"), "float64", "percent", "rms error over the markers (eq. 3.23)"),
+        ("mode", "trial"), "float64", "percent", "rms error over the markers"),
     "max_point_error": (
-        ("mode", "trial"), "float64", "percent", "largest error of a marker (eq. 3.22)"),
+        ("mode", "trial"), "float64", "percent", "largest error of a marker"),
     "point_error": (
-        ("mode", "point"), "float64", "percent", "error of each marker in trial 0 (eq. 3.22)"),
+        ("mode", "point"), "float64", "percent", "error of each marker in trial 0"),
     "predicted_error": (
         ("mode",), "float64", "percent", "rms error over the trials by the law of rounding"),
     "mac": (("mode", "trial"), "float64", "1", "modal assurance criterion with the reference"),
     "in_view": ((), "float64", "1", "share of camera x marker x mode images on the sensor"),
-    "ground_sample_distance": ((), "float64", "m", "length of a pixel at the origin, per px"),
+    "ground_sample_distance": ((), "float64", "m/px", "length of a pixel at the origin"),
 }  # fmt: skip
 
 
@@ -152,7 +152,7 @@ def run(study: CameraStudy) -> xr.Dataset:
     cube = xr.Dataset(coords=_coordinates(study, structure, settings))
     cube["reference_deflection"] = (
         ("mode", "point"), reference,
-        {"units": "m", "long_name": "reference deflection of the markers (eq. 3.7)"},
+        {"units": "m", "long_name": "reference deflection of the markers"},
     )  # fmt: skip
     for name, (dims, dtype, units, long_name) in _VARIABLES.items():
         values = np.array([result[name] for result in results]).astype(dtype)
@@ -185,10 +185,7 @@ def _coordinates(
     hertz = structure.angular_frequencies(max(study.modes)) / (2 * np.pi)
 
     def on_setting(values: list[Any], long_name: str, units: str = "1") -> Any:
-        attributes = {"long_name": long_name}
-        if not isinstance(values[0], str):
-            attributes["units"] = units
-        return "setting", np.array(values), attributes
+        return "setting", np.array(values), {"long_name": long_name, "units": units}
 
     varied_units = {"distance_mm": "mm", "aperture_deg": "degree"}.get(study.varied, "1")
     return {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +15,6 @@ from thesis_lib import cubes, setups
 from thesis_lib.figures import COLORS, Bars, error_bars, select
 from thesis_lib.maps import DIVERGING
 from thesis_lib.parameters import STUDIES
-from thesis_lib.sound import NODAL
 
 Array = NDArray[np.float64]
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
@@ -27,6 +27,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     length, width = study().structure.extent
     cases = list(dict.fromkeys(cube["case"].values.tolist()))
     modes = cube["mode"].values.tolist()
+    number = setups.figure_number if as_in_the_thesis(cube) else (lambda *_: "")
     unit = {"distance_mm": "mm", "aperture_deg": "°", "width_px": "px"}.get(study.varied, "")
     size = {"length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)}
     data: dict[str, Any] = {
@@ -42,8 +43,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
                 "name": case,
                 "title": setups.case_title(study.subject, study.study, case) or "own layout",
                 "figures": {
-                    str(mode): setups.figure_number(study.subject, study.study, case, mode)
-                    for mode in modes
+                    str(mode): number(study.subject, study.study, case, mode) for mode in modes
                 },
                 "settings": _settings(cube, case, modes, _planes if kind == "sound" else _shape),
             }
@@ -57,6 +57,14 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     if kind != "beam":
         data["colormap"] = list(DIVERGING)
     return data
+
+
+def as_in_the_thesis(cube: xr.Dataset) -> bool:
+    """Whether a cube's parameters are the thesis's, apart from what only chooses or draws."""
+    chooses = {"trials", "seed", "modes", "cases", "layouts"}
+    given = json.loads(cube.attrs["parameters"])
+    default = STUDIES[cube.attrs["figure_set"]]().request
+    return all(given[key] == value for key, value in default.items() if key not in chooses)
 
 
 def _settings(
@@ -93,7 +101,7 @@ def _bar(bars: Bars, index: int) -> dict[str, Any]:
         "low": _rounded(low),
         "high": _rounded(high),
         "predicted": _rounded(bars.predicted[index]),
-        "stated": [claim.low, claim.high] if claim else None,
+        "stated": list(claim.ends) if claim else None,
     }
 
 
@@ -136,11 +144,13 @@ def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
     ]
     data["pressure_unit"] = "Pa"
     data["nodal_note"] = "nodal plane: no reference pressure"
-    largest = cube["largest_pressure"].sel(mode=cube["mode"])
+    silent = np.isnan(cube["independent_ratio"].values)
+    scales = np.where(silent, np.nan, cube["largest_pressure"].values)  # of nodal planes: none
     for m, entry in enumerate(data["modes"]):
-        scales = largest.isel(mode=m).values
         reference = cube["pressure_reference_real"], cube["pressure_reference_imag"]
-        entry["fields"] = _fields([part.isel(mode=m).values for part in reference], scales, names)
+        entry["fields"] = _fields(
+            [part.isel(mode=m).values for part in reference], scales[m], names
+        )
     measured = [
         cube[f"pressure_measured_{part}"].transpose("case", "mode", "extreme", ...).values
         for part in ("real", "imag")
@@ -149,11 +159,10 @@ def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
         rows = np.flatnonzero(cube["case"].values == case["name"])
         case["extremes"] = {}
         for m, entry in enumerate(data["modes"]):
-            scales = largest.isel(mode=m).values
             case["extremes"][str(entry["mode"])] = {
                 extreme: {
                     "index": int(cube["best_and_worst"].values[c, m, x] - rows[0]),
-                    "fields": _fields([part[c, m, x] for part in measured], scales, names),
+                    "fields": _fields([part[c, m, x] for part in measured], scales[m], names),
                 }
                 for x, extreme in enumerate(("best", "worst"))
             }
@@ -163,8 +172,8 @@ def _fields(parts: list[Array], scales: Array, names: list[str]) -> dict[str, An
     """Complex fields (plane, u, z) as signed bytes; a nodal plane on the scale of the other."""
     result = {}
     for p, name in enumerate(names):
-        reference = scales[p] if scales[p] > NODAL * scales.max() else scales.max()
-        scale = float(max(reference, *(np.abs(part[p]).max() for part in parts)))
+        reference = np.fmax.reduce(scales) if np.isnan(scales[p]) else scales[p]
+        scale = float(np.fmax.reduce([reference, *(np.abs(part[p]).max() for part in parts)]))
         coded = [
             np.clip(np.rint(part[p, ::FIELD_STEP, ::FIELD_STEP] / scale * 127), -127, 127)
             for part in parts
