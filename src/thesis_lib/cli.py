@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -180,7 +181,9 @@ def _folder(names: Sequence[str], studies: Sequence[CameraStudy], out: Path | No
         if len(studies) > 1:
             joined = " ".join(study.digest for study in studies)
             digest = hashlib.sha256(joined.encode()).hexdigest()[:10]
-        return project_root() / "runs" / f"{'+'.join(names)}-{digest}"
+        return project_root() / "runs" / f"{'+'.join(dict.fromkeys(names))}-{digest}"
+    if str(out) in ("", "."):
+        raise Refused("--out: given no folder of its own, allowed: a folder, new or not")
     folder = out.absolute()
     there = next(place for place in (folder, *folder.parents) if place.exists())
     if not there.is_dir():
@@ -190,6 +193,7 @@ def _folder(names: Sequence[str], studies: Sequence[CameraStudy], out: Path | No
 
 def main() -> None:
     """Run the command; errors are one line on standard error."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # clean up as after Ctrl-C
     try:
         status = cli.main(standalone_mode=False)
     except click.exceptions.Abort:

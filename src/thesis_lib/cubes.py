@@ -151,7 +151,8 @@ def read(path: Path) -> xr.Dataset:
         In one line: the file, and what is wrong with it.
     """
     if not path.is_file():
-        raise CubeError(f"{path}: no such file; give a cube (.nc) that `thesis run` has written")
+        kind = "a folder, not a file" if path.is_dir() else "no such file"
+        raise CubeError(f"{path}: {kind}; give a cube (.nc) that `thesis run` has written")
     try:
         with _HDF5, xr.open_dataset(path, engine="netcdf4") as file:
             cube = file.load()
@@ -266,10 +267,10 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
         f"{'median (5–95 %)':>20} | {old_name:>20} | {'change':>7} | {'trial 0':>15}"
     )
     lines = [header, "-" * len(header)]
-    for row in table.itertuples():
+    for row in table[np.isfinite(table["trial_0"])].itertuples():
         new = band_text(row.median, row.low, row.high)
         old = band_text(row.median_old, row.low_old, row.high_old)
-        change = "—" if np.isnan(row.difference) else f"{row.difference:+.1f}"
+        change = "—" if np.isnan(row.difference) else f"{round(row.difference, 1) + 0.0:+.1f}"
         lines.append(
             f"{row.case:>6} {row.label:>12} {row.mode:>4} "
             f"{SHORT[row.error]:>5} | "

@@ -176,7 +176,7 @@ def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_err
     predicted = part["predicted_error"]
     plane = cubes.ERRORS[quantity][1]
     predicted = predicted if plane is None else predicted.sel(plane=plane)
-    drawn = values[:, 1:] if values.shape[1] > 1 else values
+    drawn = values[:, 1:] if values.shape[1] > 1 else np.full_like(values, np.nan)
     quantiles: Array = np.quantile(drawn, [0.05, 0.5, 0.95], axis=1)
     claims = stated(cube, case, mode, quantity)
     return Bars(values[:, 0], predicted.values, quantiles, claims, plane or "")
@@ -197,10 +197,12 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
         low, median, high = bars.band
         axes.bar(position, bars.literal, 0.9 * width, color=colors, alpha=0.75 if first else 0.4,
                  label=bars.name or "literal run")  # fmt: skip
-        axes.vlines(position, low, high, color="#222222", linewidth=1.2,
-                    label=hidden + "5–95 % of trials")  # fmt: skip
-        axes.plot(position, median, "o", color="#222222", markersize=4,
-                  label=hidden + "median")  # fmt: skip
+        if np.isfinite(median).all():  # there were trials
+            axes.vlines(position, low, high, color="#222222", linewidth=1.2)
+            axes.plot([], [], "|", color="#222222", markersize=10, markeredgewidth=1.2,
+                      label=hidden + "5–95 % of trials")  # fmt: skip
+            axes.plot(position, median, "o", color="#222222", markersize=4,
+                      label=hidden + "median")  # fmt: skip
         axes.plot(position, bars.predicted, "_", color="#222222", markersize=18 / len(groups),
                   label=hidden + "law of rounding")  # fmt: skip
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
@@ -217,7 +219,8 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             axes.plot([at, at], [least, most], color=HIGHLIGHT, linewidth=1.2)
             axes.plot(at, (least + most) / 2, "D", markerfacecolor="white",
                       color=HIGHLIGHT, markersize=4, label=name)  # fmt: skip
-        top = max(top, high.max(), bars.literal.max(), *(claim.high for _, claim in given))
+        top = max(top, np.fmax.reduce(high), bars.literal.max(), *(c.high for _, c in given))
+        top = top if np.isfinite(top) else bars.literal.max()
     labels = [text.replace(" cameras", "") for text in part["label"].values]
     partial = part["in_view"].values < 1
     names = [f"{label}*" if cut else label for label, cut in zip(labels, partial, strict=True)]

@@ -159,6 +159,10 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
     if only_misses and rows:
         text += " Those that do not:"
     header = ["figure", "case", "mode", "setting", "error", "thesis", "literal", "5–95 %", "met"]
+    if any(not check.claim.values for check in shown):
+        text += (
+            " A claim about all settings must hold for each; the row shows the one farthest off."
+        )
     return _markdown_table(header, rows, text, above=True) if rows else Markdown(text)
 
 

@@ -329,7 +329,7 @@ def validate(name: str, values: Mapping[str, Any]) -> CameraStudy:
     if name not in STUDIES:
         raise ParameterError(
             f"{one_line(name)}: no such figure set{_hint(name, [*STUDIES, *CHAPTERS])}; "
-            f"there are {', '.join(STUDIES)}"
+            f"there are {', '.join([*STUDIES, *CHAPTERS])}"
         )
     model = STUDIES[name]
     parts = []
@@ -337,8 +337,9 @@ def validate(name: str, values: Mapping[str, Any]) -> CameraStudy:
         if key not in model.model_fields:
             names = list(model.model_fields)
             hint = _hint(str(key), names)
+            there = ", ".join(parameter for parameter in names if parameter != "cube")
             raise ParameterError(
-                f"{name}: no parameter {one_line(str(key))}{hint}; there are {', '.join(names)}"
+                f"{name}: no parameter {one_line(str(key))}{hint}; there are {there}"
             )
         try:
             text = json.dumps(value).replace("4a\\u2032", "4a'")

@@ -33,7 +33,7 @@ def build(publish: bool = False) -> Path:
     ]
     made = [job.cube for job in jobs]
     numbers = [executed / f"{name}.md" for name in prose.PIECES]
-    pages = [p for p in (root / "book").rglob("*") if p.is_file() and p.parent != executed]
+    pages = [p for p in (root / "book").rglob("*") if p.is_file() and executed not in p.parents]
     pages = list({*pages, root / "book" / "assets" / "overview.svg"})
     pages += [root / "_config.yml", root / "package-lock.json"]
     sources = [*pages, *(job.notebook for job in jobs), *numbers, *cubes.library_files()]

@@ -24,6 +24,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 from doit.cmd_base import ModuleTaskLoader
 from doit.dependency import SqliteDB
 from doit.doit_cmd import DoitMain
@@ -229,9 +230,20 @@ def task(
         "actions": [act],
         "file_dep": [str(path) for path in needs],
         "targets": [str(path) for path in makes],
-        "uptodate": [config_changed(key)] if key else [],
+        "uptodate": [config_changed(key), partial(_cubes_open, makes)] if key else [],
         "io": {"capture": False},
     }
+
+
+def _cubes_open(made: Sequence[Path]) -> bool:
+    """Whether no cube among these files is damaged; a damaged one is made anew."""
+    try:
+        for path in made:
+            if path.suffix == ".nc" and path.is_file():
+                netCDF4.Dataset(path).close()
+    except OSError:
+        return False
+    return True
 
 
 class _Journal(SqliteDB):  # type: ignore[misc]

@@ -184,8 +184,8 @@ def _fields(parts: list[Array], scales: Array, names: list[str]) -> dict[str, An
 
 
 def _rounded(values: Any) -> Any:
-    """Numbers with four decimals for JSON; what is not finite becomes null."""
-    array = np.round(np.asarray(values, float), 4)
+    """Numbers with six significant digits for JSON; what is not finite becomes null."""
+    array = np.asarray(values, float)
     if array.ndim == 0:
-        return float(array) if np.isfinite(array) else None
-    return [float(v) if np.isfinite(v) else None for v in array]
+        return float(f"{float(array):.6g}") if np.isfinite(array) else None
+    return [_rounded(value) for value in array]

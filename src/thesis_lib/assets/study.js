@@ -60,11 +60,13 @@ export function createStudy(model) {
       const pin = active !== null && active === study.pinned ? "Pinned: " : "";
       if (active !== null) return `${pin}${place}, ${study.describe(active)}.`;
       if (best < 0) return `${place}: no errors known.`;
-      const name = (i) => `${study.extremeWord(i) || "only"}, ${study.nameOf(i)}`;
+      const what = study.results()[best].deflection ? " shape" : "";
+      const name = (i) => `${study.extremeWord(i) || "only"}${what}, ${study.nameOf(i)}`;
       const error = ({ mean }, i) => `${show(mean)} % (${name(i)})`, high = study.errors(worst);
       const parts = study.errors(best).map((low, n) => {
         if (low.name && !isNumber(low.mean)) return `${low.name}: ${study.data.nodal_note}`;
-        return `${low.name ? `${low.name} ` : ""}from ${error(low, best)} to ${error(high[n], worst)}`;
+        return `${low.name ? `${low.name} ` : ""}${what ? "" : "from "}${error(low, best)}${what ? ", " : " to "}` +
+          error(high[n], worst);
       });
       const cut = every.filter((one) => one.in_view < 1).length;
       return `${place}: mean error ${parts.join("; ")}. ` +
