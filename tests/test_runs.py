@@ -11,6 +11,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
+import xarray as xr
 
 from thesis_lib import cubes, runs
 from thesis_lib.parameters import validate
@@ -100,8 +101,9 @@ def test_kill_leaves_nothing_half_written_and_the_next_call_goes_on(
     assert {path: path.stat().st_mtime_ns for path in out.glob(f"{GOOD}.*")} == done
 
 
-def test_interrupt_says_so_and_leaves_nothing_behind(stopped, tmp_path):
-    running = stopped(signal.SIGINT)
+@pytest.mark.parametrize("politely", [signal.SIGINT, signal.SIGTERM])
+def test_interrupt_says_so_and_leaves_nothing_behind(stopped, tmp_path, politely):
+    running = stopped(politely)
     assert running.process.returncode == 130
     assert "interrupted; the same command goes on where this one stopped" in running.said()
     assert "Traceback" not in running.said()
@@ -304,7 +306,7 @@ def test_failing_task_is_told_and_the_others_are_done(tmp_path):
         runs.task("good", writer(tmp_path / "good", log), [], [tmp_path / "good"], "key"),
     ]
     for _ in range(2):
-        with pytest.raises(runs.RunError, match=r"^bad: no ink left$"):
+        with pytest.raises(runs.RunError, match=r"^bad: ValueError: no ink left; the traceback is"):
             runs.run(tasks, tmp_path / "state.sqlite")
     assert log == ["good"]
 
@@ -345,3 +347,19 @@ def test_whole_file_leaves_the_old_one_if_writing_fails(tmp_path, error):
         cubes.whole_file(place, write)
     assert place.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["file.txt"]
+
+
+def test_damaged_cube_is_made_anew(tmp_path):
+    cube, log = tmp_path / "cube.nc", []
+
+    def make() -> None:
+        log.append("made")
+        xr.Dataset({"a": ("x", [1.0] * 3000)}).to_netcdf(cube, engine="netcdf4")
+
+    tasks = [runs.task("cube", make, [], [cube], "key")]
+    runs.run(tasks, tmp_path / "state.sqlite")
+    runs.run(tasks, tmp_path / "state.sqlite")
+    assert log == ["made"]
+    cube.write_bytes(cube.read_bytes()[:2000])
+    runs.run(tasks, tmp_path / "state.sqlite")
+    assert log == ["made", "made"]

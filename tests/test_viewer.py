@@ -673,8 +673,8 @@ def test_bars_and_nodal_planes_of_sound(chromium: Browser, sounds: Path) -> None
         assert [bars.nth(i).locator(".tl-box").count() for i in range(4)] == [2, 2, 2, 2]
         assert bars.nth(0).locator(".tl-median").count() == 2
         assert words(viewer).startswith(
-            "Mode 1, case 2a: mean error XZ from 2.0 % (best, 160°) to 8.0 % (worst, 16°); "
-            "YZ from 2.8 % (best, 160°) to 11.0 % (worst, 16°). "
+            "Mode 1, case 2a: mean error XZ 2.0 % (best shape, 160°), 8.0 % (worst shape, 16°); "
+            "YZ 2.8 % (best shape, 160°), 11.0 % (worst shape, 16°). "
         )
         assert viewer.locator(".tl-nodal").count() == 0
 
