@@ -26,8 +26,6 @@ Order = Literal["printed", "reversed"]
 Layout = list[Annotated[list[tuple[Azimuth, Elevation]], Field(min_length=2, max_length=100)]]
 Name = Annotated[str, Field(pattern=r"^\S(.{0,38}\S)?$")]
 
-ELEVATION = "a number above 0, at most 90"
-
 
 class ParameterError(ValueError):
     """A request that cannot be run; the message is one line for the person who made it."""

@@ -134,7 +134,19 @@ def pulsating_sphere(
 def monopole(
     distance: ArrayLike, volume_velocity: complex, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
-    """Pressure in Pa of a point monopole in free space (eq. 6.2); a baffled piston has twice it."""
+    """Pressure in Pa of a point monopole in free space (eq. 6.2).
+
+    Parameters
+    ----------
+    distance : array_like
+        Distance r from the source in m, above 0.
+    volume_velocity : complex
+        Volume velocity Q in m³/s.
+    omega : float
+        Angular frequency in rad/s.
+    medium : Medium
+        The fluid.
+    """
     k = _wavenumber(omega, medium)
     r = np.asarray(distance, float)
     if np.any(r <= 0):
@@ -268,7 +280,19 @@ def radiation_matrix(pistons: Pistons, omega: float, medium: Medium = AIR) -> Ar
 
 
 def sound_power(pistons: Pistons, velocity: ArrayLike, omega: float, medium: Medium = AIR) -> float:
-    """Radiated power vᴴRv in W of complex velocity amplitudes in m/s."""
+    """Radiated power vᴴRv in W.
+
+    Parameters
+    ----------
+    pistons : Pistons
+        The sources.
+    velocity : array_like, shape (pistons,)
+        Normal velocities in m/s, complex amplitudes.
+    omega : float
+        Angular frequency in rad/s.
+    medium : Medium
+        The fluid.
+    """
     v = np.asarray(velocity)
     return float(np.real(np.conj(v) @ radiation_matrix(pistons, omega, medium) @ v))
 
@@ -276,7 +300,19 @@ def sound_power(pistons: Pistons, velocity: ArrayLike, omega: float, medium: Med
 def radiation_efficiency(
     pistons: Pistons, velocity: ArrayLike, omega: float, medium: Medium = AIR
 ) -> float:
-    """Power over that of a plane wave of the same area and mean square v², W / (ρ₀ c S v² / 2)."""
+    """Power over that of a plane wave of the same area and mean square v², W / (ρ₀ c S v² / 2).
+
+    Parameters
+    ----------
+    pistons : Pistons
+        The sources.
+    velocity : array_like, shape (pistons,)
+        Normal velocities in m/s, complex amplitudes.
+    omega : float
+        Angular frequency in rad/s.
+    medium : Medium
+        The fluid.
+    """
     v = np.asarray(velocity)
     area = pistons.area * len(v)
     plane = medium.density * medium.speed_of_sound * area * np.mean(np.abs(v) ** 2) / 2
@@ -312,7 +348,21 @@ def far_field(
 def directivity(
     pistons: Pistons, velocity: ArrayLike, directions: ArrayLike, omega: float, medium: Medium = AIR
 ) -> Array:
-    """Far-field intensity over that of the same power spread evenly over the half space."""
+    """Far-field intensity over that of the same power spread evenly over the half space.
+
+    Parameters
+    ----------
+    pistons : Pistons
+        The sources.
+    velocity : array_like, shape (pistons,)
+        Normal velocities in m/s, complex amplitudes.
+    directions : array_like, shape (3, ...)
+        Unit vectors with Z ≥ 0.
+    omega : float
+        Angular frequency in rad/s.
+    medium : Medium
+        The fluid.
+    """
     p = far_field(pistons, velocity, directions, omega, medium)
     intensity = np.abs(p) ** 2 / (2 * medium.density * medium.speed_of_sound)
     return 2 * np.pi * intensity / sound_power(pistons, velocity, omega, medium)

@@ -339,7 +339,21 @@ def modal_coordinates(
 def full_response(
     structure: Structure, points: ArrayLike, omega: float, n_modes: int, force: float = 1.0
 ) -> ComplexArray:
-    """Sum of the first `n_modes` modes (eq. 3.3) at `points` (2, ...), complex, in m."""
+    """Sum of the first `n_modes` modes (eq. 3.3), complex amplitudes in m.
+
+    Parameters
+    ----------
+    structure : Structure
+        The vibrating structure.
+    points : array_like, shape (2, ...)
+        Positions in m.
+    omega : float
+        Angular frequency in rad/s.
+    n_modes : int
+        Number of modes.
+    force : float
+        Amplitude of the point force in N.
+    """
     shapes = structure.mode_shapes(range(1, n_modes + 1), points)
     q = modal_coordinates(structure, omega, n_modes, force)
     return np.tensordot(q, shapes, axes=1)
@@ -403,7 +417,17 @@ def deflection_shape(
 
 
 def drive_point_mobility(structure: Structure, omega: ArrayLike, n_modes: int) -> ComplexArray:
-    """Velocity over force at the driving point, jω Σ qₙ φₙ(x_F) / F, in m/(N s)."""
+    """Velocity over force at the driving point, jω Σ qₙ φₙ(x_F) / F, in m/(N s).
+
+    Parameters
+    ----------
+    structure : Structure
+        The vibrating structure.
+    omega : array_like, shape (...)
+        Angular frequencies in rad/s.
+    n_modes : int
+        Number of modes.
+    """
     drive = structure.mode_shapes(range(1, n_modes + 1), structure.force_point)[:, 0]
     q = modal_coordinates(structure, omega, n_modes)
     mobility: ComplexArray = 1j * np.asarray(omega, float) * np.tensordot(drive, q, axes=1)

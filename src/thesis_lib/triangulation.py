@@ -68,6 +68,13 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
 def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
     """Derivative of the image coordinates with respect to the world point.
 
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    points : array_like, shape (3, ...)
+        World points in m.
+
     Returns
     -------
     ndarray, shape (cameras, 2, 3, ...)
@@ -85,6 +92,13 @@ def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
 
 def gain(P: ArrayLike, points: ArrayLike) -> Array:
     """First-order response of the refined point to its image coordinates, (JᵀJ)⁻¹Jᵀ.
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    points : array_like, shape (3, ...)
+        World points in m.
 
     Returns
     -------
