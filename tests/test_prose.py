@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from thesis_lib import claims, cubes, prose, sound, studies
+from thesis_lib import claims, cubes, notebook, prose, sound, studies
 from thesis_lib.parameters import STUDIES, validate
 
 
@@ -72,3 +72,11 @@ def test_cameras_square_to_the_plate_hear_worse_than_they_see():
     shape = (plate["mean_error"][:, 0, 1:] ** 2).mean("trial") ** 0.5
     assert abs(shape[0] / shape[1] - 1) < 0.05
     assert field[0] > 2 * field[1]
+
+
+def test_nodal_planes_have_the_second_measure_in_the_pages_table(opened):
+    cube = opened["sound-distance"]
+    text = notebook.error_table(cube).data
+    drawn = cube["plane_error_of_larger"].sel(mode=2, plane="YZ").isel(trial=slice(1, None))
+    for value in drawn.median("trial").values:
+        assert f"nodal &#91;{value:.1f}&#93;" in text

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from IPython.display import SVG, Markdown, display
 
-from thesis_lib import claims, cubes, figures, sound, studies
+from thesis_lib import claims, cubes, figures, prose, sound, studies
 from thesis_lib.parameters import STUDIES, CameraStudy, validate
 from thesis_lib.viewer_data import viewer_data
 from thesis_lib.widgets import Viewer
@@ -89,7 +89,7 @@ def error_table(cube: xr.Dataset) -> Markdown:
             )
             rows = table.loc[[(error, mode)]].to_dict("records")
             columns[f"mode {mode}" + (f", {plane}" if plane else "")] = [
-                "nodal" if np.isnan(row["trial_0"]) else
+                _of_larger(cube, number, mode, plane) if np.isnan(row["trial_0"]) else
                 f"{row['trial_0']:.1f} · {cubes.band_text(row['median'], row['low'], row['high'])}"
                 f" · {value:.1f}"
                 for number, (row, value) in enumerate(zip(rows, law.values, strict=True))
@@ -195,6 +195,5 @@ def _escape(text: str) -> str:
 def _markdown_table(
     header: list[str], rows: list[list[str]], text: str, above: bool = False
 ) -> Markdown:
-    lines = [header, ["---"] * len(header), *([_escape(cell) for cell in row] for row in rows)]
-    table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
-    return Markdown(f"{text}\n\n{table}" if above else f"{table}\n\n{text}")
+    table = prose.table(header, [[_escape(cell) for cell in row] for row in rows])
+    return Markdown(f"{text}\n\n{table}" if above else f"{table}\n{text}")

@@ -34,7 +34,8 @@ def write(made: Sequence[Path], folder: Path) -> None:
         )
 
 
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table; its cells stand as they are."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
@@ -59,7 +60,7 @@ def _model(structure: Structure, unit: str, scale: float) -> str:
         )
     header = ["mode", "natural frequency, Hz", f"peak for 1 N, {unit}", "modal overlap",
               "one mode against all, %"]  # fmt: skip
-    return _table(header, rows)
+    return table(header, rows)
 
 
 def _beam_results(opened: dict[str, xr.Dataset]) -> str:
@@ -97,7 +98,7 @@ def _changes(chapter: Sequence[xr.Dataset]) -> str:
             varied = STUDIES[cube.attrs["figure_set"]].varied_label
             rows.append([case, varied, f"{labels[0]} → {labels[-1]}", *cells.values()])
     what = "pressure of the plane" if "plane_error" in chapter[0] else "deflection"
-    return _table([*header, *columns], rows) + (
+    return table([*header, *columns], rows) + (
         f"\nMedian over the trials of the rms error, in % of the largest reference {what}.\n"
     )
 
@@ -121,7 +122,7 @@ def _agreement(chapter: Sequence[xr.Dataset]) -> str:
         every = [inside for checks in met.values() for inside in checks]
         total.append(f"**{sum(every)} of {len(every)}** ({np.mean(every):.0%})")
     words = {"mean": "mean errors", "peak": "peak errors"}
-    return _table(
+    return table(
         ["figure set", *(words.get(kind, f"errors on {kind}") for kind in kinds)], [*rows, total]
     )
 
@@ -179,7 +180,7 @@ def _scatter(opened: dict[str, xr.Dataset]) -> str:
         )
     header = ["mode, plane", "95 % over 5 % of the trials", "law over rms of the trials",
               "standard error of that rms"]  # fmt: skip
-    return _table(header, rows) + "\nMedians and ranges over all settings of the chapter.\n"
+    return table(header, rows) + "\nMedians and ranges over all settings of the chapter.\n"
 
 
 def _layouts(opened: dict[str, xr.Dataset]) -> str:
@@ -200,7 +201,7 @@ def _layouts(opened: dict[str, xr.Dataset]) -> str:
             rows.append([case, f"{square[0]:.0%} → {square[-1]:.0%}", *cells])
     free = [f"{float(chapter[0]['independent_ratio'].sel(mode=m, plane=p)):.2f}" for m, p in pairs]
     rows = [["", "independent errors", *free], *sorted(rows, key=lambda row: (len(row[1]), row[1]))]
-    return _table(["case", "square to the plate", *(f"mode {m}, {p}" for m, p in pairs)], rows) + (
+    return table(["case", "square to the plate", *(f"mode {m}, {p}" for m, p in pairs)], rows) + (
         "\nFirst setting → last setting of each case, from the rms over the trials.\n"
     )
 
@@ -229,7 +230,7 @@ def _markers(opened: dict[str, xr.Dataset]) -> str:
         rows.append([f"{grid[0]}×{grid[1]}", str(counts[-1]), f"{ratio:.4f}",
                      f"{ratio * np.sqrt(counts[-1]):.2f}"])  # fmt: skip
     slope = np.polyfit(np.log(counts), np.log(ratios), 1)[0]
-    return _table(["grid", "markers M", "κ (mode 1, XZ)", "κ √M"], rows) + (
+    return table(["grid", "markers M", "κ (mode 1, XZ)", "κ √M"], rows) + (
         f"\nThe fitted exponent of M is {slope:.3f}.\n"
     )
 
@@ -265,7 +266,7 @@ def _levels(opened: dict[str, xr.Dataset]) -> str:
     header = ["mode", "radiation efficiency", "sound power for 1 N, dB",
               "largest pressure level for 1 N, dB",
               f"level for {peak}, dB", f"acceleration for {peak}"]  # fmt: skip
-    return _table(header, rows)
+    return table(header, rows)
 
 
 def _parameters(opened: dict[str, xr.Dataset]) -> str:
@@ -276,7 +277,7 @@ def _parameters(opened: dict[str, xr.Dataset]) -> str:
             for row in describe(STUDIES[name])
         ]
         header = ["parameter", "default", "unit", "meaning", "allowed"]
-        parts.append(f":::{{dropdown}} `{name}`\n{_table(header, rows)}:::\n")
+        parts.append(f":::{{dropdown}} `{name}`\n{table(header, rows)}:::\n")
     return "\n".join(parts)
 
 
