@@ -1,0 +1,153 @@
+"""Real cameras: each with its own intrinsics and lens distortion (Brown–Conrady).
+
+Pixels are counted as in the rest of the library: from the sensor's top-left corner, so the centre
+of the first pixel is at (0.5, 0.5). OpenCV counts from that centre; :data:`HALF` converts, and
+nothing but the modules that call OpenCV needs it. Counted from the corner, K scales with the
+resolution and nothing else.
+
+Distortion acts on normalised coordinates (x, y) = (X/Z, Y/Z) with r² = x² + y²:
+
+    x' = x (1 + k₁r² + k₂r⁴ + k₃r⁶) + 2p₁xy + p₂(r² + 2x²)
+    y' = y (1 + k₁r² + k₂r⁴ + k₃r⁶) + p₁(r² + 2y²) + 2p₂xy
+
+(Brown 1966, in OpenCV's order k₁, k₂, p₁, p₂, k₃).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+HALF = 0.5  # a pixel's centre in our coordinates minus that in OpenCV's, px
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One camera with lens distortion.
+
+    Parameters
+    ----------
+    name : str
+        Its name in manifests and figures.
+    K : ndarray, shape (3, 3)
+        Intrinsic matrix in px.
+    distortion : ndarray, shape (5,)
+        Brown–Conrady coefficients k₁, k₂, p₁, p₂, k₃.
+    R_camera_world : ndarray, shape (3, 3)
+        Rotation from world to camera directions.
+    centre : ndarray, shape (3,)
+        Centre of projection in world coordinates, m.
+    size : tuple of int
+        Width and height of the sensor in px.
+    """
+
+    name: str
+    K: Array
+    distortion: Array
+    R_camera_world: Array
+    centre: Array
+    size: tuple[int, int]
+
+    @property
+    def t(self) -> Array:
+        """Translation −R C of the extrinsic matrix [R | t], shape (3,), m."""
+        translation: Array = -self.R_camera_world @ self.centre
+        return translation
+
+    @property
+    def P(self) -> Array:
+        """Projection matrix K [R | t] of the undistorted camera, shape (3, 4)."""
+        return self.K @ np.column_stack([self.R_camera_world, self.t])
+
+
+def distort(xy: ArrayLike, distortion: ArrayLike) -> Array:
+    """Distorted normalised coordinates of undistorted ones, both (2, ...)."""
+    x, y = np.asarray(xy, float)
+    k1, k2, p1, p2, k3 = np.asarray(distortion, float)
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ]
+    )
+
+
+def distortion_jacobian(xy: ArrayLike, distortion: ArrayLike) -> Array:
+    """Derivative of :func:`distort` in its coordinates, shape (2, 2, ...): [i, j] = ∂x'ᵢ/∂xⱼ."""
+    x, y = np.asarray(xy, float)
+    k1, k2, p1, p2, k3 = np.asarray(distortion, float)
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))  # ∂radial/∂x over x
+    mixed = x * y * slope + 2 * (p1 * x + p2 * y)
+    xx = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x
+    yy = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x
+    return np.stack([np.stack([xx, mixed]), np.stack([mixed, yy])])
+
+
+def undistort(xy: ArrayLike, distortion: ArrayLike, steps: int = 6) -> Array:
+    """Undistorted normalised coordinates of distorted ones, by Newton's method, both (2, ...).
+
+    Six steps reach rounding error for distortions that a lens for measuring has; a point beyond
+    the fold of the polynomial, which has no undistorted counterpart, ends as NaN.
+    """
+    target = np.asarray(xy, float)
+    guess = target.copy()
+    if not np.any(distortion):
+        return guess
+    with np.errstate(all="ignore"):
+        for _ in range(steps):
+            (a, b), (c, d) = distortion_jacobian(guess, distortion)
+            ex, ey = target - distort(guess, distortion)
+            determinant = a * d - b * c
+            guess += np.stack([d * ex - b * ey, a * ey - c * ex]) / determinant
+        (a, b), (c, d) = distortion_jacobian(guess, distortion)
+        missed = np.abs(target - distort(guess, distortion)).max(axis=0)
+        reached = (missed < 1e-9) & (a * d - b * c > 0)
+    return np.where(reached, guess, np.nan)
+
+
+def to_pixels(K: ArrayLike, xy: ArrayLike) -> Array:
+    """Pixels of normalised coordinates, both (2, ...)."""
+    K, (x, y) = np.asarray(K, float), np.asarray(xy, float)
+    return np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]])
+
+
+def from_pixels(K: ArrayLike, uv: ArrayLike) -> Array:
+    """Normalised coordinates of pixels, both (2, ...)."""
+    K, (u, v) = np.asarray(K, float), np.asarray(uv, float)
+    y = (v - K[1, 2]) / K[1, 1]
+    return np.stack([(u - K[0, 2] - K[0, 1] * y) / K[0, 0], y])
+
+
+def project(camera: Camera, points: ArrayLike) -> Array:
+    """Images (2, ...) in px of world points (3, ...) in m; NaN for points behind the camera."""
+    X = np.asarray(points, float)
+    x, y, z = np.tensordot(camera.R_camera_world, X, axes=1) + camera.t.reshape(
+        (3,) + (1,) * (X.ndim - 1)
+    )
+    z = np.where(z > 0, z, np.nan)
+    return to_pixels(camera.K, distort(np.stack([x / z, y / z]), camera.distortion))
+
+
+def undistorted(camera: Camera, uv: ArrayLike) -> Array:
+    """Pixels that the camera would see without distortion, (2, ...): what P and K speak of."""
+    return to_pixels(camera.K, undistort(from_pixels(camera.K, uv), camera.distortion))
+
+
+def resized(camera: Camera, size: tuple[int, int]) -> Camera:
+    """The camera after its images are resampled to another size (section 5.2.1)."""
+    scale = np.array([size[0] / camera.size[0], size[1] / camera.size[1], 1.0])
+    return replace(camera, K=scale[:, None] * camera.K, size=size)
+
+
+def projection_matrices(cameras: Sequence[Camera]) -> Array:
+    """Projection matrices of several cameras, shape (cameras, 3, 4)."""
+    return np.array([camera.P for camera in cameras])
