@@ -1,4 +1,4 @@
-"""What the parameters of all camera studies share: fields, checks, and their one-line refusals."""
+"""What the parameters of all figure sets share: fields, checks, and their one-line refusals."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def field(default: Any, what: str, allowed: str, **bounds: Any) -> Any:
     return Field(description=what, json_schema_extra={"allowed": allowed}, **factory, **bounds)
 
 
-class CameraStudy(BaseModel):
-    """Parameters that all camera studies share."""
+class Study(BaseModel):
+    """Parameters that all figure sets share."""
 
     model_config = ConfigDict(
         extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True
@@ -46,33 +46,11 @@ class CameraStudy(BaseModel):
 
     name: ClassVar[str]
     title: ClassVar[str]
-    subject: ClassVar[str]  # beam, plate or sound
-    study: ClassVar[str]  # distance, aperture, resolution or arrays
+    subject: ClassVar[str]  # beam, plate, sound or experiment
+    study: ClassVar[str]  # what is varied: distance, aperture, resolution, arrays, cameras
     varied: ClassVar[str]  # name of the varied parameter
     varied_label: ClassVar[str]
 
-    focal_length_mm: Positive = field(
-        24.0, "focal length of the lenses", "a number above 0, at most 100000"
-    )
-    sensor_width_mm: Positive = field(
-        36.0, "width of the sensors", "a number above 0, at most 100000"
-    )
-    amplitude_mm: Positive | list[Positive] | Literal["force"] = field(
-        ...,
-        "peak of the deflection over the structure",
-        'a number above 0, a list with one for each mode, or "force" (the response to 1 N)',
-    )
-    rest: Literal["rebuilt", "known"] = field(
-        "rebuilt",
-        "whether the rest position is rebuilt from rounded pixels or known",
-        '"rebuilt" or "known"',
-    )
-    modes: list[Mode] = field(
-        lambda: [1, 2, 3],
-        "modes to measure",
-        "a list of different whole numbers from 1 to 30",
-        min_length=1,
-    )
     trials: int = field(
         200,
         "random shifts of the pixel grids beside the literal run",
@@ -99,15 +77,6 @@ class CameraStudy(BaseModel):
         return setups.beam()
 
     @property
-    def peaks_m(self) -> list[float]:
-        """Peak deflection of each mode in m."""
-        if self.amplitude_mm == "force":
-            return [peak_deflection(self.structure, mode) for mode in self.modes]
-        if isinstance(self.amplitude_mm, list):
-            return [peak / 1000 for peak in self.amplitude_mm]
-        return [float(self.amplitude_mm) / 1000] * len(self.modes)
-
-    @property
     def request(self) -> dict[str, Any]:
         """All that determines the result, as JSON values; where it is written does not."""
         return self.model_dump(mode="json", exclude={"cube"})
@@ -119,25 +88,65 @@ class CameraStudy(BaseModel):
         return hashlib.sha256(text.encode()).hexdigest()[:10]
 
     @model_validator(mode="after")
-    def _check_together(self) -> CameraStudy:
+    def _check_lists(self) -> Study:
         for field in type(self).model_fields:
             value = getattr(self, field)
             repeats = isinstance(value, list) and len(set(value)) < len(value)
             if repeats and field != "amplitude_mm":
                 self.refuse(field)
-        if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
-            self.refuse("amplitude_mm")
         if self.cube and not self.cube.endswith(".nc"):
             self.refuse("cube")
-        settings = self.settings()
-        _check_reach(self, settings)
-        for setting in settings:
-            _check_coincidence(self, setting)
         return self
 
     def refuse(self, field: str) -> None:
         """Refuse the value of a field by what the field allows."""
         refuse(field, getattr(self, field), permitted(type(self), field))
+
+
+class CameraStudy(Study):
+    """Parameters that all camera studies share."""
+
+    focal_length_mm: Positive = field(
+        24.0, "focal length of the lenses", "a number above 0, at most 100000"
+    )
+    sensor_width_mm: Positive = field(
+        36.0, "width of the sensors", "a number above 0, at most 100000"
+    )
+    amplitude_mm: Positive | list[Positive] | Literal["force"] = field(
+        ...,
+        "peak of the deflection over the structure",
+        'a number above 0, a list with one for each mode, or "force" (the response to 1 N)',
+    )
+    rest: Literal["rebuilt", "known"] = field(
+        "rebuilt",
+        "whether the rest position is rebuilt from rounded pixels or known",
+        '"rebuilt" or "known"',
+    )
+    modes: list[Mode] = field(
+        lambda: [1, 2, 3],
+        "modes to measure",
+        "a list of different whole numbers from 1 to 30",
+        min_length=1,
+    )
+
+    @property
+    def peaks_m(self) -> list[float]:
+        """Peak deflection of each mode in m."""
+        if self.amplitude_mm == "force":
+            return [peak_deflection(self.structure, mode) for mode in self.modes]
+        if isinstance(self.amplitude_mm, list):
+            return [peak / 1000 for peak in self.amplitude_mm]
+        return [float(self.amplitude_mm) / 1000] * len(self.modes)
+
+    @model_validator(mode="after")
+    def _check_together(self) -> CameraStudy:
+        if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
+            self.refuse("amplitude_mm")
+        settings = self.settings()
+        _check_reach(self, settings)
+        for setting in settings:
+            _check_coincidence(self, setting)
+        return self
 
 
 def unit(field: str) -> str:
@@ -148,7 +157,8 @@ def unit(field: str) -> str:
     >>> unit("distances_mm"), unit("azimuth_deg"), unit("widths_px"), unit("seed")
     ('mm', '°', 'px', '')
     """
-    units = {"_mm": "mm", "_deg": "°", "_px": "px", "_m_s": "m/s", "_kg_m3": "kg/m³"}
+    units = {"_mm": "mm", "_deg": "°", "_px": "px", "_m_s": "m/s", "_kg_m3": "kg/m³",
+             "_hz": "Hz", "_ms": "ms", "_db": "dB"}  # fmt: skip
     return next((unit for suffix, unit in units.items() if field.endswith(suffix)), "")
 
 

@@ -31,7 +31,7 @@ ERRORS = {  # name in the tables: variable, and plane if it has one
 }
 SHORT = {"mean_error": "mean", "max_point_error": "peak",
          "plane_error_xz": "XZ", "plane_error_yz": "YZ"}  # fmt: skip
-KEYS = ["case", "value", "pair_order", "mode"]
+KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
 _HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at once
 RUN_DEPENDENT = ("commit", "created", "run_time_s")
@@ -159,7 +159,7 @@ def read(path: Path) -> xr.Dataset:
     except Exception as error:  # the netCDF and HDF libraries raise what they like
         raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
     missing = {"figure_set", "parameters"} - set(cube.attrs)
-    missing |= {*KEYS, "label"} - set(cube.variables)
+    missing |= set(KEYS) - set(cube.variables)
     missing |= set() if {variable for variable, _ in ERRORS.values()} & set(cube) else {"errors"}
     if missing or str(cube.attrs["figure_set"]) not in STUDIES:
         lacks = ", ".join(sorted(map(str, missing))) or "a known figure set"
@@ -208,9 +208,15 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def percent_text(value: float) -> str:
+    """A percentage with one decimal, or two digits where that would be nought."""
+    return f"{value:.1f}" if abs(value) >= 0.095 or value == 0 else f"{value:.2g}"
+
+
 def band_text(median: float, low: float, high: float) -> str:
     """Median and band as they stand in tables; a dash where there were no trials."""
-    return "—" if np.isnan(median) else f"{median:.1f} ({low:.1f}–{high:.1f})"
+    text = percent_text
+    return "—" if np.isnan(median) else f"{text(median)} ({text(low)}–{text(high)})"
 
 
 def published_path(name: str) -> Path:
@@ -221,7 +227,7 @@ def published_path(name: str) -> Path:
 def read_published(name: str) -> pd.DataFrame | None:
     """The published summary of a figure set, if there is one."""
     path = published_path(name)
-    text = {"case": str, "pair_order": str}
+    text = {"case": str, "label": str, "pair_order": str}
     return (
         pd.read_csv(path, dtype=text, keep_default_na=False, na_values=["nan"])
         if path.is_file()
@@ -246,9 +252,7 @@ def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
     and ``apart`` tells whether the 5–95 % bands do not meet.
     """
     keys = [*KEYS, "error"]
-    table = new.merge(
-        old.drop(columns="label"), on=keys, suffixes=("", "_old"), validate="one_to_one"
-    )
+    table = new.merge(old, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
     table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
     return table

@@ -28,6 +28,7 @@ from thesis_lib.camera_study import (
     ParameterError,
     Positive,
     Resolution,
+    Study,
     Width,
     allowed_text,
     field,
@@ -37,13 +38,14 @@ from thesis_lib.camera_study import (
     shown,
     unit,
 )
+from thesis_lib.experiment.requests import ExperimentCameras, ExperimentResolution
 from thesis_lib.planes import Plane, pistons
 from thesis_lib.radiation import Medium, check_pistons
 from thesis_lib.setups import Setting
 from thesis_lib.structures import Plate, Structure, resonance
 
-__all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "describe", "nearest", "unit",
-           "validate"]  # fmt: skip
+__all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "Study", "describe", "nearest",
+           "unit", "validate"]  # fmt: skip
 
 Markers = Annotated[int, Field(ge=2, le=60)]
 PlanePoints = Annotated[int, Field(ge=2, le=500)]
@@ -259,7 +261,7 @@ class SoundPlanes(PlateMarkers):
     @property
     def plate_request(self) -> dict[str, Any]:
         """Parameters of the plate's study whose deflections radiate."""
-        model = STUDIES[self.name.replace("sound", "plate")]  # type: ignore[attr-defined]
+        model = CAMERA_STUDIES[self.name.replace("sound", "plate")]  # type: ignore[attr-defined]
         return {key: value for key, value in self.model_dump().items() if key in model.model_fields}
 
     @model_validator(mode="after")
@@ -307,18 +309,25 @@ _KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays
 _EXTRA: dict[str, tuple[type[BaseModel], ...]] = {
     "beam": (), "plate": (PlateMarkers,), "sound": (SoundPlanes,),
 }  # fmt: skip
-STUDIES: dict[str, type[CameraStudy]] = {
+CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     study.name: study
     for subject, extra in _EXTRA.items()
     for study in (_figure_set(subject, kind, *extra) for kind in _KINDS)
 }
+_SUBJECTS = {"ch3": "beam", "ch4": "plate", "ch5": "experiment", "ch6": "sound"}
+STUDIES: dict[str, type[Study]] = {
+    study.name: study
+    for subject in _SUBJECTS.values()
+    for study in (*CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras)
+    if study.subject == subject
+}
 CHAPTERS = {
-    chapter: [f"{subject}-{kind.study}" for kind in _KINDS]
-    for chapter, subject in (("ch3", "beam"), ("ch4", "plate"), ("ch6", "sound"))
+    chapter: [name for name, study in STUDIES.items() if study.subject == subject]
+    for chapter, subject in _SUBJECTS.items()
 }
 
 
-def validate(name: str, values: Mapping[str, Any]) -> CameraStudy:
+def validate(name: str, values: Mapping[str, Any]) -> Study:
     """Parameters of a figure set from plain values.
 
     Raises
@@ -354,7 +363,7 @@ def validate(name: str, values: Mapping[str, Any]) -> CameraStudy:
         raise ParameterError(f"{name}: {_first_problem(model, values, error)}") from None
 
 
-def describe(model: type[CameraStudy]) -> list[dict[str, str]]:
+def describe(model: type[Study]) -> list[dict[str, str]]:
     """One row per parameter: name, default, unit, allowed, meaning."""
     defaults = model().model_dump(mode="json")
     return [
@@ -366,7 +375,8 @@ def describe(model: type[CameraStudy]) -> list[dict[str, str]]:
             "meaning": info.description or "",
         }
         for name, info in sorted(
-            model.model_fields.items(), key=lambda item: item[0] in CameraStudy.model_fields
+            model.model_fields.items(),
+            key=lambda item: (item[0] in Study.model_fields, item[0] in CameraStudy.model_fields),
         )
     ]
 
@@ -381,9 +391,7 @@ def _hint(name: str, names: Iterable[str]) -> str:
     return f" (did you mean {meant}?)" if meant else ""
 
 
-def _first_problem(
-    model: type[CameraStudy], values: Mapping[str, Any], error: ValidationError
-) -> str:
+def _first_problem(model: type[Study], values: Mapping[str, Any], error: ValidationError) -> str:
     problem = error.errors(include_url=False)[0]
     if problem["type"] == "refused":
         return problem["msg"]

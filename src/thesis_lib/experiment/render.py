@@ -8,7 +8,6 @@ rasterisers). So nothing is sampled: the only approximation is the number of ver
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -22,6 +21,9 @@ from thesis_lib.experiment.scene import Markers, Motion, on_surface
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
+
+
+FINE = 2  # the spread acts on pixels this much finer: light is spread before pixels collect it
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ def rasterise(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
 
 
 def _pieces(start: Array, stop: Array) -> tuple[NDArray[np.int64], Array, Array]:
-    """Edges (2, n) cut where they cross from pixel to pixel: edge, and from where to where on it."""
+    """Edges (2, n) cut at the borders of pixels: number of the edge, and from where to where."""
     edges = np.arange(start.shape[1])
     ids, cuts = [edges], [np.zeros(len(edges))]
     for from_, to in zip(start, stop, strict=True):
@@ -221,13 +223,14 @@ def expose(
     picture = np.full((height, width), sensor.background, np.float32)
     if np.all(high > low):  # else nothing is in view
         (left, top), (right, bottom) = low, high
-        part = rasterise(uv - low.reshape((2,) + (1,) * (uv.ndim - 1)), polygons,
-                         right - left, bottom - top)  # fmt: skip
+        fine = FINE * (uv - low.reshape((2,) + (1,) * (uv.ndim - 1)))
+        part = rasterise(fine, polygons, *(FINE * (high - low)))
         grey = (part + sensor.background).astype(np.float32)
         if sensor.spread > 0:
-            taps = 2 * margin - 1
-            grey = cv2.GaussianBlur(grey, (taps, taps), sensor.spread,
+            taps = 2 * FINE * margin - 1
+            grey = cv2.GaussianBlur(grey, (taps, taps), FINE * sensor.spread,
                                     borderType=cv2.BORDER_REPLICATE)  # fmt: skip
+        grey = cv2.resize(grey, (high - low).tolist(), interpolation=cv2.INTER_AREA)
         picture[top:bottom, left:right] = grey
     if rng is not None:
         noise = rng.standard_normal((height, width), dtype=np.float32)

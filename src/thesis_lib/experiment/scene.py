@@ -69,7 +69,7 @@ class Markers:
 
 
 def on_surface(beam: Beam, points: ArrayLike, deflection: ArrayLike = 0.0) -> Array:
-    """World coordinates (3, ...) of points (2, ...) of the beam's frame, deflected along Z, in m."""
+    """World coordinates (3, ...) of points (2, ...) of the beam, deflected along Z, in m."""
     x, y = np.asarray(points, float)
     length, width = beam.extent
     return np.stack(np.broadcast_arrays(x - length / 2, y - width / 2, deflection))
@@ -165,9 +165,7 @@ class Motion:
             natural = 2 * np.pi * part.frequency / np.sqrt(1 - 2 * xi**2)
             drive = part.shape(beam, beam.force_point)[0]
             modal_mass = beam.mass / 4  # for a shape of 1 at the tip
-            total += (
-                modal_mass / drive * (second + 2 * xi * natural * first + natural**2 * w)
-            )
+            total += modal_mass / drive * (second + 2 * xi * natural * first + natural**2 * w)
         return total
 
     def _histories(self, part: Component, t: Array) -> tuple[Array, Array, Array]:

@@ -1,0 +1,223 @@
+"""The rendered laboratory: what the cameras of chapter 5 would have filmed, with known truth.
+
+World time counts from before the first camera starts. Every camera starts when it likes, its clock
+counts from there, and frame k is exposed around k / frame rate on that clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations, intrinsics
+from thesis_lib.experiment import media
+from thesis_lib.experiment.board import Board
+from thesis_lib.experiment.lens import Camera
+from thesis_lib.experiment.poses import default_poses
+from thesis_lib.experiment.render import BeamView, Image, Sensor, board_image
+from thesis_lib.experiment.scene import Component, Markers, Motion
+from thesis_lib.structures import Beam
+
+Array = NDArray[np.float64]
+
+REST = 1.0  # s at rest at the start of every recording
+LATE = 0.25  # s within which the cameras start
+SAMPLE_RATE = 48000  # Hz
+HEADROOM = 0.5  # largest force on the audio track over full scale
+
+
+@dataclass(frozen=True)
+class Station:
+    """A camera, what its sensor does, how fast it films, and when it starts.
+
+    Parameters
+    ----------
+    camera : Camera
+        Optics and pose.
+    sensor : Sensor
+        Exposure, spread, noise, grey levels.
+    frame_rate : float
+        Frames per second.
+    start : float
+        World time of its first frame, s.
+    """
+
+    camera: Camera
+    sensor: Sensor
+    frame_rate: float
+    start: float
+
+
+@dataclass(frozen=True)
+class Rig:
+    """All that is filmed and heard.
+
+    Parameters
+    ----------
+    stations : tuple of Station
+        The cameras.
+    markers : Markers
+        The beam and what is printed on it.
+    motion : Motion
+        How it moves, in world time.
+    duration : float
+        Length of each recording, s.
+    audio_noise_db : float
+        Power of the force over that of the noise on the audio tracks, dB.
+    seed : int
+        Seed of all noise.
+    board : Board
+        The calibration board.
+    rotations, translations : ndarray, shapes (shots, 3, 3) and (shots, 3)
+        Poses of the board in the world.
+    """
+
+    stations: tuple[Station, ...]
+    markers: Markers
+    motion: Motion
+    duration: float
+    audio_noise_db: float = 20.0
+    seed: int = 0
+    board: Board = field(default_factory=Board)
+    rotations: Array = field(default_factory=lambda: default_poses()[0])
+    translations: Array = field(default_factory=lambda: default_poses()[1])
+
+    @property
+    def cameras(self) -> list[Camera]:
+        """The cameras alone."""
+        return [station.camera for station in self.stations]
+
+    @property
+    def full_scale(self) -> float:
+        """Force in N at full scale of the audio tracks."""
+        times = np.linspace(self.motion.start, self.motion.steady + 1, 4000)
+        return float(np.abs(self.motion.force(times)).max()) / HEADROOM
+
+    def generator(self, what: int, camera: int, item: int) -> np.random.Generator:
+        """Noise of one frame, shot or track: the same whatever else is made."""
+        return np.random.default_rng([self.seed, what, camera, item])
+
+
+def default_rig(
+    beam: Beam,
+    directions_deg: Sequence[tuple[float, float]],
+    *,
+    focal_length: float = 0.024,
+    sensor_width: float = 0.036,
+    distance: float = 0.57,
+    size: tuple[int, int] = (1920, 1080),
+    sensor: Sensor | None = None,
+    frame_rate: float = 60.0,
+    components: tuple[Component, ...] = (Component(),),
+    lens_k1: float = -0.08,
+    audio_noise_db: float = 20.0,
+    seed: int = 0,
+) -> Rig:
+    """The rig of section 5.1: similar, but not identical cameras that look at the beam's centre.
+
+    Focal lengths, principal points and distortions differ by what cameras of one kind differ by.
+    The motion is at rest for a second, grows over two periods, and is filmed in its steady state
+    for a second and at least four periods.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam.
+    directions_deg : sequence of tuple
+        Azimuth and elevation of each camera.
+    focal_length, sensor_width : float
+        In m; the pixels are square and fill the width.
+    distance : float
+        Of all cameras from the beam's centre, m.
+    size : tuple of int
+        Width and height of the sensors in px.
+    sensor : Sensor, optional
+        Exposure, spread, noise and grey levels.
+    frame_rate : float
+        Frames per second.
+    components : tuple of Component
+        The steady vibration.
+    lens_k1 : float
+        First coefficient of the lens distortion.
+    audio_noise_db : float
+        Power of the force over that of the noise on the audio tracks, dB.
+    seed : int
+        Seed of all noise and of the cameras' starts.
+    """
+    angles = np.radians(directions_deg)
+    rotations = hemisphere_rotations(angles[:, 0], angles[:, 1])
+    centres = distance * hemisphere_directions(angles[:, 0], angles[:, 1])
+    starts = np.random.default_rng([seed, 0]).uniform(0, LATE, len(angles))
+    focal = focal_length / sensor_width * size[0]
+    stations = []
+    for i, (R, centre, start) in enumerate(zip(rotations, centres, starts, strict=True)):
+        differs = np.sin([1.0 + 7 * i, 2.0 + 5 * i, 3.0 + 3 * i, 4.0 + 2 * i])  # in −1…1
+        K = intrinsics(focal * (1 + 0.005 * differs[0]), size)
+        K[:2, 2] += 0.004 * size[0] * differs[1:3]
+        distortion = lens_k1 * (1 + 0.2 * differs[3]) * np.array([1, -0.15, 0.005, -0.004, 0])
+        camera = Camera(chr(ord("A") + i), K, distortion, R, centre, size)
+        stations.append(Station(camera, sensor or Sensor(), frame_rate, float(start)))
+    period = 1 / min(part.frequency for part in components)
+    motion = Motion(beam, components, REST + LATE, 2 * period)
+    return Rig(
+        tuple(stations), Markers(beam), motion,
+        duration=motion.steady + max(1.0, 4 * period),
+        audio_noise_db=audio_noise_db, seed=seed,
+    )  # fmt: skip
+
+
+def frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
+    """The frames of one camera, one after the other."""
+    station = rig.stations[index]
+    view = BeamView(station.camera, rig.markers, rig.motion, station.sensor)
+    for k in range(int(rig.duration * station.frame_rate)):
+        rng = rig.generator(1, index, k) if noise else None
+        yield view.frame(station.start + k / station.frame_rate, rng)
+
+
+def sound(rig: Rig, index: int) -> Array:
+    """The audio track of one camera: the force over full scale, with noise."""
+    station = rig.stations[index]
+    times = station.start + np.arange(int(rig.duration * SAMPLE_RATE)) / SAMPLE_RATE
+    signal = rig.motion.force(times) / rig.full_scale
+    tone = signal[times > rig.motion.steady]
+    spread = np.std(tone) * 10 ** (-rig.audio_noise_db / 20)
+    return signal + spread * rig.generator(2, index, 0).standard_normal(len(signal))
+
+
+def shots(rig: Rig, index: int) -> Iterator[Image]:
+    """The pictures that one camera takes of the board."""
+    station = rig.stations[index]
+    for k, (R, t) in enumerate(zip(rig.rotations, rig.translations, strict=True)):
+        rng = rig.generator(3, index, k)
+        yield board_image(station.camera, rig.board, R, t, station.sensor, rng)
+
+
+def film(
+    rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23
+) -> list[Path]:
+    """Write one video and the board shots of every camera; the cameras film side by side.
+
+    Returns
+    -------
+    list of Path
+        The videos. The shots of camera A are in ``A/00.png`` and so on.
+    """
+
+    def one(index: int) -> Path:
+        station = rig.stations[index]
+        video = folder / f"{station.camera.name}.mkv"
+        media.write_video(video, frames(rig, index), station.frame_rate, sound(rig, index),
+                          SAMPLE_RATE, codec, crf)  # fmt: skip
+        for k, image in enumerate(shots(rig, index)):
+            media.write_png(folder / station.camera.name / f"{k:02d}.png", image)
+        return video
+
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(one, range(len(rig.stations))))

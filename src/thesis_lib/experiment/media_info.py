@@ -1,0 +1,190 @@
+"""What a video file says about itself: size, rate, length, presentation times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import numpy as np
+from av.container import InputContainer
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+JITTER = 0.1  # frames that a presentation time may be off before the rate counts as variable
+
+
+class MediaError(ValueError):
+    """A video, picture or audio track that cannot be used; the message is one line."""
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """What a video says about itself.
+
+    Parameters
+    ----------
+    size : tuple of int
+        Width and height in px.
+    frame_rate : float
+        Mean frame rate in Hz.
+    frames : int or None
+        Number of frames, None if the file does not say.
+    duration : float or None
+        Length of the video track in s, None if the file does not say.
+    codec : str
+        Name of the video codec.
+    sample_rate : int or None
+        Audio sample rate in Hz, None without audio.
+    channels : int
+        Audio channels, 0 without audio.
+    """
+
+    size: tuple[int, int]
+    frame_rate: float
+    frames: int | None
+    duration: float | None
+    codec: str
+    sample_rate: int | None
+    channels: int
+
+    @property
+    def has_audio(self) -> bool:
+        """Whether there is an audio track."""
+        return self.channels > 0
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[InputContainer]:
+    """The file, open for reading; refused if there is none or it is no recording."""
+    if not path.is_file():
+        raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
+    try:
+        file = av.open(str(path))
+    except (av.FFmpegError, OSError):
+        raise MediaError(f"{path}: not a video, or cut off before its index") from None
+    with file:
+        yield file
+
+
+def video_track(file: InputContainer, path: Path) -> VideoStream:
+    """The first video track, decoded by as many threads as there are cores."""
+    if not file.streams.video:
+        raise MediaError(f"{path}: no video track")
+    stream = file.streams.video[0]
+    stream.thread_type = "AUTO"
+    return stream
+
+
+def _seconds(text: str) -> float:
+    """Seconds of Matroska's ``hours:minutes:seconds``."""
+    hours, minutes, seconds = text.split(":")
+    return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+
+
+def start_of(stream: VideoStream) -> float:
+    """Time of the first frame in s."""
+    return float((stream.start_time or 0) * (stream.time_base or 0))
+
+
+def info_of(file: InputContainer, path: Path) -> VideoInfo:
+    """What an open file says about itself."""
+    video = video_track(file, path)
+    rate = video.average_rate or video.guessed_rate
+    if not rate or not video.width:
+        raise MediaError(f"{path}: the video track says no frame rate or size")
+    duration = None
+    if video.duration is not None and video.time_base is not None:
+        duration = float(video.duration * video.time_base)
+    elif "DURATION" in video.metadata:
+        duration = _seconds(video.metadata["DURATION"]) - start_of(video)
+    counts = [video.frames] if video.frames else []
+    if duration is not None:
+        counts.append(round(duration * rate))
+    sound = file.streams.audio[0] if file.streams.audio else None
+    return VideoInfo(
+        size=(video.width, video.height),
+        frame_rate=float(rate),
+        frames=min(counts, default=None),  # an edit list may hide stored frames
+        duration=duration,
+        codec=video.codec_context.name,
+        sample_rate=sound.sample_rate if sound else None,
+        channels=sound.channels if sound else 0,
+    )
+
+
+def probe(path: Path) -> VideoInfo:
+    """What a video says about itself, without decoding it.
+
+    Raises
+    ------
+    MediaError
+        If there is no such file, it is not a video, or has no video track.
+    """
+    with opened(path) as file:
+        return info_of(file, path)
+
+
+def frame_times(path: Path) -> Array:
+    """Presentation times of all frames after the first, shape (frames,), s; decodes nothing.
+
+    Matroska rounds them to 1 ms: they tell whether frames are missing or irregular, while k / frame
+    rate is when frame k was taken.
+
+    Raises
+    ------
+    MediaError
+        As :func:`probe`, or if the video has no presentation times.
+    """
+    with opened(path) as file:
+        stream = video_track(file, path)
+        times = []
+        try:
+            for packet in file.demux(stream):
+                if packet.size and not packet.is_discard:
+                    if packet.pts is None or packet.time_base is None:
+                        raise MediaError(f"{path}: its frames have no presentation times")
+                    times.append(float(packet.pts * packet.time_base))
+        except (av.FFmpegError, OSError):
+            raise MediaError(f"{path}: damaged after frame {len(times)}") from None
+        if not times:
+            raise MediaError(f"{path}: no frames")
+        return np.sort(times) - min(times)
+
+
+def check_frame_times(path: Path, frame_rate: float, tolerance: float = 5e-4) -> None:
+    """Refuse a video whose frames do not come at a constant rate, or at another one.
+
+    Parameters
+    ----------
+    path : Path
+        The video.
+    frame_rate : float
+        Expected rate in Hz.
+    tolerance : float
+        Relative deviation of the mean rate that is allowed.
+
+    Raises
+    ------
+    MediaError
+        Naming the first irregular frame, or the rate.
+    """
+    times = frame_times(path)
+    if len(times) < 3:
+        return
+    rounding = 1e-3  # s, Matroska's unit
+    mean = (len(times) - 1) / times[-1] if times[-1] > 0 else np.inf
+    gaps = np.diff(times) * mean
+    worst = np.abs(times * mean - np.arange(len(times))).max()
+    if not worst <= JITTER + rounding * mean:
+        k = int(np.argmax(np.abs(gaps - 1))) + 1
+        raise MediaError(
+            f"{path}: variable frame rate: frame {k} comes {gaps[k - 1]:.2f} frames after the one "
+            "before, allowed: a constant rate"
+        )
+    if abs(mean / frame_rate - 1) > tolerance + 2 * rounding / times[-1]:
+        raise MediaError(f"{path}: {mean:.6g} frames per second, allowed: {frame_rate:.6g}")
