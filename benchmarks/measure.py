@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.reference import distances, field_of_distances, svd_triangulate
 from thesis_lib import setups, sound, studies
 from thesis_lib.cameras import hemisphere_cameras, pixelate, project
-from thesis_lib.parameters import STUDIES, CameraStudy, SoundPlanes, validate
+from thesis_lib.parameters import STUDIES, CameraStudy, SoundPlanes, camera_study
 from thesis_lib.planes import Plane, operator, pistons
 from thesis_lib.radiation import AIR, rayleigh
 from thesis_lib.structures import resonance
@@ -110,7 +110,7 @@ def compare_triangulation(
 def _plate_of(study: SoundPlanes) -> CameraStudy:
     """The plate's study whose deflections a sound study takes."""
     name: str = study.name.replace("sound", "plate")  # type: ignore[attr-defined]
-    return validate(name, study.plate_request)
+    return camera_study(name, study.plate_request)
 
 
 def study_seconds(subject: str, trials: int = 200) -> dict[str, float]:
@@ -118,7 +118,7 @@ def study_seconds(subject: str, trials: int = 200) -> dict[str, float]:
     times = {}
     for name in STUDIES:
         if name.startswith(f"{subject}-"):
-            study = validate(name, {"trials": trials})
+            study = camera_study(name, {"trials": trials})
             plate = studies.run(_plate_of(study)) if isinstance(study, SoundPlanes) else None
             start = time.perf_counter()
             if plate is None:
@@ -151,7 +151,7 @@ def compare_plane_errors(trials: int = 200, sample: int = 12) -> PlaneErrors:
     The factors, and the operators that they come of, are part of the time. One field at a time
     is built by Rayleigh's integral as the library has it, or from the plane's ready operator.
     """
-    study = validate("sound-distance", {"trials": trials})
+    study = camera_study("sound-distance", {"trials": trials})
     assert isinstance(study, SoundPlanes)
     plate = setups.plate(study.grid)
     cube = studies.run(_plate_of(study))
@@ -271,7 +271,7 @@ def growth() -> list[Growth]:
         return lambda: triangulate(P, uv)
 
     def study(trials: int) -> Callable[[], object]:
-        parameters = validate("beam-distance", {"trials": trials})
+        parameters = camera_study("beam-distance", {"trials": trials})
         return lambda: studies.run(parameters)
 
     return [

@@ -71,7 +71,8 @@ def test_absent_shots_are_left_out_and_stay_in_their_place():
     nan = [uv if i % 3 else np.full_like(uv, np.nan) for i, uv in enumerate(shots)]
     result = zhang(some, BOARD, SIZE)
     assert [R is None for R in result.rotations] == [uv is None for uv in some]
-    np.testing.assert_array_equal(result.K, zhang(nan, BOARD, SIZE).K)
+    # OpenCV adds in the order in which its threads end: equal up to rounding.
+    np.testing.assert_allclose(result.K, zhang(nan, BOARD, SIZE).K, rtol=1e-8)
 
 
 def test_too_few_shots_are_refused_with_the_cameras_name():

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from thesis_lib.parameters import CameraStudy
+    from thesis_lib.parameters import Study
 
 REFUSED, FAILED, INTERRUPTED = 2, 1, 130
 
@@ -79,7 +79,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
 
     studies = _requested(names, _values(assignments))
     folder = _folder(names, studies, out)
-    from thesis_lib import cubes, runs
+    from thesis_lib import cubes, files, runs
 
     jobs = [
         runs.Job(study, *(folder / f"{study.name}.{kind}" for kind in ("ipynb", "nc", "html")))
@@ -92,7 +92,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
         entries = [(job.study.title, f"{job.study.name}.html") for job in jobs]
         title = "Chapter " + names[0][2:] if names[0] in CHAPTERS and len(names) == 1 else "Runs"
         html = index_page(title, entries)
-        cubes.whole_file(folder / "index.html", lambda part: part.write_text(html, "utf-8"))
+        files.whole_file(folder / "index.html", lambda part: part.write_text(html, "utf-8"))
     for job in jobs:
         click.echo(f"\n{job.study.name}")
         click.echo("\n".join(cubes.difference_lines(cubes.read(job.cube))))
@@ -145,7 +145,7 @@ def _values(assignments: Sequence[str]) -> dict[str, Any]:
     return values
 
 
-def _requested(names: Sequence[str], values: dict[str, Any]) -> list[CameraStudy]:
+def _requested(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     """Validated studies of sets and chapters; each set takes the parameters that it has."""
     from thesis_lib.parameters import CHAPTERS, STUDIES, ParameterError, validate
 
@@ -171,10 +171,10 @@ def _requested(names: Sequence[str], values: dict[str, Any]) -> list[CameraStudy
     return studies
 
 
-def _folder(names: Sequence[str], studies: Sequence[CameraStudy], out: Path | None) -> Path:
+def _folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) -> Path:
     import hashlib
 
-    from thesis_lib.cubes import project_root
+    from thesis_lib.files import project_root
 
     if out is None:
         digest = studies[0].digest

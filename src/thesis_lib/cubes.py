@@ -6,22 +6,21 @@ import datetime
 import hashlib
 import importlib.metadata
 import json
-import os
 import platform
 import subprocess
-import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from thesis_lib import __version__
-from thesis_lib.parameters import STUDIES, CameraStudy
+from thesis_lib.files import library_files, project_root, whole_file
+from thesis_lib.parameters import STUDIES, Study
 
 ERRORS = {  # name in the tables: variable, and plane if it has one
     "mean_error": ("mean_error", None),
@@ -37,64 +36,31 @@ _HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at on
 RUN_DEPENDENT = ("commit", "created", "run_time_s")
 
 
+S = TypeVar("S", bound=Study)
+
+
 class CubeError(ValueError):
     """A file that is not one of our cubes; the message is one line."""
 
 
-def project_root() -> Path:
-    """The checkout that the library is installed from.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the library was installed without its checkout.
-    """
-    root = Path(__file__).parents[2]
-    if not (root / "notebooks").is_dir():
-        raise FileNotFoundError(
-            f"{root}: no notebooks here; run this from a clone of the project, "
-            "in which the library is installed with `pip install -e .`"
-        )
-    return root
-
-
-def library_files() -> list[Path]:
-    """Files that every result depends on: the library, the thesis's facts, the lock."""
-    root = project_root()
-    files = [p for p in (root / "src" / "thesis_lib").rglob("*") if p.is_file()]
-    files = [p for p in files if p.suffix != ".pyc"]
-    return sorted([*files, *(root / "data" / "thesis").iterdir(), root / "requirements.lock"])
-
-
-def cached(study: CameraStudy, compute: Callable[[CameraStudy], xr.Dataset]) -> xr.Dataset:
+def cached(
+    study: S, compute: Callable[[S], xr.Dataset], sources: Iterable[Path] = ()
+) -> xr.Dataset:
     """A study's cube, computed once for its parameters and the library as it is.
 
-    Notebooks that need the same cube share it through ``build/cache``.
+    Notebooks that need the same cube share it through ``build/cache``. What takes long names the
+    `sources` that it depends on; without them it depends on the whole library.
     """
     total = hashlib.sha256(f"{study.name} {study.digest}".encode())
-    for file in library_files():
+    for file in sorted(sources) or library_files():
         total.update(file.read_bytes())
     path = project_root() / "build" / "cache" / f"{study.name}-{total.hexdigest()[:16]}.nc"
     if not path.is_file():
         start = time.perf_counter()
         cube = with_provenance(compute(study), study, 0.0)
         write(cube.assign_attrs(run_time_s=time.perf_counter() - start), path)
-    cube = read(path)
+    cube = _open(path)
     return with_provenance(cube, study, float(cube.attrs["run_time_s"]))  # of today's commit
-
-
-def whole_file(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file beside `path`, then rename it: never a half-written one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        write(temporary)
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _commit() -> str:
@@ -109,7 +75,7 @@ def _commit() -> str:
     return done.stdout.strip() or "unknown"
 
 
-def with_provenance(cube: xr.Dataset, study: CameraStudy, seconds: float) -> xr.Dataset:
+def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Dataset:
     """The cube with attributes that say what it is and how it was made.
 
     `commit`, `created` and `run_time_s` differ from run to run; all else is a function of the
@@ -123,7 +89,7 @@ def with_provenance(cube: xr.Dataset, study: CameraStudy, seconds: float) -> xr.
         title=study.title,
         source=f"simulation by thesis_lib {__version__}, figure set {study.name}",
         references="thesis on flexural vibration measurement with multiple cameras, section "
-        + {"beam": "3.3", "plate": "4.2", "sound": "6.2"}[study.subject],
+        + {"beam": "3.3", "plate": "4.2", "experiment": "5.2", "sound": "6.2"}[study.subject],
         figure_set=study.name,
         parameters=json.dumps(study.request),
         parameters_hash=study.digest,
@@ -150,14 +116,7 @@ def read(path: Path) -> xr.Dataset:
     CubeError
         In one line: the file, and what is wrong with it.
     """
-    if not path.is_file():
-        kind = "a folder, not a file" if path.is_dir() else "no such file"
-        raise CubeError(f"{path}: {kind}; give a cube (.nc) that `thesis run` has written")
-    try:
-        with _HDF5, xr.open_dataset(path, engine="netcdf4") as file:
-            cube = file.load()
-    except Exception as error:  # the netCDF and HDF libraries raise what they like
-        raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
+    cube = _open(path)
     missing = {"figure_set", "parameters"} - set(cube.attrs)
     missing |= set(KEYS) - set(cube.variables)
     missing |= set() if {variable for variable, _ in ERRORS.values()} & set(cube) else {"errors"}
@@ -165,6 +124,18 @@ def read(path: Path) -> xr.Dataset:
         lacks = ", ".join(sorted(map(str, missing))) or "a known figure set"
         raise CubeError(f"{path}: not a cube of this project (it lacks {lacks})")
     return cube
+
+
+def _open(path: Path) -> xr.Dataset:
+    """Open a netCDF file, with one-line errors."""
+    if not path.is_file():
+        kind = "a folder, not a file" if path.is_dir() else "no such file"
+        raise CubeError(f"{path}: {kind}; give a cube (.nc) that `thesis run` has written")
+    try:
+        with _HDF5, xr.open_dataset(path, engine="netcdf4") as file:
+            return file.load()
+    except Exception as error:  # the netCDF and HDF libraries raise what they like
+        raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
 
 
 def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:

@@ -12,8 +12,9 @@ import numpy as np
 import xarray as xr
 from IPython.display import SVG, Markdown, display
 
-from thesis_lib import claims, cubes, figures, prose, sound, studies
-from thesis_lib.parameters import STUDIES, CameraStudy, validate
+from thesis_lib import claims, cubes, figures, files, prose, sound, studies
+from thesis_lib.experiment.requests import Experiment
+from thesis_lib.parameters import STUDIES, CameraStudy, Study, camera_study, validate
 from thesis_lib.viewer_data import viewer_data
 from thesis_lib.widgets import Viewer
 
@@ -44,13 +45,14 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
             validate(name, {variable: None})  # which says what is wrong with the name
     request = validate(name, {field: namespace[field] for field in fields if field in namespace})
     if request.subject == "plate":  # what the sound notebooks need, too
+        assert isinstance(request, CameraStudy)
         result = cubes.cached(request, studies.run)
     else:
         start = time.perf_counter()
-        result = sound_of(request) if request.subject == "sound" else studies.run(request)
+        result = _computed(request)
         result = cubes.with_provenance(result, request, time.perf_counter() - start)
     if request.cube:
-        cubes.write(result, cubes.project_root() / request.cube)  # an absolute path stands
+        cubes.write(result, files.project_root() / request.cube)  # an absolute path stands
     return result
 
 
@@ -67,9 +69,19 @@ def _injected(inputs: Iterable[str]) -> list[str]:
     ]
 
 
+def _computed(request: Study) -> xr.Dataset:
+    if isinstance(request, Experiment):
+        from thesis_lib.experiment import filmed, study  # which need video and picture libraries
+
+        data = cubes.cached(request.recordings, filmed.run, filmed.sources())
+        return study.run(request, data)
+    assert isinstance(request, CameraStudy)
+    return sound_of(request) if request.subject == "sound" else studies.run(request)
+
+
 def sound_of(request: CameraStudy) -> xr.Dataset:
     """The cube of a sound study, from the plate's deflections with the same parameters."""
-    plate = validate(request.name.replace("sound", "plate"), request.plate_request)  # type: ignore[attr-defined]
+    plate = camera_study(request.name.replace("sound", "plate"), request.plate_request)  # type: ignore[attr-defined]
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the table says so
         return sound.run(request, cubes.cached(plate, studies.run))

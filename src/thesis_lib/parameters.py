@@ -44,8 +44,8 @@ from thesis_lib.radiation import Medium, check_pistons
 from thesis_lib.setups import Setting
 from thesis_lib.structures import Plate, Structure, resonance
 
-__all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "Study", "describe", "nearest",
-           "unit", "validate"]  # fmt: skip
+__all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "Study", "camera_study",
+           "describe", "nearest", "unit", "validate"]  # fmt: skip
 
 Markers = Annotated[int, Field(ge=2, le=60)]
 PlanePoints = Annotated[int, Field(ge=2, le=500)]
@@ -315,10 +315,11 @@ CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     for study in (_figure_set(subject, kind, *extra) for kind in _KINDS)
 }
 _SUBJECTS = {"ch3": "beam", "ch4": "plate", "ch5": "experiment", "ch6": "sound"}
+_ALL: list[type[Study]] = [*CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras]
 STUDIES: dict[str, type[Study]] = {
     study.name: study
     for subject in _SUBJECTS.values()
-    for study in (*CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras)
+    for study in _ALL
     if study.subject == subject
 }
 CHAPTERS = {
@@ -361,6 +362,13 @@ def validate(name: str, values: Mapping[str, Any]) -> Study:
         return model.model_validate_json(f"{{{', '.join(parts)}}}")
     except ValidationError as error:
         raise ParameterError(f"{name}: {_first_problem(model, values, error)}") from None
+
+
+def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraStudy:
+    """Parameters of one of the camera studies, of chapters 3, 4 and 6."""
+    study = validate(name, values or {})
+    assert isinstance(study, CameraStudy)
+    return study
 
 
 def describe(model: type[Study]) -> list[dict[str, str]]:

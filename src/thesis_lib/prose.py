@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from thesis_lib import claims, cubes, figures, planes, radiation, setups, sound
-from thesis_lib.parameters import CHAPTERS, STUDIES, describe, validate
+from thesis_lib import claims, cubes, figures, files, planes, radiation, setups, sound
+from thesis_lib.parameters import CHAPTERS, STUDIES, camera_study, describe
 from thesis_lib.structures import (
     Structure,
     modal_overlap,
@@ -29,7 +29,7 @@ def write(made: Sequence[Path], folder: Path) -> None:
     opened = {path.stem: cubes.read(path) for path in made}
     for name, piece in PIECES.items():
         text = piece(opened)
-        cubes.whole_file(
+        files.whole_file(
             folder / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8")
         )
 
@@ -215,7 +215,7 @@ def _square_to_the_plate(part: xr.Dataset) -> Array:
 
 def _markers(opened: dict[str, xr.Dataset]) -> str:
     """κ of independent errors, relative to the antinode's peak, against the number of markers."""
-    request = validate("sound-distance", {})
+    request = camera_study("sound-distance")
     plane = request.planes[0]  # type: ignore[attr-defined]
     rows, counts, ratios = [], [], []
     for grid in ((12, 8), (15, 10), (24, 16), (36, 24)):
@@ -237,7 +237,7 @@ def _markers(opened: dict[str, xr.Dataset]) -> str:
 
 def _levels(opened: dict[str, xr.Dataset]) -> str:
     """Absolute levels: of a force of 1 N, and what the 10 mm of the study would mean."""
-    request = validate("sound-distance", {})
+    request = camera_study("sound-distance")
     plate = setups.plate()
     parts = planes.pistons(plate)
     peak = f"{1000 * request.peaks_m[0]:g} mm"

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from thesis_lib import book, cubes, figures, prose, runs
-from thesis_lib.cubes import project_root
+from thesis_lib import book, cubes, figures, files, prose, runs
+from thesis_lib.files import project_root
 from thesis_lib.parameters import STUDIES
 
 
@@ -36,14 +36,14 @@ def build(publish: bool = False) -> Path:
     pages = [p for p in (root / "book").rglob("*") if p.is_file() and executed not in p.parents]
     pages = list({*pages, root / "book" / "assets" / "overview.svg"})
     pages += [root / "_config.yml", root / "package-lock.json"]
-    sources = [*pages, *(job.notebook for job in jobs), *numbers, *cubes.library_files()]
+    sources = [*pages, *(job.notebook for job in jobs), *numbers, *files.library_files()]
     index = root / "build" / "html" / "index.html"
     tasks = [
         *runs.job_tasks(jobs),
         runs.task(
             "numbers",
             lambda: prose.write(made, executed),
-            [*made, *cubes.library_files()],
+            [*made, *files.library_files()],
             numbers,
         ),
         runs.task("pages", lambda: book.render(root, index.parent), sources, [index]),
@@ -64,7 +64,7 @@ def _publish(jobs: Sequence[runs.Job], picture: Path) -> None:
         keep_outputs(runs.source(job.study.name), job.notebook)
     arrays = next(job for job in jobs if job.study.name == "beam-arrays")
     text = figures.as_svg(cubes.read(arrays.cube), "4a", 3)
-    cubes.whole_file(picture, partial(Path.write_text, data=text, encoding="utf-8"))
+    files.whole_file(picture, partial(Path.write_text, data=text, encoding="utf-8"))
 
 
 def keep_outputs(notebook: Path, executed: Path) -> None:
@@ -78,7 +78,7 @@ def keep_outputs(notebook: Path, executed: Path) -> None:
         ignored = "nbval-ignore-output" in cell.metadata.get("tags", [])
         cell.execution_count = number  # nbval compares nothing without a count
         cell.outputs = [] if ignored else [_text_only(out) for out in ran[cell["id"]].outputs]
-    cubes.whole_file(notebook, lambda part: nbformat.write(document, part))
+    files.whole_file(notebook, lambda part: nbformat.write(document, part))
 
 
 def _text_only(output: dict[str, object]) -> dict[str, object]:

@@ -7,18 +7,14 @@ all: everything is written in a staging folder beside its place and renamed.
 
 from __future__ import annotations
 
-import atexit
-import contextlib
 import hashlib
 import json
 import os
 import re
-import shutil
 import sys
-import tempfile
 import time
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -32,9 +28,9 @@ from doit.exceptions import TaskFailed, UnmetDependency
 from doit.tools import config_changed
 
 from thesis_lib import cubes
-from thesis_lib.cubes import library_files, project_root
+from thesis_lib.files import library_files, project_root, staging
 from thesis_lib.pages import BookError
-from thesis_lib.parameters import CameraStudy
+from thesis_lib.parameters import Study
 
 
 class RunError(RuntimeError):
@@ -47,7 +43,7 @@ class Job:
 
     Parameters
     ----------
-    study : CameraStudy
+    study : Study
         Validated parameters.
     notebook, cube : Path
         Where the executed notebook and the cube go.
@@ -55,7 +51,7 @@ class Job:
         Where the self-contained page goes, if one is wanted.
     """
 
-    study: CameraStudy
+    study: Study
     notebook: Path
     cube: Path
     page: Path | None = None
@@ -84,31 +80,6 @@ def digest(job: Job) -> str:
     for path in [*library_files(), *filter(Path.is_file, published)]:
         total.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
     return total.hexdigest()
-
-
-@contextlib.contextmanager
-def staging(folder: Path) -> Iterator[Path]:
-    """A folder inside `folder` to write in; those that dead processes left are removed."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for left in folder.glob(".staging-*"):
-        if not _alive(int(left.name.split("-")[1])):
-            shutil.rmtree(left, ignore_errors=True)
-    path = Path(tempfile.mkdtemp(prefix=f".staging-{os.getpid()}-", dir=folder))
-    atexit.register(shutil.rmtree, path, ignore_errors=True)  # an interrupt unwinds no thread
-    try:
-        yield path
-    finally:
-        shutil.rmtree(path, ignore_errors=True)
-
-
-def _alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
 
 
 def execute(job: Job) -> None:

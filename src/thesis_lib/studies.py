@@ -8,6 +8,7 @@ image of a setting are one batch of points.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from thesis_lib.cameras import (
     pixelate,
     project,
 )
-from thesis_lib.parameters import CameraStudy
+from thesis_lib.parameters import CameraStudy, Study
 from thesis_lib.setups import Setting
 from thesis_lib.structures import Structure, deflection_shape
 from thesis_lib.triangulation import triangulate
@@ -149,7 +150,7 @@ def run(study: CameraStudy) -> xr.Dataset:
     points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
     results = [_setting_results(study, setting, points) for setting in settings]
 
-    cube = xr.Dataset(coords=_coordinates(study, structure, settings))
+    cube = xr.Dataset(coords=coordinates(study, study.modes, structure, settings))
     cube["reference_deflection"] = (
         ("mode", "point"), reference,
         {"units": "m", "long_name": "reference deflection of the markers"},
@@ -157,6 +158,12 @@ def run(study: CameraStudy) -> xr.Dataset:
     for name, (dims, dtype, units, long_name) in _VARIABLES.items():
         values = np.array([result[name] for result in results]).astype(dtype)
         cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
+    add_cameras(cube, settings)
+    return cube
+
+
+def add_cameras(cube: xr.Dataset, settings: list[Setting]) -> None:
+    """Add distance, azimuth and elevation of every setting's cameras to a cube."""
     for name, units, column in (
         ("camera_distance", "m", 0), ("camera_azimuth", "degree", 1),
         ("camera_elevation", "degree", 2),
@@ -165,7 +172,6 @@ def run(study: CameraStudy) -> xr.Dataset:
             ("setting", "camera"), _camera_table(settings)[:, :, column],
             {"units": units, "long_name": name.replace("_", " ")},
         )  # fmt: skip
-    return cube
 
 
 def _camera_table(settings: list[Setting]) -> Array:
@@ -178,11 +184,12 @@ def _camera_table(settings: list[Setting]) -> Array:
     return table
 
 
-def _coordinates(
-    study: CameraStudy, structure: Structure, settings: list[Setting]
+def coordinates(
+    study: Study, modes: Sequence[int], structure: Structure, settings: list[Setting]
 ) -> dict[str, Any]:
+    """Coordinates of a study's cube: settings, modes, trials, points."""
     x, y = structure.markers
-    hertz = structure.angular_frequencies(max(study.modes)) / (2 * np.pi)
+    hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
 
     def on_setting(values: list[Any], long_name: str, units: str = "1") -> Any:
         return "setting", np.array(values), {"long_name": long_name, "units": units}
@@ -199,9 +206,9 @@ def _coordinates(
         "width_px": on_setting([s.resolution_px[0] for s in settings], "width of the sensor"),
         "height_px": on_setting([s.resolution_px[1] for s in settings], "height of the sensor"),
         "pair_order": on_setting([s.pair_order for s in settings], "order of adding pairs"),
-        "mode": ("mode", np.array(study.modes), {"long_name": "mode number", "units": "1"}),
+        "mode": ("mode", np.array(modes), {"long_name": "mode number", "units": "1"}),
         "frequency": (
-            "mode", hertz[np.array(study.modes) - 1],
+            "mode", hertz[np.array(modes) - 1],
             {"long_name": "natural frequency", "units": "Hz"},
         ),
         "trial": (

@@ -26,7 +26,7 @@ _WINDOW = 0.35  # half-size of the window over the distance to the neighbouring 
 _REACH = 14  # most pixels from a corner to its window's edge: more add little to the precision
 _CLEAR = 4.0  # least distance of a corner from the image's border, px
 _OFF_GRID = (
-    0.08  # most that a corner as found may miss a smooth grid, over its distance to the next
+    0.25  # most that a corner as found may miss a smooth grid, over its neighbour's distance
 )
 _OFF_FIT = 1.0  # the same in px after the fit; a lens of k₁ = −0.1 leaves 0.25
 _MISFIT = 0.25  # most rms of grey levels about the fitted edges over their half contrast
@@ -75,13 +75,13 @@ def find_corners(image: NDArray[np.uint8], board: Board) -> Array:
     _check_border(grid, image.shape)
     smooth = _smooth(grid, board)
     _check_grid(grid, smooth, _OFF_GRID * _spacing(grid))
-    grid = smooth
     for _ in range(_ROUNDS):
-        fitted = _fit(image, grid)
-        smooth = _smooth(fitted, board)
-        strayed = np.linalg.norm(fitted - smooth, axis=0) > _OFF_FIT
-        grid = np.where(strayed, smooth, fitted)
-    _check_grid(fitted, smooth, np.full(strayed.shape, _OFF_FIT))
+        start = np.where(_off(grid, smooth) > _OFF_FIT, smooth, grid)
+        state, misfit = _fit(image, start)
+        grid = state[:2].reshape(grid.shape)
+        smooth = _smooth(grid, board)
+    _check_fit(start, state, misfit)
+    _check_grid(grid, smooth, np.full((ny, nx), _OFF_FIT))
     return grid.reshape(2, -1)
 
 
@@ -125,16 +125,24 @@ def _smooth(grid: Array, board: Board) -> Array:
     return (image + shift).reshape(grid.shape)
 
 
+def _off(grid: Array, other: Array) -> Array:
+    """Distances (ny, nx) between the corners of two grids, px."""
+    return np.linalg.norm(grid - other, axis=0)
+
+
 def _check_grid(grid: Array, smooth: Array, allowed: Array) -> None:
     """Refuse corners that are further off a smooth grid than allowed (ny, nx) in px."""
-    off = np.linalg.norm(grid - smooth, axis=0)
+    off = _off(grid, smooth)
     worst = int(np.argmax(off / allowed))
     if not off.flat[worst] <= allowed.flat[worst]:
         raise BoardNotFound(f"false grid: a corner is {off.flat[worst]:.1f} px off a homography")
 
 
-def _fit(image: NDArray[np.uint8], grid: Array) -> Array:
-    """Corners (2, ny, nx) fitted to the grey levels by Gauss–Newton, all at once."""
+def _fit(image: NDArray[np.uint8], grid: Array) -> tuple[Array, Array]:
+    """Corners fitted to the grey levels by Gauss–Newton, all at once.
+
+    Returns the states (7, corners) of :func:`_model` and the rms misfits (corners,) in grey levels.
+    """
     start = grid.reshape(2, -1)
     steps = np.stack([np.gradient(grid, axis=axis) for axis in (2, 1)]).reshape(2, 2, -1)
     angles = np.arctan2(steps[:, 1], steps[:, 0])
@@ -157,8 +165,7 @@ def _fit(image: NDArray[np.uint8], grid: Array) -> Array:
         state[6] = np.clip(np.abs(state[6]), 0.2, 8.0)
     model = _model(pixels, state, bend)[0]
     misfit = np.sqrt(np.sum(weight * (grey - model) ** 2, axis=1) / weight.sum(axis=1))
-    _check_fit(start, state, misfit, grid.shape[1:])
-    return state[:2].reshape(grid.shape)
+    return state, misfit
 
 
 def _bend(grid: Array) -> Array:
@@ -226,10 +233,10 @@ def _model(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
     return mean + half * f * g, J
 
 
-def _check_fit(start: Array, state: Array, misfit: Array, shape: tuple[int, ...]) -> None:
-    """Refuse corners whose grey levels are not those of two crossing edges."""
-    moved = np.linalg.norm(state[:2] - start, axis=0)
-    if not (worst := float(np.max(moved))) <= _MOVED:
+def _check_fit(start: Array, state: Array, misfit: Array) -> None:
+    """Refuse corners (2, ny, nx) whose grey levels are not those of two crossing edges."""
+    shape = start.shape[1:]
+    if not (worst := float(np.max(_off(state[:2].reshape(start.shape), start)))) <= _MOVED:
         raise BoardNotFound(f"a corner's fit ends {worst:.1f} px from where it starts")
     half = state[5].reshape(shape)
     parity = np.indices(shape).sum(axis=0) % 2

@@ -203,7 +203,7 @@ def tone_frequency(signal: ArrayLike, rate: float, guess: float) -> float:
     return float(minimize_scalar(missed, bounds=bounds, options={"xatol": 1e-9}).x)
 
 
-def _steady_part(x: Array, rate: float, frequency: float) -> tuple[float, float]:
+def steady_part(x: Array, rate: float, frequency: float) -> tuple[float, float]:
     """Start and end in s of the longest part in which a tone keeps its amplitude within 15 %.
 
     Amplitudes are those of whole periods, compared with the median of the louder half.
@@ -258,7 +258,7 @@ def phase_delays(
     near = near - near[reference]
     parts = [decimated(x, rate, TONE_RATE * frequency) for x in signals]
     low_rate = parts[0][1]
-    start, end = _steady_part(parts[reference][0], low_rate, frequency)
+    start, end = steady_part(parts[reference][0], low_rate, frequency)
     start = max(start, float(near.max()))
     end = min([end, *(float(len(x) / low_rate + g) for (x, _), g in zip(parts, near, strict=True))])
     periods = int((end - start) * frequency)

@@ -19,6 +19,15 @@ from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations, intr
 from thesis_lib.experiment import media
 from thesis_lib.experiment.board import Board
 from thesis_lib.experiment.lens import Camera
+from thesis_lib.experiment.manifest import (
+    BoardSpec,
+    CameraFiles,
+    Excitation,
+    Manifest,
+    Structure,
+    write_manifest,
+)
+from thesis_lib.experiment.manifest import Markers as MarkerSpec
 from thesis_lib.experiment.poses import default_poses
 from thesis_lib.experiment.render import BeamView, Image, Sensor, board_image
 from thesis_lib.experiment.scene import Component, Markers, Motion
@@ -123,7 +132,7 @@ def default_rig(
 
     Focal lengths, principal points and distortions differ by what cameras of one kind differ by.
     The motion is at rest for a second, grows over two periods, and is filmed in its steady state
-    for a second and at least four periods.
+    for a second and at least five periods.
 
     Parameters
     ----------
@@ -167,7 +176,7 @@ def default_rig(
     motion = Motion(beam, components, REST + LATE, 2 * period)
     return Rig(
         tuple(stations), Markers(beam), motion,
-        duration=motion.steady + max(1.0, 4 * period),
+        duration=motion.steady + max(1.0, 5 * period),
         audio_noise_db=audio_noise_db, seed=seed,
     )  # fmt: skip
 
@@ -199,15 +208,13 @@ def shots(rig: Rig, index: int) -> Iterator[Image]:
         yield board_image(station.camera, rig.board, R, t, station.sensor, rng)
 
 
-def film(
-    rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23
-) -> list[Path]:
-    """Write one video and the board shots of every camera; the cameras film side by side.
+def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23) -> Path:
+    """Write a video and the board shots of every camera; the cameras film side by side.
 
     Returns
     -------
-    list of Path
-        The videos. The shots of camera A are in ``A/00.png`` and so on.
+    Path
+        The manifest. Camera A's files are ``A.mkv`` and ``A/00.png`` and so on.
     """
 
     def one(index: int) -> Path:
@@ -220,4 +227,46 @@ def film(
         return video
 
     with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(one, range(len(rig.stations))))
+        list(pool.map(one, range(len(rig.stations))))
+    path = folder / "manifest.yaml"
+    write_manifest(manifest_of(rig), path)
+    return path
+
+
+def manifest_of(rig: Rig) -> Manifest:
+    """What the files of a filmed rig are."""
+    beam, markers, board = rig.markers.beam, rig.markers, rig.board
+    return Manifest(
+        structure=Structure(
+            length_mm=_mm(beam.length), width_mm=_mm(beam.width),
+            thickness_mm=_mm(beam.thickness), density_kg_m3=beam.density,
+            youngs_modulus_pa=beam.youngs_modulus, damping=beam.damping,
+            force_position_mm=_mm(beam.force_position),
+            markers=MarkerSpec(
+                rows=markers.rows, columns=beam.n_markers, spacing_mm=_mm(beam.marker_spacing),
+                row_spacing_mm=_mm(markers.row_spacing), diameter_mm=_mm(markers.diameter),
+                hole_mm=markers.hole and (_mm(markers.hole[0]), _mm(markers.hole[1])),
+            ),
+        ),
+        cameras=tuple(
+            CameraFiles(
+                name=station.camera.name, video=f"{station.camera.name}.mkv",
+                width_px=station.camera.size[0], height_px=station.camera.size[1],
+                frame_rate_hz=station.frame_rate, exposure_s=station.sensor.exposure,
+                shots=station.camera.name,
+            )
+            for station in rig.stations
+        ),
+        board=BoardSpec(
+            columns=board.columns, rows=board.rows, tile_mm=_mm(board.tile),
+            margin_mm=_mm(board.margin),
+        ),
+        excitation=Excitation(
+            frequency_hz=rig.motion.components[0].frequency, rest_s=REST,
+            force_per_full_scale_n=rig.full_scale,
+        ),
+    )  # fmt: skip
+
+
+def _mm(metres: float) -> float:
+    return round(1000 * metres, 9)

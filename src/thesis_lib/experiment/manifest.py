@@ -12,7 +12,6 @@ import yaml  # type: ignore[import-untyped]
 from pydantic import BaseModel, ValidationError
 
 from thesis_lib.camera_study import one_line, permitted, shown
-from thesis_lib.cubes import whole_file
 from thesis_lib.experiment.manifest_model import (
     INSIDE,
     BoardSpec,
@@ -23,6 +22,7 @@ from thesis_lib.experiment.manifest_model import (
     Structure,
 )
 from thesis_lib.experiment.media import MediaError, probe, read_png
+from thesis_lib.files import whole_file
 from thesis_lib.parameters import nearest
 
 __all__ = ["BoardSpec", "CameraFiles", "Excitation", "Manifest", "ManifestError", "Markers",

@@ -44,6 +44,14 @@ def _beam(name: str, scale: float = 1.0) -> Any:
     return lambda: round(scale * getattr(setups.beam(), name), 9)
 
 
+def _thesis_layout(given: dict[str, Any]) -> bool:
+    """Whether markers are those of the thesis, which alone have a hole unless it is given."""
+    return all(
+        given.get(name) == Markers.model_fields[name].get_default(call_default_factory=True)
+        for name in ("rows", "columns", "spacing_mm", "row_spacing_mm", "diameter_mm", "points_mm")
+    )
+
+
 class Markers(Part):
     """Round markers on the structure: rows along it, or any given places."""
 
@@ -64,17 +72,10 @@ class Markers(Part):
         max_length=2000,
     )
     hole_mm: Place | None = field(
-        lambda: (24.0, 10.0),
+        lambda data: (24.0, 10.0) if _thesis_layout(data) else None,
         "a hole that looks like a marker, from the clamped corner",
         "null, or [x, y] on the structure, at least a diameter from every marker's centre",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _no_hole_in_other_layouts(cls, values: Any) -> Any:
-        """The default hole belongs to the default markers alone."""
-        own = isinstance(values, dict) and bool(values) and "hole_mm" not in values
-        return {**values, "hole_mm": None} if own else values
 
 
 class Structure(Part):

@@ -23,7 +23,6 @@ from av.video.reformatter import ColorRange
 from av.video.stream import VideoStream
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.cubes import whole_file
 from thesis_lib.experiment.media_info import (
     MediaError,
     VideoInfo,
@@ -35,6 +34,7 @@ from thesis_lib.experiment.media_info import (
     start_of,
     video_track,
 )
+from thesis_lib.files import whole_file
 
 __all__ = ["MediaError", "VideoInfo", "check_frame_times", "frame_times", "probe", "read_audio",
            "read_frames", "read_png", "write_png", "write_video"]  # fmt: skip

@@ -126,6 +126,19 @@ class Harmonics:
     covariance: Array
     sigma: Array
 
+    def unblurred(self, turn: float) -> Harmonics:
+        """The same without the loss by exposures that last `turn` = ωT rad of the vibration.
+
+        The mean over an exposure of T shrinks harmonic n by sin(nωT/2) / (nωT/2).
+        """
+        order = (len(self.coefficients) - 1) // 2
+        loss = np.sinc(np.arange(1, order + 1) * turn / (2 * np.pi))
+        factor = 1 / np.concatenate([[1.0], np.repeat(loss, 2)])
+        along = factor.reshape((-1,) + (1,) * (self.coefficients.ndim - 1))
+        return Harmonics(
+            self.coefficients * along, self.covariance * along * along[:, None], self.sigma
+        )
+
     def at(self, omega: float, times: ArrayLike) -> Array:
         """Values at times (n,), shape (n, ...)."""
         order = (len(self.coefficients) - 1) // 2
@@ -197,10 +210,7 @@ def harmonic_deflection(
     uv = np.stack([camera.at(omega, times).swapaxes(0, 1) for camera in cameras])
     points, _ = triangulate_seen(P, uv)
     height = frame.to_beam(points)[2]
-    amplitude: ComplexArray = (
-        2 / instants * np.tensordot(np.exp(-1j * omega * times), height, axes=1)
-    )
-    return amplitude
+    return np.asarray(2 / instants * np.exp(-1j * omega * times) @ height, complex)
 
 
 def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
@@ -261,10 +271,10 @@ def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) ->
 def normal_gain(P: ArrayLike, frame: Frame, points: ArrayLike) -> Array:
     """Change of a point's height over the beam by each image coordinate, (cameras, 2, n), m/px."""
     G = gain(P, points)
-    along: Array = np.tensordot(frame.R[2], G, axes=1)
-    return along
+    return np.asarray(np.tensordot(frame.R[2], G, axes=1), float)
 
 
 def height_deviation(P: ArrayLike, frame: Frame, points: ArrayLike, sigma: ArrayLike) -> Array:
     """Standard deviation of heights (n,) in m for centre noise (cameras, 2, n) in px."""
-    return np.asarray(np.sqrt(np.sum((normal_gain(P, frame, points) * sigma) ** 2, axis=(0, 1))))
+    each = normal_gain(P, frame, points) * np.asarray(sigma, float)
+    return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))), float)

@@ -9,6 +9,7 @@ rasterisers). So nothing is sampled: the only approximation is the number of ver
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -114,8 +115,7 @@ def rasterise(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
     share = x - column
     sums = np.bincount(index, amount * (1 - share), height * (width + 2))
     sums += np.bincount(index + 1, amount * share, height * (width + 2))
-    covered: Array = np.cumsum(sums.reshape(height, width + 2), axis=1)[:, :width]
-    return covered
+    return np.asarray(np.cumsum(sums.reshape(height, width + 2), axis=1)[:, :width], float)
 
 
 def _pieces(start: Array, stop: Array) -> tuple[NDArray[np.int64], Array, Array]:
@@ -225,7 +225,7 @@ def expose(
         (left, top), (right, bottom) = low, high
         fine = FINE * (uv - low.reshape((2,) + (1,) * (uv.ndim - 1)))
         part = rasterise(fine, polygons, *(FINE * (high - low)))
-        grey = (part + sensor.background).astype(np.float32)
+        grey: Any = (part + sensor.background).astype(np.float32)  # OpenCV's types are wide
         if sensor.spread > 0:
             taps = 2 * FINE * margin - 1
             grey = cv2.GaussianBlur(grey, (taps, taps), FINE * sensor.spread,
@@ -241,7 +241,7 @@ def expose(
                 / (sensor.shot * sensor.background + sensor.read**2)
             )
         picture += noise
-    return cv2.convertScaleAbs(np.maximum(picture, 0, out=picture))
+    return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0, out=picture)), np.uint8)
 
 
 def _outline(vertices: ArrayLike, step: float) -> Array:

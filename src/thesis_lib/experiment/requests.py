@@ -132,6 +132,11 @@ class Experiment(Rig, Study):
     seed: int = field(0, "seed of all noise", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63)
 
     @property
+    def recordings(self) -> Laboratory:
+        """What has to be filmed and followed."""
+        raise NotImplementedError
+
+    @property
     def modes(self) -> list[int]:
         """The one mode that chapter 5 measures."""
         return [1]

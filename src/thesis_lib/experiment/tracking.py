@@ -188,8 +188,8 @@ def _hole_score(image: Image, view: View) -> float:
 
 
 def _sample(image: Image, uv: Array) -> Array:
-    u, v = (np.float32(part - HALF) for part in uv)
-    return np.asarray(cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR)[0], float)
+    u, v = (uv - HALF).astype(np.float32)
+    return np.asarray(cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR)[0], np.float64)
 
 
 def sharpen(image: Image, view: View) -> View:

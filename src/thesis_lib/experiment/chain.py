@@ -1,0 +1,399 @@
+"""The whole chain on a folder of recordings: calibrate, synchronise, track.
+
+What comes out is one dataset that the reconstruction works on; nothing here knows the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.experiment import media
+from thesis_lib.experiment.adjustment import Adjustment, adjust
+from thesis_lib.experiment.board import Board
+from thesis_lib.experiment.calibration import Calibration, central, zhang
+from thesis_lib.experiment.corners import BoardNotFound, find_corners
+from thesis_lib.experiment.delays import steady_part
+from thesis_lib.experiment.lens import Camera, resized
+from thesis_lib.experiment.manifest import Manifest, ManifestError, check_recordings, shot_paths
+from thesis_lib.experiment.scene import Markers
+from thesis_lib.experiment.symmetry import unify
+from thesis_lib.experiment.synchronisation import Synchronisation, synchronise
+from thesis_lib.experiment.tracking import (
+    Image,
+    Tracker,
+    TrackingError,
+    View,
+    find_view,
+    sharpen,
+    view_of,
+)
+
+Array = NDArray[np.float64]
+CALIBRATIONS = ("literal", "full")
+
+
+@dataclass(frozen=True)
+class Calibrations:
+    """The cameras, calibrated alone, as in the thesis, and all together.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (cameras, shots, 2, corners)
+        Corners in px in one order, NaN where the board was not found.
+    lost : list of str
+        Which shots were not used, and why.
+    single : list of Calibration
+        Zhang's method, camera by camera, with all corners.
+    literal : Adjustment
+        The thesis's way: Zhang's method on the central 5 × 7 squares, whose intrinsics are kept,
+        and the poses of the first image refined in common.
+    full : Adjustment
+        All corners, intrinsics and distortion adjusted too.
+    """
+
+    corners: Array
+    lost: list[str]
+    single: list[Calibration]
+    literal: Adjustment
+    full: Adjustment
+
+
+def markers_of(manifest: Manifest) -> Markers:
+    """What the manifest says is printed on the beam.
+
+    Raises
+    ------
+    ManifestError
+        If the markers do not stand in rows.
+    """
+    given = manifest.structure.markers
+    if given.points_mm is not None:
+        raise ManifestError("structure.markers.points_mm: given places, allowed here: rows")
+    return Markers(
+        manifest.structure.beam,
+        given.rows,
+        given.row_spacing_mm / 1000,
+        given.diameter_mm / 1000,
+        None if given.hole_mm is None else (given.hole_mm[0] / 1000, given.hole_mm[1] / 1000),
+    )
+
+
+def check(manifest: Manifest, folder: Path) -> None:
+    """Refuse recordings that are not what the manifest says.
+
+    Raises
+    ------
+    ManifestError
+        With the first difference, in one line.
+    """
+    for problem in check_recordings(manifest, folder):
+        raise ManifestError(problem)
+
+
+def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
+    """All cameras from the pictures of the board.
+
+    Raises
+    ------
+    CalibrationError
+        If the shots do not determine the cameras.
+    """
+    board = manifest.board.board
+    shots: list[list[Array | None]] = []
+    lost = []
+    for camera in manifest.cameras:
+        row: list[Array | None] = []
+        for path in shot_paths(camera, folder):
+            try:
+                row.append(None if path is None else find_corners(media.read_png(path), board))
+            except BoardNotFound as error:
+                lost.append(f"{camera.name}, {path.name if path else '—'}: {error}")
+                row.append(None)
+        shots.append(row)
+    single = [
+        zhang(row, board, camera.size, True, camera.name)
+        for camera, row in zip(manifest.cameras, shots, strict=True)
+    ]
+    corners = unify(single, shots, board, manifest.board.two_sided)
+    full = adjust(corners, board.corners, [one.camera() for one in single])
+    return Calibrations(corners, lost, single, _literal(corners, board, manifest), full)
+
+
+def _literal(corners: Array, board: Board, manifest: Manifest) -> Adjustment:
+    """The thesis's calibration (Appendices D and E)."""
+    part = central(board)
+    used = corners[..., part]
+    small = Board(7, 9, board.tile, board.margin)
+    cameras = [
+        zhang(list(own), small, camera.size, True, camera.name).camera()
+        for own, camera in zip(used, manifest.cameras, strict=True)
+    ]
+    return adjust(used, small.corners, cameras, intrinsics=False, distortion=False)
+
+
+@dataclass(frozen=True)
+class Sound:
+    """What the audio tracks tell.
+
+    Parameters
+    ----------
+    synchronisation : Synchronisation
+        When each camera started.
+    frequency : float
+        Of the force in Hz.
+    force : complex
+        Its amplitude over full scale, time factor e^{+jωt}, on the reference camera's clock.
+    steady : tuple of float
+        From when to when it is steady on that clock, s.
+    """
+
+    synchronisation: Synchronisation
+    frequency: float
+    force: complex
+    steady: tuple[float, float]
+
+
+def listen(manifest: Manifest, folder: Path) -> Sound:
+    """Delays, and the force's frequency and phase.
+
+    Raises
+    ------
+    MediaError, SynchronisationError
+        If a track is missing, silent, clipped or unlike the others.
+    """
+    names = [camera.name for camera in manifest.cameras]
+    tracks = [media.read_audio(folder / camera.video) for camera in manifest.cameras]
+    rates = [rate for _, rate, _ in tracks]
+    found = synchronise(
+        [samples for samples, _, _ in tracks],
+        rates,
+        manifest.cameras[0].frame_rate_hz,
+        manifest.excitation.frequency_hz,
+        starts=[start for *_, start in tracks],
+        names=names,
+    )
+    samples, rate, start = tracks[0]
+    frequency = manifest.excitation.frequency_hz
+    if frequency is None:
+        raise ManifestError("excitation.frequency_hz: given null, allowed here: a number, in Hz")
+    begin, end = steady_part(samples, rate, frequency)
+    begin += 1 / frequency  # what follows the force's change has settled, too
+    first, last = round(begin * rate), round(end * rate)
+    times = start + np.arange(first, last) / rate
+    omega = 2 * np.pi * frequency
+    A = np.stack([np.cos(omega * times), -np.sin(omega * times), np.ones_like(times)], axis=1)
+    real, imaginary, _ = np.linalg.lstsq(A, samples[first:last], rcond=None)[0]
+    return Sound(found, frequency, complex(real, imaginary), (times[0], times[-1]))
+
+
+def follow(
+    video: Path,
+    camera: Camera,
+    markers: Markers,
+    widths: Sequence[int],
+    corners_px: Sequence[tuple[float, float]] | None = None,
+) -> tuple[Array, list[str]]:
+    """Centres of the markers in every frame of a video, reduced to several widths.
+
+    The video is read once, frame by frame. At each width the markers are looked for anew, but the
+    four corners are those of the full frames.
+
+    Parameters
+    ----------
+    video : Path
+        The video.
+    camera : Camera
+        Its intrinsics and distortion at full size.
+    markers : Markers
+        What is printed on the beam.
+    widths : sequence of int
+        Widths in px; heights follow.
+    corners_px : sequence of tuple, optional
+        The beam's corners in the picture, in the order of :func:`.tracking.view_of`.
+
+    Returns
+    -------
+    centres : ndarray, shape (widths, frames, 2, markers)
+        In px of each width, lens distortion included; NaN where missing.
+    notes : list of str
+        What went wrong on the way.
+
+    Raises
+    ------
+    MediaError
+        If the video cannot be read.
+    TrackingError
+        If the beam is not found in the first frame.
+    """
+    trackers: list[Tracker] = []
+    rows, notes = [], []
+    for image in media.read_frames(video):
+        pictures = [reduced(image, width) for width in widths]
+        if not trackers:
+            view = _first_view(image, camera, markers, corners_px)
+            for picture in pictures:
+                own = _resized(view, picture.shape[1], picture.shape[0])
+                try:
+                    own = sharpen(picture, own)
+                except TrackingError as error:
+                    notes.append(f"{picture.shape[1]} px: {error}")
+                trackers.append(Tracker(own))
+        rows.append([t.centres(p) for t, p in zip(trackers, pictures, strict=True)])
+    return np.array(rows).swapaxes(0, 1), notes
+
+
+def reduced(image: Image, width: int) -> Image:
+    """A frame at a smaller width (section 5.2.1).
+
+    A Gaussian as wide as the new pixels, then linear interpolation: the mean over areas would do
+    for whole factors only, at 3 : 2 it moves every other pixel by 0.06 px.
+    """
+    height = round(width * image.shape[0] / image.shape[1])
+    factor = image.shape[1] / width
+    if factor <= 1:
+        return image
+    spread = np.sqrt((factor**2 - 1) / 12)
+    smooth = cv2.GaussianBlur(image, (0, 0), spread)
+    return np.asarray(cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR), np.uint8)
+
+
+def _first_view(
+    image: Image,
+    camera: Camera,
+    markers: Markers,
+    corners_px: Sequence[tuple[float, float]] | None,
+) -> View:
+    if corners_px is None:
+        return sharpen(image, find_view(image, camera, markers))
+    return sharpen(image, view_of(camera, markers, np.array(corners_px).T))
+
+
+def _resized(view: View, width: int, height: int) -> View:
+    scale = width / view.camera.size[0]
+    H = np.diag([scale, height / view.camera.size[1], 1.0]) @ view.H_image_plane
+    camera = resized(view.camera, (width, height))
+    return replace(view, camera=camera, H_image_plane=H)
+
+
+def measure(manifest: Manifest, folder: Path, widths: Sequence[int] = ()) -> xr.Dataset:
+    """Calibrate, listen and track.
+
+    Parameters
+    ----------
+    manifest : Manifest
+        What the folder holds.
+    folder : Path
+        The folder.
+    widths : sequence of int
+        Widths in px at which the frames are tracked; by default the first camera's own.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions ``camera``, ``width``, ``frame``, ``axis``, ``marker``, ``calibration``:
+        centres in px (distortion included), both calibrations, delays, force.
+    """
+    check(manifest, folder)
+    cv2.setNumThreads(1)  # the same bits in every run; the cameras are what runs side by side
+    widths = list(widths) or [manifest.cameras[0].width_px]
+    markers = markers_of(manifest)
+    calibrations = calibrate(manifest, folder)
+    sound = listen(manifest, folder)
+    full = calibrations.full.cameras
+
+    def one(index: int) -> tuple[Array, list[str]]:
+        files = manifest.cameras[index]
+        return follow(folder / files.video, full[index], markers, widths, files.corners_px)
+
+    with ThreadPoolExecutor(2) as pool:
+        followed = list(pool.map(one, range(len(manifest.cameras))))
+    return _dataset(manifest, widths, calibrations, sound, followed)
+
+
+def _dataset(
+    manifest: Manifest,
+    widths: Sequence[int],
+    calibrations: Calibrations,
+    sound: Sound,
+    followed: Sequence[tuple[Array, list[str]]],
+) -> xr.Dataset:
+    names = [camera.name for camera in manifest.cameras]
+    longest = max(centres.shape[1] for centres, _ in followed)
+    tracks = np.full((len(names), len(widths), longest, *followed[0][0].shape[2:]), np.nan)
+    for row, (centres, _) in zip(tracks, followed, strict=True):
+        row[:, : centres.shape[1]] = centres
+    both = [getattr(calibrations, name) for name in CALIBRATIONS]
+    found = sound.synchronisation
+    data = xr.Dataset(
+        coords={
+            "camera": ("camera", names, {"long_name": "camera"}),
+            "width": ("width", list(widths), {"long_name": "width of the frames in px"}),
+            "axis": ("axis", ["u", "v"], {"long_name": "image coordinate"}),
+            "calibration": ("calibration", list(CALIBRATIONS), {"long_name": "calibration"}),
+        }
+    )
+
+    def add(name: str, dims: Sequence[str], values: object, units: str, long_name: str) -> None:
+        data[name] = (tuple(dims), np.asarray(values), {"units": units, "long_name": long_name})
+
+    add("tracks", ("camera", "width", "frame", "axis", "marker"), tracks, "px",
+        "marker centres, lens distortion included")  # fmt: skip
+    add("frame_rate", ("camera",), [c.frame_rate_hz for c in manifest.cameras], "Hz",
+        "frame rate")  # fmt: skip
+    add("delay", ("camera",), found.delays, "s", "start after the reference camera's")
+    add("delay_frames", ("camera",), found.frames, "1", "the same in whole frames")
+    add("frequency", (), sound.frequency, "Hz", "frequency of the force")
+    add("force", ("part",), [sound.force.real, sound.force.imag], "1",
+        "amplitude of the force over full scale, real and imaginary part")  # fmt: skip
+    add("steady", ("end",), sound.steady, "s", "steady part on the reference camera's clock")
+    poses = ("calibration", "camera")
+    cameras = [adjusted.cameras for adjusted in both]
+    add("K", (*poses, "i", "j"), [[c.K for c in row] for row in cameras], "px",
+        "intrinsic matrix")  # fmt: skip
+    add("distortion", (*poses, "coefficient"), [[c.distortion for c in row] for row in cameras],
+        "1", "k1, k2, p1, p2, k3")  # fmt: skip
+    add("R_camera_world", (*poses, "i", "j"), [[c.R_camera_world for c in row] for row in cameras],
+        "1", "rotation from the first board to the camera")  # fmt: skip
+    add("centre", (*poses, "i"), [[c.centre for c in row] for row in cameras], "m",
+        "centre of projection in the first board's frame")  # fmt: skip
+    add("size", ("camera", "axis"), [c.size for c in cameras[1]], "px", "size of the frames")
+    add("reprojection_rms", ("calibration",), [adjusted.rms for adjusted in both], "px",
+        "rms residual of a coordinate")  # fmt: skip
+    add("single_rms", ("camera",), [c.rms for c in calibrations.single], "px",
+        "rms residual of a coordinate, camera by camera")  # fmt: skip
+    data.attrs["notes"] = "\n".join(
+        [
+            *calibrations.lost,
+            *(f"{name}: {note}" for name, (_, notes) in zip(names, followed, strict=True)
+              for note in notes),
+        ]
+    )  # fmt: skip
+    data.attrs["synchronisation"] = "\n".join(found.describe())
+    return data
+
+
+def cameras_of(data: xr.Dataset, calibration: str, width: int | None = None) -> list[Camera]:
+    """The cameras of a dataset, at full size or reduced to a width."""
+    part = data.sel(calibration=calibration)
+    cameras = [
+        Camera(
+            str(name),
+            part["K"].values[i],
+            part["distortion"].values[i],
+            part["R_camera_world"].values[i],
+            part["centre"].values[i],
+            (int(part["size"].values[i, 0]), int(part["size"].values[i, 1])),
+        )
+        for i, name in enumerate(part["camera"].values)
+    ]
+    if width is None:
+        return cameras
+    return [resized(c, (width, round(width * c.size[1] / c.size[0]))) for c in cameras]
