@@ -5,9 +5,10 @@ markers, from the harmonics that were fitted to the tracks: new starts of the ca
 of their clocks, new noise of the centres, of the size that the tracks show.
 
 Three methods make a deflection shape from tracks. *Literal* is the thesis's: clocks aligned to
-whole frames, and the frame that comes nearest to a maximum, as the force's phase tells it. *Aligned* puts the clocks right
-to a fraction of a frame and interpolates to the instant of the maximum. *Harmonic* fits the
-harmonics of every image coordinate on its camera's own clock, so that all frames count.
+whole frames, and the frame that comes nearest to a maximum, as the force's phase tells it.
+*Aligned* puts the clocks right to a fraction of a frame and interpolates to the instant of the
+maximum. *Harmonic* fits the harmonics of every image coordinate on its camera's own clock, so that
+all frames count.
 """
 
 from __future__ import annotations
