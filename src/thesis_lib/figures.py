@@ -104,7 +104,7 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     from thesis_lib import maps  # which draws with the panels of this module
 
     subject = STUDIES[cube.attrs["figure_set"]].subject
-    draw = {"beam": _beam_figure, "plate": maps.plate_figure, "sound": maps.sound_figure}[subject]
+    draw = {"plate": maps.plate_figure, "sound": maps.sound_figure}.get(subject, _beam_figure)
     with plt.rc_context(STYLE):
         drawing = draw(cube, case, mode)
     plt.close(drawing)
@@ -185,6 +185,7 @@ def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_err
 def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     """Bars of each setting, one or more side by side."""
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
+    predicts = STUDIES[part.attrs["figure_set"]].predicts
     colors = [color(index) for index in range(n_settings)]
     top = 0.1
     for g, bars in enumerate(groups):
@@ -204,7 +205,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             axes.plot(position, median, "o", color="#222222", markersize=4,
                       label=hidden + "median")  # fmt: skip
         axes.plot(position, bars.predicted, "_", color="#222222", markersize=18 / len(groups),
-                  label=hidden + "law of rounding")  # fmt: skip
+                  label=hidden + predicts)  # fmt: skip
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
         for number, (i, claim) in enumerate(given):
             at, name = position[i] + 0.54 * width, "thesis" if first and not number else None

@@ -102,16 +102,18 @@ def error_table(cube: xr.Dataset) -> Markdown:
             rows = table.loc[[(error, mode)]].to_dict("records")
             columns[f"mode {mode}" + (f", {plane}" if plane else "")] = [
                 _of_larger(cube, number, mode, plane) if np.isnan(row["trial_0"]) else
-                f"{row['trial_0']:.1f} · {cubes.band_text(row['median'], row['low'], row['high'])}"
-                f" · {value:.1f}"
+                f"{cubes.percent_text(row['trial_0'])} · "
+                f"{cubes.band_text(row['median'], row['low'], row['high'])}"
+                f" · {cubes.percent_text(value)}"
                 for number, (row, value) in enumerate(zip(rows, law.values, strict=True))
             ]  # fmt: skip
     cases, labels = cube["case"].values.tolist(), cube["label"].values.tolist()
     shares = [f"{share:.0%}" for share in cube["in_view"].values]
     rows_ = [list(row) for row in zip(cases, labels, *columns.values(), shares, strict=True)]
+    study = STUDIES[cube.attrs["figure_set"]]
     reference = "pressure of the plane" if "plane_error" in cube else "deflection"
     notes = [
-        "Each cell: literal run · median (5–95 %) of the trials · law of rounding, in % of the "
+        f"Each cell: literal run · median (5–95 %) of the trials · {study.predicts}, in % of the "
         f"largest reference {reference}."
     ]
     if "plane_error" in cube:
@@ -143,6 +145,52 @@ def _of_larger(cube: xr.Dataset, setting: int, mode: int, plane: str | None) -> 
     return "nodal" if np.isnan(drawn).any() else f"nodal [{np.median(drawn):.1f}]"
 
 
+def tracking_table(cube: xr.Dataset) -> Markdown:
+    """How tracking fares at every width: missing, taken for another, and how exact the rest is."""
+    rows = [
+        [
+            f"{width}×{round(width * 9 / 16)}",
+            f"{missing:.1%}",
+            "—" if np.isnan(wrong) else f"{wrong:.1%}",
+            "—" if np.isnan(error) else f"{error:.3f}",
+        ]
+        for width, missing, wrong, error in zip(
+            *(cube[f"tracked_{name}" if name == "width" else f"tracking_{name}"].values
+              for name in ("width", "missing", "wrong", "error")), strict=True)
+    ]  # fmt: skip
+    header = ["frames", "missing", "of those found, off by more than 1 px",
+              "rms error of the rest, px"]  # fmt: skip
+    return _markdown_table(header, rows, "All marker images of all cameras and frames.")
+
+
+def harmonic_table(cube: xr.Dataset, case: str = "harmonic") -> Markdown:
+    """Amplitude, phase and standard error of some markers, and the drive-point mobility."""
+    part = cube.isel(setting=np.flatnonzero(cube["case"].values == case), mode=0)
+    if part.sizes["setting"] == 0:
+        return Markdown("The harmonic fit was not asked for.")
+    last = part.isel(setting=-1)
+    reference = cube["reference_deflection"].values[0] * 1000
+    rows = [
+        [
+            f"{1000 * float(last['x'][i]):.1f}",
+            f"{1000 * float(last['amplitude'][i]):.4f}",
+            f"{1e6 * float(last['standard_error'][i]):.2f}",
+            f"{abs(reference[i]):.4f}",
+            f"{float(last['phase'][i]):.2f}",
+        ]
+        for i in (*range(0, last.sizes["point"], 4),)
+    ]
+    model = complex(*cube["mobility_reference"].values)
+    found = complex(float(last["mobility_real"]), float(last["mobility_imag"]))
+    note = (
+        f"{last['label'].item()}. Drive-point mobility: {1000 * found.real:.3f} "
+        f"{1000 * found.imag:+.3f}j mm/(N s), of the model {1000 * model.real:.3f} "
+        f"{1000 * model.imag:+.3f}j: {100 * abs(found / model - 1):.2f} % apart."
+    )
+    header = ["x, mm", "amplitude, mm", "standard error, µm", "true, mm", "phase to the force, °"]
+    return _markdown_table(header, rows, note)
+
+
 def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
     """The thesis's stated figures beside the band of the trials."""
     if cube.sizes["trial"] == 1:
@@ -162,8 +210,9 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
             check.claim.figure, check.claim.case, str(check.claim.mode),
             ", ".join(f"{value:g}" for value in check.claim.values) or "all",
             cubes.SHORT[check.claim.quantity] + (" but one" if check.claim.excepted else ""),
-            check.claim.stated, f"{check.literal:.1f}",
-            f"{check.low:.1f}–{check.high:.1f}", "yes" if check.inside else "no",
+            check.claim.stated, cubes.percent_text(check.literal),
+            f"{cubes.percent_text(check.low)}–{cubes.percent_text(check.high)}",
+            "yes" if check.inside else "no",
         ]
         for check in shown
     ]  # fmt: skip

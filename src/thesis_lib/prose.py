@@ -77,6 +77,11 @@ def _sound_results(opened: dict[str, xr.Dataset]) -> str:
     return "\n".join([_changes(_chapter(opened, "sound")), _agreement(_chapter(opened, "sound"))])
 
 
+def _experiment_results(opened: dict[str, xr.Dataset]) -> str:
+    chapter = _chapter(opened, "experiment")
+    return "\n".join([_changes(chapter), _agreement(chapter)])
+
+
 def _changes(chapter: Sequence[xr.Dataset]) -> str:
     """First and last setting of each case in expectation."""
     rows, header = [], ["case", "varied", "from → to"]
@@ -93,7 +98,8 @@ def _changes(chapter: Sequence[xr.Dataset]) -> str:
                         continue
                     first, last = bars.band[1][0], bars.band[1][-1]
                     title = f"mode {mode}" + (f", {bars.name}" if bars.name else "")
-                    cells[title] = f"{first:.1f} → {last:.1f} (×{last / first:.2f})"
+                    text = cubes.percent_text
+                    cells[title] = f"{text(first)} → {text(last)} (×{last / first:.2f})"
             columns = list(cells)
             varied = STUDIES[cube.attrs["figure_set"]].varied_label
             rows.append([case, varied, f"{labels[0]} → {labels[-1]}", *cells.values()])
@@ -286,6 +292,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "beam-results": _beam_results,
     "plate-model": lambda _: _model(setups.plate(), "nm", 1e9),
     "plate-results": _plate_results,
+    "experiment-results": _experiment_results,
     "sound-results": _sound_results,
     "sound-scatter": _scatter,
     "sound-layouts": _layouts,

@@ -167,16 +167,17 @@ def _disown_captions(notebook: Any) -> None:
 
 
 def job_tasks(jobs: Sequence[Job]) -> list[dict[str, Any]]:
-    """The jobs as doit tasks; sound waits for the plate whose deflections it uses."""
+    """The jobs as doit tasks; what uses another's results, or the same recordings, waits for it."""
     names = {job.study.name for job in jobs}
     tasks = []
     for job in jobs:
         # The digest is taken before the run, not after it as doit does with files: what is edited
         # while a notebook runs makes it stale.
         made = task(job.study.name, partial(execute, job), [], job.targets, digest(job))
-        plate = job.study.name.replace("sound-", "plate-")
-        if plate != job.study.name and plate in names:
-            made["task_dep"] = [f"thesis:{plate}"]
+        first = job.study.name.replace("sound-", "plate-")
+        first = first.replace("experiment-cameras", "experiment-resolution")
+        if first != job.study.name and first in names:
+            made["task_dep"] = [f"thesis:{first}"]
         tasks.append(made)
     return tasks
 

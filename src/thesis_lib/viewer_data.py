@@ -23,7 +23,7 @@ FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     """The literal run and the statistics of a cube (the format is in `widgets.Viewer`)."""
     study = STUDIES[cube.attrs["figure_set"]]
-    kind = study.subject
+    kind = "beam" if study.subject == "experiment" else study.subject
     length, width = study().structure.extent
     cases = list(dict.fromkeys(cube["case"].values.tolist()))
     modes = cube["mode"].values.tolist()
@@ -37,6 +37,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
             {"mode": mode, "frequency_hz": round(float(cube["frequency"].sel(mode=mode)), 3)}
             for mode in modes
         ],
+        "words": {"draws": study.draws, "predicts": study.predicts},
         "colors": list(COLORS),
         "cases": [
             {

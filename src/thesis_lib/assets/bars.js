@@ -82,9 +82,9 @@ export function createBars(panel, study, uid, highlight) { // returns what draws
     panel.foot.replaceChildren();
     if (planes) planes.forEach(({ name }, n) => entry(`${name}: mean (rms)`, grey(n ? " tl-second" : "")));
     else entry("mean (rms)", grey());
-    entry("5–95 % over pixel-grid shifts", path("tl-band", "M9 1V13M5 1h8M5 13h8"));
+    entry(`5–95 % over ${study.data.words.draws}`, path("tl-band", "M9 1V13M5 1h8M5 13h8"));
     entry("their median", path("tl-median", mark(0, 9, 7, 3)));
-    entry("first-order prediction", path("tl-predicted", "M2 7h14"));
+    entry(study.data.words.predicts, path("tl-predicted", "M2 7h14"));
     const stated = path("tl-stated", mark(3, 5, 7, 4) + "M17 2h-4V12h4");
     if (errors.some((r) => r.stated)) entry("stated in the thesis", stated);
     if (errors.some((r) => r.name && !isNumber(r.mean))) entry(note, path("tl-band", "M4 7h10"));

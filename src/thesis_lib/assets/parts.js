@@ -25,7 +25,7 @@ export const icon = (width, ...parts) =>
 // Numbers
 export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
 export const fixed = (value, digits) => value.toFixed(digits).replace("-", "−");
-const digitsOf = (value) => (Math.abs(value) >= 99.5 ? 0 : Math.abs(value) >= 0.995 ? 1 : 2);
+const digitsOf = (value) => (Math.abs(value) >= 99.5 ? 0 : Math.abs(value) >= 0.995 ? 1 : Math.abs(value) >= 0.095 || !value ? 2 : 3);
 export const show = (value) => (isNumber(value) ? fixed(value, digitsOf(value)) : "–");
 export function range(low, high) {
   if (isNumber(low) && isNumber(high) && low !== high) return `${fixed(low, digitsOf(high))}–${show(high)} %`;

@@ -121,6 +121,8 @@ class Experiment(Rig, Study):
     """Parameters that the studies of chapter 5 share."""
 
     subject = "experiment"
+    predicts = "noise of the centres"
+    draws = "starts, clocks and noise"
 
     trials: int = field(
         200,
@@ -165,13 +167,13 @@ class ExperimentResolution(Experiment):
 
     cases: list[Method] = field(
         lambda: list(METHODS),
-        "how the deflection is made from the tracks",
+        "cases to run",
         "a list of different ones of literal, aligned, harmonic",
         min_length=1,
     )
     widths_px: list[FilmedWidth] = field(
         setups.table("experiment", "resolution")["widths_px"],
-        "widths to which the frames are reduced; heights are 9/16 of them",
+        "widths of the reduced frames; heights are 9/16 of them",
         "a list of different whole numbers from 160 to 1920",
         min_length=1,
     )
@@ -201,7 +203,7 @@ class ExperimentCameras(Experiment):
 
     cases: list[Literal["literal", "aligned", "harmonic", "literal-all", "harmonic-all"]] = field(
         lambda: [*METHODS, "literal-all", "harmonic-all"],
-        "how the deflection is made from the tracks, and from which sets of cameras",
+        "cases to run",
         "a list of different ones of literal, aligned, harmonic, literal-all, harmonic-all",
         min_length=1,
     )
