@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import measure
+from benchmarks import laboratory, measure
 
 FIGURE = Path(__file__).parents[1] / "build" / "benchmarks" / "growth.svg"
 
@@ -64,6 +64,20 @@ def print_field() -> None:
               f"{f.rayleigh:>8.1f} ms {f.ratio_rayleigh:>6.1f} {f.difference:>7.0e}")  # fmt: skip
 
 
+def print_laboratory() -> None:
+    """Rendering, tracking, adjustment, and chapter 5 from nothing."""
+    print("\nLaboratory, 1920×1080, one core")
+    f = laboratory.frames()
+    print(f"{f.still:>9.1f} frames/s   rendered, frozen")
+    print(f"{f.blurred:>9.1f} frames/s   rendered, 8 positions within the exposure")
+    print(f"{f.tracking:>9.1f} ms         to track 76 markers in a frame")
+    adjustment = 1000 * laboratory.adjustment_seconds()
+    print(f"{adjustment:>9.1f} ms         to adjust 4 cameras and 12 boards")
+    seconds, memory = laboratory.chapter()
+    print(f"{seconds:>9.1f} s          both notebooks of chapter 5 from nothing, all cores; "
+          f"at most {memory:.0f} MiB in a process")  # fmt: skip
+
+
 def print_growth(growths: list[measure.Growth]) -> None:
     """Times by size, and the fitted exponents."""
     print("\nGrowth: time against points (4 cameras), cameras (10 000 points), trials (case 1)")
@@ -105,6 +119,7 @@ def main() -> None:
     print_studies()
     print_plane_errors()
     print_field()
+    print_laboratory()
     growths = measure.growth()
     print_growth(growths)
     print_commands()

@@ -317,6 +317,15 @@ CHANGES = {
     "plane_bottom_mm": 45,
     "plane_top_mm": 440,
     "plane_shape": [149, 100],
+    "lens_k1": -0.05,
+    "frequency_hz": 5,
+    "frame_rate_hz": 50,
+    "exposure_ms": 2,
+    "shot_noise": 0.1,
+    "read_noise": 2,
+    "audio_noise_db": 30,
+    "codec": "h264",
+    "width_px": 1280,
 }
 
 
@@ -399,7 +408,8 @@ def test_papermill_tells_type_and_meaning_of_every_parameter(name):
         assert number or type(default).__name__ == row["inferred_type_name"], field
         assert len(row["help"]) > 5, field
         words = {"mm": ["mm"], "px": ["px"], "°": ["degrees", "°"], "m/s": ["m/s"],
-                 "kg/m³": ["kg/m3", "kg/m³"], "": [""]}[unit(field)]  # fmt: skip
+                 "kg/m³": ["kg/m3", "kg/m³"], "Hz": ["Hz"], "ms": ["ms"], "dB": ["dB"],
+                 "": [""]}[unit(field)]  # fmt: skip
         assert any(row["help"].startswith(word) for word in words), row["help"]
 
 
@@ -411,7 +421,8 @@ def test_describe_covers_every_parameter(name):
         assert row["meaning"]
         assert row["allowed"]
         assert validate(name, {row["name"]: json.loads(row["default"])}) == STUDIES[name]()
-        suffixes = {"mm": "_mm", "°": "_deg", "px": "_px", "m/s": "_m_s", "kg/m³": "_kg_m3"}
+        suffixes = {"mm": "_mm", "°": "_deg", "px": "_px", "m/s": "_m_s", "kg/m³": "_kg_m3",
+                    "Hz": "_hz", "ms": "_ms", "dB": "_db"}  # fmt: skip
         assert row["name"].endswith(suffixes.get(row["unit"], ""))
         assert row["unit"] or not row["name"].endswith(tuple(suffixes.values()))
 

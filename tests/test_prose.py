@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from thesis_lib import claims, cubes, notebook, prose, sound, studies
+from thesis_lib import claims, cubes, files, notebook, prose, sound, studies
 from thesis_lib.parameters import STUDIES, validate
 
 
@@ -24,7 +24,7 @@ def opened():
 
 
 def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
-    book = cubes.project_root() / "book"
+    book = files.project_root() / "book"
     pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
     assert set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages)) == set(prose.PIECES)
 

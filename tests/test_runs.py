@@ -13,7 +13,7 @@ import nbformat
 import pytest
 import xarray as xr
 
-from thesis_lib import cubes, runs
+from thesis_lib import cubes, files, runs
 from thesis_lib.parameters import validate
 
 GOOD, SLOW = "beam-resolution", "beam-distance"
@@ -114,7 +114,7 @@ def test_interrupt_says_so_and_leaves_nothing_behind(stopped, tmp_path, politely
 def test_folder_of_a_running_process_stays(tmp_path):
     alive = tmp_path / f".staging-{os.getpid()}-x"
     alive.mkdir()
-    with runs.staging(tmp_path) as folder:
+    with files.staging(tmp_path) as folder:
         assert folder.parent == tmp_path
         assert alive.is_dir()
     assert not folder.exists()
@@ -153,7 +153,7 @@ def test_a_failure_keeps_the_files_of_the_run_before(own_checkout, tmp_path):
 
 @pytest.fixture
 def root(own_checkout, monkeypatch):
-    for module in (runs, cubes):
+    for module in (runs, cubes, files):
         monkeypatch.setattr(module, "project_root", lambda: own_checkout.root)
     return own_checkout.root
 
@@ -328,7 +328,7 @@ def test_tasks_run_in_the_order_of_their_files(tmp_path):
 def test_whole_file_replaces_and_is_readable_by_all(tmp_path):
     place = tmp_path / "new" / "file.txt"
     for text in ("one", "two"):
-        cubes.whole_file(place, lambda part, text=text: part.write_text(text))
+        files.whole_file(place, lambda part, text=text: part.write_text(text))
         assert place.read_text() == text
     assert stat.S_IMODE(place.stat().st_mode) == 0o644
     assert [path.name for path in place.parent.iterdir()] == ["file.txt"]
@@ -344,7 +344,7 @@ def test_whole_file_leaves_the_old_one_if_writing_fails(tmp_path, error):
         raise error
 
     with pytest.raises(type(error)):
-        cubes.whole_file(place, write)
+        files.whole_file(place, write)
     assert place.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["file.txt"]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from thesis_lib import claims, cubes, notebook, rounding, setups, sound, studies
+from thesis_lib import claims, cubes, files, notebook, rounding, setups, sound, studies
 from thesis_lib.parameters import validate
 from thesis_lib.planes import operator, pistons
 from thesis_lib.radiation import rayleigh
@@ -590,6 +590,6 @@ def test_plate_and_sound_notebooks_share_the_deflections(library, computed):
 
 
 def test_the_library_and_the_facts_are_what_the_cache_depends_on():
-    names = {path.name for path in cubes.library_files()}
+    names = {path.name for path in files.library_files()}
     assert {"sound.py", "planes.py", "radiation.py", "structures.py", "rounding.py",
             "structures.toml", "setups.toml", "requirements.lock"} <= names  # fmt: skip

@@ -84,6 +84,7 @@ def study() -> dict[str, Any]:
             }
             for mode, frequency in MODES
         ],
+        "words": {"draws": "pixel-grid shifts", "predicts": "law of rounding"},
         "colors": COLORS,
         "cases": [
             {

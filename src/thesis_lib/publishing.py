@@ -7,6 +7,9 @@ from functools import partial
 from pathlib import Path
 
 from thesis_lib import book, cubes, figures, files, prose, runs
+from thesis_lib.experiment import filmed, pictures
+from thesis_lib.experiment import numbers as walk_numbers
+from thesis_lib.experiment.requests import ExperimentResolution
 from thesis_lib.files import project_root
 from thesis_lib.parameters import STUDIES
 
@@ -37,6 +40,8 @@ def build(publish: bool = False) -> Path:
     pages = list({*pages, root / "book" / "assets" / "overview.svg"})
     pages += [root / "_config.yml", root / "package-lock.json"]
     sources = [*pages, *(job.notebook for job in jobs), *numbers, *files.library_files()]
+    walk = [executed / pictures.file_name(name) for name in pictures.PICTURES]
+    walk += [executed / f"{name}.md" for name in walk_numbers.PIECES]
     index = root / "build" / "html" / "index.html"
     tasks = [
         *runs.job_tasks(jobs),
@@ -46,7 +51,13 @@ def build(publish: bool = False) -> Path:
             [*made, *files.library_files()],
             numbers,
         ),
-        runs.task("pages", lambda: book.render(root, index.parent), sources, [index]),
+        runs.task(
+            "walk through chapter 5",
+            lambda: _walk_through(executed),
+            [*made, *files.library_files()],
+            walk,
+        ),
+        runs.task("pages", lambda: book.render(root, index.parent), [*sources, *walk], [index]),
     ]
     if publish:
         picture = root / "book" / "assets" / "overview.svg"
@@ -56,6 +67,17 @@ def build(publish: bool = False) -> Path:
         tasks[-2]["uptodate"] = [False]  # asked for, so done
     runs.run(tasks, root / "build" / "state.sqlite")
     return index
+
+
+def _walk_through(executed: Path) -> None:
+    """Pictures and numbers of the laboratory's page, from the recordings of chapter 5."""
+    data = cubes.cached(ExperimentResolution().recordings, filmed.run, filmed.sources())
+    pictures.write(data, executed)
+    for name, piece in walk_numbers.PIECES.items():
+        text = piece(data)
+        files.whole_file(
+            executed / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8")
+        )
 
 
 def _publish(jobs: Sequence[runs.Job], picture: Path) -> None:

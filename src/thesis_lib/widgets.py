@@ -136,6 +136,9 @@ class Viewer(anywidget.AnyWidget):
         ``parameter``
             The varied one: ``{"name": "aperture_deg", "label": "aperture", "unit": "°"}``. A name
             that begins with aperture, distance or width is drawn into the camera sketch.
+        ``words``
+            What the key says: ``{"draws": what differs from trial to trial, "predicts": what
+            ``predicted`` stands for}``.
         ``x_mm``, ``colors``
             Lists: marker positions from the clamp; a hexadecimal colour per setting of a case.
         ``modes``

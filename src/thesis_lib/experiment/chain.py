@@ -21,7 +21,7 @@ from thesis_lib.experiment.board import Board
 from thesis_lib.experiment.calibration import Calibration, central, zhang
 from thesis_lib.experiment.corners import BoardNotFound, find_corners
 from thesis_lib.experiment.delays import steady_part
-from thesis_lib.experiment.lens import Camera, resized
+from thesis_lib.experiment.lens import Camera, resized, undistorted
 from thesis_lib.experiment.manifest import Manifest, ManifestError, check_recordings, shot_paths
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.symmetry import unify
@@ -87,15 +87,21 @@ def markers_of(manifest: Manifest) -> Markers:
 
 
 def check(manifest: Manifest, folder: Path) -> None:
-    """Refuse recordings that are not what the manifest says.
+    """Refuse recordings that are not what the manifest says, or not whole.
 
     Raises
     ------
-    ManifestError
+    ManifestError, MediaError
         With the first difference, in one line.
     """
     for problem in check_recordings(manifest, folder):
         raise ManifestError(problem)
+    for camera in manifest.cameras:
+        path = folder / camera.video
+        media.check_frame_times(path, camera.frame_rate_hz)
+        says, there = media.probe(path).frames, len(media.frame_times(path))
+        if says is not None and there < says:
+            raise media.MediaError(f"{path}: ends before frame {there}, the file says {says}")
 
 
 def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
@@ -217,7 +223,8 @@ def follow(
     widths : sequence of int
         Widths in px; heights follow.
     corners_px : sequence of tuple, optional
-        The beam's corners in the picture, in the order of :func:`.tracking.view_of`.
+        The beam's corners in the picture, lens distortion included, in the order of
+        :func:`.tracking.view_of`.
 
     Returns
     -------
@@ -238,7 +245,10 @@ def follow(
     for image in media.read_frames(video):
         pictures = [reduced(image, width) for width in widths]
         if not trackers:
-            view = _first_view(image, camera, markers, corners_px)
+            try:
+                view = _first_view(image, camera, markers, corners_px)
+            except TrackingError as error:
+                raise TrackingError(f"{video}: frame 0: {error}") from None
             for picture in pictures:
                 own = _resized(view, picture.shape[1], picture.shape[0])
                 try:
@@ -273,7 +283,8 @@ def _first_view(
 ) -> View:
     if corners_px is None:
         return sharpen(image, find_view(image, camera, markers))
-    return sharpen(image, view_of(camera, markers, np.array(corners_px).T))
+    corners = undistorted(camera, np.array(corners_px, float).T)
+    return sharpen(image, view_of(camera, markers, corners))
 
 
 def _resized(view: View, width: int, height: int) -> View:
@@ -283,7 +294,12 @@ def _resized(view: View, width: int, height: int) -> View:
     return replace(view, camera=camera, H_image_plane=H)
 
 
-def measure(manifest: Manifest, folder: Path, widths: Sequence[int] = ()) -> xr.Dataset:
+def measure(
+    manifest: Manifest,
+    folder: Path,
+    widths: Sequence[int] = (),
+    calibrations: Calibrations | None = None,
+) -> xr.Dataset:
     """Calibrate, listen and track.
 
     Parameters
@@ -294,6 +310,8 @@ def measure(manifest: Manifest, folder: Path, widths: Sequence[int] = ()) -> xr.
         The folder.
     widths : sequence of int
         Widths in px at which the frames are tracked; by default the first camera's own.
+    calibrations : Calibrations, optional
+        What :func:`calibrate` returned for this folder, if that has been done.
 
     Returns
     -------
@@ -305,7 +323,7 @@ def measure(manifest: Manifest, folder: Path, widths: Sequence[int] = ()) -> xr.
     cv2.setNumThreads(1)  # the same bits in every run; the cameras are what runs side by side
     widths = list(widths) or [manifest.cameras[0].width_px]
     markers = markers_of(manifest)
-    calibrations = calibrate(manifest, folder)
+    calibrations = calibrations or calibrate(manifest, folder)
     sound = listen(manifest, folder)
     full = calibrations.full.cameras
 

@@ -31,7 +31,8 @@ WRONG = 1.0  # px from the truth beyond which a marker counts as taken for anoth
 def sources() -> list[Path]:
     """The files that the recordings and what is measured on them depend on."""
     here = Path(__file__).parent
-    later = {"study.py", "pictures.py", "requests.py", "__init__.py"}
+    later = {"study.py", "requests.py", "numbers.py", "pictures.py", "photographs.py",
+             "signals.py", "sketches.py"}  # fmt: skip
     files = [path for path in here.glob("*.py") if path.name not in later]
     files += [here.parent / name for name in ("cameras.py", "structures.py")]
     return [*files, setups.data_folder() / "structures.toml", project_root() / "requirements.lock"]
@@ -68,9 +69,11 @@ def run(request: Laboratory) -> xr.Dataset:
     with staging(project_root() / "build" / "cache") as folder:
         path = film(rig, folder, "h264" if request.codec == "h264" else "ffv1")
         manifest = read_manifest(path)
-        data = chain.measure(manifest, folder, request.widths_px)
         calibrations = chain.calibrate(manifest, folder)
-        data = data.merge(_pictures(rig, folder), combine_attrs="override")
+        data = chain.measure(manifest, folder, request.widths_px, calibrations)
+        pictures = _pictures(rig, calibrations.full.cameras[0], folder)
+        data = data.merge(pictures, combine_attrs="override")
+        data.attrs.update(pictures.attrs)
     _add_truth(data, rig, calibrations)
     return data
 
@@ -133,11 +136,11 @@ def _add_truth(data: xr.Dataset, rig: Rig, calibrations: chain.Calibrations) -> 
         "corners seen minus computed after the adjustment")  # fmt: skip
 
 
-def _pictures(rig: Rig, folder: Path) -> xr.Dataset:
-    """Pictures of the chain's steps for camera A, and small ones of the others."""
-    camera = rig.cameras[0]
+def _pictures(rig: Rig, camera: lens.Camera, folder: Path) -> xr.Dataset:
+    """Pictures of the chain's steps for the first camera, and small ones of the others."""
     names = [c.name for c in rig.cameras]
-    peak = round((rig.motion.steady - rig.stations[0].start) * rig.stations[0].frame_rate) + 7
+    maximum = rig.motion.steady + 0.25 / rig.motion.components[0].frequency
+    peak = round((maximum - rig.stations[0].start) * rig.stations[0].frame_rate)
     first = {name: next(media.read_frames(folder / f"{name}.mkv", 0, 1)) for name in names}
     moved = next(media.read_frames(folder / f"{names[0]}.mkv", peak, peak + 1))
     shot = media.read_png(folder / names[0] / "01.png")

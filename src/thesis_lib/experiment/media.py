@@ -69,7 +69,7 @@ def write_video(
     sample_rate : int
         Audio samples per second in Hz.
     codec : str
-        ``ffv1`` is lossless, ``h264`` (x264, full range, preset veryfast) is as cameras record.
+        ``ffv1`` is lossless, ``h264`` (x264, full range, preset medium) is as cameras record.
     crf : int
         Constant rate factor of H.264, 0…51; lower is better.
 
@@ -91,7 +91,7 @@ def write_video(
     name, options = "ffv1", {"level": "3", "slices": "16", "slicecrc": "1"}
     if codec == "h264":
         # Without mbtree, whose assembly is not reproducible at every width; cameras have none.
-        name, options = "libx264", {"preset": "veryfast", "crf": str(crf), "mbtree": "0"}
+        name, options = "libx264", {"preset": "medium", "crf": str(crf), "mbtree": "0"}
 
     def write(part: Path) -> None:
         with av.open(str(part), "w", format="matroska", options={"fflags": "+bitexact"}) as file:

@@ -160,7 +160,8 @@ def _bright_quadrilateral(image: Image) -> Array:
     # Contours run through the centres of the outermost bright pixels, half a pixel inside.
     middle = box.mean(axis=0)
     box = box + HALF * np.sign(box - middle) * [0, 1] + HALF
-    if np.sum(np.cross(box, np.roll(box, -1, axis=0))) > 0:  # seen from above it runs this way
+    (x, y), (x_next, y_next) = box.T, np.roll(box, -1, axis=0).T
+    if np.sum(x * y_next - y * x_next) > 0:  # seen from above it runs this way
         box = box[[1, 0, 3, 2]]
     return np.asarray(box.T)
 

@@ -1,0 +1,475 @@
+"""Marker centres against the projected discs, and what is hidden, cut off or not there."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from test_render import camera, disc_centroids
+
+from thesis_lib import setups
+from thesis_lib.experiment import chain, lens, media
+from thesis_lib.experiment.render import BeamView, Sensor
+from thesis_lib.experiment.scene import Component, Markers, Motion
+from thesis_lib.experiment.tracking import (
+    Tracker,
+    TrackingError,
+    View,
+    apply,
+    assign,
+    find_view,
+    homography,
+    refine,
+    sharpen,
+    tracks,
+    view_of,
+)
+
+BEAM = setups.beam()
+MARKERS = Markers(BEAM)
+MOTION = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.0005)), 0.0, 0.25)
+FULL, HALF = (1920, 1080), (960, 540)
+
+
+def filmed(at, times, motion=MOTION, markers=MARKERS, seed=None):
+    """Frames of a camera; without a seed they have no noise."""
+    beam = BeamView(at, markers, motion, Sensor(samples=4))
+    rng = None if seed is None else np.random.default_rng(seed)
+    return [beam.frame(t, rng) for t in times]
+
+
+def truth(at, times, motion=MOTION, markers=MARKERS):
+    """Centroids of the projected discs, averaged over the exposure, (frames, 2, markers)."""
+    within = ((np.arange(4) + 0.5) / 4 - 0.5) * Sensor().exposure
+    return np.array(
+        [
+            np.mean(
+                [disc_centroids(at, markers, lambda p, t=t + dt: motion.deflection(p, [t])[0],
+                                slice(markers.count), n=256) for dt in within], axis=0)
+            for t in times
+        ]
+    )  # fmt: skip
+
+
+def found_view(at, image, markers=MARKERS):
+    return sharpen(image, find_view(image, at, markers))
+
+
+def off(found, exact):
+    """Distances in px."""
+    return np.hypot(*(found - exact))
+
+
+@pytest.fixture(scope="module")
+def rest():
+    """Camera, its picture of the beam at rest, the view found there, and the true centres."""
+    at = camera()
+    (image,) = filmed(at, [-1.0])
+    return at, image, found_view(at, image), truth(at, [-1.0])[0]
+
+
+# Centres.
+
+
+@pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (170.0, 0.05)])
+def test_centres_are_those_of_the_projected_discs(azimuth, k1):
+    at = camera(azimuth, k1=k1)
+    times = np.arange(-1, 22) / 60
+    frames = filmed(at, times)
+    tracker = Tracker(found_view(at, frames[0]))
+    found = np.array(list(tracks(frames, tracker)))
+    assert np.isfinite(found).all()
+    exact = truth(at, times)
+    assert np.ptp(exact[:, 1], axis=0).max() > 12  # they move
+    error = found - exact
+    assert np.abs(error).max() < 0.015
+    assert np.sqrt(np.mean(error**2)) < 0.006
+    assert np.abs(error.mean(axis=(0, 2))).max() < 0.003
+
+
+def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong():
+    # At 22° a twist of 7° makes the discs' images a third higher or lower.
+    motion = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.002)), 0.0, 0.25)
+    at, times = camera(), np.arange(-1, 22) / 60
+    frames = filmed(at, times, motion)
+    found = np.array(list(tracks(frames, Tracker(found_view(at, frames[0])))))
+    error = np.hypot(*(found - truth(at, times, motion)).swapaxes(0, 1))
+    assert np.nanmax(error) < 0.06
+    assert np.mean(np.isnan(error)) < 0.05
+
+
+def test_noise_moves_centres_little_more_than_it_must(rest):
+    # Cramér and Rao: 1 / variance ≤ Σ (∂I/∂u)² / (0.05 I + 1), the slopes by differences.
+    at, clean, view, exact = rest
+    tracked = [Tracker(view).centres(image) for image in filmed(at, [-1.0] * 12, seed=5)]
+    scatter = np.std(tracked, axis=0, ddof=1)
+    for axis, step in enumerate(0.25 * np.eye(2)):
+        shifted = []
+        for sign in (-1, 1):
+            K = at.K.copy()
+            K[:2, 2] += sign * step
+            shifted += filmed(replace(at, K=K), [-1.0])
+        slope = (shifted[1].astype(float) - shifted[0]) / 0.5
+        information = slope**2 / (0.05 * clean + 1)
+        ratios = []
+        for marker in range(25, 50):  # with no edge near
+            u, v = np.floor(exact[:, marker]).astype(int)
+            bound = information[v - 4 : v + 5, u - 8 : u + 9].sum() ** -0.5
+            ratios.append(scatter[axis, marker] / bound)
+        assert 0.9 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+def test_reduced_frames_are_tracked_as_well():
+    at, times = camera(size=HALF), np.arange(-1, 20) / 60
+    frames = filmed(at, times)
+    found = np.array(list(tracks(frames, Tracker(found_view(at, frames[0])))))
+    error = found - truth(at, times)
+    assert np.mean(np.isnan(error)) < 0.03
+    assert np.nanmax(np.abs(error)) < 0.05
+    assert np.sqrt(np.nanmean(error**2)) < 0.015
+
+
+@pytest.mark.parametrize(("size", "most_missing"), [(FULL, 0.0), (HALF, 0.03)])
+def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(size, most_missing):
+    # On the plane at rest ±4 mm look like 9.9 mm, and the rows are 10 mm apart.
+    at, motion = camera(size=size), Motion(BEAM, (Component(),), 0.0, 0.25)
+    times = np.arange(-1, 15 + 15) / 60
+    exact = truth(at, times, motion)
+    frames = filmed(at, times, motion, seed=1)
+    view = found_view(at, frames[0])
+    seen = view.to_plane(exact[:, :, MARKERS.middle_row][:, :, -1].T)
+    assert np.ptp(seen[1]) > 0.018
+    found = np.array(list(tracks(frames, Tracker(view))))
+    missing = np.isnan(found[:, 0])
+    assert missing.mean() <= most_missing
+    assert np.hypot(*(found - exact).swapaxes(0, 1))[~missing].max() < 0.25
+
+
+def test_without_the_frames_before_the_row_is_not_known(rest):
+    # Else the test above would show nothing.
+    at, _, view, _ = rest
+    motion = Motion(BEAM, (Component(),), 0.0, 0.25)
+    (image,) = filmed(at, [0.294], motion)
+    alone = off(Tracker(view).centres(image), truth(at, [0.294], motion)[0])
+    assert not (alone < 0.25).all()
+
+
+# Hidden, cut off, doubtful.
+
+
+def painted(image, where, half, grey):
+    u, v = np.floor(where).astype(int)
+    image = image.copy()
+    image[v - half : v + half + 1, u - half : u + half + 1] = grey
+    return image
+
+
+@pytest.mark.parametrize("grey", [60, 120, 200])
+@pytest.mark.parametrize("marker", [0, 31, 37, 49, 74])
+def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(rest, marker, grey):
+    _, image, view, exact = rest
+    before = Tracker(view).centres(image)
+    after = Tracker(view).centres(painted(image, exact[:, marker], 4, grey))
+    assert np.isnan(after[:, marker]).all()
+    others = np.arange(75) != marker
+    # What covers it may touch its neighbours in the same column; they are missing or unharmed.
+    near = np.abs(np.arange(75) % 25 - marker % 25) == 0
+    assert np.isfinite(after[:, others & ~near]).all()
+    assert np.nanmax(off(after, before)[others]) < 0.02
+
+
+def test_several_hidden_markers_are_all_missing_in_motion():
+    at, times = camera(), np.arange(4, 12) / 60
+    exact = truth(at, times)
+    frames = filmed(at, times)
+    view = found_view(at, *filmed(at, [-1.0]))
+    whole = np.array(list(tracks(frames, Tracker(view))))
+    hidden = [3, 30, 45, 62]
+    for k, image in enumerate(frames):
+        for marker in hidden:
+            frames[k] = image = painted(image, exact[k][:, marker], 4, 110)
+    found = np.array(list(tracks(frames, Tracker(view))))
+    assert np.isnan(found[:, :, hidden]).all()
+    assert np.count_nonzero(np.isnan(found[:, 0])) <= 4 * len(times) + 4
+    assert np.nanmax(np.hypot(*(found - whole).swapaxes(0, 1))) < 0.02
+
+
+def cropped(at, image, view, left, top, right, bottom):
+    """Part of a picture, with the camera and the view that belong to it."""
+    shift = np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1.0]])
+    small = replace(at, K=shift @ at.K, size=(right - left, bottom - top))
+    part = np.ascontiguousarray(image[top:bottom, left:right])
+    return part, replace(view, camera=small, H_image_plane=shift @ view.H_image_plane)
+
+
+@pytest.mark.parametrize("border", ["left", "top", "right", "bottom"])
+def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(rest, border):
+    at, image, view, exact = rest
+    box = {"left": 0, "top": 0, "right": 1920, "bottom": 1080}
+    axis = 0 if border in ("left", "right") else 1
+    through = exact[axis, 10 if axis == 0 else 12]  # the middle of a marker
+    box[border] = round(through)
+    part, own = cropped(at, image, view, **box)
+    found = Tracker(own).centres(part) + np.array([[box["left"]], [box["top"]]])
+    whole = Tracker(view).centres(image)
+    place = exact[axis] - box[border]
+    place = place if border in ("left", "top") else -place
+    out, clear = place < 3, place > 16
+    assert 5 < np.count_nonzero(out) < 70
+    assert np.isnan(found[:, out]).all()
+    assert np.isfinite(found[:, clear]).all()
+    assert np.nanmax(off(found, whole)) < 0.02
+
+
+def test_nothing_is_found_where_the_beam_has_left_the_picture(rest):
+    at, image, view, _ = rest
+    tracker = Tracker(view)
+    tracker.centres(image)
+    assert np.isnan(tracker.centres(np.full_like(image, 60))).all()
+    # It comes back.
+    assert np.isfinite(tracker.centres(image)).all()
+    part, own = cropped(at, image, view, 0, 800, 1920, 1080)
+    assert np.isnan(Tracker(own).centres(part)).all()
+
+
+@pytest.mark.parametrize("kind", ["noise", "stripes"])
+def test_what_is_no_beam_gives_no_markers(rest, kind):
+    _, image, view, _ = rest
+    if kind == "noise":
+        image = np.random.default_rng(0).integers(0, 256, image.shape, np.uint8)
+    else:
+        image = np.broadcast_to((np.arange(1920) // 6 % 2 * 200).astype(np.uint8), image.shape)
+    assert np.mean(np.isnan(Tracker(view).centres(image)[0])) > 0.95
+
+
+def test_the_hole_is_dropped_and_takes_no_marker_s_place(rest):
+    at, image, view, exact = rest
+    hole = lens.project(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
+    found = Tracker(view).centres(image)
+    assert found.shape == (2, 75)
+    assert off(found, hole[:, None]).min() > 5
+    beside = np.argsort(off(exact, hole[:, None]))[:4]
+    hidden = image
+    for marker in beside:
+        hidden = painted(hidden, exact[:, marker], 3, 200)
+    assert np.isnan(Tracker(view).centres(hidden)[:, beside]).all()
+
+
+# Finding the beam.
+
+
+def corners(at):
+    """Undistorted images of the beam's corners, in the order of its frame."""
+    length, width = BEAM.extent
+    world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
+    seen = lens.project(at, world * np.array([[length], [width], [1]]))
+    return lens.undistorted(at, seen)
+
+
+@pytest.mark.parametrize("azimuth", [-10.0, 10.0, 170.0, 190.0])
+@pytest.mark.parametrize("upside_down", [False, True])
+def test_the_clamped_end_is_found_from_either_side(azimuth, upside_down):
+    at = camera(azimuth)
+    if upside_down:
+        at = replace(at, R_camera_world=np.diag([-1.0, -1, 1]) @ at.R_camera_world)
+    (image,) = filmed(at, [-1.0], seed=2)
+    view = find_view(image, at, MARKERS)
+    length, width = BEAM.extent
+    plane = np.array([[0, length, length, 0], [0, 0, width, width]])
+    assert off(apply(view.H_image_plane, plane), corners(at)).max() < 2
+    exact = truth(at, [-1.0])[0]
+    assert off(Tracker(sharpen(image, view)).centres(image), exact).max() < 0.12
+
+
+def test_a_turned_picture_gives_turned_centres(rest):
+    at, image, view, _ = rest
+    K = at.K.copy()
+    K[:2, 2] = np.array(FULL) - at.K[:2, 2]
+    p1, p2 = at.distortion[2:4]
+    turned = replace(at, K=K, distortion=at.distortion * [1, 1, -1, -1, 1])
+    assert (p1, p2) != (0, 0)
+    again = np.ascontiguousarray(image[::-1, ::-1])
+    found = Tracker(found_view(turned, again)).centres(again)
+    np.testing.assert_allclose(np.array(FULL)[:, None] - found, Tracker(view).centres(image),
+                               atol=0.005)  # fmt: skip
+
+
+def one_line(call, *arguments):
+    with pytest.raises(TrackingError) as error:
+        call(*arguments)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_without_a_hole_the_corners_have_to_be_given():
+    markers, at = Markers(BEAM, hole=None), camera()
+    (image,) = filmed(at, [-1.0], markers=markers)
+    message = one_line(find_view, image, at, markers)
+    assert message.startswith("camera A: ")
+    assert "corners_px" in message
+    view = sharpen(image, view_of(at, markers, corners(at)))
+    assert off(Tracker(view).centres(image), truth(at, [-1.0])[0]).max() < 0.02
+
+
+def test_a_hidden_hole_is_said(rest):
+    at, image, _, _ = rest
+    hole = lens.project(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
+    message = one_line(find_view, painted(image, hole, 5, 200), at, MARKERS)
+    assert "the hole is not seen" in message
+    assert "corners_px" in message
+
+
+@pytest.mark.parametrize("grey", [0, 60, 255])
+def test_a_picture_without_a_beam_is_refused(grey):
+    at = camera()
+    one_line(found_view, at, np.full((1080, 1920), grey, np.uint8))
+
+
+def test_a_bright_spot_is_no_beam():
+    image = np.zeros((1080, 1920), np.uint8)
+    image[500:505, 700:703] = 250
+    assert "too small" in one_line(find_view, image, camera(), MARKERS)
+
+
+def test_a_beam_without_markers_is_refused(rest):
+    at, image, _, _ = rest
+    blank = np.where(image > 60, 200, image).astype(np.uint8)
+    message = one_line(sharpen, blank, view_of(at, MARKERS, corners(at)))
+    assert "of 76 markers" in message
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+def test_given_corners_need_not_be_exact(rest, noise):
+    at, image, view, _ = rest
+    given = corners(at) + noise * np.random.default_rng(3).uniform(-1, 1, (2, 4))
+    own = sharpen(image, view_of(at, MARKERS, given))
+    np.testing.assert_allclose(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
+
+
+def test_sharpening_finds_the_spread_of_the_picture(rest):
+    at, _, view, _ = rest
+    assert 0.5 < view.blur < 0.75
+    blurred = BeamView(at, MARKERS, MOTION, Sensor(spread=1.1)).frame(-1.0)
+    assert 0.95 < found_view(at, blurred).blur < 1.25
+
+
+# Corners as the manifest gives them, and reduced widths.
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory):
+    """A short video of camera A: at rest, then moving."""
+    path, at = tmp_path_factory.mktemp("tracking") / "A.mkv", camera()
+    times = np.arange(-2, 6) / 60
+    media.write_video(path, filmed(at, times, seed=4), 60, np.zeros(8 * 800))
+    return path, at, times
+
+
+def test_given_corners_are_those_in_the_picture(video):
+    path, at, times = video
+    length, width = BEAM.extent
+    world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
+    px = lens.project(at, world * np.array([[length], [width], [1]]))
+    assert off(px, corners(at)).max() > 5  # the lens bends them
+    markers = Markers(BEAM, hole=None)  # which is then one more dark disc
+    given, _ = chain.follow(path, at, markers, [1920], [tuple(p) for p in px.T])
+    assert off(given[0].swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max() < 0.1
+
+
+def test_a_video_is_followed_at_several_widths_at_once(video):
+    path, at, times = video
+    widths = [320, 640, 1280, 1920]
+    found, notes = chain.follow(path, at, MARKERS, widths)
+    assert found.shape == (4, len(times), 2, 75)
+    exact = truth(at, times)
+    share, wrong = [], []
+    for width, own in zip(widths, found, strict=True):
+        error = np.hypot(*(own - exact * width / 1920).swapaxes(0, 1))
+        seen = np.isfinite(error)
+        share.append(seen.mean())
+        wrong.append(np.mean(error[seen] > 1) if seen.any() else 0.0)
+    assert share[3] == 1
+    assert share[2] > 0.98
+    assert share[0] < 0.6  # too few pixels, as in the thesis
+    assert max(wrong[1:]) == 0
+    assert all("320 px" in note for note in notes)
+
+
+@pytest.mark.parametrize("width", [640, 960, 1280])
+def test_reduced_frames_show_the_same_places(rest, width):
+    at, image, _, exact = rest
+    small = chain.reduced(image, width)
+    assert small.shape == (width * 9 // 16, width)
+    own = lens.resized(at, (width, width * 9 // 16))
+    view = sharpen(small, find_view(small, own, MARKERS))
+    error = Tracker(view).centres(small) - exact * width / 1920
+    assert np.mean(np.isnan(error)) < 0.25
+    assert np.sqrt(np.nanmean(error**2)) < 0.04
+    assert np.abs(np.nanmean(error, axis=1)).max() < 0.015
+
+
+def test_reduced_frames_are_no_larger(rest):
+    _, image, _, _ = rest
+    assert chain.reduced(image, 1920) is image
+    assert chain.reduced(image, 4000) is image
+
+
+# Assignment and homographies.
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_assignment_has_the_least_sum_of_squares(seed):
+    rng = np.random.default_rng(seed)
+    predicted, found = rng.uniform(0, 1, (2, 5)), rng.uniform(0, 1, (2, 5))
+    places, spare = assign(predicted, found, gate=10.0)
+    squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
+    best = min(sum(squared[i, p[i]] for i in range(5)) for p in permutations(range(5)))
+    assert np.sum((places - predicted) ** 2) == pytest.approx(best, rel=1e-12)
+    assert spare == 0
+
+
+def test_what_is_too_far_is_not_assigned():
+    predicted = np.array([[0.0, 1, 2, 3], [0, 0, 0, 0]])
+    found = np.array([[0.1, 2.9, 1.5, 9.0], [0, 0, 0, 0]])
+    places, spare = assign(predicted, found, gate=0.4)
+    np.testing.assert_array_equal(places[0], [0.1, np.nan, np.nan, 2.9])
+    assert spare == 2
+    places, spare = assign(predicted, np.zeros((2, 0)), 0.4)
+    assert np.isnan(places).all()
+    assert spare == 0
+
+
+def test_a_lost_marker_does_not_shift_its_column():
+    # Nearest in the sum without a gate would give every place to the next one's match.
+    predicted = np.stack([np.arange(10.0), np.zeros(10)])
+    found = np.delete(predicted, 4, axis=1) + 0.2
+    places, spare = assign(predicted, found, gate=0.45)
+    np.testing.assert_allclose(np.delete(places, 4, axis=1), found)
+    assert np.isnan(places[:, 4]).all()
+    assert spare == 0
+
+
+def test_a_homography_is_found_from_points_some_of_them_missing():
+    H = np.array([[800, 40, 900], [-30, 700, 500], [0.1, -0.2, 1.0]])
+    plane = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 20))
+    image = apply(H, plane)
+    image[:, 3] = np.nan
+    again = apply(homography(plane, image), plane)
+    np.testing.assert_allclose(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
+
+
+def test_plane_and_picture_are_each_other_s_inverse(rest):
+    at, _, _, _ = rest
+    view = view_of(at, MARKERS, corners(at))
+    plane = np.random.default_rng(0).uniform([[0], [0]], [[0.6], [0.03]], (2, 30))
+    world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
+    np.testing.assert_allclose(view.to_image(plane), lens.project(at, world), atol=1e-3)
+    np.testing.assert_allclose(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
+
+
+def test_nothing_to_refine_is_nothing(rest):
+    _, image, view, _ = rest
+    assert isinstance(view, View)
+    found, misfit = refine(image, view, np.full((2, 76), np.nan))
+    assert np.isnan(found).all()
+    assert np.isnan(misfit)
