@@ -393,7 +393,9 @@ def write_plain(path, times, sound=None):
             file.mux(video.encode(frame))
         file.mux(video.encode(None))
         if sound is not None:
-            block = av.AudioFrame.from_ndarray((2**15 * sound).astype(np.int16)[None], "s16", "mono")
+            block = av.AudioFrame.from_ndarray(
+                (2**15 * sound).astype(np.int16)[None], "s16", "mono"
+            )
             block.sample_rate = 48000
             file.mux([*track.encode(block), *track.encode(None)])
 

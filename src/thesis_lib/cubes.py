@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -36,15 +36,12 @@ _HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at on
 RUN_DEPENDENT = ("commit", "created", "run_time_s")
 
 
-S = TypeVar("S", bound=Study)
-
-
 class CubeError(ValueError):
     """A file that is not one of our cubes; the message is one line."""
 
 
 def cached(
-    study: S, compute: Callable[[S], xr.Dataset], sources: Iterable[Path] = ()
+    study: Study, compute: Callable[[Any], xr.Dataset], sources: Iterable[Path] = ()
 ) -> xr.Dataset:
     """A study's cube, computed once for its parameters and the library as it is.
 

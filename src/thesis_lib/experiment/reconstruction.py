@@ -268,13 +268,33 @@ def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) ->
 # What noise of the centres does.
 
 
-def normal_gain(P: ArrayLike, frame: Frame, points: ArrayLike) -> Array:
-    """Change of a point's height over the beam by each image coordinate, (cameras, 2, n), m/px."""
-    G = gain(P, points)
-    return np.asarray(np.tensordot(frame.R[2], G, axes=1), float)
+def normal_gain(
+    P: ArrayLike, frame: Frame, points: ArrayLike, seen: NDArray[np.bool_] | None = None
+) -> Array:
+    """Change of a point's height over the beam by each image coordinate, (cameras, 2, n), m/px.
+
+    With `seen`, shape (cameras, n), a camera that does not see a point has no part in it; NaN where
+    fewer than two do.
+    """
+    P, X = np.asarray(P, float), np.asarray(points, float)
+    visible = np.ones((len(P), X.shape[1]), bool) if seen is None else seen
+    gains = np.zeros((len(P), 2, X.shape[1]))
+    for pattern in np.unique(visible, axis=1).T:
+        where = (visible == pattern[:, None]).all(axis=0)
+        if np.count_nonzero(pattern) < 2:
+            gains[:, :, where] = np.nan
+        else:
+            own = np.tensordot(frame.R[2], gain(P[pattern], X[:, where]), axes=1)
+            gains[np.ix_(pattern, [True, True], where)] = own
+    return gains
 
 
 def height_deviation(P: ArrayLike, frame: Frame, points: ArrayLike, sigma: ArrayLike) -> Array:
-    """Standard deviation of heights (n,) in m for centre noise (cameras, 2, n) in px."""
-    each = normal_gain(P, frame, points) * np.asarray(sigma, float)
+    """Standard deviation of heights (n,) in m for centre noise (cameras, 2, n) in px.
+
+    Where the noise is NaN a camera does not see the point.
+    """
+    s = np.asarray(sigma, float)
+    seen = np.isfinite(s).all(axis=1)
+    each = normal_gain(P, frame, points, seen) * np.where(seen[:, None], s, 0.0)
     return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))), float)

@@ -295,12 +295,13 @@ def _harmonic_trials(
     fitted = _unblurred(tracks, instant, exposures)
     amplitude = rc.harmonic_deflection(tracks.P, tracks.frame, instant.omega, fitted)
     base = rc.real_shape(amplitude, instant.phase)
-    gains = rc.normal_gain(tracks.P, tracks.frame, _rest_points(tracks))
+    seen = np.isfinite(tracks.sigma).all(axis=1)
+    gains = rc.normal_gain(tracks.P, tracks.frame, _rest_points(tracks), seen)
     spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in fitted])
-    by_noise = np.einsum("cim,tcim->tm", gains, spread * tracks.sigma * noise)
+    by_noise = np.einsum("cim,tcim->tm", gains, np.nan_to_num(spread * tracks.sigma) * noise)
     # A clock that is wrong by e turns the camera's image by ωe: cos(ωe) − 1 of it is lost.
     image = np.array([h.coefficients[1] - 1j * h.coefficients[2] for h in fitted])
-    image = np.real(image * np.exp(-1j * instant.phase))
+    image = np.nan_to_num(np.real(image * np.exp(-1j * instant.phase)))
     by_clock = np.einsum("cim,tc,cim->tm", gains, np.cos(instant.omega * clocks) - 1, image)
     return np.asarray(base + by_noise + by_clock)
 
@@ -359,7 +360,7 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
                 "predicted_error": [scale * _rms(noise[row])],
                 "mac": modal_assurance(np.nan_to_num(measured), reference[None]),
                 "missing": np.mean(np.isnan(measured), axis=-1),
-                "in_view": _in_view(tracks),
+                "in_view": _in_view(tracks, markers),
                 "ground_sample_distance": np.mean(
                     [study.distance_mm / 1000 / c.K[0, 0] for c in tracks.cameras]
                 ),
@@ -376,15 +377,11 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def _in_view(tracks: Tracks) -> float:
-    return float(
-        np.mean(
-            [
-                on_sensor(np.nan_to_num(rest)[None], camera.size)
-                for rest, camera in zip(tracks.rest, tracks.cameras, strict=True)
-            ]
-        )
-    )
+def _in_view(tracks: Tracks, markers: Markers) -> float:
+    """Share of the markers at rest, camera by camera, that lie on the sensor, found or not."""
+    frame, grid = tracks.frame, markers.world[:, : markers.count]
+    world = frame.R.T @ grid + frame.origin[:, None]
+    return float(np.mean([on_sensor(lens.project(c, world)[None], c.size) for c in tracks.cameras]))
 
 
 def _harmonic_results(
