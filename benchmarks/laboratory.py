@@ -20,7 +20,8 @@ from thesis_lib.experiment.adjustment import adjust
 from thesis_lib.experiment.laboratory import Rig, default_rig
 from thesis_lib.experiment.render import BeamView
 from thesis_lib.experiment.requests import ExperimentResolution
-from thesis_lib.experiment.tracking import Tracker, find_view, sharpen
+from thesis_lib.experiment.tracking import Tracker, sharpen
+from thesis_lib.experiment.view import find_view
 from thesis_lib.files import project_root
 
 

@@ -1,6 +1,7 @@
 """Chapter 5's cubes from synthetic recordings: exact projections, and noise of a known size."""
 
 import json
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -216,6 +217,24 @@ def test_trials_scatter_as_is_predicted(cubes, case):
     np.testing.assert_allclose(scatter, part["predicted_error"].values[:, 0], rtol=0.06)
 
 
+@pytest.mark.parametrize("method", ["literal", "aligned"])
+@pytest.mark.parametrize("frames", [1, 4, 10**6])
+def test_the_noise_of_the_rest_shrinks_with_its_frames(noisy, method, frames):
+    own = replace(tracks(noisy, method), rest_frames=frames)
+    instant = es.instant_of(noisy, BEAM.damping)
+    draws = drawn(np.full((400, 4), 0.1))  # all start at once
+    found = es.trials(own, instant, method, draws, range(4), np.zeros(4))
+    predicted = es.predicted(own, method, instant, np.zeros(4))
+    scatter = np.sqrt(np.mean(found.var(axis=0, ddof=1)))
+    assert scatter == pytest.approx(np.sqrt(np.mean(predicted**2)), rel=0.15)
+    endless = replace(own, rest_frames=10**9)
+    ratio = predicted / es.predicted(endless, method, instant, np.zeros(4))
+    if method == "literal":
+        np.testing.assert_allclose(ratio, np.sqrt(1 + 1 / frames), rtol=1e-6)
+    else:  # interpolation has less noise of its own
+        assert np.all(ratio**2 - 1 >= (1 - 1e-6) / frames)
+
+
 @pytest.fixture(scope="module")
 def again():
     """The chain's own result of sixty recordings that differ by noise alone."""
@@ -334,7 +353,7 @@ def test_trials_of_the_literal_way_are_what_the_chain_makes_of_such_starts():
     # Cameras on their own clocks: the images of different instants are triangulated.
     study = resolution(frequency_hz=5.0, trials=0, widths_px=[1920], cases=["literal"])
     request = study.recordings.model_copy(update={"widths_px": [1920]})
-    starts = np.array([0.0313, 0.0937, 0.2018, 0.1402])
+    starts = 0.0313 + np.array([0, 3.744, 10.23, 6.87]) / 60
     data = recordings(request, starts=starts)
     instant = es.instant_of(data, BEAM.damping)
     own = tracks(data, "literal")

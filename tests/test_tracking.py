@@ -9,19 +9,16 @@ from test_render import camera, disc_centroids
 
 from thesis_lib import setups
 from thesis_lib.experiment import chain, lens, media
+from thesis_lib.experiment.centres import refine
 from thesis_lib.experiment.render import BeamView, Sensor
 from thesis_lib.experiment.scene import Component, Markers, Motion
-from thesis_lib.experiment.tracking import (
-    Tracker,
+from thesis_lib.experiment.tracking import Tracker, assign, sharpen
+from thesis_lib.experiment.view import (
     TrackingError,
     View,
     apply,
-    assign,
     find_view,
     homography,
-    refine,
-    sharpen,
-    tracks,
     view_of,
 )
 
@@ -29,6 +26,11 @@ BEAM = setups.beam()
 MARKERS = Markers(BEAM)
 MOTION = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.0005)), 0.0, 0.25)
 FULL, HALF = (1920, 1080), (960, 540)
+
+
+def tracked(frames, tracker):
+    """Centres of all frames, (frames, 2, markers)."""
+    return np.array([tracker.centres(frame) for frame in frames])
 
 
 def filmed(at, times, motion=MOTION, markers=MARKERS, seed=None):
@@ -77,7 +79,7 @@ def test_centres_are_those_of_the_projected_discs(azimuth, k1):
     times = np.arange(-1, 22) / 60
     frames = filmed(at, times)
     tracker = Tracker(found_view(at, frames[0]))
-    found = np.array(list(tracks(frames, tracker)))
+    found = tracked(frames, tracker)
     assert np.isfinite(found).all()
     exact = truth(at, times)
     assert np.ptp(exact[:, 1], axis=0).max() > 12  # they move
@@ -92,7 +94,7 @@ def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong():
     motion = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.002)), 0.0, 0.25)
     at, times = camera(), np.arange(-1, 22) / 60
     frames = filmed(at, times, motion)
-    found = np.array(list(tracks(frames, Tracker(found_view(at, frames[0])))))
+    found = tracked(frames, Tracker(found_view(at, frames[0])))
     error = np.hypot(*(found - truth(at, times, motion)).swapaxes(0, 1))
     assert np.nanmax(error) < 0.06
     assert np.mean(np.isnan(error)) < 0.05
@@ -122,7 +124,7 @@ def test_noise_moves_centres_little_more_than_it_must(rest):
 def test_reduced_frames_are_tracked_as_well():
     at, times = camera(size=HALF), np.arange(-1, 20) / 60
     frames = filmed(at, times)
-    found = np.array(list(tracks(frames, Tracker(found_view(at, frames[0])))))
+    found = tracked(frames, Tracker(found_view(at, frames[0])))
     error = found - truth(at, times)
     assert np.mean(np.isnan(error)) < 0.03
     assert np.nanmax(np.abs(error)) < 0.05
@@ -139,7 +141,7 @@ def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(size, most_missing
     view = found_view(at, frames[0])
     seen = view.to_plane(exact[:, :, MARKERS.middle_row][:, :, -1].T)
     assert np.ptp(seen[1]) > 0.018
-    found = np.array(list(tracks(frames, Tracker(view))))
+    found = tracked(frames, Tracker(view))
     missing = np.isnan(found[:, 0])
     assert missing.mean() <= most_missing
     assert np.hypot(*(found - exact).swapaxes(0, 1))[~missing].max() < 0.25
@@ -183,12 +185,12 @@ def test_several_hidden_markers_are_all_missing_in_motion():
     exact = truth(at, times)
     frames = filmed(at, times)
     view = found_view(at, *filmed(at, [-1.0]))
-    whole = np.array(list(tracks(frames, Tracker(view))))
+    whole = tracked(frames, Tracker(view))
     hidden = [3, 30, 45, 62]
     for k, image in enumerate(frames):
         for marker in hidden:
             frames[k] = image = painted(image, exact[k][:, marker], 4, 110)
-    found = np.array(list(tracks(frames, Tracker(view))))
+    found = tracked(frames, Tracker(view))
     assert np.isnan(found[:, :, hidden]).all()
     assert np.count_nonzero(np.isnan(found[:, 0])) <= 4 * len(times) + 4
     assert np.nanmax(np.hypot(*(found - whole).swapaxes(0, 1))) < 0.02

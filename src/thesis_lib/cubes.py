@@ -177,8 +177,9 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
 
 
 def percent_text(value: float) -> str:
-    """A percentage with one decimal, or two digits where that would be nought."""
-    return f"{value:.1f}" if abs(value) >= 0.095 or value == 0 else f"{value:.2g}"
+    """A percentage with one decimal, below 1 with two, below 0.1 with three."""
+    size = abs(value)
+    return f"{value:.1f}" if size >= 0.995 else f"{value:.2f}" if size >= 0.095 else f"{value:.3f}"
 
 
 def band_text(median: float, low: float, high: float) -> str:

@@ -230,7 +230,8 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     unit = "number of cameras" if part["label"].values[0].endswith("cameras") else ""
     cut = "* markers leave the sensor" if partial.any() else ""
     axes.set_xlabel("; ".join(filter(None, [unit, cut])))
-    axes.set_ylim(0, 1.35 * top)
+    crowded = any(c.high > 0.8 * top for bars in groups for c in bars.claims if c)
+    axes.set_ylim(0, (1.5 if crowded else 1.35) * top)
     axes.grid(visible=False, axis="x")
     axes.legend(ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
 

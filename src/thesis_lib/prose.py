@@ -79,7 +79,21 @@ def _sound_results(opened: dict[str, xr.Dataset]) -> str:
 
 def _experiment_results(opened: dict[str, xr.Dataset]) -> str:
     chapter = _chapter(opened, "experiment")
-    return "\n".join([_changes(chapter), _agreement(chapter)])
+    return "\n".join([_changes(chapter), _agreement(chapter), *map(_explaining_scatter, chapter)])
+
+
+def _explaining_scatter(cube: xr.Dataset) -> str:
+    """How inexact centres would have to be to give what the thesis states of the first setting."""
+    part = figures.select(cube, "literal", 1).isel(setting=0)
+    claim = figures.stated(cube, "literal", 1)[0]
+    if claim is None:
+        return ""
+    scatter, error = float(part["centre_scatter"]), float(part["predicted_error"])
+    return (
+        f"Marker centres that scatter by {scatter * claim.high / error:.2f} px would by themselves "
+        f"give the stated {claim.stated} of {part['label'].item()}; ours scatter by {scatter:.3f} "
+        "px.\n"
+    )
 
 
 def _changes(chapter: Sequence[xr.Dataset]) -> str:

@@ -26,15 +26,8 @@ from thesis_lib.experiment.manifest import Manifest, ManifestError, check_record
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.symmetry import unify
 from thesis_lib.experiment.synchronisation import Synchronisation, synchronise
-from thesis_lib.experiment.tracking import (
-    Image,
-    Tracker,
-    TrackingError,
-    View,
-    find_view,
-    sharpen,
-    view_of,
-)
+from thesis_lib.experiment.tracking import Tracker, sharpen
+from thesis_lib.experiment.view import Image, TrackingError, View, find_view, view_of
 
 Array = NDArray[np.float64]
 CALIBRATIONS = ("literal", "full")

@@ -21,7 +21,8 @@ from thesis_lib.experiment.manifest import read_manifest
 from thesis_lib.experiment.render import Sensor
 from thesis_lib.experiment.requests import Laboratory
 from thesis_lib.experiment.scene import Component, on_surface
-from thesis_lib.experiment.tracking import Tracker, assign, find_view, sharpen
+from thesis_lib.experiment.tracking import Tracker, assign, sharpen
+from thesis_lib.experiment.view import find_view
 from thesis_lib.files import project_root, staging
 
 Array = NDArray[np.float64]

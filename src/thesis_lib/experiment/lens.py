@@ -110,7 +110,10 @@ def undistort(xy: ArrayLike, distortion: ArrayLike, steps: int = 6) -> Array:
             guess += np.stack([d * ex - b * ey, a * ey - c * ex]) / determinant
         (a, b), (c, d) = distortion_jacobian(guess, distortion)
         missed = np.abs(target - distort(guess, distortion)).max(axis=0)
-        reached = (missed < 1e-9) & (a * d - b * c > 0)
+        r2 = np.sum(guess**2, axis=0)
+        k1, k2, _, _, k3 = np.asarray(distortion, float)
+        upright = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)) > 0  # else the image is on the other side
+        reached = (missed < 1e-9) & (a * d - b * c > 0) & upright
     return np.where(reached, guess, np.nan)
 
 

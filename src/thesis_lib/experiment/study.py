@@ -295,7 +295,7 @@ def _harmonic_trials(
     fitted = _unblurred(tracks, instant, exposures)
     amplitude = rc.harmonic_deflection(tracks.P, tracks.frame, instant.omega, fitted)
     base = rc.real_shape(amplitude, instant.phase)
-    seen = np.isfinite(tracks.sigma).all(axis=1)
+    seen = np.asarray(np.isfinite(tracks.sigma).all(axis=1))
     gains = rc.normal_gain(tracks.P, tracks.frame, _rest_points(tracks), seen)
     spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in fitted])
     by_noise = np.einsum("cim,tcim->tm", gains, np.nan_to_num(spread * tracks.sigma) * noise)
@@ -364,6 +364,7 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
                 "ground_sample_distance": np.mean(
                     [study.distance_mm / 1000 / c.K[0, 0] for c in tracks.cameras]
                 ),
+                "centre_scatter": _rms(tracks.sigma),
                 "grid_residual": tracks.frame.rms,
                 "grid_scale": tracks.frame.scale,
                 "grid_tilt": np.degrees(tracks.frame.tilt),
@@ -423,6 +424,7 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
     "missing": (("mode", "trial"), "float64", "1", "share of markers that no two cameras see"),
     "in_view": ((), "float64", "1", "share of camera x marker images on the sensor"),
     "ground_sample_distance": ((), "float64", "m/px", "length of a pixel at the origin"),
+    "centre_scatter": ((), "float64", "px", "scatter of the centres about their harmonics"),
     "grid_residual": ((), "float64", "m", "rms distance of the markers at rest from their grid"),
     "grid_scale": ((), "float64", "1", "size of the measured grid over the nominal one"),
     "grid_tilt": ((), "float64", "degree", "angle of the measured plane to the fitted grid"),

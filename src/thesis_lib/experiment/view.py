@@ -1,0 +1,178 @@
+"""How a camera sees the beam's plane: a homography, from the beam's four corners.
+
+The corners are found in the picture, as those of the largest bright region, or given; a hole tells
+which end is clamped (thesis 5.1.2, figures F.3 and F.4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.experiment.lens import HALF, Camera, distort, from_pixels, to_pixels, undistorted
+from thesis_lib.experiment.scene import Markers
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+class TrackingError(ValueError):
+    """A beam that is not found; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class View:
+    """How a camera sees the beam's plane.
+
+    Parameters
+    ----------
+    camera : Camera
+        Intrinsics and distortion; the pose is not used.
+    markers : Markers
+        What is printed on the beam.
+    H_image_plane : ndarray, shape (3, 3)
+        Homography from the beam's plane in m to undistorted pixels.
+    blur : float
+        Standard deviation in px of the edges in the picture.
+    """
+
+    camera: Camera
+    markers: Markers
+    H_image_plane: Array
+    blur: float = 0.6
+
+    def to_image(self, plane: ArrayLike) -> Array:
+        """Pixels (2, ...), distortion included, of points (2, ...) of the plane in m."""
+        ideal = apply(self.H_image_plane, plane)
+        camera = self.camera
+        return to_pixels(camera.K, distort(from_pixels(camera.K, ideal), camera.distortion))
+
+    def to_plane(self, uv: ArrayLike) -> Array:
+        """Points (2, ...) of the plane in m of pixels (2, ...)."""
+        return apply(np.linalg.inv(self.H_image_plane), undistorted(self.camera, uv))
+
+    def stretch(self, plane: ArrayLike) -> Array:
+        """Derivative of :meth:`to_image`, shape (2, 2, n), in px/m, for points (2, n)."""
+        step, (x, y) = 1e-4, np.asarray(plane, float)
+        along = self.to_image([x + step, y]) - self.to_image([x - step, y])
+        across = self.to_image([x, y + step]) - self.to_image([x, y - step])
+        return np.stack([along, across], axis=1) / (2 * step)
+
+
+def apply(H: ArrayLike, points: ArrayLike) -> Array:
+    """A homography (3, 3) applied to points (2, ...)."""
+    H, p = np.asarray(H, float), np.asarray(points, float)
+    x, y, w = np.tensordot(H[:, :2], p, axes=1) + H[:, 2].reshape((3,) + (1,) * (p.ndim - 1))
+    return np.stack([x / w, y / w])
+
+
+def homography(source: ArrayLike, target: ArrayLike) -> Array:
+    """Homography that takes points (2, n) to points (2, n) best in the target; NaN is left out."""
+    source, target = np.asarray(source, float), np.asarray(target, float)
+    known = np.isfinite(source[0] + target[0])
+    H, _ = cv2.findHomography(source.T[known], target.T[known])
+    return np.asarray(H, float)
+
+
+# Finding the beam.
+
+
+def find_view(image: Image, camera: Camera, markers: Markers) -> View:
+    """Find the beam, a bright quadrilateral on a dark ground, and which end is clamped.
+
+    The hole tells the two ends apart. Corners that are given instead go to :func:`view_of`.
+
+    Raises
+    ------
+    TrackingError
+        If no such quadrilateral is seen, or the hole does not tell the ends apart.
+    """
+    corners = undistorted(camera, _bright_quadrilateral(image))
+    if markers.hole is None:
+        raise TrackingError(
+            f"camera {camera.name}: the beam has no hole to tell its ends apart, give the four "
+            "corners (corners_px)"
+        )
+    views = [view_of(camera, markers, np.roll(corners, turn, axis=1)) for turn in (0, 2)]
+    scores = [_hole_score(image, view) for view in views]
+    if abs(scores[0] - scores[1]) < 0.2:
+        raise TrackingError(
+            f"camera {camera.name}: the hole is not seen, so the clamped end is not known; give "
+            "the four corners (corners_px)"
+        )
+    return views[int(np.argmax(scores))]
+
+
+def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
+    """The view for the four corners in undistorted px, shape (2, 4).
+
+    In the order of the beam's frame: (0, 0), (L, 0), (L, W), (0, W).
+    """
+    length, width = markers.beam.extent
+    plane = np.array([[0, length, length, 0], [0, 0, width, width]])
+    return View(camera, markers, homography(plane, corners))
+
+
+def _bright_quadrilateral(image: Image) -> Array:
+    """Corners (2, 4) in px of the largest bright region, the longer sides first and third."""
+    _, bright = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
+    outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not outlines:
+        raise TrackingError("no bright region in the frame, so no beam")
+    outline = max(outlines, key=cv2.contourArea)
+    box = cv2.boxPoints(cv2.minAreaRect(outline)).astype(float)
+    points = outline[:, 0].astype(float)
+    if np.linalg.norm(box[1] - box[0]) < np.linalg.norm(box[2] - box[1]):
+        box = np.roll(box, -1, axis=0)
+    if cv2.contourArea(outline) < 50 or np.linalg.norm(box[2] - box[1]) < 2:
+        raise TrackingError("the largest bright region is too small to be the beam")
+    for _ in range(3):  # points go to the nearest side, sides to their points
+        nearest = np.argmin([_distance(points, a, b) for a, b in _sides(box)], axis=0)
+        lines = []
+        for side, (a, b) in enumerate(_sides(box)):
+            own = points[nearest == side]
+            along = (own - a) @ (b - a) / np.sum((b - a) ** 2)
+            own = own[(along > 0.03) & (along < 0.97)]  # corners are round
+            if len(own) < 2:
+                own = np.stack([a, b])
+            vx, vy, x0, y0 = cv2.fitLine(own.astype(np.float32), cv2.DIST_HUBER, 0, 0.01, 0.01)
+            lines.append(np.array([vy, -vx, vx * y0 - vy * x0]).ravel())
+        cross = [np.cross(lines[k - 1], lines[k]) for k in range(4)]
+        box = np.array([c[:2] / c[2] for c in cross])
+    # Contours run through the centres of the outermost bright pixels, half a pixel inside.
+    middle = box.mean(axis=0)
+    box = box + HALF * np.sign(box - middle) * [0, 1] + HALF
+    (x, y), (x_next, y_next) = box.T, np.roll(box, -1, axis=0).T
+    if np.sum(x * y_next - y * x_next) > 0:  # seen from above it runs this way
+        box = box[[1, 0, 3, 2]]
+    return np.asarray(box.T)
+
+
+def _sides(box: Array) -> list[tuple[Array, Array]]:
+    return [(box[k], box[(k + 1) % 4]) for k in range(4)]
+
+
+def _distance(points: Array, a: Array, b: Array) -> Array:
+    """Distance of points (n, 2) from the segment from a to b."""
+    t = np.clip((points - a) @ (b - a) / np.sum((b - a) ** 2), 0, 1)
+    return np.asarray(np.linalg.norm(points - a - t[:, None] * (b - a), axis=1))
+
+
+def _hole_score(image: Image, view: View) -> float:
+    """Contrast of the place where the hole should be, from 0 to about 1."""
+    assert view.markers.hole is not None
+    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    ring = view.markers.diameter * 0.85 * np.stack([np.cos(turn), np.sin(turn)])
+    hole = np.array(view.markers.hole)[:, None]
+    inside, around = (view.to_image(hole + part) for part in (0.2 * ring, ring))
+    grey = [_sample(image, uv) for uv in (inside, around)]
+    white = np.percentile(grey[1], 75)
+    return float((white - np.mean(grey[0])) / max(white, 1.0))
+
+
+def _sample(image: Image, uv: Array) -> Array:
+    u, v = (uv - HALF).astype(np.float32)
+    return np.asarray(cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR)[0], np.float64)
