@@ -9,6 +9,8 @@ import pytest
 import xarray as xr
 
 from thesis_lib import setups
+from thesis_lib.experiment import draws as ed
+from thesis_lib.experiment import shapes
 from thesis_lib.experiment import study as es
 from thesis_lib.experiment.filmed import rig_of, true_tracks
 from thesis_lib.experiment.requests import (
@@ -221,14 +223,14 @@ def test_trials_scatter_as_is_predicted(cubes, case):
 @pytest.mark.parametrize("frames", [1, 4, 10**6])
 def test_the_noise_of_the_rest_shrinks_with_its_frames(noisy, method, frames):
     own = replace(tracks(noisy, method), rest_frames=frames)
-    instant = es.instant_of(noisy, BEAM.damping)
+    instant = shapes.instant_of(noisy, BEAM.damping)
     draws = drawn(np.full((400, 4), 0.1))  # all start at once
-    found = es.trials(own, instant, method, draws, range(4), np.zeros(4))
-    predicted = es.predicted(own, method, instant, np.zeros(4))
+    found = ed.trials(own, instant, method, draws, range(4), np.zeros(4))
+    predicted = shapes.predicted(own, method, instant, np.zeros(4))
     scatter = np.sqrt(np.mean(found.var(axis=0, ddof=1)))
     assert scatter == pytest.approx(np.sqrt(np.mean(predicted**2)), rel=0.15)
     endless = replace(own, rest_frames=10**9)
-    ratio = predicted / es.predicted(endless, method, instant, np.zeros(4))
+    ratio = predicted / shapes.predicted(endless, method, instant, np.zeros(4))
     if method == "literal":
         np.testing.assert_allclose(ratio, np.sqrt(1 + 1 / frames), rtol=1e-6)
     else:  # interpolation has less noise of its own
@@ -328,22 +330,24 @@ def test_a_missed_peak_costs_what_the_cosine_says(offset):
 def drawn(starts, clocks=None):
     """Draws with given starts and clock errors (trials, cameras)."""
     starts = np.asarray(starts, float)
-    seeds = np.random.SeedSequence(0).spawn(len(starts))
-    return es.Draws(starts, np.zeros_like(starts) if clocks is None else clocks, seeds)
+    noise = np.random.default_rng(0).standard_normal((len(starts), 2, 4, 2, 75))
+    return ed.Draws(starts, np.zeros_like(starts) if clocks is None else clocks, noise)
 
 
 def tracks(data, method, names="ABCD"):
-    return es.tracks_of(data, MARKERS, names, 1920, "full" if method == "harmonic" else "literal")
+    return shapes.tracks_of(
+        data, MARKERS, names, 1920, "full" if method == "harmonic" else "literal"
+    )
 
 
 def test_trials_of_the_literal_way_miss_the_peak_by_the_cosine():
     _, data = whole_frames(0.0)
-    instant = es.instant_of(data, BEAM.damping)
+    instant = shapes.instant_of(data, BEAM.damping)
     offsets = np.array([-0.5, -0.3, 0.0, 0.1, 0.45])
     # On the reference's clock a maximum lies so far after a frame at time 0.
     start = (instant.times[0] * 60) % 1 / 60 + offsets[:, None] / 60
     draws = drawn(start + np.array([0, 5, 1, 2]) / 60)
-    found = es.trials(tracks(data, "literal"), instant, "literal", draws, range(4), np.zeros(4))
+    found = ed.trials(tracks(data, "literal"), instant, "literal", draws, range(4), np.zeros(4))
     shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
     expected = np.outer(np.cos(2 * np.pi * 5 * offsets / 60), shape)
     np.testing.assert_allclose(found, expected, atol=4e-8)  # of images with two harmonics
@@ -355,12 +359,12 @@ def test_trials_of_the_literal_way_are_what_the_chain_makes_of_such_starts():
     request = study.recordings.model_copy(update={"widths_px": [1920]})
     starts = 0.0313 + np.array([0, 3.744, 10.23, 6.87]) / 60
     data = recordings(request, starts=starts)
-    instant = es.instant_of(data, BEAM.damping)
+    instant = shapes.instant_of(data, BEAM.damping)
     own = tracks(data, "literal")
-    chain = es.deflection(own, instant, "literal", np.zeros(4))
+    chain = shapes.deflection(own, instant, "literal", np.zeros(4))
     # Trials count from the start of the reference's clock.
     draws = drawn([starts - starts[0]])
-    trial = es.trials(own, instant, "literal", draws, range(4), np.zeros(4))[0]
+    trial = ed.trials(own, instant, "literal", draws, range(4), np.zeros(4))[0]
     assert np.abs(trial - chain).max() < 1e-3 * np.abs(chain).max()
     perfect = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
     assert np.abs(chain - perfect).max() > 5 * np.abs(trial - chain).max()
@@ -368,9 +372,9 @@ def test_trials_of_the_literal_way_are_what_the_chain_makes_of_such_starts():
 
 @pytest.mark.parametrize("method", ["aligned", "harmonic"])
 def test_the_other_methods_do_not_care_when_the_cameras_start(exact, method):
-    instant = es.instant_of(exact, BEAM.damping)
+    instant = shapes.instant_of(exact, BEAM.damping)
     draws = drawn(np.random.default_rng(0).uniform(0, 0.25, (5, 4)))
-    found = es.trials(tracks(exact, method), instant, method, draws, range(4), np.zeros(4))
+    found = ed.trials(tracks(exact, method), instant, method, draws, range(4), np.zeros(4))
     shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
     np.testing.assert_allclose(found, np.tile(shape, (5, 1)), atol=1e-7)
 
@@ -378,10 +382,10 @@ def test_the_other_methods_do_not_care_when_the_cameras_start(exact, method):
 @pytest.mark.parametrize("method", ["aligned", "harmonic"])
 def test_a_wrong_clock_costs_its_camera_s_part(exact, method):
     # All cameras but the reference wrong alike: that is what is left of them at the peak.
-    instant = es.instant_of(exact, BEAM.damping)
+    instant = shapes.instant_of(exact, BEAM.damping)
     clocks = np.array([[0.0, 1, 1, 1]]) / 60 * 0.5
     draws = drawn(np.zeros((1, 4)), clocks)
-    found = es.trials(tracks(exact, method), instant, method, draws, range(4), np.zeros(4))[0]
+    found = ed.trials(tracks(exact, method), instant, method, draws, range(4), np.zeros(4))[0]
     shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
     share = 1 - np.vdot(found, shape) / np.vdot(shape, shape)
     loss = 1 - np.cos(instant.omega * 0.5 / 60)
@@ -389,7 +393,7 @@ def test_a_wrong_clock_costs_its_camera_s_part(exact, method):
 
 
 def test_the_instants_are_the_maxima_of_the_steady_part(exact):
-    instant = es.instant_of(exact, BEAM.damping)
+    instant = shapes.instant_of(exact, BEAM.damping)
     begin, end = exact["steady"].values
     assert np.all((instant.times > begin) & (instant.times < end))
     np.testing.assert_allclose(np.diff(instant.times), 1 / 4.25)
@@ -400,7 +404,7 @@ def test_the_instants_are_the_maxima_of_the_steady_part(exact):
 
 
 def test_the_chosen_frame_is_nearest_to_any_maximum(exact):
-    instant = es.instant_of(exact, BEAM.damping)
+    instant = shapes.instant_of(exact, BEAM.damping)
     offset = np.random.default_rng(0).uniform(-5, 5, (7, 2))
     peak, frame = instant.nearest(60, offset)
     assert peak.shape == frame.shape == (7, 2)
@@ -567,3 +571,10 @@ def test_the_parameters_reach_the_rig():
     assert (station.frame_rate, station.sensor.exposure) == (100, 0.002)
     assert (station.sensor.shot, station.sensor.read) == (0.1, 2.0)
     assert (rig.audio_noise_db, rig.seed) == (30, 9)
+
+
+def test_a_trial_is_the_same_however_many_there_are():
+    _, data = whole_frames(0.0)
+    few, many = (ed.draw(validate("experiment-cameras", {"trials": n}), data) for n in (2, 5))
+    for name in ("starts", "clocks", "noise"):
+        np.testing.assert_array_equal(getattr(few, name), getattr(many, name)[:2])

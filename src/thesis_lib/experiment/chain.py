@@ -199,6 +199,7 @@ def follow(
     markers: Markers,
     widths: Sequence[int],
     corners_px: Sequence[tuple[float, float]] | None = None,
+    turn: float = 0.0,
 ) -> tuple[Array, list[str]]:
     """Centres of the markers in every frame of a video, reduced to several widths.
 
@@ -217,7 +218,9 @@ def follow(
         Widths in px; heights follow.
     corners_px : sequence of tuple, optional
         The beam's corners in the picture, lens distortion included, in the order of
-        :func:`.tracking.view_of`.
+        :func:`.view.view_of`.
+    turn : float
+        Angle of the vibration from frame to frame in rad, as :class:`.tracking.Tracker` takes it.
 
     Returns
     -------
@@ -248,7 +251,7 @@ def follow(
                     own = sharpen(picture, own)
                 except TrackingError as error:
                     notes.append(f"{picture.shape[1]} px: {error}")
-                trackers.append(Tracker(own))
+                trackers.append(Tracker(own, turn))
         rows.append([t.centres(p) for t, p in zip(trackers, pictures, strict=True)])
     return np.array(rows).swapaxes(0, 1), notes
 
@@ -322,7 +325,8 @@ def measure(
 
     def one(index: int) -> tuple[Array, list[str]]:
         files = manifest.cameras[index]
-        return follow(folder / files.video, full[index], markers, widths, files.corners_px)
+        turn = 2 * np.pi * sound.frequency / files.frame_rate_hz
+        return follow(folder / files.video, full[index], markers, widths, files.corners_px, turn)
 
     with ThreadPoolExecutor(2) as pool:
         followed = list(pool.map(one, range(len(manifest.cameras))))

@@ -32,9 +32,9 @@ WRONG = 1.0  # px from the truth beyond which a marker counts as taken for anoth
 def sources() -> list[Path]:
     """The files that the recordings and what is measured on them depend on."""
     here = Path(__file__).parent
-    later = {"study.py", "requests.py", "numbers.py", "pictures.py", "photographs.py",
-             "signals.py", "sketches.py"}  # fmt: skip
-    files = [path for path in here.glob("*.py") if path.name not in later]
+    later = {"requests", "shapes", "draws", "study", "numbers", "pictures", "photographs",
+             "signals", "sketches"}  # fmt: skip
+    files = [path for path in here.glob("*.py") if path.stem not in later]
     files += [here.parent / name for name in ("cameras.py", "structures.py")]
     return [*files, setups.data_folder() / "structures.toml", project_root() / "requirements.lock"]
 

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib import setups
-from thesis_lib.experiment import study, tracking
+from thesis_lib.experiment import shapes, tracking
 from thesis_lib.experiment.scene import Component, Markers
 from thesis_lib.prose import table
 
@@ -111,15 +111,15 @@ def _shapes(data: xr.Dataset) -> str:
     beam, row = markers.beam, markers.middle_row
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference = part.amplitude * part.shape(beam, beam.markers)
-    instant = study.instant_of(data, beam.damping)
+    instant = shapes.instant_of(data, beam.damping)
     names = "".join(data["camera"].values.tolist())
     exposures = data["exposure"].values
     widest = int(data["width"].max())
-    by = {kind: study.tracks_of(data, markers, names, widest, kind) for kind in (LITERAL, FULL)}
+    by = {kind: shapes.tracks_of(data, markers, names, widest, kind) for kind in (LITERAL, FULL)}
     rows = []
     for method in ("literal", "aligned", "harmonic"):
         tracks = by[FULL if method == "harmonic" else LITERAL]
-        measured = study.deflection(tracks, instant, method, exposures)[row]
+        measured = shapes.deflection(tracks, instant, method, exposures)[row]
         error = 100 * np.abs(measured - reference) / np.abs(reference).max()
         rows.append(
             [method, f"{1000 * measured[-1]:.4f}", f"{np.sqrt(np.nanmean(error**2)):.3f}",

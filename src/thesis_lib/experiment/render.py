@@ -3,7 +3,8 @@
 A scene is a set of flat colours bounded by closed polygons in space. Their vertices are projected
 exactly, lens distortion included; the share of each pixel that a polygon covers is then the exact
 area of the projected polygon in the pixel, summed edge by edge (the signed-area method of font
-rasterisers). So nothing is sampled: the only approximation is the number of vertices.
+rasterisers). The approximations are the number of vertices and, where the light spreads, that it
+does so between half pixels.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from thesis_lib import setups
 from thesis_lib.experiment import reconstruction as rc
 from thesis_lib.experiment.laboratory import REST
 from thesis_lib.experiment.scene import Markers
+from thesis_lib.experiment.shapes import ORDER
 from thesis_lib.experiment.sketches import INK, WIDE, names_of, tip_marker
-from thesis_lib.experiment.study import ORDER
 from thesis_lib.figures import STYLE, color
 
 Array = NDArray[np.float64]

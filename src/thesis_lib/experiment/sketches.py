@@ -17,7 +17,7 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from thesis_lib import setups
-from thesis_lib.experiment import study
+from thesis_lib.experiment import shapes
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.figures import COLORS, HIGHLIGHT, REFERENCE, STYLE, color
 
@@ -45,7 +45,7 @@ def tip_marker(markers: Markers) -> int:
 def rig(data: xr.Dataset) -> Figure:
     """Cameras and beam as the calibration found them, and what is printed (figures 5.1, F.1)."""
     markers = Markers(setups.beam())
-    found = study.tracks_of(data, markers, names_of(data), int(data["width"].max()), "full")
+    found = shapes.tracks_of(data, markers, names_of(data), int(data["width"].max()), "full")
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)

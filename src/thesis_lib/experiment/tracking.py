@@ -72,10 +72,18 @@ def _gate(markers: Markers) -> float:
 
 
 class Tracker:
-    """Tracks the markers of one camera, frame after frame."""
+    """Tracks the markers of one camera, frame after frame.
 
-    def __init__(self, view: View) -> None:
-        self.view = view
+    Parameters
+    ----------
+    view : View
+        How the camera sees the beam's plane.
+    turn : float
+        Angle ωΔt of the vibration from frame to frame in rad; 0 if it is not known.
+    """
+
+    def __init__(self, view: View, turn: float = 0.0) -> None:
+        self.view, self.turn = view, turn
         markers = view.markers
         length, width = markers.beam.extent
         self.origin = np.array([-REACH, -REACH]) + 0.5 / SCALE
@@ -94,7 +102,9 @@ class Tracker:
 
         Frames are to be given in their order: what moved before tells where to look.
         """
-        predicted = self.grid + np.clip(2 * self.moved - self.before, -REACH, REACH)
+        # Harmonic motion has x(t + Δt) = 2 cos(ωΔt) x(t) − x(t − Δt); turn 0 goes straight on.
+        ahead = 2 * np.cos(self.turn) * self.moved - self.before
+        predicted = self.grid + np.clip(ahead, -REACH, REACH)
         found, _ = assign(predicted, self.matches(image), self.gate)
         uv, _ = refine(image, self.view, found)
         seen = self.view.to_plane(uv) - self.grid

@@ -1,0 +1,121 @@
+"""Trials: what the laboratory would have given on other days.
+
+They cannot be filmed again: they are drawn at the level of markers, from the harmonics that were
+fitted to the tracks: new starts of the cameras, new errors of their clocks, new noise of the
+centres, of the size that the tracks show. A trial's draw depends on the seed and its number alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.experiment import reconstruction as rc
+from thesis_lib.experiment.delays import delay_deviation
+from thesis_lib.experiment.laboratory import LATE, SAMPLE_RATE
+from thesis_lib.experiment.requests import NAMES, Experiment
+from thesis_lib.experiment.shapes import (
+    Instant,
+    Tracks,
+    interpolation_gain,
+    rest_points,
+    unblurred,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Draws:
+    """What differs from trial to trial, for all four cameras.
+
+    Parameters
+    ----------
+    starts : ndarray, shape (trials, cameras)
+        True starts, s.
+    clocks : ndarray, shape (trials, cameras)
+        Errors of the aligned clocks, s.
+    noise : ndarray, shape (trials, 2, cameras, 2, markers)
+        Of centres at rest and in motion, with a standard deviation of one.
+    """
+
+    starts: Array
+    clocks: Array
+    noise: Array
+
+
+def draw(study: Experiment, data: xr.Dataset) -> Draws:
+    """What all trials draw."""
+    seconds = float(data["steady"][1] - data["steady"][0])
+    sigma = delay_deviation(
+        study.frequency_hz, 10 ** (study.audio_noise_db / 10), int(seconds * SAMPLE_RATE)
+    )
+    n = len(NAMES)
+    starts, clocks = np.empty((2, study.trials, n))
+    noise = np.empty((study.trials, 2, n, 2, data.sizes["marker"]))
+    for k in range(study.trials):
+        rng = np.random.default_rng([study.seed, 5, k + 1])
+        starts[k], clocks[k] = rng.uniform(0, LATE, n), sigma * rng.standard_normal(n)
+        noise[k] = rng.standard_normal(noise.shape[1:])
+    return Draws(starts, clocks, noise)
+
+
+def trials(
+    tracks: Tracks, instant: Instant, method: str, draws: Draws, index: Sequence[int],
+    exposures: Array,
+) -> Array:  # fmt: skip
+    """Deflections of all markers in trials 1 …, shape (trials, markers), m."""
+    P, rate, sigma = tracks.P, tracks.rate, tracks.sigma
+    starts, clocks = draws.starts[:, index], draws.clocks[:, index]
+    clocks = clocks - clocks[:, :1]  # errors are those against the reference
+    noise = draws.noise[:, :, index]
+    rest = tracks.rest + sigma / np.sqrt(tracks.rest_frames) * noise[:, 0]
+    if method == "harmonic":
+        return _harmonic_trials(tracks, instant, clocks, noise[:, 1], exposures)
+    delay = starts - starts[:, :1]
+    if method == "literal":
+        # The reference's frames fall as they like; the others follow in whole frames.
+        _, chosen = instant.nearest(rate, starts[:, :1] * rate)
+        left = (delay + clocks) * rate
+        at = chosen + (left - np.rint(left)) / rate
+        scale = np.ones_like(at)
+    else:
+        at = instant.times[0] + clocks
+        scale = np.array([interpolation_gain(f) for f in ((starts * rate) % 1).ravel()])
+        scale = scale.reshape(at.shape)
+    images = np.stack(
+        [own.at(instant.omega, at[:, i]) for i, own in enumerate(tracks.harmonics)], axis=1
+    )
+    images = images + scale[:, :, None, None] * sigma * noise[:, 1]
+    pair = np.stack([rest, images])  # (2, trials, cameras, 2, markers)
+    both = np.isfinite(pair).all(axis=0)
+    pair = np.where(both, pair, np.nan).transpose(2, 3, 0, 1, 4)
+    points, _ = rc.triangulate_seen(P, pair)
+    height = tracks.frame.to_beam(points)[2]
+    return np.asarray(height[1] - height[0])
+
+
+def _harmonic_trials(
+    tracks: Tracks, instant: Instant, clocks: Array, noise: Array, exposures: Array
+) -> Array:
+    """Trials of the harmonic fit: its first harmonic with noise, the clocks in error.
+
+    The phase is free in the fit, so of the noise of the two coefficients only the part in phase
+    with the motion counts; the mean and the second harmonic carry none of the deflection.
+    """
+    fitted = unblurred(tracks, instant, exposures)
+    amplitude = rc.harmonic_deflection(tracks.P, tracks.frame, instant.omega, fitted)
+    base = rc.real_shape(amplitude, instant.phase)
+    seen = np.asarray(np.isfinite(tracks.sigma).all(axis=1))
+    gains = rc.normal_gain(tracks.P, tracks.frame, rest_points(tracks), seen)
+    spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in fitted])
+    by_noise = np.einsum("cim,tcim->tm", gains, np.nan_to_num(spread * tracks.sigma) * noise)
+    # A clock that is wrong by e turns the camera's image by ωe: cos(ωe) − 1 of it is lost.
+    image = np.array([h.coefficients[1] - 1j * h.coefficients[2] for h in fitted])
+    image = np.nan_to_num(np.real(image * np.exp(-1j * instant.phase)))
+    by_clock = np.einsum("cim,tc,cim->tm", gains, np.cos(instant.omega * clocks) - 1, image)
+    return np.asarray(base + by_noise + by_clock)
