@@ -73,9 +73,10 @@ def print_laboratory() -> None:
     print(f"{f.tracking:>9.1f} ms         to track 76 markers in a frame")
     adjustment = 1000 * laboratory.adjustment_seconds()
     print(f"{adjustment:>9.1f} ms         to adjust 4 cameras and 12 boards")
-    seconds, memory = laboratory.chapter()
-    print(f"{seconds:>9.1f} s          both notebooks of chapter 5 from nothing, all cores; "
-          f"at most {memory:.0f} MiB in a process")  # fmt: skip
+    for codec in ("lossless", "h264"):
+        seconds, memory, error = laboratory.chapter(f"codec={codec}")
+        print(f"{seconds:>9.1f} s          both notebooks of chapter 5 from nothing, {codec}; "
+              f"at most {memory:.0f} MiB in a process; harmonic fit: {error:.3f} %")  # fmt: skip
 
 
 def print_growth(growths: list[measure.Growth]) -> None:

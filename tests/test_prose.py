@@ -3,8 +3,10 @@
 import re
 
 import pytest
+from laboratory_scene import recordings
 
 from thesis_lib import claims, cubes, files, notebook, prose, sound, studies
+from thesis_lib.experiment import numbers, study
 from thesis_lib.parameters import STUDIES, validate
 
 
@@ -14,7 +16,10 @@ def opened():
     made = {}
     for name, model in STUDIES.items():
         request = validate(name, {"trials": 12})
-        if model.subject == "sound":
+        if model.subject == "experiment":
+            data = recordings(request.recordings, sigma=0.02)
+            cube = study.run(request, data)
+        elif model.subject == "sound":
             request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
             cube = sound.run(request, made[name.replace("sound", "plate")])
         else:
@@ -26,7 +31,8 @@ def opened():
 def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     book = files.project_root() / "book"
     pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
-    assert set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages)) == set(prose.PIECES)
+    included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
+    assert included == {*prose.PIECES, *numbers.PIECES}
 
 
 @pytest.mark.parametrize("name", prose.PIECES)

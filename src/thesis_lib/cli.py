@@ -37,9 +37,9 @@ def list_(name: str | None) -> None:
 
     if name is None:
         for study in STUDIES.values():
-            click.echo(f"{study.name:<18} {len(study().settings()):>3} settings   {study.title}")
+            click.echo(f"{study.name:<22} {len(study().settings()):>3} settings   {study.title}")
         for chapter, names in CHAPTERS.items():
-            click.echo(f"{chapter:<18} {'':>12}   {', '.join(names)}")
+            click.echo(f"{chapter:<22} {'':>12}   {', '.join(names)}")
         click.echo("\n`thesis list NAME` shows a set's parameters, `thesis run NAME` runs it.")
         return
     try:

@@ -248,7 +248,8 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
             f"{row.case:>6} {row.label:>12} {row.mode:>4} "
             f"{SHORT[row.error]:>5} | "
             f"{new:>20} | {old:>20} | {change:>7} | "
-            f"{row.trial_0_old:>6.1f} → {row.trial_0:>6.1f}{' *' if row.apart else ''}"
+            f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
+            f"{' *' if row.apart else ''}"
         )
     lines.append("errors in % of the largest reference value; * the bands do not meet")
     return lines

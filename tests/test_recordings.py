@@ -1,0 +1,162 @@
+"""The book's own recordings of chapter 5: filmed once, kept in the cache, held to their bounds."""
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thesis_lib import cubes, notebook
+from thesis_lib.experiment import filmed, numbers, pictures, study
+from thesis_lib.parameters import validate
+
+SOURCES = {path.name for path in filmed.sources()}
+
+
+@pytest.fixture(scope="module")
+def data():
+    """What was measured on the default recordings; filmed now if that has not been done."""
+    request = validate("experiment-resolution", {}).recordings
+    return cubes.cached(request, filmed.run, filmed.sources())
+
+
+@pytest.fixture(scope="module")
+def results(data):
+    requests = [validate(f"experiment-{name}", {}) for name in ("resolution", "cameras")]
+    made = [cubes.with_provenance(study.run(r, data), r, 0.0) for r in requests]
+    return {cube.attrs["figure_set"]: cube for cube in made}
+
+
+def of(cube, case, label):
+    rows = (cube["case"].values == case) & (cube["label"].values == label)
+    return cube.isel(setting=np.flatnonzero(rows)[0], mode=0)
+
+
+# The chain, step by step, against the truth.
+
+
+def test_cameras_are_where_they_are(data):
+    assert np.abs(data["focal_error_single"]).max() < 0.2
+    assert np.abs(data["focal_error_full"]).max() < 0.03
+    assert data["centre_error_full"].max() < 0.2e-3
+    assert data["centre_error_literal"].max() < 0.2e-3
+    # Of the size that the adjustment predicts from its residuals alone.
+    ratio = np.sqrt(np.mean(data["centre_error_full"] ** 2 / data["centre_deviation"] ** 2))
+    assert 0.5 < ratio < 2
+
+
+def test_every_picture_of_the_board_is_used(data):
+    assert data["shots_used"].values.tolist() == [12] * 4
+
+
+def test_clocks_are_aligned(data):
+    frames = (data["delay"] - data["true_delay"]).values * data["frame_rate"].values
+    assert np.abs(frames).max() < 0.02
+    whole = data["delay_frames"] - data["true_delay"].values * data["frame_rate"].values
+    assert np.abs(whole).max() <= 0.5 + np.abs(frames).max()
+
+
+def test_markers_are_found_but_at_320_pixels(data):
+    by_width = {int(width): data.sel(width=width) for width in data["width"].values}
+    for width in (640, 1280, 1920):
+        assert by_width[width]["missing_share"] == 0
+        assert by_width[width]["wrong_share"] == 0
+        assert by_width[width]["centre_error"] < 0.03
+    assert by_width[320]["missing_share"] > 0.4
+    assert "320 px" in data.attrs["notes"]
+
+
+# What comes out.
+
+
+def test_the_literal_method_with_four_cameras(results):
+    part = of(results["experiment-cameras"], "literal", "A–B–C–D")
+    errors = part["mean_error"].values
+    assert errors[0] < 1.2
+    assert np.mean(errors[1:]) < 1.2
+    assert np.quantile(errors[1:], 0.95) < 1.2
+
+
+def test_the_harmonic_fit_with_four_cameras(results):
+    part = of(results["experiment-cameras"], "harmonic", "A–B–C–D")
+    assert part["mean_error"].values[0] < 0.03
+    assert np.quantile(part["mean_error"][1:], 0.95) < 0.03
+    assert part["mac"].values.min() > 0.9999999
+    found = complex(float(part["mobility_real"]), float(part["mobility_imag"]))
+    model = complex(*results["experiment-cameras"]["mobility_reference"].values)
+    assert abs(found / model - 1) < 2e-3
+
+
+@pytest.mark.parametrize("case", ["aligned", "harmonic"])
+def test_with_aligned_clocks_more_pixels_and_more_cameras_help(results, case):
+    for name, labels in (
+        ("experiment-resolution", ["640×360", "1280×720", "1920×1080"]),
+        ("experiment-cameras", ["A–B", "A–B–C", "A–B–C–D"]),
+    ):
+        medians = [
+            float(of(results[name], case, label)["mean_error"][1:].median()) for label in labels
+        ]
+        assert medians == sorted(medians, reverse=True)
+
+
+def test_a_beam_at_rest_fits_its_grid(results):
+    for cube in results.values():
+        full = cube.isel(setting=np.flatnonzero(cube["width_px"].values == 1920))
+        assert full["grid_residual"].max() < 20e-6
+        assert np.abs(full["grid_scale"] - 1).max() < 2e-4
+        assert full["grid_tilt"].max() < 0.01
+
+
+# What is shown of it.
+
+
+def test_tables_of_the_notebooks_hold_numbers(results):
+    for cube in results.values():
+        for table in (notebook.error_table, notebook.tracking_table, notebook.harmonic_table):
+            text = table(cube).data
+            assert "nan" not in text
+            assert len(re.findall(r"\d", text)) > 20
+
+
+@pytest.mark.parametrize("name", numbers.PIECES)
+def test_numbers_of_the_walk_through_are_numbers(data, name):
+    text = numbers.PIECES[name](data)
+    assert re.search(r"\d", text)
+    assert "nan" not in text
+
+
+def test_pictures_are_drawn_alike_each_time(data, tmp_path):
+    first, second = (pictures.write(data, tmp_path / name) for name in ("one", "two"))
+    names = [pictures.file_name(name) for name in pictures.PICTURES]
+    assert [path.name for path in first] == names
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+    assert sum(path.stat().st_size for path in first) < 4e6
+
+
+# What the cache depends on.
+
+
+def imported(path: Path) -> set[str]:
+    """Files of the library that a module imports."""
+    library = Path(filmed.__file__).parents[1]
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("thesis_lib"):
+            base = library.joinpath(*node.module.split(".")[1:])
+            files = [base / f"{alias.name}.py" for alias in node.names] + [base.with_suffix(".py")]
+            found |= {str(file) for file in files if file.is_file()}
+    return found
+
+
+def test_recordings_are_made_anew_when_what_they_depend_on_changes():
+    known, todo = set(), {filmed.__file__}
+    # These choose, check and store; what they choose is in the request.
+    harmless = {"camera_study.py", "parameters.py", "requests.py", "setups.py", "files.py"}
+    while todo:
+        path = Path(todo.pop())
+        known.add(path.name)
+        if path.name not in harmless:
+            todo |= {file for file in imported(path) if Path(file).name not in known}
+    assert known - harmless <= SOURCES
