@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.experiment.filmed import rig_of, true_tracks
+from thesis_lib.experiment.laboratory import REST
 from thesis_lib.experiment.requests import NAMES
 
 
@@ -28,6 +29,7 @@ def recordings(request, sigma=0.0, seed=0, starts=None):
     return xr.Dataset(
         {
             "tracks": (("camera", "width", "frame", "axis", "marker"), tracks),
+            "rest": ((), REST),
             "frame_rate": ("camera", [request.frame_rate_hz] * 4),
             "delay": ("camera", delays),
             "delay_frames": ("camera", np.rint(delays * request.frame_rate_hz).astype(int)),

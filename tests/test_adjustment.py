@@ -8,15 +8,13 @@ import pytest
 from calibration_scene import BOARD, SIZE, as_found, exact_images, observations, rig
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.cameras import project
 from thesis_lib.experiment import bundle, lens
-from thesis_lib.experiment.adjustment import adjust, refine_projections
-from thesis_lib.experiment.calibration import CalibrationError, literal_projection, zhang
+from thesis_lib.experiment.adjustment import adjust
+from thesis_lib.experiment.calibration import CalibrationError, zhang
 from thesis_lib.experiment.frames import (
     align,
     alignment,
     camera_deviations,
-    in_board_frame,
     moved,
 )
 from thesis_lib.experiment.poses import default_poses
@@ -91,7 +89,7 @@ def test_the_world_is_the_first_shots_board():
     result = adjust(observations(SIGMA), POINTS, rig())
     np.testing.assert_allclose(result.rotations[0], np.eye(3), atol=1e-12)
     np.testing.assert_allclose(result.translations[0], 0, atol=1e-12)
-    other = in_board_frame(result, 3)
+    other = moved(result, *bundle.to_board(result, 3))
     np.testing.assert_allclose(other.rotations[3], np.eye(3), atol=1e-12)
     np.testing.assert_allclose(other.translations[3], 0, atol=1e-12)
     world = result.rotations[5] @ POINTS + result.translations[5][:, None]
@@ -272,23 +270,3 @@ def test_alignment_undoes_any_rigid_motion():
         assert np.abs(rotations).max() < 1e-12
         for a, b in zip(cameras, rig(), strict=False):
             np.testing.assert_allclose(a.P, b.P, atol=1e-9)
-
-
-def test_the_literal_refinement_brings_the_four_projections_together():
-    """Without distortion in the pictures, the thesis's way is right, and refinement improves it."""
-    straight = [
-        lens.Camera(c.name, c.K, np.zeros(5), c.R_camera_world, c.centre, SIZE) for c in rig()
-    ]
-    R, t = default_poses()
-    world = R[0].T, -R[0].T @ t[0]
-    truth = bundle.transformed(bundle.Network(tuple(straight), R, t), *world)
-    X = np.random.default_rng(0).uniform(-0.1, 0.1, (3, 50))
-    errors = []
-    for seed in range(6):
-        uv = observations(0.1, seed, straight)
-        P = np.array([literal_projection(list(views), BOARD, SIZE) for views in uv])
-        refined = refine_projections(P, uv, BOARD, SIZE)
-        exact = project(lens.projection_matrices(truth.cameras), X)
-        errors.append([np.sqrt(np.mean((project(Q, X) - exact) ** 2)) for Q in (P, refined)])
-    literal, improved = np.mean(errors, axis=0)
-    assert improved < literal < 2

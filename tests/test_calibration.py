@@ -9,7 +9,6 @@ from thesis_lib.experiment.board import Board
 from thesis_lib.experiment.calibration import (
     CalibrationError,
     central,
-    literal_projection,
     zhang,
 )
 from thesis_lib.experiment.poses import default_poses
@@ -94,20 +93,6 @@ def test_tilted_boards_about_one_axis_are_not_refused():
     assert zhang(uv, BOARD, SIZE).K[0, 0] == pytest.approx(rig()[0].K[0, 0], rel=1e-3)
 
 
-def test_the_literal_way_ignores_the_lens_and_pays_for_it():
-    uv = observations()
-    straight = [lens.undistorted(rig()[0], shot) for shot in uv[0]]
-    R, t = default_poses()
-    P = literal_projection(straight, BOARD, SIZE)
-    camera = rig()[0]
-    board_to_camera = np.column_stack(
-        [camera.R_camera_world @ R[0], camera.R_camera_world @ t[0] + camera.t]
-    )
-    np.testing.assert_allclose(P, camera.K @ board_to_camera, rtol=1e-4, atol=1e-2)
-    bent = literal_projection(list(uv[0]), BOARD, SIZE)
-    assert np.abs(bent - P).max() > 1
-
-
 def test_the_literal_way_uses_six_by_eight_central_corners():
     part = central(BOARD)
     x, y = BOARD.corners[:2, part]
@@ -117,11 +102,6 @@ def test_the_literal_way_uses_six_by_eight_central_corners():
     np.testing.assert_allclose([x.mean(), y.mean()], 0, atol=1e-12)
     with pytest.raises(CalibrationError, match=r"^board: given 4 by 4 corners"):
         central(Board(columns=5, rows=5))
-
-
-def test_the_literal_way_needs_the_first_shot():
-    with pytest.raises(CalibrationError, match=r"^C: the first shot does not show the board$"):
-        literal_projection([None, *observations()[2][1:]], BOARD, SIZE, "C")
 
 
 def same_up_to_symmetry(unified, exact):

@@ -110,7 +110,7 @@ def _setting_results(study: CameraStudy, setting: Setting, points: Array) -> dic
 
 
 # Dimensions beside `setting`, type on disk, units, long name. Float64 where rounding matters.
-_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
+VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
     "measured_deflection": (
         ("mode", "trial", "point"), "float32", "m", "measured deflection of the markers"),
     "mean_error": (
@@ -155,7 +155,7 @@ def run(study: CameraStudy) -> xr.Dataset:
         ("mode", "point"), reference,
         {"units": "m", "long_name": "reference deflection of the markers"},
     )  # fmt: skip
-    for name, (dims, dtype, units, long_name) in _VARIABLES.items():
+    for name, (dims, dtype, units, long_name) in VARIABLES.items():
         values = np.array([result[name] for result in results]).astype(dtype)
         cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
     add_cameras(cube, settings)

@@ -14,12 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import rq
 
 from . import bundle
-from .board import Board
 from .bundle import LENS, POSE, Network
-from .calibration import CalibrationError, central
+from .calibration import CalibrationError
 from .lens import Camera
 
 Array = NDArray[np.float64]
@@ -111,43 +109,6 @@ def adjust(
     network, iterations = _minimised(observations, seen, points, network, free, steps)
     network = bundle.transformed(network, *bundle.to_board(network, 0))
     return _result(observations, seen, points, network, free, iterations)
-
-
-def refine_projections(P: Array, observations: Array, board: Board, size: tuple[int, int]) -> Array:
-    """Projection matrices refined as in the thesis: K kept, poses and points adjusted (eq. E.1).
-
-    The points are the corners of the central 5 × 7 squares, without distortion, and move as the
-    rigid boards they are on; free to move one by one they would leave the scale undetermined.
-
-    Parameters
-    ----------
-    P : ndarray, shape (cameras, 3, 4)
-        Projection matrices of eq. D.1 (:func:`.calibration.literal_projection`).
-    observations : ndarray, shape (cameras, shots, 2, corners)
-        Pixels of all the board's corners, NaN where absent.
-    board : Board
-        The board.
-    size : tuple of int
-        Width and height of the sensors in px.
-
-    Returns
-    -------
-    ndarray, shape (cameras, 3, 4)
-        Refined projection matrices in the frame of the first shot's board.
-
-    Raises
-    ------
-    CalibrationError
-        As :func:`adjust`.
-    """
-    part = central(board)
-    cameras = []
-    for i, matrix in enumerate(P):
-        K, _ = rq(matrix[:, :3])
-        K = K * np.sign(np.diag(K)) / abs(K[2, 2])  # RQ leaves signs open
-        cameras.append(Camera(f"camera {i}", K, np.zeros(5), np.eye(3), np.zeros(3), size))
-    result = adjust(observations[..., part], board.corners[:, part], cameras, False, False)
-    return np.array([camera.P for camera in result.cameras])
 
 
 def _free(network: Network, intrinsics: bool, distortion: bool) -> NDArray[np.bool_]:

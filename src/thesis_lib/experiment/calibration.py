@@ -117,36 +117,6 @@ def central(board: Board) -> NDArray[np.int64]:
     return index[top : top + my, left : left + mx].ravel()
 
 
-def literal_projection(
-    shots: Sequence[Array | None], board: Board, size: tuple[int, int], name: str = "camera"
-) -> Array:
-    """Projection matrix P₁ = K [R₁ | t₁] of the first shot as the thesis has it (eq. D.1).
-
-    Only the central 5 × 7 squares count, and the lens has no distortion. The world is the first
-    shot's board, so the shots must already agree on its corners (:func:`.symmetry.unify`).
-
-    Parameters
-    ----------
-    shots, board, size, name
-        As in :func:`zhang`; the first shot must be there.
-
-    Returns
-    -------
-    ndarray, shape (3, 4)
-        P₁ in px and m.
-
-    Raises
-    ------
-    CalibrationError
-        As :func:`zhang`, and if the first shot is absent.
-    """
-    if len(shots) == 0 or _absent(shots[0]):
-        raise CalibrationError(f"{name}: the first shot does not show the board")
-    part = central(board)
-    chosen = [uv if uv is None else uv[:, part] for uv in shots]
-    return _zhang(chosen, board.corners[:, part], size, False, name).camera(0).P
-
-
 def _zhang(
     shots: Sequence[Array | None],
     points: Array,

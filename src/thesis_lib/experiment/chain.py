@@ -361,6 +361,10 @@ def _dataset(
 
     add("tracks", ("camera", "width", "frame", "axis", "marker"), tracks, "px",
         "marker centres, lens distortion included")  # fmt: skip
+    add("exposure", ("camera",), [c.exposure_s for c in manifest.cameras], "s", "exposure time")
+    add("rest", (), manifest.excitation.rest_s, "s", "time at rest at the start")
+    add("full_scale", (), manifest.excitation.force_per_full_scale_n or np.nan, "N",
+        "force at full scale of the audio tracks")  # fmt: skip
     add("frame_rate", ("camera",), [c.frame_rate_hz for c in manifest.cameras], "Hz",
         "frame rate")  # fmt: skip
     add("delay", ("camera",), found.delays, "s", "start after the reference camera's")

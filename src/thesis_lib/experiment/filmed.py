@@ -16,7 +16,7 @@ from thesis_lib import setups
 from thesis_lib.experiment import chain, lens, media
 from thesis_lib.experiment.corners import find_corners
 from thesis_lib.experiment.frames import align, camera_deviations
-from thesis_lib.experiment.laboratory import LATE, REST, Rig, default_rig, film
+from thesis_lib.experiment.laboratory import Rig, default_rig, film
 from thesis_lib.experiment.manifest import read_manifest
 from thesis_lib.experiment.render import Sensor
 from thesis_lib.experiment.requests import Laboratory
@@ -98,8 +98,6 @@ def _add_truth(data: xr.Dataset, rig: Rig, calibrations: chain.Calibrations) -> 
 
     starts = np.array([station.start for station in rig.stations])
     add("true_delay", ("camera",), starts - starts[0], "s", "true start after the reference's")
-    add("full_scale", (), rig.full_scale, "N", "force at full scale of the audio tracks")
-    add("exposure", ("camera",), [s.sensor.exposure for s in rig.stations], "s", "exposure time")
     missing, wrong, rms = [], [], []
     for width in data["width"].values:
         tracks = data["tracks"].sel(width=width).values
@@ -176,6 +174,3 @@ def _pictures(rig: Rig, camera: lens.Camera, folder: Path) -> xr.Dataset:
     data["picture_sound"].attrs["rate_hz"] = 1000.0
     data["picture_moved"].attrs["frame"] = peak
     return data
-
-
-__all__ = ["LATE", "REST", "rig_of", "run", "true_tracks"]

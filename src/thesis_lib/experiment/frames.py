@@ -22,11 +22,6 @@ from .lens import Camera
 Array = NDArray[np.float64]
 
 
-def in_board_frame(adjustment: Adjustment, shot: int = 0) -> Adjustment:
-    """The adjustment in the frame of one shot's board, which the thesis takes for the world."""
-    return moved(adjustment, *bundle.to_board(adjustment, shot))
-
-
 def moved(adjustment: Adjustment, rotation: Array, translation: Array) -> Adjustment:
     """The adjustment in another frame, X' = rotation X + translation, covariance included."""
     network = bundle.transformed(adjustment, rotation, translation)

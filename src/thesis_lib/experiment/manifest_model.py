@@ -172,9 +172,6 @@ class CameraFiles(Part):
         "a folder of PNG files, a pattern such as shots/A-*.png, or a list of 3 to 200 files with "
         "null where there is none, each inside the manifest's folder",
     )
-    focal_length_px: Positive | None = field(
-        None, "guess of the focal length", "null, or a number above 0, at most 100000"
-    )
     corners_px: tuple[Place, Place, Place, Place] | None = field(
         None,
         "where the structure's corners lie in the pictures: at (0, 0), (length, 0), (length, "
@@ -227,9 +224,6 @@ class Excitation(Part):
     )  # fmt: skip
     rest_s: float = field(
         1.0, "time at rest at the start", "a number from 0 to 3600, in s", ge=0, le=3600
-    )
-    signal: Literal["tone", "transient"] = field(
-        "transient", "what the sound has beside the tone", '"tone" (nothing) or "transient"'
     )
     force_per_full_scale_n: float | None = field(
         None, "force at the sound's full scale", "null, or a number above 0, at most 100000, in N",

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Box = tuple[float, float, float, float]  # left, right, top, bottom in px
 
-BLUE, ORANGE, GREEN, PINK, RED, SKY = COLORS
+_, ORANGE, GREEN, PINK, RED, SKY = COLORS
 OUTLINED: Any = [patheffects.withStroke(linewidth=2.5, foreground="#222222")]
 
 

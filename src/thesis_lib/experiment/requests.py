@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
@@ -238,6 +238,3 @@ def method_of(case: str) -> str:
     'harmonic'
     """
     return case.removesuffix("-all")
-
-
-KINDS: tuple[type[Any], ...] = (ExperimentResolution, ExperimentCameras)

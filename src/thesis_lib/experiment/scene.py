@@ -7,7 +7,6 @@ world's origin is the structure's centre.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -193,8 +192,3 @@ def amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> NDArray[n
             phase = part.phase - np.pi / 2 - omega * motion.start
             total += part.amplitude * np.exp(1j * phase) * part.shape(motion.beam, points)
     return total
-
-
-def peak_shape(parts: Sequence[Component], beam: Beam, points: ArrayLike) -> Array:
-    """Deflection of the first component at its maximum, in m: the reference of the figures."""
-    return parts[0].amplitude * parts[0].shape(beam, points)

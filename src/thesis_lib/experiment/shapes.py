@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from thesis_lib.experiment import lens
 from thesis_lib.experiment import reconstruction as rc
 from thesis_lib.experiment.chain import cameras_of
-from thesis_lib.experiment.laboratory import REST
 from thesis_lib.experiment.lens import Camera
 from thesis_lib.experiment.scene import Markers
 
@@ -94,13 +93,14 @@ def tracks_of(
     times = own_times + data["delay"].values[index][:, None]
     omega = 2 * np.pi * float(data["frequency"])
     begin, end = data["steady"].values
+    rest_s = float(data["rest"])
     harmonics, rest = [], []
     for camera_uv, camera_times, own in zip(uv, times, own_times, strict=True):
         steady = (camera_times >= begin) & (camera_times <= end)
         harmonics.append(rc.fit_harmonics(omega, camera_times[steady], camera_uv[steady], ORDER))
-        still = camera_uv[own < REST - 1 / rates.min()]
+        still = camera_uv[own < rest_s - 1 / rates.min()]
         rest.append(_mean(still))
-    still_frames = int(np.count_nonzero(own_times[0] < REST - 1 / rates.min()))
+    still_frames = int(np.count_nonzero(own_times[0] < rest_s - 1 / rates.min()))
     P = lens.projection_matrices(cameras)
     points, _ = rc.triangulate_seen(P, np.array(rest))
     frame = rc.fit_grid(points, markers.world[:, : markers.count])

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from thesis_lib import setups
 from thesis_lib.experiment import reconstruction as rc
-from thesis_lib.experiment.laboratory import REST
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.shapes import ORDER
 from thesis_lib.experiment.sketches import INK, WIDE, names_of, tip_marker
@@ -84,7 +83,7 @@ def tracks(data: xr.Dataset) -> Figure:
         figure, axes = plt.subplots(3, 1, figsize=(WIDE, 6.4), layout="constrained",
                                     height_ratios=[1.1, 1.1, 0.8])  # fmt: skip
         for i, name in enumerate(names_of(data)):
-            rest = np.nanmean(v[i, own[i] < REST - 1 / data["frame_rate"].values[i]])
+            rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
             moved = v[i] - rest
             axes[0].plot(own[i], moved, ".-", color=color(i), markersize=3.5, linewidth=0.6,
                          label=name)  # fmt: skip

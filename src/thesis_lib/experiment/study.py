@@ -24,7 +24,7 @@ from thesis_lib.experiment.shapes import (
     tracks_of,
     unblurred,
 )
-from thesis_lib.studies import add_cameras, coordinates, modal_assurance
+from thesis_lib.studies import VARIABLES, add_cameras, coordinates, modal_assurance
 
 Array = NDArray[np.float64]
 
@@ -111,20 +111,10 @@ def _harmonic_results(
 
 
 _VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
-    "measured_deflection": (
-        ("mode", "trial", "point"), "float32", "m", "measured deflection of the markers"),
-    "mean_error": (
-        ("mode", "trial"), "float64", "percent", "rms error over the markers"),
-    "max_point_error": (
-        ("mode", "trial"), "float64", "percent", "largest error of a marker"),
-    "point_error": (
-        ("mode", "point"), "float64", "percent", "error of each marker in trial 0"),
+    **VARIABLES,
     "predicted_error": (
         ("mode",), "float64", "percent", "rms error by the noise of the centres alone"),
-    "mac": (("mode", "trial"), "float64", "1", "modal assurance criterion with the reference"),
     "missing": (("mode", "trial"), "float64", "1", "share of markers that no two cameras see"),
-    "in_view": ((), "float64", "1", "share of camera x marker images on the sensor"),
-    "ground_sample_distance": ((), "float64", "m/px", "length of a pixel at the origin"),
     "centre_scatter": ((), "float64", "px", "scatter of the centres about their harmonics"),
     "grid_residual": ((), "float64", "m", "rms distance of the markers at rest from their grid"),
     "grid_scale": ((), "float64", "1", "size of the measured grid over the nominal one"),
