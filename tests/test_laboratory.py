@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from thesis_lib import setups
-from thesis_lib.experiment import chain, filmed, laboratory, lens, media
+from thesis_lib.experiment import chain, filmed, following, laboratory, lens, media
 from thesis_lib.experiment import reconstruction as rc
 from thesis_lib.experiment.calibration import CalibrationError
 from thesis_lib.experiment.corners import BoardNotFound, find_corners
@@ -547,7 +547,7 @@ def test_the_memory_of_following_is_independent_of_length(tmp_path, rig, monkeyp
         media.write_video(path, (image for _ in range(n)), 60, np.zeros(n * 800))
         tracemalloc.start()
         try:
-            found, _ = chain.follow(path, rig.cameras[0], rig.markers, [960])
+            found, _ = following.follow(path, rig.cameras[0], rig.markers, [960])
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()

@@ -8,7 +8,7 @@ import pytest
 from test_render import camera, disc_centroids
 
 from thesis_lib import setups
-from thesis_lib.experiment import chain, lens, media
+from thesis_lib.experiment import lens, media
 from thesis_lib.experiment.centres import refine
 from thesis_lib.experiment.render import BeamView, Sensor
 from thesis_lib.experiment.scene import Component, Markers, Motion
@@ -374,14 +374,14 @@ def test_given_corners_are_those_in_the_picture(video):
     px = lens.project(at, world * np.array([[length], [width], [1]]))
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = Markers(BEAM, hole=None)  # which is then one more dark disc
-    given, _ = chain.follow(path, at, markers, [1920], [tuple(p) for p in px.T])
+    given, _ = following.follow(path, at, markers, [1920], [tuple(p) for p in px.T])
     assert off(given[0].swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max() < 0.1
 
 
 def test_a_video_is_followed_at_several_widths_at_once(video):
     path, at, times = video
     widths = [320, 640, 1280, 1920]
-    found, notes = chain.follow(path, at, MARKERS, widths)
+    found, notes = following.follow(path, at, MARKERS, widths)
     assert found.shape == (4, len(times), 2, 75)
     exact = truth(at, times)
     share, wrong = [], []
@@ -400,7 +400,7 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
 @pytest.mark.parametrize("width", [640, 960, 1280])
 def test_reduced_frames_show_the_same_places(rest, width):
     at, image, _, exact = rest
-    small = chain.reduced(image, width)
+    small = following.reduced(image, width)
     assert small.shape == (width * 9 // 16, width)
     own = lens.resized(at, (width, width * 9 // 16))
     view = sharpen(small, find_view(small, own, MARKERS))
@@ -412,8 +412,8 @@ def test_reduced_frames_show_the_same_places(rest, width):
 
 def test_reduced_frames_are_no_larger(rest):
     _, image, _, _ = rest
-    assert chain.reduced(image, 1920) is image
-    assert chain.reduced(image, 4000) is image
+    assert following.reduced(image, 1920) is image
+    assert following.reduced(image, 4000) is image
 
 
 # Assignment and homographies.

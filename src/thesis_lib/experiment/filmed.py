@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib import setups
-from thesis_lib.experiment import chain, lens, media
+from thesis_lib.experiment import chain, following, lens, media
 from thesis_lib.experiment.corners import find_corners
 from thesis_lib.experiment.frames import align, camera_deviations
 from thesis_lib.experiment.laboratory import Rig, default_rig, film
@@ -148,8 +148,8 @@ def _pictures(rig: Rig, camera: lens.Camera, folder: Path) -> xr.Dataset:
     tracker = Tracker(view)
     matches = tracker.matches(first[names[0]])
     _, spare = assign(rig.markers.positions, matches, tracker.gate)
-    quarter = [chain.reduced(first[name], camera.size[0] // 4) for name in names]
-    low = chain.reduced(first[names[0]], 320)
+    quarter = [following.reduced(first[name], camera.size[0] // 4) for name in names]
+    low = following.reduced(first[names[0]], 320)
     sound = np.array([media.read_audio(folder / f"{name}.mkv")[0][::48] for name in names])
     data = xr.Dataset(
         {
