@@ -7,6 +7,8 @@ from thesis_lib.experiment.filmed import rig_of, true_tracks
 from thesis_lib.experiment.laboratory import REST
 from thesis_lib.experiment.requests import NAMES
 
+MATCH = 0.5  # px to which matched centres are rounded
+
 
 def recordings(request, sigma=0.0, seed=0, starts=None):
     """The dataset that measuring without any error would give, with noise of the centres."""
@@ -29,6 +31,10 @@ def recordings(request, sigma=0.0, seed=0, starts=None):
     return xr.Dataset(
         {
             "tracks": (("camera", "width", "frame", "axis", "marker"), tracks),
+            "matches": (
+                ("camera", "width", "frame", "axis", "marker"),
+                np.rint(tracks / MATCH) * MATCH,
+            ),
             "rest": ((), REST),
             "frame_rate": ("camera", [request.frame_rate_hz] * 4),
             "delay": ("camera", delays),

@@ -1,5 +1,7 @@
 """Manifests: round trips, defaults of the thesis, and silly ones refused in one line."""
 
+import shutil
+
 import numpy as np
 import pytest
 import yaml
@@ -9,6 +11,7 @@ from thesis_lib.experiment.manifest import (
     Manifest,
     ManifestError,
     Structure,
+    check_excitation,
     check_recordings,
     read_manifest,
     shot_paths,
@@ -38,7 +41,7 @@ def recordings(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recordings")
     frames = np.random.default_rng(0).integers(0, 256, (6, 48, 64), np.uint8)
     for name in "AB":
-        write_video(folder / f"{name}.mkv", frames, 60, np.zeros(4800))
+        write_video(folder / f"{name}.mkv", np.tile(frames, (11, 1, 1)), 60, np.zeros(52800))
         for k in range(12):
             write_png(folder / "shots" / name / f"{k}.png", frames[k % 6])
     return folder
@@ -131,6 +134,8 @@ SILLY = [  # place, value, words of the refusal
     (("cameras", 1, "video"), "a\0b", ["cameras[1].video", "inside"]),
     (("cameras", 1, "video"), 3, ["cameras[1].video: given 3", "inside"]),
     (("cameras", 1, "video"), "A.mkv", ['cameras[1].video: given "A.mkv"', "cameras[0].video"]),
+    (("cameras", 1, "video"), "./A.mkv", ['given "./A.mkv", the same as cameras[0].video']),
+    (("cameras", 1, "video"), "shots/../A.mkv", ["the same as cameras[0].video"]),
     (("cameras", 1, "name"), "A", ['cameras[1].name: given "A", the same as cameras[0].name']),
     (("cameras", 1, "name"), "a\nb", ['cameras[1].name: given "a\\nb"', "40 characters"]),
     (("cameras", 1, "name"), False, ["cameras[1].name: given false", "40 characters"]),
@@ -185,7 +190,11 @@ TEXTS = [
     ("a: &x [1]\nb: *x\n", ["line 2", "alias"]),
     ("truth: !!python/object/apply:os.system ['true']\n", ["line 1"]),
     ("truth: 2020-01-01\n", ["date"]),
-    ("truth: " + "[" * 3000, ["not a YAML"]),
+    ("truth: " + "[" * 3000, ["line 1", "nested too deep"]),
+    ("truth: a\nboard: " + "9" * 5000, ["line 2", "given 999", "..."]),
+    ("truth: 2020-13-45\n", ["line 1", "given 2020-13-45"]),
+    ("board:\n  ? [a, b]\n  : 1\n", ["line 2", "a field's name", "text"]),
+    ("? {a: b}\n: 1\n", ["line 1", "a field's name", "text"]),
     ("1: 2\n", ["1: no such field"]),
 ]
 
@@ -274,3 +283,49 @@ def test_broken_recordings_are_named(recordings, tmp_path):
     assert [line.split(":")[0] for line in lines] == [
         "cameras[0].video", "cameras[0].shots", "cameras[1].video", "cameras[1].shots",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "line"),
+    [
+        ("frequency_hz", None, "excitation.frequency_hz: given null, allowed here: a number, in "
+         "Hz"),
+        ("frequency_hz", 1e5, "excitation.frequency_hz: given 100000, allowed: below half of the "
+         "frame rate, 30 Hz"),
+        ("frequency_hz", 30.0, "excitation.frequency_hz: given 30, allowed: below half of the "
+         "frame rate, 30 Hz"),
+        ("rest_s", 0, "excitation.rest_s: given 0, allowed: at least 0.05 s, three frames"),
+    ],
+)  # fmt: skip
+def test_an_excitation_that_cannot_be_filmed_is_named(recordings, field, value, line):
+    values = change(plain(), ("excitation", field), value)
+    values["cameras"][0]["frame_rate_hz"] = 120
+    manifest = read_manifest(written(recordings, values))
+    assert check_excitation(manifest) == [line]
+    assert line in check_recordings(manifest, recordings)
+
+
+def test_three_frames_at_rest_are_enough(recordings):
+    values = change(plain(), ("excitation", "rest_s"), 0.05)
+    assert check_recordings(read_manifest(written(recordings, values)), recordings) == []
+
+
+@pytest.mark.parametrize(
+    ("frames", "samples", "words"),
+    [
+        (66, 85000, ["pictures end at 1.100 s, its sound at 1.771 s", "0.5 s apart"]),
+        (150, 62400, ["pictures end at 2.500 s, its sound at 1.300 s", "0.5 s apart"]),
+        (60, 48000, ["1.000 s of pictures, allowed: more than rest_s, 1 s"]),
+        (66, 33600, []),
+    ],
+)
+def test_lengths_that_do_not_suit_name_the_video(tmp_path, recordings, frames, samples, words):
+    manifest = read_manifest(written(recordings, plain()))
+    shutil.copytree(recordings, tmp_path / "copy")
+    video = tmp_path / "copy" / "B.mkv"
+    write_video(video, np.zeros((frames, 48, 64), np.uint8), 60, np.zeros(samples))
+    lines = check_recordings(manifest, tmp_path / "copy")
+    assert len(lines) == bool(words)
+    for word in words:
+        assert lines[0].startswith(f"cameras[1].video: {video}: ")
+        assert word in lines[0]

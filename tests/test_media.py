@@ -154,6 +154,25 @@ def test_a_file_says_what_it_holds(video):
     assert info.duration == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("seconds", [0.2, 0.5, 1.7])
+def test_a_file_says_when_its_sound_ends(tmp_path, seconds):
+    write_video(tmp_path / "A.mkv", noise(), 60, sound(seconds))
+    assert probe(tmp_path / "A.mkv").sound_end == pytest.approx(seconds, abs=2e-3)
+    assert probe(tmp_path / "A.mkv").duration == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.parametrize(("name", "codec"), [("A.mkv", "pcm_s16le"), ("A.mp4", "aac")])
+def test_sound_that_starts_late_ends_late(tmp_path, name, codec):
+    samples = np.stack([sound(), sound()])
+    path = foreign(tmp_path / name, "yuv420p", True, blurred(), codec="libx264",
+                   audio=(codec, RATE, samples, 4800))  # fmt: skip
+    assert probe(path).sound_end == pytest.approx(0.6, abs=0.05)
+
+
+def test_without_sound_it_never_ends(tmp_path):
+    assert probe(foreign(tmp_path / "A.mkv", "gray", False, noise())).sound_end is None
+
+
 @pytest.mark.parametrize("rate", [24, 25, 30000 / 1001, 50, 60000 / 1001, 60, 119.88, 240])
 def test_any_frame_rate_is_kept(tmp_path, rate):
     write_video(tmp_path / "A.mkv", noise(), rate, sound())

@@ -1,10 +1,13 @@
 """Starts of cameras from their sound: errors against truth, ambiguity, bounds, bad recordings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from thesis_lib.experiment.synchronisation import (
     SynchronisationError,
+    coupling_delay,
     cross_correlation_delays,
     delay_deviation,
     normalised_correlation,
@@ -183,11 +186,21 @@ def test_the_frequency_of_a_tone_is_found(guess):
 
 def test_delays_scatter_as_the_cramer_rao_bound_says():
     missed = errors(tone, 80, FREQUENCY, PERIOD, n=3, seconds=2.0, spread=0.05)
-    periods = int(1.95 * FREQUENCY)
+    periods = int(1.95 * FREQUENCY - 1)  # the first is left out
     bound = FPS * delay_deviation(FREQUENCY, 100, round(periods * PERIOD * RATE))
     scatter = np.sqrt(np.mean(missed**2))
     assert 0.85 < scatter / bound < 1.2
     assert abs(missed.mean()) < 4 * bound / np.sqrt(missed.size / 2)
+
+
+@pytest.mark.parametrize("signal", [transient, growing, lambda t: growing(5 - t)])
+def test_the_phase_of_a_tone_that_grows_or_fades_errs_by_the_noise_alone(signal):
+    """What grows or fades is left out: none of it stays when there is no noise."""
+    for snr_db, most in ((20.0, 0.005), (60.0, 1e-4)):
+        for seed in range(8):
+            signals, truth = recordings(signal, seed, snr_db, seconds=3.5)
+            error = FPS * (phase_delays(signals, RATE, FREQUENCY, truth) - truth)
+            assert np.abs(error).max() < most
 
 
 def test_more_noise_scatters_more():
@@ -236,11 +249,22 @@ def test_a_faint_transient_is_ambiguous_rather_than_wrong():
 
 
 def test_the_report_says_what_sound_cannot_show():
-    text = " ".join(synchronise(recordings(transient, 0)[0], RATE, FPS).describe())
-    for words in ("picture and its sound", "clocks", "AC-coupled", "0.39 frame", "clap"):
+    text = " ".join(synchronise(recordings(transient, 0)[0], RATE, FPS, FREQUENCY).describe())
+    for words in ("picture and its sound", "clocks", "AC-coupled", "clap",
+                  "a tone of 4.25 Hz is shifted by 0.39 frame of 1/60 s"):  # fmt: skip
         assert words in text
     shift = (np.arctan(3 / FREQUENCY) - np.arctan(2 / FREQUENCY)) / (2 * np.pi * FREQUENCY) * FPS
     assert shift == pytest.approx(0.39, abs=0.005)
+    assert FPS * coupling_delay(FREQUENCY) == pytest.approx(shift)
+
+
+def test_the_report_s_shift_is_that_of_the_frequency_and_frame_rate():
+    t = np.arange(3 * RATE) / RATE
+    signals = [0.5 * np.sin(2 * np.pi * 10 * (t + start)) for start in (0.0, 0.02)]
+    text = synchronise(signals, RATE, 30, 10.0).describe()[-1]
+    assert "a tone of 10 Hz is shifted by 0.045 frame of 1/30 s" in text
+    quiet = replace(synchronise(signals, RATE, 30), period=None, ambiguous=False).describe()[-1]
+    assert "tones are shifted between corners of 2 and 3 Hz" in quiet
 
 
 # Bad recordings.
@@ -278,3 +302,52 @@ def test_a_tone_that_just_fits_is_not_clipped():
     t = np.arange(3 * RATE) / RATE
     full = [np.sin(2 * np.pi * FREQUENCY * (t + start)) for start in (0, 0.05)]
     assert synchronise(full, RATE, FPS, FREQUENCY).delays[1] == pytest.approx(0.05, abs=1e-5)
+
+
+def test_a_sound_that_is_no_steady_tone_is_named():
+    t = np.arange(4 * RATE) / RATE
+    names = ["A", "B"]
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(t))
+    refused([noise, noise], "A: 0.", "steady tone of 4.25 Hz, allowed: at least 0.706 s, 3",
+            frequency=FREQUENCY, names=names)  # fmt: skip
+    short = tone(t) * (t < 3.6 * PERIOD)
+    refused([short, short], "A: ", "steady tone", frequency=FREQUENCY, names=names)
+    chirp = 0.5 * np.sin(2 * np.pi * (3 * t + 0.5 * t**2))
+    refused([chirp, chirp], "A: ", "allowed: at least", frequency=FREQUENCY, names=names)
+    hum = tone(t) + 0.4 * np.sin(2 * np.pi * 50 * t)
+    refused([tone(t), hum], "B: a tone near 4.25 Hz is 61 % of the sound, allowed: at least 80 %",
+            frequency=FREQUENCY, names=names)  # fmt: skip
+
+
+@pytest.mark.parametrize("given", [4.05, 4.35, 4.46])
+def test_another_frequency_than_the_sound_s_is_named(given):
+    t = np.arange(6 * RATE) / RATE
+    words = f"excitation.frequency_hz: given {given}, but the sound of recording 0 has 4.25 Hz"
+    refused([tone(t), tone(t)], words, frequency=given)
+    synchronise([tone(t), tone(t)], RATE, FPS, 4.27)
+
+
+def test_a_small_error_of_the_frequency_is_found_in_a_long_recording():
+    t = np.arange(60 * 8000) / 8000
+    refused([tone(t), tone(t)], "given 4.26, but", rate=8000, frequency=4.26)
+    synchronise([tone(t), tone(t)], 8000, FPS, 4.2505)
+
+
+@pytest.mark.parametrize("given", [1e5, 6001.0])
+def test_a_frequency_too_high_for_the_sound_is_refused_at_once(given):
+    good, *_ = recordings(transient, 0)[0]
+    refused(
+        [good, good],
+        f"excitation.frequency_hz: given {given:g}",
+        "6000 Hz, 8 samples",
+        frequency=given,
+    )
+    with pytest.raises(SynchronisationError, match="8 samples of the sound per period"):
+        phase_delays([good, good], RATE, given, [0, 0])
+
+
+@pytest.mark.parametrize("snr_db", [0, 10])
+def test_noise_beyond_the_tone_s_band_does_not_count(snr_db):
+    signals, truth = recordings(growing, 3, snr_db)
+    found = synchronise([0.5 * x for x in signals], RATE, FPS, FREQUENCY)
+    np.testing.assert_allclose(found.delays, truth, atol=0.05 / FPS)

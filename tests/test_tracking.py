@@ -8,7 +8,7 @@ import pytest
 from test_render import camera, disc_centroids
 
 from thesis_lib import setups
-from thesis_lib.experiment import lens, media
+from thesis_lib.experiment import following, lens, media, tracking
 from thesis_lib.experiment.centres import refine
 from thesis_lib.experiment.render import BeamView, Sensor
 from thesis_lib.experiment.scene import Component, Markers, Motion
@@ -283,6 +283,34 @@ def test_the_clamped_end_is_found_from_either_side(azimuth, upside_down):
     assert off(Tracker(sharpen(image, view)).centres(image), exact).max() < 0.12
 
 
+@pytest.mark.parametrize("width", [1920, 960])
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "k1"),
+    [(10, 22, 0.2), (45, 22, -0.08), (40, 15, 0.3), (5, 15, -0.3), (5, 60, 0.3), (80, 15, 0.3),
+     (80, 22, -0.08), (60, 30, -0.3), (25, 60, 0.0), (70, 15, -0.2)],
+)  # fmt: skip
+def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(azimuth, elevation, k1, width):
+    length, width_m = BEAM.extent
+    plane = np.array([[0, length, length, 0], [0, 0, width_m, width_m]])
+    for one in (azimuth, 180 - azimuth):
+        at = camera(one, elevation, k1=k1)
+        assert np.isfinite(corners(at)).all()
+        (image,) = filmed(at, [-1.0])
+        small = lens.resized(at, (width, width * 9 // 16))
+        view = find_view(following.reduced(image, width), small, MARKERS)
+        assert off(apply(view.H_image_plane, plane), corners(small)).max() < 2
+
+
+def test_a_beam_that_its_markers_cut_in_two_is_found_whole():
+    at = camera(-5.0, 15.0, k1=0.0)
+    (image,) = filmed(at, [-1.0])
+    small = lens.resized(at, (640, 360))
+    length, width = BEAM.extent
+    plane = np.array([[0, length, length, 0], [0, 0, width, width]])
+    view = find_view(following.reduced(image, 640), small, MARKERS)
+    assert off(apply(view.H_image_plane, plane), corners(small)).max() < 2
+
+
 def test_a_turned_picture_gives_turned_centres(rest):
     at, image, view, _ = rest
     K = at.K.copy()
@@ -340,6 +368,56 @@ def test_a_beam_without_markers_is_refused(rest):
     assert "of 76 markers" in message
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        [[5.0, 5, 5, 5], [7.0, 7, 7, 7]],
+        [[0.0, 100, 200, 300], [0.0, 100, 200, 300]],
+        [[np.nan, 1800, 1800, 100], [500, 500, np.nan, 600]],
+        [[-1e9, 1e9, 1e9, -1e9], [-1e9, -1e9, 1e9, 1e9]],
+        [[100, 1800, 100, 1800], [100, 900, 900, 100]],
+    ],
+)
+def test_absurd_corners_are_refused(rest, given):
+    at, image, _, _ = rest
+    message = one_line(lambda: sharpen(image, view_of(at, MARKERS, np.array(given))))
+    assert message.startswith("camera A: ")
+    if np.isnan(given).any():
+        assert "only 2 of 4 points" in message
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (Markers(BEAM, rows=4), "of 101 markers"),
+        (Markers(BEAM, rows=4, row_spacing=0.0075), "one of the rows"),
+        (Markers(BEAM, row_spacing=0.007), "corners"),
+        (Markers(replace(BEAM, n_markers=24)), "of 73 markers"),
+        (Markers(replace(BEAM, marker_spacing=0.024)), "of 76 markers"),
+    ],
+)
+def test_markers_of_another_grid_are_refused(rest, wrong, said):
+    at, image, _, _ = rest
+    message = one_line(lambda: sharpen(image, view_of(at, wrong, corners(at))))
+    assert message.startswith("camera A: ")
+    assert said in message
+
+
+def test_markers_off_their_grid_are_refused(rest):
+    # Every other column stands 4 mm to the right.
+    at, _, _, _ = rest
+
+    class Shifted(Markers):
+        @property
+        def positions(self):
+            x, y = super().positions
+            return np.stack([x + 0.004 * (np.round((x - x[0]) / 0.025) % 2), y])
+
+    (image,) = filmed(at, [-1.0], markers=Shifted(BEAM))
+    message = one_line(lambda: sharpen(image, view_of(at, MARKERS, corners(at))))
+    assert "px off their grid; do rows, columns and spacing agree" in message
+
+
 @pytest.mark.parametrize("noise", [0.0, 2.0])
 def test_given_corners_need_not_be_exact(rest, noise):
     at, image, view, _ = rest
@@ -374,14 +452,14 @@ def test_given_corners_are_those_in_the_picture(video):
     px = lens.project(at, world * np.array([[length], [width], [1]]))
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = Markers(BEAM, hole=None)  # which is then one more dark disc
-    given, _ = following.follow(path, at, markers, [1920], [tuple(p) for p in px.T])
+    given, *_ = following.follow(path, at, markers, [1920], [tuple(p) for p in px.T])
     assert off(given[0].swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max() < 0.1
 
 
 def test_a_video_is_followed_at_several_widths_at_once(video):
     path, at, times = video
     widths = [320, 640, 1280, 1920]
-    found, notes = following.follow(path, at, MARKERS, widths)
+    found, _, notes = following.follow(path, at, MARKERS, widths)
     assert found.shape == (4, len(times), 2, 75)
     exact = truth(at, times)
     share, wrong = [], []
@@ -414,6 +492,55 @@ def test_reduced_frames_are_no_larger(rest):
     _, image, _, _ = rest
     assert following.reduced(image, 1920) is image
     assert following.reduced(image, 4000) is image
+
+
+# The beam resampled on its plane.
+
+
+@pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (45.0, 0.1)])
+def test_matches_are_the_centres_to_whole_pixels_of_the_plane(azimuth, k1):
+    at, times = camera(azimuth, k1=k1), np.arange(3, 9) / 60
+    view = found_view(at, *filmed(at, [-1.0]))
+    tracker, away = Tracker(view), []
+    assert np.isnan(tracker.matched).all()
+    for frame in filmed(at, times):
+        centres = tracker.centres(frame)
+        assert tracker.matched.shape == centres.shape
+        away.append(tracker.scale * (view.to_plane(tracker.matched) - view.to_plane(centres)))
+    away = np.hypot(*np.moveaxis(away, 1, 0))  # pixels of the plane
+    assert np.nanmax(away) < 0.75 * np.sqrt(2)
+    assert np.nanmedian(away) > 0.15
+    tracker.centres(np.full((1080, 1920), 60, np.uint8))
+    assert np.isnan(tracker.matched).all()
+
+
+@pytest.mark.parametrize("factor", [0.1, 1.0, 1000.0])
+def test_the_resampled_beam_follows_the_markers_size(rest, factor):
+    _, image, view, exact = rest
+    beam = replace(BEAM, length=factor * BEAM.length, width=factor * BEAM.width,
+                   marker_spacing=factor * BEAM.marker_spacing)  # fmt: skip
+    x, y = MARKERS.hole
+    markers = Markers(beam, 3, 0.01 * factor, 0.005 * factor, (x * factor, y * factor))
+    H = view.H_image_plane @ np.diag([1 / factor, 1 / factor, 1])
+    tracker = Tracker(replace(view, markers=markers, H_image_plane=H))
+    assert tracker.scale == pytest.approx(2000 / factor)
+    assert tracker.reach == pytest.approx(0.025 * factor)
+    assert abs(tracker.resampled(image).size - 160 * 1346) < 2000
+    assert off(tracker.centres(image), exact).max() < 0.02
+
+
+def test_constants_are_those_of_the_thesis_s_markers(rest):
+    _, _, view, _ = rest
+    tracker = Tracker(view)
+    assert (tracker.scale, tracker.reach) == (tracking.SCALE, tracking.REACH)
+
+
+def test_a_beam_too_large_for_its_markers_is_refused(rest):
+    _, _, view, _ = rest
+    large = Markers(replace(BEAM, length=100.0, width=1.0))
+    message = one_line(Tracker, replace(view, markers=large))
+    assert message.startswith("camera A: ")
+    assert "diameter" in message
 
 
 # Assignment and homographies.
@@ -458,6 +585,13 @@ def test_a_homography_is_found_from_points_some_of_them_missing():
     image[:, 3] = np.nan
     again = apply(homography(plane, image), plane)
     np.testing.assert_allclose(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
+
+
+def test_fewer_than_four_points_give_no_homography():
+    plane = np.random.default_rng(0).uniform(0, 1, (2, 5))
+    plane[0, :2] = np.nan
+    assert "only 3 of 5 points" in one_line(homography, plane, plane)
+    assert "line" in one_line(homography, np.ones((2, 6)), np.ones((2, 6)))
 
 
 def test_plane_and_picture_are_each_other_s_inverse(rest):

@@ -130,6 +130,13 @@ def error_table(cube: xr.Dataset) -> Markdown:
         notes.append(
             "Markers leave the sensor, and are computed all the same, in: " + "; ".join(cut) + "."
         )
+    if "missing" in cube and float(cube["missing"].max()) > 0:
+        rare = [
+            f"{row[0]}, {row[1]} ({share:.0%})"
+            for row, share in zip(rows_, cube["missing"].values[:, 0, 0], strict=True)
+            if share > 0
+        ]
+        notes.append("Markers that no two cameras see are left out, in: " + "; ".join(rare) + ".")
     if "piston_size" in cube and float(cube["piston_size"].max()) > 1:
         notes.append(
             "The pistons are large against the wavelength (wavenumber times size up to "
@@ -160,7 +167,11 @@ def tracking_table(cube: xr.Dataset) -> Markdown:
     ]  # fmt: skip
     header = ["frames", "missing", "of those found, off by more than 1 px",
               "rms error of the rest, px"]  # fmt: skip
-    return _markdown_table(header, rows, "All marker images of all cameras and frames.")
+    note = "All marker images of all cameras and frames."
+    if "shots_used" in cube:
+        used = ", ".join(f"{int(n)}" for n in cube["shots_used"].values)
+        note += f" Pictures of the board that calibration could use, by camera: {used}."
+    return _markdown_table(header, rows, note)
 
 
 def harmonic_table(cube: xr.Dataset, case: str = "harmonic") -> Markdown:

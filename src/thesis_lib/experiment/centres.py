@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
@@ -77,7 +79,8 @@ def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Arra
         columns = [-c * part for part in dark_by] + [white, -dark, (b - background) * outward]
         J = (np.stack(columns) * usable).reshape(5, len(known), -1).transpose(1, 0, 2)
         matrix = J @ J.transpose(0, 2, 1)
-        matrix += 1e-6 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5) + 1e-9
+        trace = np.trace(matrix, axis1=1, axis2=2)[:, None, None]
+        matrix += (1e-6 * trace + 1e-9) * np.eye(5)
         matrix[:, 4, 4] += NOISE**2 / EDGE**2
         right = J @ residual.reshape(len(known), -1, 1)
         right[:, 4, 0] -= NOISE**2 / EDGE**2 * outer
@@ -178,23 +181,33 @@ def _blurred_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array
         Indicator, and its derivatives in the centre's u and v in 1/px.
     """
     tall = np.linalg.norm(ellipses[:, 1], axis=1)
-    nodes, weights = np.polynomial.legendre.leggauss(int(3 * tall.max() / blur) + 6)
+    nodes, weights = _gauss_legendre(int(3 * tall.max() / blur) + 6)
     sine, cosine = np.sin(nodes * np.pi / 2), np.cos(nodes * np.pi / 2)
     across = ellipses[:, 1] / tall[:, None]
     lean = np.sum(ellipses[:, 0] * across, axis=1)[:, None] * sine
     wide = np.abs(np.linalg.det(ellipses) / tall)[:, None] * cosine
-    left, right = (
-        (u[:, None, :] - (lean + side * wide)[:, :, None]) / blur for side in (-1, 1)
-    )  # (n, chords, columns)
     half = HALF / blur
-    along = _ramp(left + half) - _ramp(left - half) - _ramp(right + half) + _ramp(right - half)
-    d_along = ndtr(right + half) - ndtr(right - half) - ndtr(left + half) + ndtr(left - half)
+    ends = (
+        (u[:, None, :] - (lean + side * wide)[:, :, None]) / blur + shift
+        for side, shift in ((-1, half), (-1, -half), (1, half), (1, -half))
+    )  # (n, chords, columns)
+    along, d_along = np.zeros((2, len(u), len(sine), u.shape[1]))
+    for sign, x in zip((1, -1, -1, 1), ends, strict=True):
+        normal = ndtr(x)
+        along += sign * (x * normal + _bell(x))  # its integral
+        d_along -= sign * normal
     offset = (v[:, :, None] - tall[:, None, None] * sine) / blur  # (n, rows, chords)
     spread = ndtr(offset + half) - ndtr(offset - half)
     d_spread = (_bell(offset - half) - _bell(offset + half)) / blur
     chord = tall[:, None, None] * weights * cosine * np.pi / 2
     along, spread, d_spread = blur * along, chord * spread, chord * d_spread
     return np.stack([spread @ along, spread @ d_along, d_spread @ along])
+
+
+@cache
+def _gauss_legendre(n: int) -> tuple[Array, Array]:
+    """Nodes and weights of a rule on −1…1."""
+    return np.polynomial.legendre.leggauss(n)
 
 
 def _bell(x: Array) -> Array:

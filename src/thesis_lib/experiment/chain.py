@@ -5,7 +5,9 @@ What comes out is one dataset that the reconstruction works on; nothing here kno
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import warnings
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,20 +17,28 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from thesis_lib.cameras import project
 from thesis_lib.experiment import media
 from thesis_lib.experiment.adjustment import Adjustment, adjust
 from thesis_lib.experiment.board import Board
-from thesis_lib.experiment.calibration import Calibration, central, zhang
+from thesis_lib.experiment.calibration import Calibration, CalibrationError, central, zhang
 from thesis_lib.experiment.corners import BoardNotFound, find_corners
 from thesis_lib.experiment.following import follow
-from thesis_lib.experiment.lens import Camera, resized
+from thesis_lib.experiment.lens import Camera, projection_matrices, resized, undistorted
 from thesis_lib.experiment.listening import Sound, listen
 from thesis_lib.experiment.manifest import Manifest, ManifestError, check_recordings, shot_paths
+from thesis_lib.experiment.reconstruction import fit_grid, triangulate_seen
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.symmetry import unify
 
 Array = NDArray[np.float64]
+Followed = tuple[Array, Array, list[str]]
 CALIBRATIONS = ("literal", "full")
+GRID_RMS, GRID_SCALE = 1e-3, 0.01  # most distance in m and error of size of the markers at rest
+
+
+class ChainError(ValueError):
+    """Recordings that do not fit together; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +54,8 @@ class Calibrations:
     single : list of Calibration
         Zhang's method, camera by camera, with all corners.
     literal : Adjustment
-        The thesis's way: Zhang's method on the central 5 × 7 squares, whose intrinsics are kept,
-        and the poses of the first image refined in common.
+        The thesis's way: Zhang's method on the central 5 × 7 squares, whose intrinsics and
+        distortion are kept, and all poses refined in common, in the frame of the first shot.
     full : Adjustment
         All corners, intrinsics and distortion adjusted too.
     """
@@ -102,6 +112,8 @@ def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
     ------
     CalibrationError
         If the shots do not determine the cameras.
+    MediaError
+        If a picture cannot be read.
     """
     board = manifest.board.board
     shots: list[list[Array | None]] = []
@@ -115,10 +127,15 @@ def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
                 lost.append(f"{camera.name}, {path.name if path else '—'}: {error}")
                 row.append(None)
         shots.append(row)
-    single = [
-        zhang(row, board, camera.size, True, camera.name)
-        for camera, row in zip(manifest.cameras, shots, strict=True)
-    ]
+    try:
+        with _alike():
+            single = [
+                zhang(row, board, camera.size, True, camera.name)
+                for camera, row in zip(manifest.cameras, shots, strict=True)
+            ]
+    except CalibrationError as error:
+        hint = f" ({lost[0]}; has the board {board.columns} × {board.rows} tiles?)" if lost else ""
+        raise CalibrationError(f"{error}{hint}") from None
     corners = unify(single, shots, board, manifest.board.two_sided)
     full = adjust(corners, board.corners, [one.camera() for one in single])
     return Calibrations(corners, lost, single, _literal(corners, board, manifest), full)
@@ -160,23 +177,77 @@ def measure(
     xarray.Dataset
         Dimensions ``camera``, ``width``, ``frame``, ``axis``, ``marker``, ``calibration``:
         centres in px (distortion included), both calibrations, delays, force.
+
+    Raises
+    ------
+    ManifestError, MediaError
+        If the files are not what the manifest says, or cannot be read.
+    CalibrationError, SynchronisationError, TrackingError
+        If the shots, the sound or the markers do not suffice.
+    ChainError
+        If what the cameras see does not fit together.
     """
     check(manifest, folder)
-    cv2.setNumThreads(1)  # the same bits in every run; the cameras are what runs side by side
     widths = list(widths) or [manifest.cameras[0].width_px]
     markers = markers_of(manifest)
     calibrations = calibrations or calibrate(manifest, folder)
     sound = listen(manifest, folder)
     full = calibrations.full.cameras
 
-    def one(index: int) -> tuple[Array, list[str]]:
+    def one(index: int) -> Followed:
         files = manifest.cameras[index]
         turn = 2 * np.pi * sound.frequency / files.frame_rate_hz
         return follow(folder / files.video, full[index], markers, widths, files.corners_px, turn)
 
-    with ThreadPoolExecutor(2) as pool:
+    with _alike(), ThreadPoolExecutor(2) as pool:
         followed = list(pool.map(one, range(len(manifest.cameras))))
-    return _dataset(manifest, widths, calibrations, sound, followed)
+    data = _dataset(manifest, widths, calibrations, sound, followed)
+    _check_grid(data, markers)
+    return data
+
+
+@contextlib.contextmanager
+def _alike() -> Iterator[None]:
+    """OpenCV with one thread, which makes the same bits in every run; the cameras run abreast."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def _check_grid(data: xr.Dataset, markers: Markers) -> None:
+    """Refuse cameras whose views of the resting markers do not fit the nominal grid.
+
+    Raises
+    ------
+    ChainError
+        With the camera that fits worst.
+    """
+    cameras = cameras_of(data, "full", int(data["width"].max()))
+    tracks = data["tracks"].sel(width=data["width"].max()).values
+    still = np.arange(tracks.shape[1]) < float(data["rest"]) * data["frame_rate"].values[:, None]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+        raw = [np.nanmean(own[mask], axis=0) for own, mask in zip(tracks, still, strict=True)]
+    uv = np.array([undistorted(c, own) for c, own in zip(cameras, raw, strict=True)])
+    P = projection_matrices(cameras)
+    points, seen = triangulate_seen(P, uv)
+    names = [camera.name for camera in cameras]
+    if np.count_nonzero(seen >= 2) < 3:
+        raise ChainError("fewer than three markers at rest are seen by two cameras")
+    frame = fit_grid(points, markers.world[:, : markers.count])
+    if frame.rms <= GRID_RMS and abs(frame.scale - 1) <= GRID_SCALE:
+        return
+    off = np.sqrt(np.nanmean((project(P, points) - uv) ** 2, axis=(1, 2)))
+    worst = int(np.nanargmax(off))
+    raise ChainError(
+        f"the markers at rest are {1000 * frame.rms:.1f} mm off their grid, whose size comes out "
+        f"as {frame.scale:.3f} of the nominal one (allowed: {1000 * GRID_RMS:g} mm, "
+        f"{GRID_SCALE:.0%}); camera {names[worst]} fits worst, by {off[worst]:.1f} px: are videos "
+        "and shots those of the same cameras, and tile and spacings as the manifest says?"
+    )
 
 
 def _dataset(
@@ -184,13 +255,15 @@ def _dataset(
     widths: Sequence[int],
     calibrations: Calibrations,
     sound: Sound,
-    followed: Sequence[tuple[Array, list[str]]],
+    followed: Sequence[Followed],
 ) -> xr.Dataset:
     names = [camera.name for camera in manifest.cameras]
-    longest = max(centres.shape[1] for centres, _ in followed)
-    tracks = np.full((len(names), len(widths), longest, *followed[0][0].shape[2:]), np.nan)
-    for row, (centres, _) in zip(tracks, followed, strict=True):
-        row[:, : centres.shape[1]] = centres
+    longest = max(centres.shape[1] for centres, *_ in followed)
+    shape = (len(names), len(widths), longest, *followed[0][0].shape[2:])
+    tracks, matches = np.full((2, *shape), np.nan)
+    for i, (centres, matched, _) in enumerate(followed):
+        tracks[i, :, : centres.shape[1]] = centres
+        matches[i, :, : centres.shape[1]] = matched
     both = [getattr(calibrations, name) for name in CALIBRATIONS]
     found = sound.synchronisation
     data = xr.Dataset(
@@ -207,6 +280,8 @@ def _dataset(
 
     add("tracks", ("camera", "width", "frame", "axis", "marker"), tracks, "px",
         "marker centres, lens distortion included")  # fmt: skip
+    add("matches", ("camera", "width", "frame", "axis", "marker"), matches.astype(np.float32), "px",
+        "the same as the template match alone has them")  # fmt: skip
     add("exposure", ("camera",), [c.exposure_s for c in manifest.cameras], "s", "exposure time")
     add("rest", (), manifest.excitation.rest_s, "s", "time at rest at the start")
     add("full_scale", (), manifest.excitation.force_per_full_scale_n or np.nan, "N",
@@ -237,7 +312,7 @@ def _dataset(
     data.attrs["notes"] = "\n".join(
         [
             *calibrations.lost,
-            *(f"{name}: {note}" for name, (_, notes) in zip(names, followed, strict=True)
+            *(f"{name}: {note}" for name, (*_, notes) in zip(names, followed, strict=True)
               for note in notes),
         ]
     )  # fmt: skip

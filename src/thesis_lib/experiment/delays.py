@@ -19,6 +19,7 @@ Lags = NDArray[np.int64]
 
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
 TONE_RATE = 64  # samples per period at which a tone's phase is fitted
+FEWEST = 8  # samples per period from which on one is fitted
 EDGE = 10  # samples that the low-pass reaches to either side
 DOUBT = 5.0  # standard deviations by which one peak must beat the other
 SAME = 0.9998  # ratio of peaks from which on they are alike, as recordings never are quite
@@ -53,6 +54,11 @@ def decimated(signal: ArrayLike, rate: float, wanted: float) -> tuple[Array, flo
     x = np.asarray(signal, float)
     step = max(1, int(rate // wanted))
     return (resample_poly(x, 1, step)[EDGE:-EDGE] if step > 1 else x), rate / step
+
+
+def cut_off(rate: float, low_rate: float) -> float:
+    """How much later in s a signal starts that was :func:`decimated` from one rate to another."""
+    return EDGE / low_rate if low_rate < rate else 0.0
 
 
 def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[Lags, Array]:
@@ -179,7 +185,7 @@ def cross_correlation_delays(
     )
 
 
-def _tone(signal: Array, rate: float, frequency: float, centre: float) -> tuple[complex, float]:
+def tone_at(signal: Array, rate: float, frequency: float, centre: float) -> tuple[complex, float]:
     """Complex amplitude at time `centre` of a tone plus a constant, and its share of the energy."""
     t = np.arange(len(signal)) / rate - centre
     w = 2 * np.pi * frequency * t
@@ -189,18 +195,34 @@ def _tone(signal: Array, rate: float, frequency: float, centre: float) -> tuple[
     return complex(fit[0], -fit[1]), explained
 
 
+def tone_share(signal: Array, rate: float, frequency: float) -> float:
+    """Share of a signal's variance that a tone explains."""
+    return tone_at(signal, rate, frequency, len(signal) / rate / 2)[1]
+
+
 def tone_frequency(signal: ArrayLike, rate: float, guess: float) -> float:
     """Frequency in Hz, within 10 % of a guess, of the tone that explains most of a signal."""
     x, low_rate = decimated(signal, rate, TONE_RATE * guess)
     resolution = low_rate / len(x)
 
     def missed(frequency: float) -> float:
-        return -_tone(x, low_rate, frequency, len(x) / low_rate / 2)[1]
+        return -tone_share(x, low_rate, frequency)
 
-    near = np.arange(0.9 * guess, 1.1 * guess, 0.25 * resolution)
-    best = near[np.argmin([missed(f) for f in near])]
-    bounds = (best - 0.25 * resolution, best + 0.25 * resolution)
+    size = 1 << (8 * len(x)).bit_length()
+    near = np.arange(int(0.9 * guess * size / low_rate) + 1, 1.1 * guess * size / low_rate)
+    spectrum = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)), size))
+    best = near[np.argmax(spectrum[near.astype(int)])] * low_rate / size
+    bounds = max(best - resolution / 2, 0.9 * guess), min(best + resolution / 2, 1.1 * guess)
     return float(minimize_scalar(missed, bounds=bounds, options={"xatol": 1e-9}).x)
+
+
+def check_rate(rate: float, frequency: float) -> None:
+    """Refuse a tone that has too few samples per period."""
+    if not 0 < FEWEST * frequency <= rate:
+        raise SynchronisationError(
+            f"excitation.frequency_hz: given {frequency:g}, allowed: at most {rate / FEWEST:g} Hz, "
+            f"{FEWEST} samples of the sound per period"
+        )
 
 
 def steady_part(x: Array, rate: float, frequency: float) -> tuple[float, float]:
@@ -208,19 +230,35 @@ def steady_part(x: Array, rate: float, frequency: float) -> tuple[float, float]:
 
     Amplitudes are those of whole periods, compared with the median of the louder half.
     """
+    check_rate(rate, frequency)
     period = rate / frequency
+    n = round(period)
     edges = np.rint(np.arange(0, len(x) / period, 0.25) * period).astype(int)
-    edges = edges[edges + period <= len(x)]
+    edges = edges[edges + n <= len(x)]
     if not len(edges):
         return 0.0, len(x) / rate
-    amplitudes = np.array(
-        [abs(_tone(x[e : e + round(period)], rate, frequency, 0.0)[0]) for e in edges]
-    )
+    w = 2 * np.pi * np.arange(n) / period
+    fit = np.linalg.pinv(np.stack([np.cos(w), np.sin(w), np.ones_like(w)], axis=1))[:2]
+    amplitudes = np.array([np.hypot(*(fit @ x[e : e + n])) for e in edges])
     loud = np.median(amplitudes[amplitudes >= np.median(amplitudes)])
-    changes = np.diff(np.concatenate([[0], np.abs(amplitudes / loud - 1) < 0.15, [0]]).astype(int))
+    changes = np.diff(
+        np.concatenate([[0], np.abs(amplitudes - loud) < 0.15 * loud, [0]]).astype(int)
+    )
     starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
+    if not len(starts):
+        return 0.0, 0.0
     longest = int(np.argmax(ends - starts))
-    return float(edges[starts[longest]] / rate), float((edges[ends[longest]] + period) / rate)
+    return float(edges[starts[longest]] / rate), float((edges[ends[longest]] + n) / rate)
+
+
+def settled_part(x: Array, rate: float, frequency: float) -> tuple[float, float]:
+    """The steady part without what is left in it of a tone that grows before or fades after it.
+
+    That is its first period, and its last unless the recording ends with it.
+    """
+    start, end = steady_part(x, rate, frequency)
+    fades = end < len(x) / rate - 0.5 / frequency
+    return start + 1 / frequency, end - fades / frequency
 
 
 def phase_delays(
@@ -233,7 +271,7 @@ def phase_delays(
     """Delays from the phase of a tone, each the one nearest to a guess, shape (recordings,), s.
 
     Every recording is fitted with cos, sin and a constant over the same stretch of the signal: the
-    reference's steady part, as far as all recordings hold it, in whole periods. So what is not a
+    reference's settled part, as far as all recordings hold it, in whole periods. So what is not a
     tone disturbs all phases alike, and a frequency that is slightly off does no harm.
 
     Parameters
@@ -252,13 +290,15 @@ def phase_delays(
     Raises
     ------
     SynchronisationError
-        If the recordings have less than one period of the steady tone in common.
+        If the recordings have less than one period of the steady tone in common, or a period has
+        too few samples.
     """
+    check_rate(rate, frequency)
     near = np.asarray(guess, float)
     near = near - near[reference]
     parts = [decimated(x, rate, TONE_RATE * frequency) for x in signals]
     low_rate = parts[0][1]
-    start, end = steady_part(parts[reference][0], low_rate, frequency)
+    start, end = settled_part(parts[reference][0], low_rate, frequency)
     start = max(start, float(near.max()))
     end = min([end, *(float(len(x) / low_rate + g) for (x, _), g in zip(parts, near, strict=True))])
     periods = int((end - start) * frequency)
@@ -273,7 +313,7 @@ def phase_delays(
         first = max(0, min(round((start - g) * low_rate), len(x) - length))
         centre = (first + (length - 1) / 2) / low_rate
         part = x[first : first + length]
-        phases.append(np.angle(_tone(part, low_rate, frequency, centre - first / low_rate)[0]))
+        phases.append(np.angle(tone_at(part, low_rate, frequency, centre - first / low_rate)[0]))
         centres.append(centre)
     turn = (np.array(phases) - phases[reference]) / (2 * np.pi * frequency)
     delays = centres[reference] - np.array(centres) + turn

@@ -19,6 +19,7 @@ from thesis_lib.experiment.delays import delay_deviation
 from thesis_lib.experiment.laboratory import LATE, SAMPLE_RATE
 from thesis_lib.experiment.requests import NAMES, Experiment
 from thesis_lib.experiment.shapes import (
+    WHOLE_FRAMES,
     Instant,
     Tracks,
     interpolation_gain,
@@ -73,11 +74,11 @@ def trials(
     starts, clocks = draws.starts[:, index], draws.clocks[:, index]
     clocks = clocks - clocks[:, :1]  # errors are those against the reference
     noise = draws.noise[:, :, index]
-    rest = tracks.rest + sigma / np.sqrt(tracks.rest_frames) * noise[:, 0]
+    rest = tracks.still + sigma / np.sqrt(tracks.rest_frames) * noise[:, 0]
     if method == "harmonic":
         return _harmonic_trials(tracks, instant, clocks, noise[:, 1], exposures)
     delay = starts - starts[:, :1]
-    if method == "literal":
+    if method in WHOLE_FRAMES:
         # The reference's frames fall as they like; the others follow in whole frames.
         _, chosen = instant.nearest(rate, starts[:, :1] * rate)
         left = (delay + clocks) * rate

@@ -35,7 +35,7 @@ def sources() -> list[Path]:
     later = {"requests", "shapes", "draws", "study", "numbers", "pictures", "photographs",
              "signals", "sketches"}  # fmt: skip
     files = [path for path in here.glob("*.py") if path.stem not in later]
-    files += [here.parent / name for name in ("cameras.py", "structures.py")]
+    files += [here.parent / name for name in ("cameras.py", "structures.py", "triangulation.py")]
     return [*files, setups.data_folder() / "structures.toml", project_root() / "requirements.lock"]
 
 

@@ -26,7 +26,7 @@ def follow(
     widths: Sequence[int],
     corners_px: Sequence[tuple[float, float]] | None = None,
     turn: float = 0.0,
-) -> tuple[Array, list[str]]:
+) -> tuple[Array, Array, list[str]]:
     """Centres of the markers in every frame of a video, reduced to several widths.
 
     The video is read once, frame by frame. At each width the markers are looked for anew, but the
@@ -52,6 +52,8 @@ def follow(
     -------
     centres : ndarray, shape (widths, frames, 2, markers)
         In px of each width, lens distortion included; NaN where missing.
+    matched : ndarray, shape (widths, frames, 2, markers)
+        The same as the template match alone has them, where Appendix F stops.
     notes : list of str
         What went wrong on the way.
 
@@ -63,7 +65,7 @@ def follow(
         If the beam is not found in the first frame.
     """
     trackers: list[Tracker] = []
-    rows, notes = [], []
+    rows, matched, notes = [], [], []
     for image in media.read_frames(video):
         pictures = [reduced(image, width) for width in widths]
         if not trackers:
@@ -79,22 +81,23 @@ def follow(
                     notes.append(f"{picture.shape[1]} px: {error}")
                 trackers.append(Tracker(own, turn))
         rows.append([t.centres(p) for t, p in zip(trackers, pictures, strict=True)])
-    return np.array(rows).swapaxes(0, 1), notes
+        matched.append([t.matched for t in trackers])
+    return np.array(rows).swapaxes(0, 1), np.array(matched).swapaxes(0, 1), notes
 
 
 def reduced(image: Image, width: int) -> Image:
-    """A frame at a smaller width (section 5.2.1).
+    """A frame at a smaller width (section 5.2.1), by the mean over areas.
 
-    A Gaussian as wide as the new pixels, then linear interpolation: the mean over areas would do
-    for whole factors only, at 3 : 2 it moves every other pixel by 0.06 px.
+    By a factor such as 3 : 2 that mean moves every other pixel by 0.06 px; the frame is then
+    enlarged to twice its size first, by linear interpolation.
     """
     height = round(width * image.shape[0] / image.shape[1])
     factor = image.shape[1] / width
     if factor <= 1:
         return image
-    spread = np.sqrt((factor**2 - 1) / 12)
-    smooth = cv2.GaussianBlur(image, (0, 0), spread)
-    return np.asarray(cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR), np.uint8)
+    if factor != int(factor):
+        image = np.asarray(cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR))
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
 
 
 def _first_view(

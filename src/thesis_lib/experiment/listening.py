@@ -1,16 +1,31 @@
-"""What the audio tracks of a folder of recordings tell: starts, frequency, phase of the force."""
+"""What the audio tracks of a folder of recordings tell: starts, frequency, phase of the force.
+
+Tracks are read one at a time and kept at a few kHz, so that long recordings fit into memory.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from thesis_lib.experiment import media
-from thesis_lib.experiment.delays import steady_part
-from thesis_lib.experiment.manifest import Manifest, ManifestError
-from thesis_lib.experiment.synchronisation import Synchronisation, synchronise
+from thesis_lib.experiment.delays import (
+    CORRELATION_RATE,
+    TONE_RATE,
+    check_rate,
+    cut_off,
+    decimated,
+    settled_part,
+    tone_at,
+)
+from thesis_lib.experiment.manifest import Manifest, ManifestError, check_excitation
+from thesis_lib.experiment.synchronisation import (
+    Synchronisation,
+    check_signal,
+    same_rate,
+    shortest_of,
+    synchronise,
+)
 
 
 @dataclass(frozen=True)
@@ -40,29 +55,43 @@ def listen(manifest: Manifest, folder: Path) -> Sound:
 
     Raises
     ------
+    ManifestError
+        If the frequency is not given, or not one that the cameras can film.
     MediaError, SynchronisationError
-        If a track is missing, silent, clipped or unlike the others.
+        If a track is missing, silent, clipped or unlike the others, or holds no steady tone of the
+        frequency.
     """
-    names = [camera.name for camera in manifest.cameras]
-    tracks = [media.read_audio(folder / camera.video) for camera in manifest.cameras]
-    rates = [rate for _, rate, _ in tracks]
-    found = synchronise(
-        [samples for samples, _, _ in tracks],
-        rates,
-        manifest.cameras[0].frame_rate_hz,
-        manifest.excitation.frequency_hz,
-        starts=[start for *_, start in tracks],
-        names=names,
-    )
-    samples, rate, start = tracks[0]
+    for problem in check_excitation(manifest):
+        raise ManifestError(problem)
     frequency = manifest.excitation.frequency_hz
-    if frequency is None:
-        raise ManifestError("excitation.frequency_hz: given null, allowed here: a number, in Hz")
-    begin, end = steady_part(samples, rate, frequency)
-    begin += 1 / frequency  # what follows the force's change has settled, too
-    first, last = round(begin * rate), round(end * rate)
-    times = start + np.arange(first, last) / rate
-    omega = 2 * np.pi * frequency
-    A = np.stack([np.cos(omega * times), -np.sin(omega * times), np.ones_like(times)], axis=1)
-    real, imaginary, _ = np.linalg.lstsq(A, samples[first:last], rcond=None)[0]
-    return Sound(found, frequency, complex(real, imaginary), (times[0], times[-1]))
+    assert frequency is not None
+    names = [camera.name for camera in manifest.cameras]
+    tracks, rates, starts = [], [], []
+    low_rate = 0.0
+    for camera in manifest.cameras:
+        samples, rate, start = media.read_audio(folder / camera.video)
+        rates.append(rate)
+        same_rate(rates, names[: len(rates)])
+        check_rate(rate, frequency)
+        check_signal(samples, rate, shortest_of(frequency), camera.name)
+        wanted = max(CORRELATION_RATE, TONE_RATE * frequency)
+        track, low_rate = decimated(samples, rate, wanted)
+        tracks.append(track)
+        starts.append(start + cut_off(rate, low_rate))
+        del samples
+    found = synchronise(
+        tracks,
+        low_rate,
+        manifest.cameras[0].frame_rate_hz,
+        frequency,
+        starts=starts,
+        names=names,
+        checked=True,
+    )
+    x, tone_rate = decimated(tracks[0], low_rate, TONE_RATE * frequency)
+    begin, end = settled_part(x, tone_rate, frequency)
+    later = cut_off(low_rate, tone_rate)
+    first, last = round((begin + later) * low_rate), round((end + later) * low_rate)
+    steady = starts[0] + first / low_rate, starts[0] + (last - 1) / low_rate
+    force, _ = tone_at(tracks[0][first:last], low_rate, frequency, -steady[0])
+    return Sound(found, frequency, force, steady)

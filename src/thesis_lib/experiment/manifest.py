@@ -21,15 +21,17 @@ from thesis_lib.experiment.manifest_model import (
     Markers,
     Structure,
 )
-from thesis_lib.experiment.media import MediaError, probe, read_png
+from thesis_lib.experiment.media import MediaError, VideoInfo, probe, read_png
 from thesis_lib.files import whole_file
 from thesis_lib.parameters import nearest
 
 __all__ = ["BoardSpec", "CameraFiles", "Excitation", "Manifest", "ManifestError", "Markers",
-           "Structure", "check_recordings", "read_manifest", "shot_paths",
+           "Structure", "check_excitation", "check_recordings", "read_manifest", "shot_paths",
            "write_manifest"]  # fmt: skip
 
 RATE_TOLERANCE = 5e-4  # relative; 60 and 59.94 Hz are 0.1 % apart
+APART = 0.5  # s that a video's pictures and its sound may end apart
+DEEPEST = 20  # levels of a YAML text; a manifest has six
 
 
 class ManifestError(ValueError):
@@ -39,15 +41,39 @@ class ManifestError(ValueError):
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]
     """YAML as plain as JSON: no key twice, nothing that stands for something else."""
 
+    depth = 0
+
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):  # a few lines of them can stand for gigabytes
             mark = self.peek_event().start_mark
             raise yaml.MarkedYAMLError(problem="an alias, allowed: values", problem_mark=mark)
-        return super().compose_node(parent, index)
+        if self.depth >= DEEPEST:
+            mark = self.peek_event().start_mark
+            raise yaml.MarkedYAMLError(
+                problem=f"nested too deep, allowed: {DEEPEST} levels", problem_mark=mark
+            )
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except ValueError:  # a number of thousands of digits, a day that is none
+            raise yaml.MarkedYAMLError(
+                problem=f"given {one_line(str(node.value))}, allowed: a value that can be read",
+                problem_mark=node.start_mark,
+            ) from None
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         keys: set[str] = set()
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.MarkedYAMLError(
+                    problem="a list or an object as a field's name, allowed: text",
+                    problem_mark=key.start_mark,
+                )
             if key.value in keys:
                 raise yaml.MarkedYAMLError(
                     problem=f"{one_line(str(key.value))} is given twice",
@@ -120,12 +146,33 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
         return []
 
 
+def check_excitation(manifest: Manifest) -> list[str]:
+    """What of the excitation these cameras cannot film, one line each; empty if nothing."""
+    lines = []
+    slowest = min(camera.frame_rate_hz for camera in manifest.cameras)
+    frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_s
+    if frequency is None:
+        lines.append("excitation.frequency_hz: given null, allowed here: a number, in Hz")
+    elif frequency >= slowest / 2:
+        lines.append(
+            f"excitation.frequency_hz: given {frequency:.6g}, allowed: below half of the frame "
+            f"rate, {slowest / 2:g} Hz"
+        )
+    if rest * slowest < 3 - 1e-9:
+        lines.append(
+            f"excitation.rest_s: given {rest:.6g}, allowed: at least {3 / slowest:.4g} s, three "
+            "frames"
+        )
+    return lines
+
+
 def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
     """What in the recordings is other than the manifest says, one line each; empty if nothing.
 
-    Every video's size, frame rate and sound, and the size of every picture of the board.
+    The excitation, every video's size, frame rate, length and sound, and the size of every picture
+    of the board.
     """
-    lines = []
+    lines = check_excitation(manifest)
     for i, camera in enumerate(manifest.cameras):
         path = folder / camera.video
         where, says = f"cameras[{i}].video: {path}", "as the manifest says"
@@ -139,8 +186,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
                     f"{where}: {rate:.6g} frames per second, allowed: {camera.frame_rate_hz:.6g} "
                     f"{says}"
                 )
-            if not info.has_audio:
-                lines.append(f"{where}: no audio track; it is needed to synchronise the cameras")
+            lines += [f"{where}: {line}" for line in _lengths(info, manifest.excitation.rest_s)]
         except MediaError as error:
             lines.append(f"cameras[{i}].video: {error}")
         for shot in filter(None, shot_paths(camera, folder)):
@@ -154,6 +200,21 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
             except MediaError as error:
                 lines.append(f"cameras[{i}].shots: {error}")
     return lines
+
+
+def _lengths(info: VideoInfo, rest: float) -> Iterator[str]:
+    """What is wrong with the lengths of a video's pictures and sound, as far as it says them."""
+    if not info.has_audio:
+        yield "no audio track; it is needed to synchronise the cameras"
+    if info.duration is None:
+        return
+    if info.duration <= rest:
+        yield f"{info.duration:.3f} s of pictures, allowed: more than rest_s, {rest:g} s"
+    if info.sound_end is not None and abs(info.sound_end - info.duration) > APART:
+        yield (
+            f"its pictures end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
+            f"allowed: at most {APART:g} s apart"
+        )
 
 
 def _px(size: Sequence[int]) -> str:
@@ -197,11 +258,16 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             for shot in files:  # which may be links
                 if outside(str(shot.relative_to(folder))):
                     yield f"{where}: {shown(shot.name)} leads outside, allowed: {INSIDE}"
+    videos: dict[Path, str] = {}
     for where, text in named:
         if outside(text):
             yield f"{where}: given {shown(text)}, allowed: {INSIDE}"
         elif exist and not (folder / text).is_file():
             yield f"{where}: given {shown(text)}, no such file in {folder}"
+        else:
+            first = videos.setdefault((root / text).resolve(), where)
+            if where.endswith(".video") and first != where:
+                yield f"{where}: given {shown(text)}, the same as {first}"
     if exist and len(set(numbers.values())) > 1:
         counts = ", ".join(map(str, numbers.values()))
         yield f"cameras: given {counts} shots, allowed: as many for every camera, in the same order"

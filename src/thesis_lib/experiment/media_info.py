@@ -9,6 +9,7 @@ from pathlib import Path
 
 import av
 import numpy as np
+from av.audio.stream import AudioStream
 from av.container import InputContainer
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
@@ -36,6 +37,8 @@ class VideoInfo:
         Number of frames, None if the file does not say.
     duration : float or None
         Length of the video track in s, None if the file does not say.
+    sound_end : float or None
+        When the sound ends after the first frame, s, None if the file does not say.
     codec : str
         Name of the video codec.
     sample_rate : int or None
@@ -48,6 +51,7 @@ class VideoInfo:
     frame_rate: float
     frames: int | None
     duration: float | None
+    sound_end: float | None
     codec: str
     sample_rate: int | None
     channels: int
@@ -86,9 +90,16 @@ def _seconds(text: str) -> float:
     return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
 
 
-def start_of(stream: VideoStream) -> float:
+def start_of(stream: VideoStream | AudioStream) -> float:
     """Time of the first frame in s."""
     return float((stream.start_time or 0) * (stream.time_base or 0))
+
+
+def _end_of(stream: VideoStream | AudioStream) -> float | None:
+    """Time in s at which a track ends, None if the file does not say."""
+    if stream.duration is not None and stream.time_base is not None:
+        return start_of(stream) + float(stream.duration * stream.time_base)
+    return _seconds(stream.metadata["DURATION"]) if "DURATION" in stream.metadata else None
 
 
 def info_of(file: InputContainer, path: Path) -> VideoInfo:
@@ -97,20 +108,19 @@ def info_of(file: InputContainer, path: Path) -> VideoInfo:
     rate = video.average_rate or video.guessed_rate
     if not rate or not video.width:
         raise MediaError(f"{path}: the video track says no frame rate or size")
-    duration = None
-    if video.duration is not None and video.time_base is not None:
-        duration = float(video.duration * video.time_base)
-    elif "DURATION" in video.metadata:
-        duration = _seconds(video.metadata["DURATION"]) - start_of(video)
+    end = _end_of(video)
+    duration = None if end is None else end - start_of(video)
     counts = [video.frames] if video.frames else []
     if duration is not None:
         counts.append(round(duration * rate))
     sound = file.streams.audio[0] if file.streams.audio else None
+    heard = None if sound is None else _end_of(sound)
     return VideoInfo(
         size=(video.width, video.height),
         frame_rate=float(rate),
         frames=min(counts, default=None),  # an edit list may hide stored frames
         duration=duration,
+        sound_end=None if heard is None else heard - start_of(video),
         codec=video.codec_context.name,
         sample_rate=sound.sample_rate if sound else None,
         channels=sound.channels if sound else 0,

@@ -21,7 +21,7 @@ from thesis_lib import setups
 from thesis_lib.experiment import tracking
 from thesis_lib.experiment.board import Board
 from thesis_lib.experiment.calibration import central
-from thesis_lib.experiment.chain import reduced
+from thesis_lib.experiment.following import reduced
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.sketches import INK, WIDE, names_of, tip_marker
 from thesis_lib.figures import COLORS, STYLE

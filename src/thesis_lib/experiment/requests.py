@@ -6,6 +6,7 @@ import math
 from itertools import combinations
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
 from thesis_lib import setups
@@ -17,13 +18,14 @@ from thesis_lib.camera_study import (
     permitted,
     refuse,
 )
+from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations
 from thesis_lib.setups import Setting
 
 RIG = setups.table("experiment", "rig")
 NAMES = "ABCD"
 TRIED_PX = 320  # the thesis tried this width, and gave it up
-METHODS = ("literal", "aligned", "harmonic")
-Method = Literal["literal", "aligned", "harmonic"]
+METHODS = ("matched", "literal", "aligned", "harmonic")
+Method = Literal["matched", "literal", "aligned", "harmonic"]
 Noise = Annotated[float, Field(ge=0, le=50)]
 FilmedWidth = Annotated[int, Field(ge=160, le=1920)]
 POSITIVE = "a number above 0, at most 100000"
@@ -74,7 +76,9 @@ class Rig(BaseModel):
         20.0, "force over noise on the audio tracks", "a number from 0 to 120"
     )
     codec: Literal["lossless", "h264"] = field(
-        "lossless", "how the videos are kept", '"lossless" or "h264" (at crf 23)'
+        "lossless",
+        "how the videos are kept; H.264 swallows part of motions well below a pixel",
+        '"lossless" or "h264" (at crf 23)',
     )
 
     @model_validator(mode="after")
@@ -87,7 +91,27 @@ class Rig(BaseModel):
         if self.distance_mm <= reach:
             refuse("distance_mm", self.distance_mm, f"allowed: more than {reach:.4g} mm, the reach "
                    "of the structure and its deflection")  # fmt: skip
+        if self._most_off_centre() > 0.98:
+            refuse("distance_mm", self.distance_mm, "allowed: so far, or with a focal length so "
+                   "short against the sensor, that all cameras see the whole beam")  # fmt: skip
         return self
+
+    def _most_off_centre(self) -> float:
+        """How far the beam's corners reach in the pictures, over half their width or height."""
+        length, width = setups.beam().extent
+        lift = self.amplitude_mm / 1000
+        corners = np.array([[x, y, z] for x in (-length / 2, length / 2)
+                            for y in (-width / 2, width / 2) for z in (-lift, lift)])  # fmt: skip
+        azimuth, elevation = np.radians(list(self.directions_deg.values())).T
+        centres = self.distance_mm / 1000 * hemisphere_directions(azimuth, elevation)
+        rays = corners - centres[:, None]
+        u, v, depth = np.einsum("cij,cnj->icn", hemisphere_rotations(azimuth, elevation), rays)
+        half = self.sensor_width_mm / self.focal_length_mm / 2
+        if np.any(depth <= 0):
+            return np.inf
+        # Lens distortion moves the border by a few percent.
+        spread = 1 + self.lens_k1 * half**2
+        return float(max(np.abs(u / depth).max(), np.abs(v / depth).max() * 16 / 9) * spread / half)
 
     @property
     def directions_deg(self) -> dict[str, tuple[float, float]]:
@@ -168,7 +192,7 @@ class ExperimentResolution(Experiment):
     cases: list[Method] = field(
         lambda: list(METHODS),
         "cases to run",
-        "a list of different ones of literal, aligned, harmonic",
+        "a list of different ones of matched, literal, aligned, harmonic",
         min_length=1,
     )
     widths_px: list[FilmedWidth] = field(
@@ -201,10 +225,11 @@ class ExperimentCameras(Experiment):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    cases: list[Literal["literal", "aligned", "harmonic", "literal-all", "harmonic-all"]] = field(
+    cases: list[Method | Literal["literal-all", "harmonic-all"]] = field(
         lambda: [*METHODS, "literal-all", "harmonic-all"],
         "cases to run",
-        "a list of different ones of literal, aligned, harmonic, literal-all, harmonic-all",
+        "a list of different ones of matched, literal, aligned, harmonic, literal-all, "
+        "harmonic-all",
         min_length=1,
     )
     width_px: FilmedWidth = field(
@@ -230,7 +255,7 @@ class ExperimentCameras(Experiment):
 
 
 def method_of(case: str) -> str:
-    """The method of a case: literal, aligned or harmonic.
+    """The method of a case: matched, literal, aligned or harmonic.
 
     Examples
     --------

@@ -1,14 +1,15 @@
 """Deflection shapes from tracks, by three methods.
 
-*Literal* is the thesis's: clocks aligned to whole frames, and the frame that comes nearest to a
-maximum, as the force's phase tells it. *Aligned* puts the clocks right to a fraction of a frame and
-interpolates to the instant of the maximum. *Harmonic* fits the harmonics of every image coordinate
-on its camera's own clock, so that all frames count.
+*Matched* is the thesis's to the letter: centres as the template match has them, clocks aligned to
+whole frames, one frame at rest, and the frame that comes nearest to a maximum, as the force's phase
+tells it. *Literal* has fitted centres, and the mean of the frames at rest. *Aligned* puts the
+clocks right to a fraction of a frame and interpolates to the instant of the maximum. *Harmonic*
+fits the harmonics of every image coordinate on its camera's own clock, so that all frames count.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -23,6 +24,7 @@ from thesis_lib.experiment.scene import Markers
 Array = NDArray[np.float64]
 ORDER = 2  # harmonics that are fitted
 NEAR = 6  # frames that are interpolated
+WHOLE_FRAMES = ("matched", "literal")  # methods that take frames as they are
 
 
 @dataclass(frozen=True)
@@ -38,13 +40,15 @@ class Tracks:
     times : ndarray, shape (cameras, frames)
         On the reference camera's clock, s.
     frames : ndarray of int, shape (cameras,)
-        Delays in whole frames.
+        Delays to the first of these cameras in whole frames (eq. 5.2).
     harmonics : list of Harmonics
         Of the steady part.
     rest : ndarray, shape (cameras, 2, markers)
-        Mean at rest, px.
+        At rest, px.
+    still : ndarray, shape (cameras, 2, markers)
+        Mean of the fitted centres at rest, px: what `rest` scatters about.
     rest_frames : int
-        Frames that it is the mean of.
+        Frames that `rest` is the mean of.
     frame : Frame
         The beam's frame.
     """
@@ -55,6 +59,7 @@ class Tracks:
     frames: NDArray[np.int64]
     harmonics: list[rc.Harmonics]
     rest: Array
+    still: Array
     rest_frames: int
     frame: rc.Frame
 
@@ -75,37 +80,60 @@ class Tracks:
 
 
 def tracks_of(
-    data: xr.Dataset, markers: Markers, names: str, width: int, calibration: str
+    data: xr.Dataset,
+    markers: Markers,
+    names: str,
+    width: int,
+    calibration: str,
+    matched: bool = False,
 ) -> Tracks:
-    """The tracks of some cameras at one width, by one of the two calibrations."""
+    """The tracks of some cameras at one width, by one of the two calibrations.
+
+    If `matched`, the centres are those of the template match: at rest those of the first frame, and
+    in motion they scatter about the harmonics of the fitted ones.
+    """
     index = [list(data["camera"].values).index(name) for name in names]
     every = cameras_of(data, calibration, width)
     cameras = [every[i] for i in index]
-    raw = data["tracks"].sel(width=width).values[index]
-    uv = np.stack(
-        [
-            lens.undistorted(camera, own.swapaxes(0, 1)).swapaxes(0, 1)
-            for camera, own in zip(cameras, raw, strict=True)
-        ]
-    )
+    uv = _undistorted(cameras, data["tracks"].sel(width=width).values[index])
     rates = data["frame_rate"].values[index]
     own_times = np.arange(uv.shape[1]) / rates[:, None]
     times = own_times + data["delay"].values[index][:, None]
     omega = 2 * np.pi * float(data["frequency"])
     begin, end = data["steady"].values
     rest_s = float(data["rest"])
-    harmonics, rest = [], []
-    for camera_uv, camera_times, own in zip(uv, times, own_times, strict=True):
-        steady = (camera_times >= begin) & (camera_times <= end)
-        harmonics.append(rc.fit_harmonics(omega, camera_times[steady], camera_uv[steady], ORDER))
-        still = camera_uv[own < rest_s - 1 / rates.min()]
-        rest.append(_mean(still))
+    # Where the second harmonic nears the frame rate less the first, frames cannot tell them apart.
+    order = ORDER if float(data["frequency"]) < 0.2 * rates.min() else 1
+    harmonics, means = [], []
+    steady = (times >= begin) & (times <= end)
+    for i, camera_uv in enumerate(uv):
+        chosen = steady[i]
+        harmonics.append(rc.fit_harmonics(omega, times[i, chosen], camera_uv[chosen], order))
+        means.append(_mean(camera_uv[own_times[i] < rest_s - 1 / rates.min()]))
+    still = rest = np.array(means)
     still_frames = int(np.count_nonzero(own_times[0] < rest_s - 1 / rates.min()))
+    if matched:
+        uv = _undistorted(cameras, data["matches"].sel(width=width).values[index].astype(float))
+        rest, still_frames = uv[:, 0], 1
+        for i, fitted in enumerate(harmonics):
+            off = uv[i, steady[i]] - fitted.at(omega, times[i, steady[i]])
+            harmonics[i] = replace(fitted, sigma=np.sqrt(_mean(off**2)))
     P = lens.projection_matrices(cameras)
-    points, _ = rc.triangulate_seen(P, np.array(rest))
+    points, _ = rc.triangulate_seen(P, rest)
     frame = rc.fit_grid(points, markers.world[:, : markers.count])
-    return Tracks(cameras, uv, times, data["delay_frames"].values[index], harmonics,
-                  np.array(rest), still_frames, frame)  # fmt: skip
+    delays = data["delay"].values[index]
+    whole = np.rint((delays - delays[0]) * rates[0]).astype(np.int64)
+    return Tracks(cameras, uv, times, whole, harmonics, rest, still, still_frames, frame)
+
+
+def _undistorted(cameras: list[Camera], raw: Array) -> Array:
+    """Tracks (cameras, frames, 2, markers) without lens distortion, px."""
+    return np.stack(
+        [
+            lens.undistorted(camera, own.swapaxes(0, 1)).swapaxes(0, 1)
+            for camera, own in zip(cameras, raw, strict=True)
+        ]
+    )
 
 
 def _mean(values: Array) -> Array:
@@ -166,10 +194,10 @@ def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) 
             P, tracks.frame, instant.omega, unblurred(tracks, instant, exposures)
         )
         return rc.real_shape(amplitude, instant.phase)
-    if method == "literal":
+    if method in WHOLE_FRAMES:
         first = tracks.times[0, 0] * tracks.rate
         number = round(float(instant.nearest(tracks.rate, first)[1]) * tracks.rate - first)
-        chosen = number - (tracks.frames - tracks.frames[0])
+        chosen = number - tracks.frames
         uv = tracks.uv[np.arange(len(P)), np.clip(chosen, 0, tracks.uv.shape[1] - 1)]
     else:
         uv = np.stack(
@@ -209,7 +237,7 @@ def predicted(tracks: Tracks, method: str, at: Instant, exposures: Array) -> Arr
         fitted = unblurred(tracks, at, exposures)
         each = sigma * np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in fitted])
     else:
-        mean = 1.0 if method == "literal" else np.mean(
+        mean = 1.0 if method in WHOLE_FRAMES else np.mean(
             [interpolation_gain(f) ** 2 for f in np.linspace(0, 1, 21)]
         )  # fmt: skip
         each = sigma * np.sqrt(mean + 1 / tracks.rest_frames)

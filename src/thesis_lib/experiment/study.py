@@ -24,7 +24,7 @@ from thesis_lib.experiment.shapes import (
     tracks_of,
     unblurred,
 )
-from thesis_lib.studies import VARIABLES, add_cameras, coordinates, modal_assurance
+from thesis_lib.studies import VARIABLES, add_cameras, coordinates
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,8 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
         index = [NAMES.index(name) for name in names]
         method = method_of(setting.case)
         tracks = tracks_of(data, markers, names, setting.resolution_px[0],
-                           "full" if method == "harmonic" else "literal")  # fmt: skip
+                           "full" if method == "harmonic" else "literal",
+                           method == "matched")  # fmt: skip
         exposures = data["exposure"].values[index]
         first = deflection(tracks, instant, method, exposures)
         drawn = trials(tracks, instant, method, draws, index, exposures)
@@ -59,7 +60,7 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
                 "mean_error": np.sqrt(np.nanmean(error**2, axis=-1)),
                 "max_point_error": np.nanmax(error, axis=-1),
                 "predicted_error": [scale * _rms(noise[row])],
-                "mac": modal_assurance(np.nan_to_num(measured), reference[None]),
+                "mac": _assurance(measured, reference),
                 "missing": np.mean(np.isnan(measured), axis=-1),
                 "in_view": _in_view(tracks, markers),
                 "ground_sample_distance": np.mean(
@@ -73,6 +74,14 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
             }
         )
     return _cube(study, settings, reference, results, data)
+
+
+def _assurance(measured: Array, reference: Array) -> Array:
+    """Modal assurance criterion of each trial over the markers that are known."""
+    known = np.isfinite(measured)
+    m, r = np.where(known, measured, 0), np.where(known, reference, 0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sum(m * r, -1) ** 2 / (np.sum(m * m, -1) * np.sum(r * r, -1)))
 
 
 def _rms(values: Array) -> float:
@@ -155,8 +164,10 @@ def _cube(
     mobility = 1j * omega * drive**2 / (beam.mass / 4 * stiffness)
     cube["mobility_reference"] = (
         "part", [mobility.real, mobility.imag],
-        {"units": "m s-1 N-1", "long_name": "drive-point mobility of the model"},
+        {"units": "m s-1 N-1", "long_name": "drive-point mobility of the beam, resonant there"},
     )  # fmt: skip
+    if "shots_used" in data:
+        cube["shots_used"] = ("shots_camera", data["shots_used"].values, data["shots_used"].attrs)
     kept = {"missing_share": "tracking_missing", "wrong_share": "tracking_wrong",
             "centre_error": "tracking_error"}  # fmt: skip
     for name, new in kept.items():

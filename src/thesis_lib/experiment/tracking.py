@@ -24,8 +24,11 @@ from thesis_lib.experiment.view import Image, TrackingError, View, homography
 
 Array = NDArray[np.float64]
 
-SCALE = 2000.0  # pixels per metre of the resampled beam
-REACH = 0.025  # how far beyond the beam it is searched, m: more than a row moves on its plane
+PIXELS = 10  # of the resampled beam in a marker's diameter
+FAR = 5  # diameters that it is searched beyond the beam: more than a row moves on its plane
+SCALE, REACH = 2000.0, 0.025  # what that gives for the thesis's markers, px/m and m
+MOST = 2e7  # pixels of the resampled beam
+OFF = 1.5  # px from the grid, rms, from which the markers are taken for others
 BLURS = (0.15, 1.5)  # px
 LEAST_SCORE = 0.45  # of the correlation with a disc, for a match to be considered
 
@@ -36,21 +39,48 @@ def sharpen(image: Image, view: View) -> View:
     Raises
     ------
     TrackingError
-        If fewer than half of the markers are found.
+        If fewer than half of the markers are found, or they do not fit their grid.
     """
-    grid = view.markers.positions
+    grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
         found, _ = assign(grid, Tracker(view).matches(image), _gate(view.markers))
         view = replace(view, blur=_best_blur(image, view, found))
         centres, _ = refine(image, view, found)
         count = np.count_nonzero(np.isfinite(centres[0]))
-        if count < grid.shape[1] / 2:
+        if count < max(4, grid.shape[1] / 2):
             raise TrackingError(
-                f"camera {view.camera.name}: only {count} of {grid.shape[1]} markers are found in "
-                "the first frame"
+                f"camera {name}: only {count} of {grid.shape[1]} markers are found in the first "
+                "frame"
             )
-        view = replace(view, H_image_plane=homography(grid, undistorted(view.camera, centres)))
+        try:
+            H = homography(grid, undistorted(view.camera, centres))
+        except TrackingError as error:
+            raise TrackingError(f"camera {name}: the markers found: {error}") from None
+        view = replace(view, H_image_plane=H)
+    rows = centres[0, : view.markers.count].reshape(view.markers.rows, -1)
+    off = _rms(centres - view.to_image(grid))
+    length, width = view.markers.beam.extent
+    corners = np.array([[0, length, length, 0], [0, 0, width, width]])
+    moved = _rms(view.to_image(corners) - first.to_image(corners))
+    row = np.array([[0], [view.markers.row_spacing]])
+    between = float(np.median(np.hypot(*(view.to_image(grid + row) - view.to_image(grid)))))
+    wrong = ""
+    if np.isnan(rows).all(axis=1).any():
+        wrong = "no marker is found in one of the rows"
+    elif off > max(OFF, 0.1 * between):
+        wrong = f"the markers found are {off:.1f} px off their grid"
+    elif moved > max(2 * OFF, 0.4 * between):
+        wrong = f"the markers found put the beam's corners {moved:.1f} px from where they are"
+    if wrong:
+        raise TrackingError(
+            f"camera {name}: {wrong}; do rows, columns and spacing agree with the manifest?"
+        )
     return view
+
+
+def _rms(off: Array) -> float:
+    """Root mean square length of vectors (2, n), NaN left out."""
+    return float(np.sqrt(np.nanmean(np.sum(off**2, axis=0))))
 
 
 def _best_blur(image: Image, view: View, found: Array) -> float:
@@ -80,22 +110,44 @@ class Tracker:
         How the camera sees the beam's plane.
     turn : float
         Angle ωΔt of the vibration from frame to frame in rad; 0 if it is not known.
+
+    Attributes
+    ----------
+    scale : float
+        Pixels per metre of the resampled beam.
+    reach : float
+        How far beyond the beam it is resampled, m.
+    matched : ndarray, shape (2, markers)
+        Centres in px by template matching alone, to whole pixels of the resampled frame, for the
+        last frame given to :meth:`centres`; NaN where missing.
+
+    Raises
+    ------
+    TrackingError
+        If the resampled beam would be too large.
     """
 
     def __init__(self, view: View, turn: float = 0.0) -> None:
         self.view, self.turn = view, turn
         markers = view.markers
-        length, width = markers.beam.extent
-        self.origin = np.array([-REACH, -REACH]) + 0.5 / SCALE
-        nx, ny = (int(SCALE * (size + 2 * REACH)) for size in (length, width))
-        grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny))) / SCALE
+        self.scale, self.reach = PIXELS / markers.diameter, FAR * markers.diameter
+        self.origin = np.full(2, -self.reach) + 0.5 / self.scale
+        nx, ny = (int(self.scale * (size + 2 * self.reach)) for size in markers.beam.extent)
+        if nx * ny > MOST:
+            raise TrackingError(
+                f"camera {view.camera.name}: the beam is {nx} x {ny} pixels at {PIXELS} to a "
+                f"marker's diameter, at most {MOST:.0e} are handled; are the diameter and the "
+                "beam's size right?"
+            )
+        grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny))) / self.scale
         u, v = view.to_image(grid + self.origin[:, None, None]).astype(np.float32)
         self.maps = u - np.float32(HALF), v - np.float32(HALF)
-        self.template = _disc(markers.diameter * SCALE)
+        self.template = _disc(PIXELS)
         self.grid = markers.positions
         self.gate = _gate(markers)
         self.moved = np.zeros_like(self.grid)
         self.before = np.zeros_like(self.grid)
+        self.matched = np.full((2, markers.count), np.nan)
 
     def centres(self, image: Image) -> Array:
         """Centres of the markers in px, shape (2, markers), NaN where missing; the hole is dropped.
@@ -104,8 +156,9 @@ class Tracker:
         """
         # Harmonic motion has x(t + Δt) = 2 cos(ωΔt) x(t) − x(t − Δt); turn 0 goes straight on.
         ahead = 2 * np.cos(self.turn) * self.moved - self.before
-        predicted = self.grid + np.clip(ahead, -REACH, REACH)
+        predicted = self.grid + np.clip(ahead, -self.reach, self.reach)
         found, _ = assign(predicted, self.matches(image), self.gate)
+        self.matched = self.view.to_image(found[:, : self.view.markers.count])
         uv, _ = refine(image, self.view, found)
         seen = self.view.to_plane(uv) - self.grid
         self.before = self.moved
@@ -122,7 +175,7 @@ class Tracker:
         highest = cv2.dilate(score, np.ones((7, 7), np.uint8))
         rows, columns = np.nonzero((score == highest) & (score > LEAST_SCORE))
         half = (len(self.template) - 1) / 2
-        return np.stack([columns + half, rows + half]) / SCALE + self.origin[:, None]
+        return np.stack([columns + half, rows + half]) / self.scale + self.origin[:, None]
 
 
 def _filled(seen: Array, x: Array, last: Array) -> Array:

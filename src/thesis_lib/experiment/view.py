@@ -70,10 +70,21 @@ def apply(H: ArrayLike, points: ArrayLike) -> Array:
 
 
 def homography(source: ArrayLike, target: ArrayLike) -> Array:
-    """Homography that takes points (2, n) to points (2, n) best in the target; NaN is left out."""
+    """Homography that takes points (2, n) to points (2, n) best in the target; NaN is left out.
+
+    Raises
+    ------
+    TrackingError
+        If fewer than four points are left, or they lie on a line.
+    """
     source, target = np.asarray(source, float), np.asarray(target, float)
-    known = np.isfinite(source[0] + target[0])
+    known = np.isfinite(source + target).all(axis=0)
+    count = np.count_nonzero(known)
+    if count < 4:
+        raise TrackingError(f"only {count} of {len(known)} points are known, and four are needed")
     H, _ = cv2.findHomography(source.T[known], target.T[known])
+    if H is None or not np.isfinite(H).all() or np.linalg.cond(H) > 1e15:
+        raise TrackingError(f"the {count} points known are on a line")
     return np.asarray(H, float)
 
 
@@ -90,7 +101,7 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
     TrackingError
         If no such quadrilateral is seen, or the hole does not tell the ends apart.
     """
-    corners = undistorted(camera, _bright_quadrilateral(image))
+    corners = _bright_quadrilateral(image, camera)
     if markers.hole is None:
         raise TrackingError(
             f"camera {camera.name}: the beam has no hole to tell its ends apart, give the four "
@@ -98,7 +109,7 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
         )
     views = [view_of(camera, markers, np.roll(corners, turn, axis=1)) for turn in (0, 2)]
     scores = [_hole_score(image, view) for view in views]
-    if abs(scores[0] - scores[1]) < 0.2:
+    if abs(scores[0] - scores[1]) < 0.4:
         raise TrackingError(
             f"camera {camera.name}: the hole is not seen, so the clamped end is not known; give "
             "the four corners (corners_px)"
@@ -110,26 +121,44 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
     """The view for the four corners in undistorted px, shape (2, 4).
 
     In the order of the beam's frame: (0, 0), (L, 0), (L, W), (0, W).
+
+    Raises
+    ------
+    TrackingError
+        If they are no quadrilateral.
     """
     length, width = markers.beam.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
-    return View(camera, markers, homography(plane, corners))
+    try:
+        return View(camera, markers, homography(plane, corners))
+    except TrackingError as error:
+        raise TrackingError(f"camera {camera.name}: the beam's corners: {error}") from None
 
 
-def _bright_quadrilateral(image: Image) -> Array:
-    """Corners (2, 4) in px of the largest bright region, the longer sides first and third."""
+def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
+    """Corners (2, 4) of the largest bright region in undistorted px, longer sides first and third.
+
+    Its sides are straight only without the lens's distortion.
+    """
     _, bright = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    if not outlines:
-        raise TrackingError("no bright region in the frame, so no beam")
-    outline = max(outlines, key=cv2.contourArea)
-    box = cv2.boxPoints(cv2.minAreaRect(outline)).astype(float)
-    points = outline[:, 0].astype(float)
-    if np.linalg.norm(box[1] - box[0]) < np.linalg.norm(box[2] - box[1]):
-        box = np.roll(box, -1, axis=0)
-    if cv2.contourArea(outline) < 50 or np.linalg.norm(box[2] - box[1]) < 2:
-        raise TrackingError("the largest bright region is too small to be the beam")
-    for _ in range(3):  # points go to the nearest side, sides to their points
+    # In small pictures a column of markers may cut the beam in two.
+    closed = cv2.morphologyEx(bright, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    regions, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not regions:
+        raise TrackingError(f"camera {camera.name}: no bright region in the frame, so no beam")
+    region = max(regions, key=cv2.contourArea)
+    inside = cv2.drawContours(np.zeros_like(image), [region], 0, 255, cv2.FILLED)
+    beam = cv2.bitwise_and(inside, bright)
+    outlines, _ = cv2.findContours(beam, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    points = undistorted(camera, np.concatenate(outlines)[:, 0].T + HALF).T
+    points = points[np.isfinite(points[:, 0])]
+    hull = cv2.convexHull(points.astype(np.float32))
+    if cv2.contourArea(region) < 50 or len(hull) < 4 or min(cv2.minAreaRect(hull)[1]) < 2:
+        raise TrackingError(
+            f"camera {camera.name}: the largest bright region is too small to be the beam"
+        )
+    box = cv2.approxPolyN(hull, 4)[0].astype(float)
+    for last in (False, False, True):  # points go to the nearest side, sides to their points
         nearest = np.argmin([_distance(points, a, b) for a, b in _sides(box)], axis=0)
         lines = []
         for side, (a, b) in enumerate(_sides(box)):
@@ -139,12 +168,16 @@ def _bright_quadrilateral(image: Image) -> Array:
             if len(own) < 2:
                 own = np.stack([a, b])
             vx, vy, x0, y0 = cv2.fitLine(own.astype(np.float32), cv2.DIST_HUBER, 0, 0.01, 0.01)
-            lines.append(np.array([vy, -vx, vx * y0 - vy * x0]).ravel())
+            normal = np.array([vy, -vx]).ravel()
+            outward = np.sign(normal @ (np.ravel([x0, y0]) - box.mean(axis=0)))
+            # Outlines run through the centres of the outermost pixels, half a pixel inside.
+            gap = last * HALF * np.abs(normal).max() * outward
+            lines.append(np.array([*normal, -normal @ np.ravel([x0, y0]) - gap]))
         cross = [np.cross(lines[k - 1], lines[k]) for k in range(4)]
         box = np.array([c[:2] / c[2] for c in cross])
-    # Contours run through the centres of the outermost bright pixels, half a pixel inside.
-    middle = box.mean(axis=0)
-    box = box + HALF * np.sign(box - middle) * [0, 1] + HALF
+    sides = np.linalg.norm(np.roll(box, -1, axis=0) - box, axis=1)
+    if sides[0] + sides[2] < sides[1] + sides[3]:
+        box = np.roll(box, -1, axis=0)
     (x, y), (x_next, y_next) = box.T, np.roll(box, -1, axis=0).T
     if np.sum(x * y_next - y * x_next) > 0:  # seen from above it runs this way
         box = box[[1, 0, 3, 2]]
@@ -162,15 +195,21 @@ def _distance(points: Array, a: Array, b: Array) -> Array:
 
 
 def _hole_score(image: Image, view: View) -> float:
-    """Contrast of the place where the hole should be, from 0 to about 1."""
-    assert view.markers.hole is not None
+    """How dark the place is where the hole should be: 0 as the beam, 1 as the nearest marker."""
+    markers = view.markers
+    hole, grid = markers.positions[:, -1:], markers.positions[:, : markers.count]
+    marker = grid[:, [np.argmin(np.hypot(*(grid - hole)))]]
+    # The beam without a hole is seen one and two columns on, where the same lies around it.
+    column = np.sign(markers.beam.length / 2 - hole[0]) * markers.beam.marker_spacing
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    ring = view.markers.diameter * 0.85 * np.stack([np.cos(turn), np.sin(turn)])
-    hole = np.array(view.markers.hole)[:, None]
-    inside, around = (view.to_image(hole + part) for part in (0.2 * ring, ring))
-    grey = [_sample(image, uv) for uv in (inside, around)]
-    white = np.percentile(grey[1], 75)
-    return float((white - np.mean(grey[0])) / max(white, 1.0))
+    ring = markers.diameter * np.stack([np.cos(turn), np.sin(turn)])
+    disc = np.column_stack([0.15 * ring, 0.35 * ring])
+    beam = [hole + disc + np.stack([n * column, 0 * column]) for n in (1, 2)]
+    dark, print_, white = (
+        float(np.mean(_sample(image, view.to_image(part))))
+        for part in (hole + disc, marker + disc, np.hstack(beam))
+    )
+    return (white - dark) / max(white - print_, 10.0)
 
 
 def _sample(image: Image, uv: Array) -> Array:
