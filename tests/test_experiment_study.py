@@ -309,7 +309,8 @@ def drawn(starts, clocks=None):
     """Draws with given starts and clock errors (trials, cameras)."""
     starts = np.asarray(starts, float)
     noise = np.random.default_rng(0).standard_normal((len(starts), 2, 4, 2, 75))
-    return ed.Draws(starts, np.zeros_like(starts) if clocks is None else clocks, noise)
+    picks = np.random.default_rng(1).random((len(starts), 2, 4))
+    return ed.Draws(starts, np.zeros_like(starts) if clocks is None else clocks, noise, picks)
 
 
 def tracks(data, method, names="ABCD"):
@@ -548,5 +549,5 @@ def test_the_parameters_reach_the_rig():
 def test_a_trial_is_the_same_however_many_there_are():
     _, data = whole_frames(0.0)
     few, many = (ed.draw(validate("experiment-cameras", {"trials": n}), data) for n in (2, 5))
-    for name in ("starts", "clocks", "noise"):
+    for name in ("starts", "clocks", "noise", "picks"):
         np.testing.assert_array_equal(getattr(few, name), getattr(many, name)[:2])

@@ -88,13 +88,16 @@ def test_the_harmonic_fit_with_four_cameras(results):
     assert abs(found / model - 1) < 2e-3
 
 
-def test_the_thesis_to_the_letter_has_its_trends(results):
-    for name in results:
-        cube = results[name]
-        part = cube.isel(setting=np.flatnonzero(cube["case"].values == "matched"), mode=0)
-        medians = part["mean_error"][:, 1:].median("trial").values
-        assert (np.diff(medians) < 0).all()
-        assert (medians > 0.5).all()
+def test_the_thesis_to_the_letter_has_errors_of_its_size(results):
+    cube = results["experiment-cameras"]
+    part = cube.isel(setting=np.flatnonzero(cube["case"].values == "matched"), mode=0)
+    medians = part["mean_error"][:, 1:].median("trial").values
+    assert (np.diff(medians) < 0).all()
+    assert 1 < medians[-1] < 4
+    # The chain's own result is one of what the trials draw.
+    low, high = part["mean_error"][:, 1:].quantile([0.001, 0.999], dim="trial").values
+    assert (part["mean_error"][:, 0] > 0.8 * low).all()
+    assert (part["mean_error"][:, 0] < 1.2 * high).all()
 
 
 @pytest.mark.parametrize("case", ["aligned", "harmonic"])

@@ -91,7 +91,7 @@ def _explaining_scatter(cube: xr.Dataset) -> str:
     scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
     wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
     return (
-        f"Centres that scatter by {wanted:.2f} px would by themselves give the {claim.stated} "
+        f"Centres that scatter, each by itself, by {wanted:.2f} px would give the {claim.stated} "
         f"stated of {by['literal']['label'].item()}. Matched ones scatter by "
         f"{scatter['matched']:.2f} px, fitted ones by {scatter['literal']:.3f} px.\n"
     )

@@ -42,11 +42,14 @@ class Draws:
         Errors of the aligned clocks, s.
     noise : ndarray, shape (trials, 2, cameras, 2, markers)
         Of centres at rest and in motion, with a standard deviation of one.
+    picks : ndarray, shape (trials, 2, cameras)
+        From 0 to 1: which frames lend their errors of the template match.
     """
 
     starts: Array
     clocks: Array
     noise: Array
+    picks: Array
 
 
 def draw(study: Experiment, data: xr.Dataset) -> Draws:
@@ -58,11 +61,12 @@ def draw(study: Experiment, data: xr.Dataset) -> Draws:
     n = len(NAMES)
     starts, clocks = np.empty((2, study.trials, n))
     noise = np.empty((study.trials, 2, n, 2, data.sizes["marker"]))
+    picks = np.empty((study.trials, 2, n))
     for k in range(study.trials):
         rng = np.random.default_rng([study.seed, 5, k + 1])
         starts[k], clocks[k] = rng.uniform(0, LATE, n), sigma * rng.standard_normal(n)
-        noise[k] = rng.standard_normal(noise.shape[1:])
-    return Draws(starts, clocks, noise)
+        noise[k], picks[k] = rng.standard_normal(noise.shape[1:]), rng.random((2, n))
+    return Draws(starts, clocks, noise, picks)
 
 
 def trials(
@@ -74,7 +78,7 @@ def trials(
     starts, clocks = draws.starts[:, index], draws.clocks[:, index]
     clocks = clocks - clocks[:, :1]  # errors are those against the reference
     noise = draws.noise[:, :, index]
-    rest = tracks.still + sigma / np.sqrt(tracks.rest_frames) * noise[:, 0]
+    rest_error = sigma / np.sqrt(tracks.rest_frames) * noise[:, 0]
     if method == "harmonic":
         return _harmonic_trials(tracks, instant, clocks, noise[:, 1], exposures)
     delay = starts - starts[:, :1]
@@ -83,21 +87,32 @@ def trials(
         _, chosen = instant.nearest(rate, starts[:, :1] * rate)
         left = (delay + clocks) * rate
         at = chosen + (left - np.rint(left)) / rate
-        scale = np.ones_like(at)
+        error = sigma * noise[:, 1]
+        if tracks.match_errors is not None:
+            picks = draws.picks[:, :, index]
+            rest_error = _picked(tracks.match_errors.rest, picks[:, 0])
+            error = _picked(tracks.match_errors.moved, picks[:, 1])
     else:
         at = instant.times[0] + clocks
         scale = np.array([interpolation_gain(f) for f in ((starts * rate) % 1).ravel()])
-        scale = scale.reshape(at.shape)
+        error = scale.reshape(at.shape)[:, :, None, None] * sigma * noise[:, 1]
     images = np.stack(
         [own.at(instant.omega, at[:, i]) for i, own in enumerate(tracks.harmonics)], axis=1
     )
-    images = images + scale[:, :, None, None] * sigma * noise[:, 1]
-    pair = np.stack([rest, images])  # (2, trials, cameras, 2, markers)
+    pair = np.stack([tracks.still + rest_error, images + error])  # at rest, in motion
     both = np.isfinite(pair).all(axis=0)
     pair = np.where(both, pair, np.nan).transpose(2, 3, 0, 1, 4)
     points, _ = rc.triangulate_seen(P, pair)
     height = tracks.frame.to_beam(points)[2]
     return np.asarray(height[1] - height[0])
+
+
+def _picked(pools: list[Array], picks: Array) -> Array:
+    """Errors of frames of each camera, chosen by numbers (trials, cameras) from 0 to 1."""
+    chosen = [
+        pool[(pick * len(pool)).astype(int)] for pool, pick in zip(pools, picks.T, strict=True)
+    ]
+    return np.stack(chosen, axis=1)
 
 
 def _harmonic_trials(

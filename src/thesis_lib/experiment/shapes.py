@@ -28,6 +28,23 @@ WHOLE_FRAMES = ("matched", "literal")  # methods that take frames as they are
 
 
 @dataclass(frozen=True)
+class MatchErrors:
+    """How far the template match is from the fitted centres, frame by frame.
+
+    Neighbours share much of it: the markers' spacing is a whole number of the resampled picture's
+    pixels. So it is kept as it is, for trials to draw from.
+
+    Parameters
+    ----------
+    rest, moved : list of ndarray, shape (frames, 2, markers)
+        Of each camera, in px: at rest, and within a frame and a half of a maximum.
+    """
+
+    rest: list[Array]
+    moved: list[Array]
+
+
+@dataclass(frozen=True)
 class Tracks:
     """Tracks of the chosen cameras at one width, ready for triangulation.
 
@@ -51,6 +68,8 @@ class Tracks:
         Frames that `rest` is the mean of.
     frame : Frame
         The beam's frame.
+    match_errors : MatchErrors or None
+        Of the template match, if its places are the centres.
     """
 
     cameras: list[Camera]
@@ -62,6 +81,7 @@ class Tracks:
     still: Array
     rest_frames: int
     frame: rc.Frame
+    match_errors: MatchErrors | None = None
 
     @property
     def P(self) -> Array:
@@ -112,18 +132,26 @@ def tracks_of(
         means.append(_mean(camera_uv[own_times[i] < rest_s - 1 / rates.min()]))
     still = rest = np.array(means)
     still_frames = int(np.count_nonzero(own_times[0] < rest_s - 1 / rates.min()))
+    errors = None
     if matched:
         uv = _undistorted(cameras, data["matches"].sel(width=width).values[index].astype(float))
         rest, still_frames = uv[:, 0], 1
+        resting = [uv[i, own < rest_s - 1 / rates.min()] - still[i]
+                   for i, own in enumerate(own_times)]  # fmt: skip
+        maxima = instant_of(data, markers.beam.damping).times
+        near = np.abs(times[:, :, None] - maxima).min(axis=2) < 1.5 / rates[:, None]
+        moved = []
         for i, fitted in enumerate(harmonics):
-            off = uv[i, steady[i]] - fitted.at(omega, times[i, steady[i]])
-            harmonics[i] = replace(fitted, sigma=np.sqrt(_mean(off**2)))
+            off = uv[i] - fitted.at(omega, times[i])
+            harmonics[i] = replace(fitted, sigma=np.sqrt(_mean(off[steady[i]] ** 2)))
+            moved.append(off[near[i]])
+        errors = MatchErrors(resting, moved)
     P = lens.projection_matrices(cameras)
     points, _ = rc.triangulate_seen(P, rest)
     frame = rc.fit_grid(points, markers.world[:, : markers.count])
     delays = data["delay"].values[index]
     whole = np.rint((delays - delays[0]) * rates[0]).astype(np.int64)
-    return Tracks(cameras, uv, times, whole, harmonics, rest, still, still_frames, frame)
+    return Tracks(cameras, uv, times, whole, harmonics, rest, still, still_frames, frame, errors)
 
 
 def _undistorted(cameras: list[Camera], raw: Array) -> Array:
