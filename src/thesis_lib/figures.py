@@ -185,7 +185,7 @@ def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_err
 def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     """Bars of each setting, one or more side by side."""
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
-    predicts = STUDIES[part.attrs["figure_set"]].predicts
+    study = STUDIES[part.attrs["figure_set"]]
     colors = [color(index) for index in range(n_settings)]
     top = 0.1
     for g, bars in enumerate(groups):
@@ -197,7 +197,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             continue
         low, median, high = bars.band
         axes.bar(position, bars.literal, 0.9 * width, color=colors, alpha=0.75 if first else 0.4,
-                 label=bars.name or "literal run")  # fmt: skip
+                 label=bars.name or study.first)  # fmt: skip
         if np.isfinite(median).all():  # there were trials
             axes.vlines(position, low, high, color="#222222", linewidth=1.2)
             axes.plot([], [], "|", color="#222222", markersize=10, markeredgewidth=1.2,
@@ -205,7 +205,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             axes.plot(position, median, "o", color="#222222", markersize=4,
                       label=hidden + "median")  # fmt: skip
         axes.plot(position, bars.predicted, "_", color="#222222", markersize=18 / len(groups),
-                  label=hidden + predicts)  # fmt: skip
+                  label=hidden + study.predicts)  # fmt: skip
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
         for number, (i, claim) in enumerate(given):
             at, name = position[i] + 0.54 * width, "thesis" if first and not number else None
@@ -225,7 +225,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     labels = [text.replace(" cameras", "") for text in part["label"].values]
     partial = part["in_view"].values < 1
     names = [f"{label}*" if cut else label for label, cut in zip(labels, partial, strict=True)]
-    turn = 30 if n_settings > 4 and len(names[0]) > 4 else 0
+    turn = 30 if n_settings > 4 and max(map(len, names)) > 4 else 0
     axes.set_xticks(np.arange(n_settings), names, fontsize=8, rotation=turn)
     unit = "number of cameras" if part["label"].values[0].endswith("cameras") else ""
     cut = "* markers leave the sensor" if partial.any() else ""

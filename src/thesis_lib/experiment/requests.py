@@ -145,6 +145,7 @@ class Experiment(Rig, Study):
     """Parameters that the studies of chapter 5 share."""
 
     subject = "experiment"
+    first = "the chain's result"
     predicts = "noise of the centres"
     draws = "starts, clocks and noise"
 
