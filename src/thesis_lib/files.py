@@ -54,15 +54,20 @@ def whole_file(path: Path, write: Callable[[Path], object]) -> None:
 def staging(folder: Path) -> Iterator[Path]:
     """A folder inside `folder` to write in; those that dead processes left are removed."""
     folder.mkdir(parents=True, exist_ok=True)
-    for left in folder.glob(".staging-*"):
-        if not _alive(int(left.name.split("-")[1])):
-            shutil.rmtree(left, ignore_errors=True)
+    sweep(folder)
     path = Path(tempfile.mkdtemp(prefix=f".staging-{os.getpid()}-", dir=folder))
     atexit.register(shutil.rmtree, path, ignore_errors=True)  # an interrupt unwinds no thread
     try:
         yield path
     finally:
         shutil.rmtree(path, ignore_errors=True)
+
+
+def sweep(folder: Path) -> None:
+    """Remove the staging folders in `folder` that dead processes left."""
+    for left in folder.glob(".staging-*"):
+        if not _alive(int(left.name.split("-")[1])):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def _alive(pid: int) -> bool:

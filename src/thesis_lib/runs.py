@@ -28,7 +28,7 @@ from doit.exceptions import TaskFailed, UnmetDependency
 from doit.tools import config_changed
 
 from thesis_lib import cubes
-from thesis_lib.files import library_files, project_root, staging
+from thesis_lib.files import library_files, project_root, staging, sweep
 from thesis_lib.pages import BookError
 from thesis_lib.parameters import Study
 
@@ -312,6 +312,7 @@ def run(tasks: Sequence[dict[str, Any]], state: Path, workers: int = 2) -> None:
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as many processes as cores already
     state.parent.mkdir(parents=True, exist_ok=True)
+    sweep(project_root() / "build" / "cache")  # what was being filmed when a run was stopped
     progress = _Progress(len(tasks))
     config = {
         "GLOBAL": {
