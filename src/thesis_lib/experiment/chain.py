@@ -99,12 +99,24 @@ def check(manifest: Manifest, folder: Path) -> None:
         raise ManifestError(problem)
     for camera in manifest.cameras:
         path = folder / camera.video
-        media.check_frame_times(path, camera.frame_rate_hz)
-        says, there = media.probe(path).frames, len(media.frame_times(path))
+        there = len(media.check_frame_times(path, camera.frame_rate_hz))
+        says = media.probe(path).frames
         if says is not None and there < says:
             raise media.MediaError(f"{path}: ends before frame {there}, the file says {says}")
 
 
+@contextlib.contextmanager
+def _alike() -> Iterator[None]:
+    """OpenCV with one thread, which makes the same bits in every run; the cameras run abreast."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+@_alike()
 def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
     """All cameras from the pictures of the board.
 
@@ -128,11 +140,10 @@ def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
                 row.append(None)
         shots.append(row)
     try:
-        with _alike():
-            single = [
-                zhang(row, board, camera.size, True, camera.name)
-                for camera, row in zip(manifest.cameras, shots, strict=True)
-            ]
+        single = [
+            zhang(row, board, camera.size, True, camera.name)
+            for camera, row in zip(manifest.cameras, shots, strict=True)
+        ]
     except CalibrationError as error:
         hint = f" ({lost[0]}; has the board {board.columns} × {board.rows} tiles?)" if lost else ""
         raise CalibrationError(f"{error}{hint}") from None
@@ -204,17 +215,6 @@ def measure(
     data = _dataset(manifest, widths, calibrations, sound, followed)
     _check_grid(data, markers)
     return data
-
-
-@contextlib.contextmanager
-def _alike() -> Iterator[None]:
-    """OpenCV with one thread, which makes the same bits in every run; the cameras run abreast."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
 
 
 def _check_grid(data: xr.Dataset, markers: Markers) -> None:

@@ -166,7 +166,7 @@ def frame_times(path: Path) -> Array:
         return np.sort(times) - min(times)
 
 
-def check_frame_times(path: Path, frame_rate: float, tolerance: float = 5e-4) -> None:
+def check_frame_times(path: Path, frame_rate: float, tolerance: float = 5e-4) -> Array:
     """Refuse a video whose frames do not come at a constant rate, or at another one.
 
     Parameters
@@ -178,6 +178,11 @@ def check_frame_times(path: Path, frame_rate: float, tolerance: float = 5e-4) ->
     tolerance : float
         Relative deviation of the mean rate that is allowed.
 
+    Returns
+    -------
+    ndarray, shape (frames,)
+        What :func:`frame_times` returns.
+
     Raises
     ------
     MediaError
@@ -185,7 +190,7 @@ def check_frame_times(path: Path, frame_rate: float, tolerance: float = 5e-4) ->
     """
     times = frame_times(path)
     if len(times) < 3:
-        return
+        return times
     rounding = 1e-3  # s, Matroska's unit
     mean = (len(times) - 1) / times[-1] if times[-1] > 0 else np.inf
     gaps = np.diff(times) * mean
@@ -198,3 +203,4 @@ def check_frame_times(path: Path, frame_rate: float, tolerance: float = 5e-4) ->
         )
     if abs(mean / frame_rate - 1) > tolerance + 2 * rounding / times[-1]:
         raise MediaError(f"{path}: {mean:.6g} frames per second, allowed: {frame_rate:.6g}")
+    return times

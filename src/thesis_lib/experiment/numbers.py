@@ -11,9 +11,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib import setups
-from thesis_lib.experiment import shapes, tracking
+from thesis_lib.experiment import shapes
 from thesis_lib.experiment.reconstruction import deflection_at
 from thesis_lib.experiment.scene import Component, Markers
+from thesis_lib.experiment.synchronisation import coupling_delay
 from thesis_lib.prose import table
 
 Array = NDArray[np.float64]
@@ -107,7 +108,7 @@ def _tracking(data: xr.Dataset) -> str:
 
 
 def _shapes(data: xr.Dataset) -> str:
-    """The measured deflection by the three methods, and the frame it is measured in."""
+    """The measured deflection by the four methods, and the frame it is measured in."""
     markers, given = Markers(setups.beam()), _parameters(data)
     beam, row = markers.beam, markers.middle_row
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
@@ -183,11 +184,9 @@ def _clocks(data: xr.Dataset) -> str:
 def _inputs(data: xr.Dataset) -> str:
     """What two audio inputs with different corner frequencies do to a tone."""
     frequency, rate = float(data["frequency"]), float(data["frame_rate"][0])
-    low, high = 2.0, 3.0
-    turn = np.arctan(high / frequency) - np.arctan(low / frequency)
     return (
-        f"A tone of {frequency:g} Hz through inputs that cut at {low:g} and at {high:g} Hz comes "
-        f"out {turn / _omega(data) * rate:.2f} frames apart.\n"
+        f"A tone of {frequency:g} Hz through inputs that cut at 2 and at 3 Hz comes "
+        f"out {coupling_delay(frequency) * rate:.2f} frames apart.\n"
     )
 
 
@@ -206,8 +205,7 @@ def _matches(data: xr.Dataset) -> str:
     """How many places look like a marker in camera A's first frame, and how far the tip goes."""
     markers, given = Markers(setups.beam()), _parameters(data)
     found = data["picture_matches"].transpose("axis", "match").values
-    gate = 0.45 * min(markers.row_spacing, markers.beam.marker_spacing)
-    _, spare = tracking.assign(markers.positions, found, gate)
+    spare = int(data.attrs["spare_matches"])
     away = given["amplitude_mm"] / np.tan(np.radians(given["elevation_deg"]))
     return (
         f"In camera A's first frame {found.shape[1]} places look like a disc: the markers, the "

@@ -211,8 +211,7 @@ def plane(data: xr.Dataset) -> Figure:
     origin = np.full((2, 1), tracking.REACH)
     found = data["picture_matches"].transpose("axis", "match").values
     grid, matches = (tracking.SCALE * (p + origin) for p in (markers.positions, found))
-    gate = 0.45 * min(markers.row_spacing, markers.beam.marker_spacing)
-    places, _ = tracking.assign(markers.positions, found, gate)
+    places, _ = tracking.assign(markers.positions, found, tracking.gate_of(markers))
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))

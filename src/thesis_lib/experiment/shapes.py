@@ -1,4 +1,4 @@
-"""Deflection shapes from tracks, by three methods.
+"""Deflection shapes from tracks, by four methods.
 
 *Matched* is the thesis's to the letter: centres as the template match has them, clocks aligned to
 whole frames, one frame at rest, and the frame that comes nearest to a maximum, as the force's phase
@@ -20,6 +20,7 @@ from thesis_lib.experiment import reconstruction as rc
 from thesis_lib.experiment.chain import cameras_of
 from thesis_lib.experiment.lens import Camera
 from thesis_lib.experiment.scene import Markers
+from thesis_lib.experiment.synchronisation import whole_frames
 
 Array = NDArray[np.float64]
 ORDER = 2  # harmonics that are fitted
@@ -121,23 +122,20 @@ def tracks_of(
     times = own_times + data["delay"].values[index][:, None]
     omega = 2 * np.pi * float(data["frequency"])
     begin, end = data["steady"].values
-    rest_s = float(data["rest"])
     # Where the second harmonic nears the frame rate less the first, frames cannot tell them apart.
     order = ORDER if float(data["frequency"]) < 0.2 * rates.min() else 1
-    harmonics, means = [], []
     steady = (times >= begin) & (times <= end)
-    for i, camera_uv in enumerate(uv):
-        chosen = steady[i]
-        harmonics.append(rc.fit_harmonics(omega, times[i, chosen], camera_uv[chosen], order))
-        means.append(_mean(camera_uv[own_times[i] < rest_s - 1 / rates.min()]))
-    still = rest = np.array(means)
-    still_frames = int(np.count_nonzero(own_times[0] < rest_s - 1 / rates.min()))
+    resting = own_times < float(data["rest"]) - 1 / rates.min()
+    harmonics = [
+        rc.fit_harmonics(omega, own[chosen], camera_uv[chosen], order)
+        for own, chosen, camera_uv in zip(times, steady, uv, strict=True)
+    ]
+    still = np.array([_mean(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
+    rest, rest_frames = still, int(np.count_nonzero(resting[0]))
     errors = None
     if matched:
         uv = _undistorted(cameras, data["matches"].sel(width=width).values[index].astype(float))
-        rest, still_frames = uv[:, 0], 1
-        resting = [uv[i, own < rest_s - 1 / rates.min()] - still[i]
-                   for i, own in enumerate(own_times)]  # fmt: skip
+        rest, rest_frames = uv[:, 0], 1
         maxima = instant_of(data, markers.beam.damping).times
         near = np.abs(times[:, :, None] - maxima).min(axis=2) < 1.5 / rates[:, None]
         moved = []
@@ -145,13 +143,14 @@ def tracks_of(
             off = uv[i] - fitted.at(omega, times[i])
             harmonics[i] = replace(fitted, sigma=np.sqrt(_mean(off[steady[i]] ** 2)))
             moved.append(off[near[i]])
-        errors = MatchErrors(resting, moved)
+        at_rest = [own[chosen] - s for own, chosen, s in zip(uv, resting, still, strict=True)]
+        errors = MatchErrors(at_rest, moved)
     P = lens.projection_matrices(cameras)
     points, _ = rc.triangulate_seen(P, rest)
     frame = rc.fit_grid(points, markers.world[:, : markers.count])
     delays = data["delay"].values[index]
-    whole = np.rint((delays - delays[0]) * rates[0]).astype(np.int64)
-    return Tracks(cameras, uv, times, whole, harmonics, rest, still, still_frames, frame, errors)
+    whole = whole_frames(delays - delays[0], rates[0])
+    return Tracks(cameras, uv, times, whole, harmonics, rest, still, rest_frames, frame, errors)
 
 
 def _undistorted(cameras: list[Camera], raw: Array) -> Array:

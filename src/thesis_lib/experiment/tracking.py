@@ -43,7 +43,7 @@ def sharpen(image: Image, view: View) -> View:
     """
     grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
-        found, _ = assign(grid, Tracker(view).matches(image), _gate(view.markers))
+        found, _ = assign(grid, Tracker(view).matches(image), gate_of(view.markers))
         view = replace(view, blur=_best_blur(image, view, found))
         centres, _ = refine(image, view, found)
         count = np.count_nonzero(np.isfinite(centres[0]))
@@ -96,7 +96,7 @@ def _best_blur(image: Image, view: View, found: Array) -> float:
                                  options={"xatol": 0.01}).x)  # fmt: skip
 
 
-def _gate(markers: Markers) -> float:
+def gate_of(markers: Markers) -> float:
     """How far a match may be from where a marker is expected, m."""
     return 0.45 * min(markers.row_spacing, markers.beam.marker_spacing)
 
@@ -144,7 +144,7 @@ class Tracker:
         self.maps = u - np.float32(HALF), v - np.float32(HALF)
         self.template = _disc(PIXELS)
         self.grid = markers.positions
-        self.gate = _gate(markers)
+        self.gate = gate_of(markers)
         self.moved = np.zeros_like(self.grid)
         self.before = np.zeros_like(self.grid)
         self.matched = np.full((2, markers.count), np.nan)
