@@ -154,7 +154,7 @@ SILLY = [  # place, value, words of the refusal
     (("cameras",), {"A": 1}, ["cameras: given", "2 to 16"]),
     (("cameras",), ..., ["cameras: missing", "2 to 16"]),
     (("camera",), [], ["camera: no such field (did you mean cameras?)"]),
-    (("structure", "kind"), "plate", ['structure.kind: given "plate"', '"beam"']),
+    (("structure", "kind"), "shell", ['structure.kind: given "shell"', '"beam"']),
     (("structure", "length_mm"), 0, ["structure.length_mm: given 0", "in mm"]),
     (("structure", "length"), 3, ["structure.length: no such field (did you mean length_mm?)"]),
     (("structure", "force_position_mm"), 700, ["structure.force_position_mm: given 700", "in mm"]),

@@ -14,15 +14,26 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from thesis_lib import setups
-from thesis_lib.camera_study import Name, Positive, Width, allowed_text, field, permitted, refuse
+from thesis_lib.camera_study import (
+    Azimuth,
+    Elevation,
+    Name,
+    Positive,
+    Width,
+    allowed_text,
+    field,
+    permitted,
+    refuse,
+)
 from thesis_lib.experiment.board import Board
-from thesis_lib.structures import Beam
+from thesis_lib.structures import Beam, Plate
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
 FileName = Annotated[str, Field(min_length=1, max_length=500)]
 
 POSITIVE = "a number above 0, at most 100000"
+OPTIONAL = f"null, or {POSITIVE}"
 COUNT = "a whole number from 1 to 200"
 INSIDE = "a path inside the manifest's folder"
 
@@ -71,6 +82,9 @@ class Markers(Part):
         min_length=4,
         max_length=2000,
     )
+    tone: Literal["dark", "bright"] = field(
+        "dark", "whether they are darker or brighter than the structure", '"dark" or "bright"'
+    )
     hole_mm: Place | None = field(
         lambda data: (24.0, 10.0) if _thesis_layout(data) else None,
         "a hole that looks like a marker, from the clamped corner",
@@ -81,7 +95,11 @@ class Markers(Part):
 class Structure(Part):
     """The structure that is filmed."""
 
-    kind: Literal["beam"] = field("beam", "what it is", '"beam", clamped at x = 0')
+    kind: Literal["beam", "plate", "flat"] = field(
+        "beam",
+        "what it is, which gives the model that shapes are compared with",
+        '"beam", clamped at x = 0, "plate", simply supported, or "flat", without a model',
+    )
     length_mm: Positive = field(_beam("length", 1000), "length along x", POSITIVE)
     width_mm: Positive = field(_beam("width", 1000), "width along y", POSITIVE)
     thickness_mm: Positive = field(_beam("thickness", 1000), "thickness", POSITIVE)
@@ -90,13 +108,21 @@ class Structure(Part):
         _beam("youngs_modulus"), "Young's modulus", "a number above 0, at most 1e13, in Pa",
         gt=0, le=1e13,
     )  # fmt: skip
+    poissons_ratio: float = field(
+        0.3, "Poisson's ratio, which a plate's model needs", "a number from 0 to 0.5", ge=0, le=0.5
+    )
     damping: float = field(
         _beam("damping"), "modal damping ratio", "a number above 0 and below 0.7", gt=0, lt=0.7
     )
     force_position_mm: Positive = field(
         _beam("force_position", 1000),
-        "distance of the force from the clamp",
+        "distance of the force from x = 0, a beam's clamp",
         "a number above 0, at most length_mm",
+    )
+    force_across_mm: Positive | None = field(
+        None,
+        "distance of the force from y = 0; null is half the width",
+        "null, or a number above 0, at most width_mm",
     )
     markers: Markers = field(Markers, "its markers", "an object")
 
@@ -104,6 +130,10 @@ class Structure(Part):
     def _check(self) -> Structure:
         if self.force_position_mm > self.length_mm:
             self.refuse("force_position_mm")
+        if self.force_across_mm is not None and self.force_across_mm > self.width_mm:
+            self.refuse("force_across_mm")
+        if self.kind == "plate" and self.markers.points_mm is None and self.markers.rows < 2:
+            refuse("markers.rows", self.markers.rows, "allowed on a plate: at least 2")
         size, radius = np.array([[self.length_mm], [self.width_mm]]), self.markers.diameter_mm / 2
         points, hole = 1000 * self.marker_points, self.markers.hole_mm
         name = "markers.points_mm" if self.markers.points_mm else "markers"
@@ -135,6 +165,24 @@ class Structure(Part):
     def hole(self) -> Array | None:
         """Centre of the hole, shape (2,), in m."""
         return None if self.markers.hole_mm is None else np.array(self.markers.hole_mm) / 1000
+
+    @property
+    def plate(self) -> Plate:
+        """The simply supported plate whose model the measurement is compared with."""
+        return Plate(
+            length=self.length_mm / 1000,
+            width=self.width_mm / 1000,
+            thickness=self.thickness_mm / 1000,
+            density=self.density_kg_m3,
+            youngs_modulus=self.youngs_modulus_pa,
+            poisson=self.poissons_ratio,
+            damping=self.damping,
+            force_position=(
+                self.force_position_mm / 1000,
+                (self.force_across_mm or self.width_mm / 2) / 1000,
+            ),
+            grid=(self.markers.columns, self.markers.rows),
+        )
 
     @property
     def beam(self) -> Beam:
@@ -169,7 +217,7 @@ class CameraFiles(Part):
     shots: FileName | tuple[FileName | None, ...] = field(
         ...,
         "pictures of the calibration board; the k-th of every camera shows the same pose",
-        "a folder of PNG files, a pattern such as shots/A-*.png, or a list of 3 to 200 files with "
+        "a folder of pictures, a pattern such as shots/A-*.png, or a list of 3 to 200 files with "
         "null where there is none, each inside the manifest's folder",
     )
     corners_px: tuple[Place, Place, Place, Place] | None = field(
@@ -177,6 +225,20 @@ class CameraFiles(Part):
         "where the structure's corners lie in the pictures: at (0, 0), (length, 0), (length, "
         "width), (0, width)",
         "null, or four [u, v] around a convex quadrilateral",
+    )
+    focal_length_mm: Positive | None = field(None, "focal length of the lens", OPTIONAL)
+    sensor_width_mm: Positive | None = field(None, "width of the sensor", OPTIONAL)
+    f_number: Positive | None = field(None, "focal length over the aperture's diameter", OPTIONAL)
+    distance_mm: Positive | None = field(
+        None, "distance from the structure's centre, which the camera looks at", OPTIONAL
+    )
+    azimuth_deg: Azimuth | None = field(
+        None, "direction of the camera from +Y towards +X", "null, or a number from -360 to 360"
+    )
+    elevation_deg: Elevation | None = field(
+        None,
+        "direction of the camera above the structure's plane",
+        "null, or a number above 0, at most 90",
     )
 
     @property
@@ -219,9 +281,28 @@ class Excitation(Part):
     """How the structure is driven, and what the sound tracks carry."""
 
     frequency_hz: float | None = field(
-        4.25, "frequency of the force", "null, or a number above 0, at most 100000, in Hz",
-        gt=0, le=1e5,
+        4.25, "frequency of the vibration; null looks for it",
+        "null, or a number above 0, at most 100000, in Hz", gt=0, le=1e5,
     )  # fmt: skip
+    undersampled: bool = field(
+        False,
+        "whether frequency_hz is so well known that it may exceed half of the frame rate",
+        "true or false",
+    )
+    amplitude_mm: Positive | None = field(
+        None, "largest deflection that is expected, for the warnings before measuring", OPTIONAL
+    )
+    sound: Literal["force", "room"] = field(
+        "force",
+        "what the sound tracks carry: the force's signal, or what microphones hear",
+        '"force" or "room"',
+    )
+    steady_s: tuple[float, float] | None = field(
+        None,
+        "from when to when the vibration is steady, on the first camera's clock; null looks for it "
+        "in the force's signal, or takes all after rest_s",
+        "null, or [begin, end] in s, from 0 to 100000, in this order",
+    )
     rest_s: float = field(
         1.0, "time at rest at the start", "a number from 0 to 3600, in s", ge=0, le=3600
     )
@@ -229,6 +310,14 @@ class Excitation(Part):
         None, "force at the sound's full scale", "null, or a number above 0, at most 100000, in N",
         gt=0, le=1e5,
     )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _check(self) -> Excitation:
+        if self.undersampled and self.frequency_hz is None:
+            self.refuse("undersampled", "allowed with a given frequency_hz: true or false")
+        if self.steady_s is not None and not 0 <= self.steady_s[0] < self.steady_s[1] <= 1e5:
+            self.refuse("steady_s")
+        return self
 
 
 class Manifest(Part):
