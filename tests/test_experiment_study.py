@@ -19,11 +19,11 @@ from thesis_lib.experiment.requests import (
     ExperimentResolution,
     method_of,
 )
-from thesis_lib.experiment.scene import Component, Markers
+from thesis_lib.experiment.scene import Component, rows_on
 from thesis_lib.parameters import ParameterError, validate
 
 BEAM = setups.beam()
-MARKERS = Markers(BEAM)
+MARKERS = rows_on(BEAM)
 SIGMA = 0.02  # px
 WIDTHS = [320, 640, 1280, 1920]
 QUIET = {"audio_noise_db": 120.0}  # clocks are exact then

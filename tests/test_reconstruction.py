@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from thesis_lib import setups
 from thesis_lib.cameras import hemisphere_cameras, project
 from thesis_lib.experiment import reconstruction as rc
-from thesis_lib.experiment.scene import Markers, Motion, amplitudes, on_surface
+from thesis_lib.experiment.scene import Motion, amplitudes, on_surface, rows_on
 from thesis_lib.triangulation import triangulate
 
 BEAM = setups.beam()
-MARKERS = Markers(BEAM)
+MARKERS = rows_on(BEAM)
 POINTS = MARKERS.positions[:, : MARKERS.count]
 WORLD = MARKERS.world[:, : MARKERS.count]
 AZIMUTHS = np.radians([10, -10, 190, 170])
@@ -225,13 +225,12 @@ CLOCKS = [0.0, 0.0137, -0.1021, 0.2]  # starts of the cameras after the referenc
 
 def vibrating(times_of_camera):
     """Images (cameras, frames, 2, markers) at each camera's own times."""
-    return np.array(
-        [
-            project(own[None], on_surface(BEAM, POINTS[:, None], MOTION.deflection(POINTS, t)))[0]
-            .swapaxes(0, 1)
-            for own, t in zip(P, times_of_camera, strict=True)
-        ]
-    )  # fmt: skip
+
+    def seen(own, times):
+        world = on_surface(BEAM.extent, POINTS[:, None], MOTION.deflection(POINTS, times))
+        return project(own[None], world)[0].swapaxes(0, 1)
+
+    return np.array([seen(own, t) for own, t in zip(P, times_of_camera, strict=True)])
 
 
 def fitted(order=4, frames=120, clocks=CLOCKS):

@@ -24,7 +24,7 @@ from thesis_lib.experiment.render import (
     expose,
     rasterise,
 )
-from thesis_lib.experiment.scene import Component, Markers, Motion, on_surface
+from thesis_lib.experiment.scene import Component, Motion, on_surface, rows_on
 
 BEAM = setups.beam()
 SHARP = Sensor(spread=0.0, samples=1)
@@ -234,8 +234,8 @@ def test_the_spread_keeps_all_light():
 
 
 def view(motion=None, sensor=None, markers=None, at=None):
-    markers = markers or Markers(BEAM)
-    return BeamView(at or camera(), markers, motion or Motion(markers.beam), sensor or Sensor())
+    markers = markers or rows_on(BEAM)
+    return BeamView(at or camera(), markers, motion or Motion(BEAM), sensor or Sensor())
 
 
 def disc_centroids(at, markers, deflection, which=slice(None), n=2000):
@@ -243,7 +243,7 @@ def disc_centroids(at, markers, deflection, which=slice(None), n=2000):
     turn = 2 * np.pi * np.arange(n) / n
     circle = markers.diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])
     ring = markers.positions[:, which, None] + circle[:, None]
-    x, y = lens.project(at, on_surface(markers.beam, ring, deflection(ring)))
+    x, y = lens.project(at, on_surface(markers.extent, ring, deflection(ring)))
     cross = x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)
     return np.array(
         [np.sum((c + np.roll(c, -1, 1)) * cross, axis=1) / (3 * cross.sum(1)) for c in (x, y)]
@@ -265,14 +265,15 @@ def grey_centroids(image, where, white, half):
     return np.array(found).T
 
 
-ROW = Markers(replace(BEAM, length=0.68, width=0.06), rows=1, hole=None)  # room to integrate
+ROW_BEAM = replace(BEAM, length=0.68, width=0.06)
+ROW = rows_on(ROW_BEAM, rows=1, hole=None)  # room to integrate
 
 
 @pytest.mark.parametrize("azimuth", [-10.0, 170.0])
 @pytest.mark.parametrize("time", [0.0, 2.3, 2.37])
 def test_markers_are_where_their_discs_on_the_deflected_surface_project_to(azimuth, time):
     parts = (Component(), Component("torsion", 1, 6.0, 0.002))
-    motion, at = Motion(ROW.beam, parts), camera(azimuth)
+    motion, at = Motion(ROW_BEAM, parts), camera(azimuth)
     sensor = replace(Sensor(), samples=1, white=250, dark=0)  # rounding matters least
     image = view(motion, sensor, ROW, at).frame(time)
     assert image.dtype == np.uint8
@@ -291,7 +292,7 @@ def test_a_disc_s_centroid_is_not_its_centre_s_image():
     # What the test above would miss if it took centres instead.
     at = camera()
     exact = disc_centroids(at, ROW, lambda points: 0 * points[0])
-    centre = lens.project(at, on_surface(ROW.beam, ROW.positions))
+    centre = lens.project(at, on_surface(ROW.extent, ROW.positions))
     assert 0.007 < np.abs(exact - centre).max() < 0.02
 
 
@@ -303,7 +304,7 @@ def test_the_polygon_of_a_marker_has_the_disc_s_area():
 
 @pytest.mark.parametrize("exposure", [1 / 60, 1 / 30])
 def test_an_exposure_shrinks_a_vibration_by_sinc(exposure):
-    motion, at = Motion(ROW.beam), camera()
+    motion, at = Motion(ROW_BEAM), camera()
     peak = motion.start + 10.25 / 4.25
     sensor = replace(Sensor(), exposure=exposure, samples=16)
     moving = view(motion, sensor, ROW, at)

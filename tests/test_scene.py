@@ -6,10 +6,10 @@ import pytest
 from thesis_lib import setups
 from thesis_lib.experiment.scene import (
     Component,
-    Markers,
     Motion,
     amplitudes,
     on_surface,
+    rows_on,
 )
 
 BEAM = setups.beam()
@@ -65,7 +65,7 @@ def test_torsion_turns_every_cross_section_as_a_whole():
 
 
 def test_markers_stand_in_rows_and_the_hole_comes_last():
-    markers = Markers(BEAM)
+    markers = rows_on(BEAM)
     rows = markers.positions[:, :75].reshape(2, 3, 25)
     np.testing.assert_allclose(np.diff(rows[0], axis=1), 0.025)
     np.testing.assert_allclose(np.diff(rows[1], axis=0), 0.010)
@@ -73,14 +73,14 @@ def test_markers_stand_in_rows_and_the_hole_comes_last():
     np.testing.assert_array_equal(markers.positions[:, 75], [0.024, 0.010])
     assert markers.count == 75
     np.testing.assert_allclose(markers.positions[:, markers.middle_row], BEAM.markers)
-    assert Markers(BEAM, hole=None).positions.shape == (2, 75)
+    assert rows_on(BEAM, hole=None).positions.shape == (2, 75)
 
 
 def test_the_world_s_origin_is_the_beam_s_centre():
-    np.testing.assert_allclose(on_surface(BEAM, [L / 2, W / 2]), np.zeros(3), atol=1e-15)
-    np.testing.assert_allclose(on_surface(BEAM, [[0, L], [0, W]], [0.0, 0.1]),
+    np.testing.assert_allclose(on_surface(BEAM.extent, [L / 2, W / 2]), np.zeros(3), atol=1e-15)
+    np.testing.assert_allclose(on_surface(BEAM.extent, [[0, L], [0, W]], [0.0, 0.1]),
                                [[-L / 2, L / 2], [-W / 2, W / 2], [0, 0.1]])  # fmt: skip
-    assert on_surface(BEAM, np.zeros((2, 1, 5)), np.zeros((4, 5))).shape == (3, 4, 5)
+    assert on_surface(BEAM.extent, np.zeros((2, 1, 5)), np.zeros((4, 5))).shape == (3, 4, 5)
 
 
 # Motion.

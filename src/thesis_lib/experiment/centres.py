@@ -107,7 +107,7 @@ class _Patch:
     def __init__(self, view: View, which: NDArray[np.int64], plane: Array, ellipses: Array) -> None:
         markers, self.blur = view.markers, view.blur
         x, y = markers.positions[:, which]
-        length, width = markers.beam.extent
+        length, width = markers.extent
         radius = markers.diameter / 2
         gradient = radius * np.linalg.inv(ellipses)  # of the plane's x and y, m per px
         steep = np.linalg.norm(gradient, axis=2).T
@@ -119,7 +119,9 @@ class _Patch:
             for edge in (0, width)
         ]
         self.ends = [x / steep[0], (length - x) / steep[0]]
-        self.row, self.radius = markers.row_spacing / steep[1], radius / steep[1]
+        # Up to where, in px, a pixel along or across sees no other marker.
+        other, own = markers.clear[:, which] / steep, radius / steep
+        self.free = np.maximum(other - own - 2 * self.blur - 0.5, 0.5 * other)[..., None, None]
 
     def _offset(self, axis: int, du: Array, dv: Array) -> Array:
         """Distance in px from the marker across the rows or the columns, (n, rows, columns)."""
@@ -127,15 +129,14 @@ class _Patch:
         return np.asarray(nu * du[:, None, :] + nv * dv[:, :, None])
 
     def usable(self, du: Array, dv: Array) -> NDArray[np.bool_]:
-        """Pixels that see no other row of markers, nor much of what is beyond the beam."""
+        """Pixels that see no other marker, nor much of what is beyond the structure."""
         along, across = (self._offset(axis, du, dv) for axis in (0, 1))
         left, right, low, high = (part[:, None, None] for part in (*self.ends, *self.edges))
         spare, clear = 1 + self.blur, 1 + 2.5 * self.blur
-        free = np.maximum(self.row - self.radius - 2 * self.blur - 0.5, 0.5 * self.row)
         inside: NDArray[np.bool_] = (
             (along > clear - left) & (along < right - clear)
             & (across > -low - spare) & (across < high + spare)
-            & (np.abs(across) < free[:, None, None])
+            & (np.abs(along) < self.free[0]) & (np.abs(across) < self.free[1])
         )  # fmt: skip
         return inside
 

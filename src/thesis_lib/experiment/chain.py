@@ -68,23 +68,12 @@ class Calibrations:
 
 
 def markers_of(manifest: Manifest) -> Markers:
-    """What the manifest says is printed on the beam.
-
-    Raises
-    ------
-    ManifestError
-        If the markers do not stand in rows.
-    """
-    given = manifest.structure.markers
-    if given.points_mm is not None:
-        raise ManifestError("structure.markers.points_mm: given places, allowed here: rows")
-    return Markers(
-        manifest.structure.beam,
-        given.rows,
-        given.row_spacing_mm / 1000,
-        given.diameter_mm / 1000,
-        None if given.hole_mm is None else (given.hole_mm[0] / 1000, given.hole_mm[1] / 1000),
-    )
+    """What the manifest says is printed on the structure."""
+    given = manifest.structure
+    hole = None if given.hole is None else (float(given.hole[0]), float(given.hole[1]))
+    size = given.length_mm / 1000, given.width_mm / 1000
+    diameter = given.markers.diameter_mm / 1000
+    return Markers(size, given.marker_points, diameter, hole, given.markers.tone == "bright")
 
 
 def check(manifest: Manifest, folder: Path) -> None:

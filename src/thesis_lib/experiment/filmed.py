@@ -85,7 +85,9 @@ def true_tracks(rig: Rig, frames: int, width: int) -> Array:
     tracks = []
     for station in rig.stations:
         times = station.start + np.arange(frames) / station.frame_rate
-        world = on_surface(rig.markers.beam, points[:, None], rig.motion.deflection(points, times))
+        world = on_surface(
+            rig.markers.extent, points[:, None], rig.motion.deflection(points, times)
+        )
         tracks.append(lens.project(station.camera, world).swapaxes(0, 1))
     return np.array(tracks) * width / rig.stations[0].camera.size[0]
 
@@ -165,7 +167,7 @@ def _pictures(rig: Rig, camera: lens.Camera, folder: Path) -> xr.Dataset:
             "picture_outline": (
                 ("axis", "outline"),
                 view.to_image(np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
-                              * np.array(rig.markers.beam.extent)[:, None]),
+                              * np.array(rig.markers.extent)[:, None]),
             ),
             "picture_sound": (("camera", "sample"), sound),
         },

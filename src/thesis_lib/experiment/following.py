@@ -39,7 +39,7 @@ def follow(
     camera : Camera
         Its intrinsics and distortion at full size.
     markers : Markers
-        What is printed on the beam.
+        What is printed on the structure; bright ones are tracked in the negative.
     widths : sequence of int
         Widths in px; heights follow.
     corners_px : sequence of tuple, optional
@@ -66,7 +66,8 @@ def follow(
     """
     trackers: list[Tracker] = []
     rows, matched, notes = [], [], []
-    for image in media.read_frames(video):
+    for picture in media.read_frames(video):
+        image = 255 - picture if markers.bright else picture
         pictures = [reduced(image, width) for width in widths]
         if not trackers:
             try:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations, intrinsics
 from thesis_lib.experiment import media
@@ -24,14 +25,14 @@ from thesis_lib.experiment.manifest import (
     CameraFiles,
     Excitation,
     Manifest,
-    Structure,
     write_manifest,
 )
 from thesis_lib.experiment.manifest import Markers as MarkerSpec
+from thesis_lib.experiment.manifest import Structure as StructureSpec
 from thesis_lib.experiment.poses import default_poses
 from thesis_lib.experiment.render import BeamView, Image, Sensor, board_image
-from thesis_lib.experiment.scene import Component, Markers, Motion
-from thesis_lib.structures import Beam
+from thesis_lib.experiment.scene import Component, Markers, Motion, rows_on
+from thesis_lib.structures import Beam, Plate, Structure
 
 Array = NDArray[np.float64]
 
@@ -114,7 +115,7 @@ class Rig:
 
 
 def default_rig(
-    beam: Beam,
+    structure: Beam | Plate,
     directions_deg: Sequence[tuple[float, float]],
     *,
     focal_length: float = 0.024,
@@ -127,8 +128,9 @@ def default_rig(
     lens_k1: float = -0.08,
     audio_noise_db: float = 20.0,
     seed: int = 0,
+    markers: Markers | None = None,
 ) -> Rig:
-    """The rig of section 5.1: similar, but not identical cameras that look at the beam's centre.
+    """The rig of section 5.1: similar, but not identical cameras that look at the structure.
 
     Focal lengths, principal points and distortions differ by what cameras of one kind differ by.
     The motion is at rest for a second, grows over two periods, and is filmed in its steady state
@@ -136,14 +138,14 @@ def default_rig(
 
     Parameters
     ----------
-    beam : Beam
-        The beam.
+    structure : Beam or Plate
+        What is filmed.
     directions_deg : sequence of tuple
         Azimuth and elevation of each camera.
     focal_length, sensor_width : float
         In m; the pixels are square and fill the width.
     distance : float
-        Of all cameras from the beam's centre, m.
+        Of all cameras from the structure's centre, m.
     size : tuple of int
         Width and height of the sensors in px.
     sensor : Sensor, optional
@@ -158,6 +160,9 @@ def default_rig(
         Power of the force over that of the noise on the audio tracks, dB.
     seed : int
         Seed of all noise and of the cameras' starts.
+    markers : Markers, optional
+        Those of the thesis's beam if not given, or in the plate's cells with a fifth of their side
+        as diameter.
     """
     angles = np.radians(directions_deg)
     rotations = hemisphere_rotations(angles[:, 0], angles[:, 1])
@@ -173,12 +178,19 @@ def default_rig(
         camera = Camera(chr(ord("A") + i), K, distortion, R, centre, size)
         stations.append(Station(camera, sensor or Sensor(), frame_rate, float(start)))
     period = 1 / min(part.frequency for part in components)
-    motion = Motion(beam, components, REST + LATE, 2 * period)
+    motion = Motion(structure, components, REST + LATE, 2 * period)
     return Rig(
-        tuple(stations), Markers(beam), motion,
+        tuple(stations), markers or _default_markers(structure), motion,
         duration=motion.steady + max(1.0, 5 * period),
         audio_noise_db=audio_noise_db, seed=seed,
     )  # fmt: skip
+
+
+def _default_markers(structure: Beam | Plate) -> Markers:
+    if isinstance(structure, Beam):
+        return rows_on(structure)
+    cells = Markers(structure.extent, structure.markers, 0.0)
+    return replace(cells, diameter=float(cells.nearest.min()) / 5)
 
 
 def frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
@@ -235,19 +247,9 @@ def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: i
 
 def manifest_of(rig: Rig) -> Manifest:
     """What the files of a filmed rig are."""
-    beam, markers, board = rig.markers.beam, rig.markers, rig.board
+    board = rig.board
     return Manifest(
-        structure=Structure(
-            length_mm=_mm(beam.length), width_mm=_mm(beam.width),
-            thickness_mm=_mm(beam.thickness), density_kg_m3=beam.density,
-            youngs_modulus_pa=beam.youngs_modulus, damping=beam.damping,
-            force_position_mm=_mm(beam.force_position),
-            markers=MarkerSpec(
-                rows=markers.rows, columns=beam.n_markers, spacing_mm=_mm(beam.marker_spacing),
-                row_spacing_mm=_mm(markers.row_spacing), diameter_mm=_mm(markers.diameter),
-                hole_mm=markers.hole and (_mm(markers.hole[0]), _mm(markers.hole[1])),
-            ),
-        ),
+        structure=_structure(rig.motion.structure, rig.markers),
         cameras=tuple(
             CameraFiles(
                 name=station.camera.name, video=f"{station.camera.name}.mkv",
@@ -266,6 +268,49 @@ def manifest_of(rig: Rig) -> Manifest:
             force_per_full_scale_n=rig.full_scale,
         ),
     )  # fmt: skip
+
+
+def _structure(structure: Structure, markers: Markers) -> StructureSpec:
+    """What is filmed: its markers by rows where they stand in such, else one by one."""
+    x, y = structure.force_point[:, 0]
+    if isinstance(structure, Plate):
+        own: dict[str, Any] = {
+            "kind": "plate",
+            "poissons_ratio": structure.poisson,
+            "force_across_mm": _mm(y),
+        }
+    elif isinstance(structure, Beam):
+        own = {"kind": "beam"}
+    else:
+        raise TypeError(f"{type(structure).__name__}: neither a beam nor a plate")
+    given: dict[str, Any] = {
+        "diameter_mm": _mm(markers.diameter),
+        "hole_mm": markers.hole and (_mm(markers.hole[0]), _mm(markers.hole[1])),
+    }
+    rows = {
+        "rows": len(markers.rows), "columns": markers.columns,
+        "spacing_mm": _mm(float(np.diff(markers.centres[0, :2])[0])),
+        "row_spacing_mm": _mm(markers.row_spacing) if len(markers.rows) > 1 else 10.0,
+    }  # fmt: skip
+    points = tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)
+
+    def spec(layout: dict[str, Any]) -> StructureSpec:
+        return StructureSpec(
+            length_mm=_mm(structure.length), width_mm=_mm(structure.width),
+            thickness_mm=_mm(structure.thickness), density_kg_m3=structure.density,
+            youngs_modulus_pa=structure.youngs_modulus, damping=structure.damping,
+            force_position_mm=_mm(x), markers=MarkerSpec(**given, **layout), **own,
+        )  # fmt: skip
+
+    by_points = spec({"points_mm": points})
+    try:
+        by_rows = spec(rows)
+    except ValidationError:  # they are no rows
+        return by_points
+    near = by_rows.marker_points.shape == by_points.marker_points.shape and np.allclose(
+        by_rows.marker_points, by_points.marker_points, atol=1e-8
+    )
+    return by_rows if near else by_points
 
 
 def _mm(metres: float) -> float:

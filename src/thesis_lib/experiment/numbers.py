@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thesis_lib import setups
 from thesis_lib.experiment import shapes
 from thesis_lib.experiment.reconstruction import deflection_at
-from thesis_lib.experiment.scene import Component, Markers
+from thesis_lib.experiment.scene import Component, rows_on
 from thesis_lib.experiment.synchronisation import coupling_delay
 from thesis_lib.prose import table
 
@@ -97,7 +97,7 @@ def _tracking(data: xr.Dataset) -> str:
     camera = data.sel(calibration=FULL).isel(camera=0)
     narrow = min(data["width"].values.tolist())
     focal = float(camera["K"].values[0, 0]) * narrow / float(camera["size"].values[0])
-    long = 1000 * Markers(setups.beam()).diameter * focal / given["distance_mm"]
+    long = 1000 * rows_on(setups.beam()).diameter * focal / given["distance_mm"]
     high = long * np.sin(np.radians(given["elevation_deg"]))
     header = ["frames", "missing, %", "of those found wrong, %", "rms error of the others, px"]
     return table(header, rows) + (
@@ -109,8 +109,8 @@ def _tracking(data: xr.Dataset) -> str:
 
 def _shapes(data: xr.Dataset) -> str:
     """The measured deflection by the four methods, and the frame it is measured in."""
-    markers, given = Markers(setups.beam()), _parameters(data)
-    beam, row = markers.beam, markers.middle_row
+    markers, given = rows_on(setups.beam()), _parameters(data)
+    beam, row = setups.beam(), markers.middle_row
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference = part.amplitude * part.shape(beam, beam.markers)
     instant = shapes.instant_of(data, beam.damping)
@@ -140,7 +140,7 @@ def _shapes(data: xr.Dataset) -> str:
 
 def _parts(data: xr.Dataset) -> str:
     """What the literal method loses to the missed maximum and to whole frames, each alone."""
-    markers, beam = Markers(setups.beam()), setups.beam()
+    markers, beam = rows_on(setups.beam()), setups.beam()
     names = "".join(data["camera"].values.tolist())
     instant = shapes.instant_of(data, beam.damping)
     tracks = shapes.tracks_of(data, markers, names, int(data["width"].max()), LITERAL)
@@ -203,7 +203,7 @@ def _exposure(data: xr.Dataset) -> str:
 
 def _matches(data: xr.Dataset) -> str:
     """How many places look like a marker in camera A's first frame, and how far the tip goes."""
-    markers, given = Markers(setups.beam()), _parameters(data)
+    markers, given = rows_on(setups.beam()), _parameters(data)
     found = data["picture_matches"].transpose("axis", "match").values
     spare = int(data.attrs["spare_matches"])
     away = given["amplitude_mm"] / np.tan(np.radians(given["elevation_deg"]))

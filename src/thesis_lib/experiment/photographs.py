@@ -22,7 +22,7 @@ from thesis_lib.experiment import tracking
 from thesis_lib.experiment.board import Board
 from thesis_lib.experiment.calibration import central
 from thesis_lib.experiment.following import reduced
-from thesis_lib.experiment.scene import Markers
+from thesis_lib.experiment.scene import rows_on
 from thesis_lib.experiment.sketches import INK, WIDE, names_of, tip_marker
 from thesis_lib.figures import COLORS, STYLE
 
@@ -103,7 +103,7 @@ def _rest(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
 def views(data: xr.Dataset) -> Figure:
     """The first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
-    markers = Markers(setups.beam())
+    markers = rows_on(setups.beam())
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(
             2, 2, figsize=(WIDE, WIDE * 9 / 16 + 0.03), layout="constrained",
@@ -164,8 +164,8 @@ def outline(data: xr.Dataset) -> Figure:
     picture = data["picture_first"].values
     corners = data["picture_outline"].transpose("axis", "outline").values
     centres = data["picture_centres"].transpose("axis", "marker").values
-    markers = Markers(setups.beam())
-    row, limits = markers.beam.n_markers, picture.shape[::-1]
+    markers = rows_on(setups.beam())
+    row, limits = markers.columns, picture.shape[::-1]
     ends = {"tip": [row - 3, row - 1, 3 * row - 3, 3 * row - 1],
             "clamped end": [0, 2, 2 * row, 2 * row + 2]}  # fmt: skip
     tints = {"tip": GREEN, "clamped end": PINK}
@@ -207,7 +207,7 @@ def _axis(corners: Array, n: int) -> float:
 def plane(data: xr.Dataset) -> Figure:
     """The frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
     picture = data["picture_beam"].transpose("row_beam", "column_beam").values
-    markers = Markers(setups.beam())
+    markers = rows_on(setups.beam())
     origin = np.full((2, 1), tracking.REACH)
     found = data["picture_matches"].transpose("axis", "match").values
     grid, matches = (tracking.SCALE * (p + origin) for p in (markers.positions, found))
@@ -242,9 +242,9 @@ def plane(data: xr.Dataset) -> Figure:
 
 def centres(data: xr.Dataset) -> Figure:
     """Marker centres in the picture at rest and at the maximum, at the tip (figure F.7)."""
-    markers = Markers(setups.beam())
+    markers = rows_on(setups.beam())
     moved_frame = int(data["picture_moved"].attrs["frame"])
-    row = markers.beam.n_markers
+    row = markers.columns
     still, moved = _rest(data), _rest(data, frame=moved_frame)
     shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
     pictures = data["picture_first"].values, data["picture_moved"].values
@@ -273,8 +273,8 @@ def centres(data: xr.Dataset) -> Figure:
 def widths(data: xr.Dataset) -> Figure:
     """Three columns of markers at every width, and what tracking makes of them (section 5.2.1)."""
     full = data["picture_first"].values
-    markers = Markers(setups.beam())
-    row, middle = markers.beam.n_markers, markers.beam.n_markers // 2
+    markers = rows_on(setups.beam())
+    row, middle = markers.columns, markers.columns // 2
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
     box = _around(_rest(data)[:, shown], 2.3, 16, full.shape[::-1])
     every = sorted(int(width) for width in data["width"].values)

@@ -147,12 +147,12 @@ class BeamView:
     VERTICES = 64  # of a marker; 0.007 px from its circle
 
     def __init__(self, camera: Camera, markers: Markers, motion: Motion, sensor: Sensor) -> None:
-        self.camera, self.motion, self.sensor = camera, motion, sensor
+        self.camera, self.markers, self.motion, self.sensor = camera, markers, motion, sensor
         turn = 2 * np.pi * np.arange(self.VERTICES) / self.VERTICES
         radius = markers.diameter / 2 * np.sqrt(turn[1] / np.sin(turn[1]))  # of the same area
         circle = radius * np.stack([np.cos(turn), np.sin(turn)])
         discs = markers.positions[:, :, None] + circle[:, None]
-        length, width = markers.beam.extent
+        length, width = markers.extent
         outline = _outline(np.array([[0, 0], [length, 0], [length, width], [0, width]]), 0.004)
         self.points = np.concatenate([outline, discs.reshape(2, -1)], axis=1)
         n = discs.shape[1]
@@ -169,7 +169,7 @@ class BeamView:
         deflection = self.motion.coordinates(time + within).T @ self.shapes
         if np.ptp(deflection, axis=0).max() < 1e-9:  # at rest
             deflection = deflection[:1]
-        world = on_surface(self.motion.beam, self.points[:, None], deflection)
+        world = on_surface(self.markers.extent, self.points[:, None], deflection)
         return expose(lens.project(self.camera, world), self.polygons, self.camera.size,
                       self.sensor, rng)  # fmt: skip
 

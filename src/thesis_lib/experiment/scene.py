@@ -1,4 +1,4 @@
-"""What stands before the cameras: a beam with printed markers that vibrates, and its force.
+"""What stands before the cameras: a structure with printed markers that vibrates, and its force.
 
 Markers are counted row by row along x, row after row in y; the hole, which looks like a marker,
 comes last. Positions on the structure are in its own frame (x from the clamp, y across, m); the
@@ -8,69 +8,123 @@ world's origin is the structure's centre.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import KDTree
 
-from thesis_lib.structures import Beam
+from thesis_lib.structures import Beam, Structure
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Markers:
-    """Round markers printed in rows on a beam, and one hole (thesis 5.1.1, Appendix F).
+    """Round markers on a flat structure, and one hole that looks like them (thesis 5.1.1).
 
     Parameters
     ----------
-    beam : Beam
-        The beam that carries them; its `marker_spacing` is that along the rows.
-    rows : int
-        Rows, centred across the beam.
-    row_spacing : float
-        Distance between rows in m; the thesis does not state it.
+    extent : tuple of float
+        Length and width of the structure in m.
+    centres : ndarray, shape (2, n)
+        Centres on the structure in m, from its corner.
     diameter : float
         Diameter of markers and hole in m.
     hole : tuple of float or None
-        Centre of the hole in the beam's frame in m; the thesis does not state it.
+        Centre of the hole in m.
+    bright : bool
+        Whether they are brighter than the structure.
     """
 
-    beam: Beam
-    rows: int = 3
-    row_spacing: float = 0.010
-    diameter: float = 0.005
-    hole: tuple[float, float] | None = (0.024, 0.010)
+    extent: tuple[float, float]
+    centres: Array
+    diameter: float
+    hole: tuple[float, float] | None = None
+    bright: bool = False
 
-    @property
+    @cached_property
     def positions(self) -> Array:
-        """Centres of the markers and of the hole, if any, in the beam's frame, shape (2, n), m."""
-        along, _ = self.beam.markers
-        across = (np.arange(self.rows) - (self.rows - 1) / 2) * self.row_spacing
-        y = self.beam.width / 2 + across
-        grid = np.stack([np.tile(along, self.rows), np.repeat(y, len(along))])
-        return grid if self.hole is None else np.column_stack([grid, self.hole])
+        """Centres of the markers and of the hole, if any, shape (2, n), m."""
+        return self.centres if self.hole is None else np.column_stack([self.centres, self.hole])
 
     @property
     def count(self) -> int:
         """Markers without the hole."""
-        return self.rows * self.beam.n_markers
+        return self.centres.shape[1]
+
+    @cached_property
+    def nearest(self) -> Array:
+        """Distance of each of :attr:`positions` to the nearest other one, m."""
+        distance, _ = KDTree(self.positions.T).query(self.positions.T, k=2)
+        return np.asarray(distance[:, 1], float)
+
+    @cached_property
+    def clear(self) -> Array:
+        """Distance along x to the nearest other centre that lies rather along x, and along y.
+
+        Shape (2, n) for :attr:`positions`, in m; infinite where there is none.
+        """
+        x, y = np.abs(self.positions[:, :, None] - self.positions[:, None])
+        np.fill_diagonal(x, np.inf)
+        along = np.where(x >= y, x, np.inf).min(axis=1)
+        across = np.where(x < y, y, np.inf).min(axis=1)
+        return np.stack([along, across])
+
+    @cached_property
+    def rows(self) -> tuple[slice, ...]:
+        """Runs of markers at the same y."""
+        ends = np.flatnonzero(np.abs(np.diff(self.centres[1])) > 1e-9) + 1
+        return tuple(slice(int(a), int(b)) for a, b in pairwise([0, *ends, self.count]))
 
     @property
     def middle_row(self) -> slice:
-        """Where the row on the beam's axis stands among the markers."""
-        first = self.rows // 2 * self.beam.n_markers
-        return slice(first, first + self.beam.n_markers)
+        """Where the row on the structure's axis stands among the markers."""
+        return self.rows[len(self.rows) // 2]
+
+    @property
+    def columns(self) -> int:
+        """Markers in the middle row."""
+        return self.middle_row.stop - self.middle_row.start
+
+    @property
+    def row_spacing(self) -> float:
+        """Distance between the first two rows in m; NaN if there is one."""
+        y = self.centres[1, [row.start for row in self.rows[:2]]]
+        return float(np.diff(y)[0]) if len(y) == 2 else np.nan
 
     @property
     def world(self) -> Array:
         """Centres at rest in the world, shape (3, n), m."""
-        return on_surface(self.beam, self.positions)
+        return on_surface(self.extent, self.positions)
 
 
-def on_surface(beam: Beam, points: ArrayLike, deflection: ArrayLike = 0.0) -> Array:
-    """World coordinates (3, ...) of points (2, ...) of the beam, deflected along Z, in m."""
+def rows_on(
+    beam: Beam,
+    rows: int = 3,
+    row_spacing: float = 0.010,
+    diameter: float = 0.005,
+    hole: tuple[float, float] | None = (0.024, 0.010),
+) -> Markers:
+    """The markers of the thesis's beam: rows along it, centred across it.
+
+    Their number in a row and their spacing are the beam's; the thesis states neither the rows'
+    distance nor where the hole is.
+    """
+    along, _ = beam.markers
+    across = (np.arange(rows) - (rows - 1) / 2) * row_spacing
+    y = beam.width / 2 + across
+    grid = np.stack([np.tile(along, rows), np.repeat(y, len(along))])
+    return Markers(beam.extent, grid, diameter, hole)
+
+
+def on_surface(
+    extent: tuple[float, float], points: ArrayLike, deflection: ArrayLike = 0.0
+) -> Array:
+    """World coordinates (3, ...) of points (2, ...) of a structure, deflected along Z, in m."""
     x, y = np.asarray(points, float)
-    length, width = beam.extent
+    length, width = extent
     return np.stack(np.broadcast_arrays(x - length / 2, y - width / 2, deflection))
 
 
@@ -87,7 +141,7 @@ class Component:
     frequency : float
         In Hz.
     amplitude : float
-        At the tip (torsion: at the tip's edges), in m.
+        At the tip (torsion: at the tip's edges; a plate: at an antinode), in m.
     phase : float
         In rad.
     """
@@ -98,23 +152,26 @@ class Component:
     amplitude: float = 0.004
     phase: float = 0.0
 
-    def shape(self, beam: Beam, points: ArrayLike) -> Array:
-        """Deflection for amplitude 1 at points (2, ...) of the beam's frame, dimensionless."""
+    def shape(self, structure: Structure, points: ArrayLike) -> Array:
+        """Deflection for amplitude 1 at points (2, ...) of the structure's frame, dimensionless."""
         x, y = np.asarray(points, float)
         if self.kind == "torsion":
-            turn: Array = np.sin((2 * self.mode - 1) * np.pi * x / (2 * beam.length))
-            return turn * (2 * y / beam.width - 1)
-        return beam.mode_shapes([self.mode], [x, y])[0] * ((-1) ** (self.mode + 1) / 2)
+            length, width = structure.extent
+            turn: Array = np.sin((2 * self.mode - 1) * np.pi * x / (2 * length))
+            return turn * (2 * y / width - 1)
+        shape: Array = structure.mode_shapes([self.mode], [x, y])[0] / structure.shape_peak
+        # The beam's modes are taken upward at the tip, whatever sign eq. 3.4 gives them there.
+        return shape * (-1) ** (self.mode + 1) if isinstance(structure, Beam) else shape
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A beam at rest that starts to vibrate and reaches a steady state.
+    """A structure at rest that starts to vibrate and reaches a steady state.
 
     Parameters
     ----------
-    beam : Beam
-        What moves.
+    structure : Structure
+        What moves, a beam or a plate.
     components : sequence of Component
         Bending and torsion in any mix.
     start : float
@@ -124,7 +181,7 @@ class Motion:
         the acceleration, and with it the force, has no jump.
     """
 
-    beam: Beam
+    structure: Structure
     components: tuple[Component, ...] = (Component(),)
     start: float = 1.25
     ramp: float = 0.5
@@ -136,10 +193,10 @@ class Motion:
 
     def shapes(self, points: ArrayLike) -> Array:
         """Shapes of the components at points (2, ...), shape (components, ...)."""
-        return np.stack([part.shape(self.beam, points) for part in self.components])
+        return np.stack([part.shape(self.structure, points) for part in self.components])
 
     def coordinates(self, times: ArrayLike) -> Array:
-        """Displacement of each component at its tip, shape (components, ...), m."""
+        """Displacement of each component where its shape is 1, shape (components, ...), m."""
         t = np.asarray(times, float)
         return np.stack([self._histories(part, t)[0] for part in self.components])
 
@@ -156,19 +213,19 @@ class Motion:
         """
         t = np.asarray(times, float)
         total = np.zeros_like(t)
-        beam, xi = self.beam, self.beam.damping
+        structure, xi = self.structure, self.structure.damping
         for part in self.components:
             if part.kind == "torsion":
                 continue
             w, first, second = self._histories(part, t)
             natural = 2 * np.pi * part.frequency / np.sqrt(1 - 2 * xi**2)
-            drive = part.shape(beam, beam.force_point)[0]
-            modal_mass = beam.mass / 4  # for a shape of 1 at the tip
+            drive = part.shape(structure, structure.force_point)[0]
+            modal_mass = structure.mass / structure.shape_peak**2  # for a peak of 1
             total += modal_mass / drive * (second + 2 * xi * natural * first + natural**2 * w)
         return total
 
     def _histories(self, part: Component, t: Array) -> tuple[Array, Array, Array]:
-        """A component's displacement at the tip, and its first two derivatives in time."""
+        """A component's displacement where its shape is 1, and two derivatives in time."""
         s = np.clip((t - self.start) / self.ramp, 0, 1)
         e0 = s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3)
         e1 = 140 * s**3 * (1 - s) ** 3 / self.ramp
@@ -190,5 +247,5 @@ def amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> NDArray[n
         if np.isclose(part.frequency, frequency):
             omega = 2 * np.pi * part.frequency
             phase = part.phase - np.pi / 2 - omega * motion.start
-            total += part.amplitude * np.exp(1j * phase) * part.shape(motion.beam, points)
+            total += part.amplitude * np.exp(1j * phase) * part.shape(motion.structure, points)
     return total

@@ -9,6 +9,7 @@ fits the harmonics of every image coordinate on its camera's own clock, so that 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,15 +104,17 @@ class Tracks:
 def tracks_of(
     data: xr.Dataset,
     markers: Markers,
-    names: str,
+    names: Sequence[str],
     width: int,
     calibration: str,
     matched: bool = False,
+    damping: float = 0.0,
 ) -> Tracks:
     """The tracks of some cameras at one width, by one of the two calibrations.
 
-    If `matched`, the centres are those of the template match: at rest those of the first frame, and
-    in motion they scatter about the harmonics of the fitted ones.
+    `names` is a sequence of the cameras' names. If `matched`, the centres are those of the template
+    match: at rest those of the first frame, and in motion they scatter about the harmonics of the
+    fitted ones; `damping` then tells when the deflection is at its maximum.
     """
     index = [list(data["camera"].values).index(name) for name in names]
     every = cameras_of(data, calibration, width)
@@ -136,7 +139,7 @@ def tracks_of(
     if matched:
         uv = _undistorted(cameras, data["matches"].sel(width=width).values[index].astype(float))
         rest, rest_frames = uv[:, 0], 1
-        maxima = instant_of(data, markers.beam.damping).times
+        maxima = instant_of(data, damping).times
         near = np.abs(times[:, :, None] - maxima).min(axis=2) < 1.5 / rates[:, None]
         moved = []
         for i, fitted in enumerate(harmonics):

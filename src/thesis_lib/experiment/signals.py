@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thesis_lib import setups
 from thesis_lib.experiment import reconstruction as rc
-from thesis_lib.experiment.scene import Markers
+from thesis_lib.experiment.scene import rows_on
 from thesis_lib.experiment.shapes import ORDER
 from thesis_lib.experiment.sketches import INK, WIDE, names_of, tip_marker
 from thesis_lib.figures import STYLE, color
@@ -73,7 +73,7 @@ def _crossing(time: Array, signal: Array, before: float) -> float:
 
 def tracks(data: xr.Dataset) -> Figure:
     """One marker in four cameras: on their clocks, on one clock with the fit, and what is left."""
-    markers = Markers(setups.beam())
+    markers = rows_on(setups.beam())
     every = data["tracks"].sel(width=data["width"].max(), axis="v")
     v = every.isel(marker=tip_marker(markers)).transpose("camera", "frame").values
     own = np.arange(v.shape[1]) / data["frame_rate"].values[:, None]

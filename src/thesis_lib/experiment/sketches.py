@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from thesis_lib import setups
 from thesis_lib.experiment import shapes
-from thesis_lib.experiment.scene import Markers
+from thesis_lib.experiment.scene import Markers, rows_on
 from thesis_lib.figures import COLORS, HIGHLIGHT, REFERENCE, STYLE, color
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def tip_marker(markers: Markers) -> int:
 
 def rig(data: xr.Dataset) -> Figure:
     """Cameras and beam as the calibration found them, and what is printed (figures 5.1, F.1)."""
-    markers = Markers(setups.beam())
+    markers = rows_on(setups.beam())
     found = shapes.tracks_of(data, markers, names_of(data), int(data["width"].max()), "full")
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
@@ -83,7 +83,7 @@ def _cameras(axes: Axes, places: Array, looks: Array) -> None:
 
 
 def _above(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
-    length, width = 1e3 * np.array(markers.beam.extent)
+    length, width = 1e3 * np.array(markers.extent)
     axes.set_title("(a) from above")
     axes.add_patch(Rectangle((-width / 2, -length / 2), width, length, facecolor="#dcdcdc",
                              edgecolor=INK, linewidth=0.8, zorder=2))  # fmt: skip
@@ -108,7 +108,7 @@ def _above(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
 
 
 def _aside(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
-    _, width = 1e3 * np.array(markers.beam.extent)
+    _, width = 1e3 * np.array(markers.extent)
     axes.set_title("(b) along the beam")
     axes.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=INK, zorder=5))
     _cameras(axes, centres[[1, 2]], looks[[1, 2]])
@@ -138,7 +138,7 @@ def _bare(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
 
 def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
     """Markers and hole on the beam, in mm; the whole of it or the clamped end with its measures."""
-    length, width = 1e3 * np.array(markers.beam.extent)
+    length, width = 1e3 * np.array(markers.extent)
     places, radius = 1e3 * markers.positions, 500 * markers.diameter
     axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
     axes.add_patch(Rectangle((0, 0), length, width, facecolor="#dcdcdc", edgecolor=INK,
@@ -146,7 +146,7 @@ def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
     for n, place in enumerate(places.T):
         hole = n >= markers.count
         axes.add_patch(Circle(place, radius, color=HIGHLIGHT if hole else INK, zorder=3))
-    row = markers.beam.n_markers
+    row = markers.columns
     if whole:
         for y, first in zip(places[1, ::row], range(1, markers.count, row), strict=False):
             style: Any = {"va": "center", "fontsize": 7.5, "color": INK}
@@ -164,7 +164,7 @@ def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
         axes.plot([places[0, 3], right + 2], [y, y], color=INK, linewidth=0.6)
     _measure(axes, (right, places[1, row]), (right, places[1, 2 * row]),
              f"{1e3 * markers.row_spacing:g}")  # fmt: skip
-    force = tuple(1e3 * markers.beam.force_point[:, 0])
+    force = tuple(1e3 * setups.beam().force_point[:, 0])
     axes.plot(*force, "X", color=COLORS[4], markersize=9, markeredgecolor="white", zorder=5)
     axes.annotate("shaker beneath", force, (force[0] + 4, -7), color=COLORS[4], ha="left",
                   va="center", arrowprops={"arrowstyle": "-", "color": COLORS[4]})  # fmt: skip
@@ -215,7 +215,7 @@ def _sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
     axes.add_patch(_segments(corners - [[3], [0]], corners + [[3], [0]], INK, 1.6))
     rms = np.sqrt(np.nanmean(residual**2))
     still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
-    row = still.transpose("axis", "marker").values[:, Markers(setups.beam()).middle_row]
+    row = still.transpose("axis", "marker").values[:, rows_on(setups.beam()).middle_row]
     axes.plot(*row, color=INK, linewidth=2.5, alpha=0.45, zorder=3)
     bar = 0.01 * EXAGGERATED * unit
     axes.plot([0.03 * width, 0.03 * width + bar], [0.95 * height] * 2, color=HIGHLIGHT, linewidth=2)

@@ -14,7 +14,7 @@ from thesis_lib.experiment import lens
 from thesis_lib.experiment import reconstruction as rc
 from thesis_lib.experiment.draws import draw, trials
 from thesis_lib.experiment.requests import NAMES, Experiment, method_of
-from thesis_lib.experiment.scene import Component, Markers
+from thesis_lib.experiment.scene import Component, Markers, rows_on
 from thesis_lib.experiment.shapes import (
     Instant,
     Tracks,
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
     """The cube of a study of chapter 5, from the measured recordings."""
     beam = setups.beam()
-    markers = Markers(beam)
+    markers = rows_on(beam)
     row = markers.middle_row
     part = Component("bending", 1, study.frequency_hz, study.amplitude_mm / 1000)
     reference = part.amplitude * part.shape(beam, beam.markers)
@@ -45,7 +45,7 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
         method = method_of(setting.case)
         tracks = tracks_of(data, markers, names, setting.resolution_px[0],
                            "full" if method == "harmonic" else "literal",
-                           method == "matched")  # fmt: skip
+                           method == "matched", beam.damping)  # fmt: skip
         exposures = data["exposure"].values[index]
         first = deflection(tracks, instant, method, exposures)
         drawn = trials(tracks, instant, method, draws, index, exposures)
@@ -103,7 +103,7 @@ def _harmonic_results(
     amplitude = rc.harmonic_deflection(tracks.P, tracks.frame, instant.omega, fitted)
     real, imaginary = data["force"].values
     force = complex(real, imaginary) * float(data["full_scale"])
-    beam = markers.beam
+    beam = setups.beam()
     shape = Component().shape(beam, markers.positions[:, : markers.count])
     known = np.isfinite(amplitude)
     modal = np.vdot(shape[known], amplitude[known]) / np.vdot(shape[known], shape[known])

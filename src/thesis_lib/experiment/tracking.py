@@ -15,6 +15,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
 from thesis_lib.experiment.centres import refine
@@ -57,15 +58,14 @@ def sharpen(image: Image, view: View) -> View:
         except TrackingError as error:
             raise TrackingError(f"camera {name}: the markers found: {error}") from None
         view = replace(view, H_image_plane=H)
-    rows = centres[0, : view.markers.count].reshape(view.markers.rows, -1)
+    rows = [centres[0, row] for row in view.markers.rows]
     off = _rms(centres - view.to_image(grid))
-    length, width = view.markers.beam.extent
+    length, width = view.markers.extent
     corners = np.array([[0, length, length, 0], [0, 0, width, width]])
     moved = _rms(view.to_image(corners) - first.to_image(corners))
-    row = np.array([[0], [view.markers.row_spacing]])
-    between = float(np.median(np.hypot(*(view.to_image(grid + row) - view.to_image(grid)))))
+    between = float(np.median(view.markers.nearest * view.finest(grid)))
     wrong = ""
-    if np.isnan(rows).all(axis=1).any():
+    if any(len(row) > 2 and np.isnan(row).all() for row in rows):
         wrong = "no marker is found in one of the rows"
     elif off > max(OFF, 0.1 * between):
         wrong = f"the markers found are {off:.1f} px off their grid"
@@ -98,7 +98,7 @@ def _best_blur(image: Image, view: View, found: Array) -> float:
 
 def gate_of(markers: Markers) -> float:
     """How far a match may be from where a marker is expected, m."""
-    return 0.45 * min(markers.row_spacing, markers.beam.marker_spacing)
+    return 0.45 * float(markers.nearest.min())
 
 
 class Tracker:
@@ -132,7 +132,7 @@ class Tracker:
         markers = view.markers
         self.scale, self.reach = PIXELS / markers.diameter, FAR * markers.diameter
         self.origin = np.full(2, -self.reach) + 0.5 / self.scale
-        nx, ny = (int(self.scale * (size + 2 * self.reach)) for size in markers.beam.extent)
+        nx, ny = (int(self.scale * (size + 2 * self.reach)) for size in markers.extent)
         if nx * ny > MOST:
             raise TrackingError(
                 f"camera {view.camera.name}: the beam is {nx} x {ny} pixels at {PIXELS} to a "
@@ -162,7 +162,7 @@ class Tracker:
         uv, _ = refine(image, self.view, found)
         seen = self.view.to_plane(uv) - self.grid
         self.before = self.moved
-        self.moved = _filled(seen, self.grid[0], self.moved)
+        self.moved = _filled(seen, self.grid, self.moved)
         return uv[:, : self.view.markers.count]
 
     def resampled(self, image: Image) -> Image:
@@ -178,13 +178,25 @@ class Tracker:
         return np.stack([columns + half, rows + half]) / self.scale + self.origin[:, None]
 
 
-def _filled(seen: Array, x: Array, last: Array) -> Array:
-    """Displacements on the plane, with a smooth curve along the beam where a marker is missing."""
+def _filled(seen: Array, grid: Array, last: Array) -> Array:
+    """Displacements on the plane; where a marker is missing, from a smooth surface through others.
+
+    Thin-plate splines through the nearest markers; as they were in the frame before, if few are
+    seen or those on a line.
+    """
     known = np.isfinite(seen[0])
+    if known.all():
+        return seen
     if np.count_nonzero(known) < 8:
         return last
-    curves = [np.polynomial.Polynomial.fit(x[known], part[known], 4)(x) for part in seen]
-    return np.where(known, seen, np.stack(curves))
+    try:
+        smooth = RBFInterpolator(grid[:, known].T, seen[:, known].T, neighbors=12, smoothing=1e-9)
+        surface = smooth(grid[:, ~known].T).T
+    except np.linalg.LinAlgError:
+        return last
+    filled = seen.copy()
+    filled[:, ~known] = surface
+    return filled
 
 
 def _disc(diameter: float) -> Image:

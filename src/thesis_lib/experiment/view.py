@@ -61,6 +61,11 @@ class View:
         across = self.to_image([x, y + step]) - self.to_image([x, y - step])
         return np.stack([along, across], axis=1) / (2 * step)
 
+    def finest(self, plane: ArrayLike) -> Array:
+        """Pixels per metre where the plane is most foreshortened, shape (n,), for points (2, n)."""
+        smallest: Array = np.linalg.svd(np.moveaxis(self.stretch(plane), 2, 0))[1][:, 1]
+        return smallest
+
 
 def apply(H: ArrayLike, points: ArrayLike) -> Array:
     """A homography (3, 3) applied to points (2, ...)."""
@@ -127,7 +132,7 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
     TrackingError
         If they are no quadrilateral.
     """
-    length, width = markers.beam.extent
+    length, width = markers.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
     try:
         return View(camera, markers, homography(plane, corners))
@@ -199,12 +204,19 @@ def _hole_score(image: Image, view: View) -> float:
     markers = view.markers
     hole, grid = markers.positions[:, -1:], markers.positions[:, : markers.count]
     marker = grid[:, [np.argmin(np.hypot(*(grid - hole)))]]
-    # The beam without a hole is seen one and two columns on, where the same lies around it.
-    column = np.sign(markers.beam.length / 2 - hole[0]) * markers.beam.marker_spacing
+    # Without a hole the structure is seen as far from the nearest markers of the same row, or of
+    # others, as the hole is from its own: there the same lies around.
+    steps = grid - marker
+    inward = np.sign(np.array(markers.extent)[:, None] / 2 - hole)
+    order = np.lexsort([np.abs(steps[0]), np.sum(steps * inward, axis=0) <= 0, np.abs(steps[1])])
+    order = order[np.any(steps[:, order] != 0, axis=0)]
+    places = hole + steps[:, order]
+    free = np.min(np.hypot(*(places[:, :, None] - markers.positions[:, None])), axis=1)
+    places = places[:, free > 2 * markers.diameter][:, :2]
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     ring = markers.diameter * np.stack([np.cos(turn), np.sin(turn)])
     disc = np.column_stack([0.15 * ring, 0.35 * ring])
-    beam = [hole + disc + np.stack([n * column, 0 * column]) for n in (1, 2)]
+    beam = [disc + place[:, None] for place in places.T] or [marker + 1.5 * ring]
     dark, print_, white = (
         float(np.mean(_sample(image, view.to_image(part))))
         for part in (hole + disc, marker + disc, np.hstack(beam))
