@@ -18,6 +18,7 @@ from thesis_lib.experiment import chain, filmed, following, laboratory, lens, me
 from thesis_lib.experiment import reconstruction as rc
 from thesis_lib.experiment.calibration import CalibrationError
 from thesis_lib.experiment.corners import BoardNotFound, find_corners
+from thesis_lib.experiment.harmonics import fit_harmonics, harmonic_deflection
 from thesis_lib.experiment.laboratory import LATE, REST, default_rig, film, manifest_of
 from thesis_lib.experiment.manifest import ManifestError, read_manifest
 from thesis_lib.experiment.media import MediaError
@@ -260,7 +261,7 @@ def harmonics(tracked, measured, rig):
     steady = [(t >= begin) & (t <= end) for t in times]
     turn = omega * rig.stations[0].sensor.exposure
     return omega, [
-        rc.fit_harmonics(omega, t[s], own[s], 4).unblurred(turn)
+        fit_harmonics(omega, t[s], own[s], 4).unblurred(turn)
         for t, own, s in zip(times, uv, steady, strict=True)
     ]  # fmt: skip
 
@@ -274,7 +275,7 @@ def test_bending_and_torsion_are_recovered_together(tracked, harmonics, rig):
     uv = np.stack([own.at(omega, times).swapaxes(0, 1) for own in fits])
     height = frame.to_beam(rc.triangulate_seen(P, uv)[0])[2]
     np.testing.assert_allclose(
-        rc.harmonic_deflection(P, frame, omega, fits),
+        harmonic_deflection(P, frame, omega, fits),
         2 / 16 * np.exp(-1j * omega * times) @ height,
         atol=1e-12,
     )
@@ -298,7 +299,7 @@ def test_the_exposure_has_been_made_good(tracked, harmonics, rig):
     omega, fits = harmonics
     true = amplitudes(rig.motion, rig.markers.positions[:, :75], 4.25)
     clock = np.exp(1j * omega * rig.stations[0].start)
-    found = rc.harmonic_deflection(P, frame, omega, fits)
+    found = harmonic_deflection(P, frame, omega, fits)
     ratio = np.vdot(true * clock, found) / np.vdot(true, true)
     assert abs(ratio) == pytest.approx(1, abs=4e-4)
     assert abs(np.angle(ratio)) < 2 * np.pi * 4.25 * 0.02 / 60

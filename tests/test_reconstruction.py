@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from thesis_lib import setups
 from thesis_lib.cameras import hemisphere_cameras, project
 from thesis_lib.experiment import reconstruction as rc
+from thesis_lib.experiment.harmonics import fit_harmonics, harmonic_deflection
 from thesis_lib.experiment.scene import Motion, amplitudes, on_surface, rows_on
 from thesis_lib.triangulation import triangulate
 
@@ -164,7 +165,7 @@ def test_harmonics_are_found_exactly_however_many_values_are_missing(order):
     exact = rng.normal(size=(1 + 2 * order, 30))
     values = series(exact, TIMES)
     values[rng.uniform(size=values.shape) < np.linspace(0, 0.7, 30)] = np.nan
-    found = rc.fit_harmonics(OMEGA, TIMES, values, order)
+    found = fit_harmonics(OMEGA, TIMES, values, order)
     np.testing.assert_allclose(found.coefficients, exact, atol=1e-10)
     np.testing.assert_allclose(found.sigma, 0, atol=1e-10)
     np.testing.assert_allclose(found.at(OMEGA, TIMES), series(exact, TIMES), atol=1e-9)
@@ -172,7 +173,7 @@ def test_harmonics_are_found_exactly_however_many_values_are_missing(order):
 
 def test_harmonics_keep_the_shape_of_the_tracks():
     values = series(np.ones((5, 6)), TIMES).reshape(70, 2, 3)
-    found = rc.fit_harmonics(OMEGA, TIMES, values)
+    found = fit_harmonics(OMEGA, TIMES, values)
     assert found.coefficients.shape == (5, 2, 3)
     assert found.covariance.shape == (5, 5, 2, 3)
     assert found.sigma.shape == (2, 3)
@@ -185,7 +186,7 @@ def test_the_covariance_is_the_scatter_of_many_draws(gaps):
     missing = rng.uniform(size=70) < gaps
     values = series(np.ones((5, 1)), TIMES) + sigma * rng.standard_normal((70, draws))
     values[missing] = np.nan
-    found = rc.fit_harmonics(OMEGA, TIMES, values)
+    found = fit_harmonics(OMEGA, TIMES, values)
     expected = sigma**2 * found.covariance[..., 0]
     scatter = np.cov(found.coefficients)
     deviations = np.sqrt(np.diag(expected))
@@ -198,7 +199,7 @@ def test_the_covariance_is_the_scatter_of_many_draws(gaps):
 def test_too_few_values_give_nothing(known, enough):
     values = series(np.ones((5, 2)), TIMES)
     values[: 70 - known, 0] = np.nan
-    found = rc.fit_harmonics(OMEGA, TIMES, values)
+    found = fit_harmonics(OMEGA, TIMES, values)
     assert np.isfinite(found.coefficients[:, 0]).all() == enough
     assert np.isfinite(found.sigma[0]) == enough
     assert np.isfinite(found.coefficients[:, 1]).all()
@@ -209,7 +210,7 @@ def test_unblurring_undoes_the_mean_over_an_exposure(exposure):
     exact = np.random.default_rng(2).normal(size=(5, 8))
     x, weights = np.polynomial.legendre.leggauss(20)
     blurred = np.array([weights / 2 @ series(exact, np.array(t + exposure * x / 2)) for t in TIMES])
-    found = rc.fit_harmonics(OMEGA, TIMES, blurred)
+    found = fit_harmonics(OMEGA, TIMES, blurred)
     assert np.abs(found.coefficients - exact).max() > 1e-4
     back = found.unblurred(OMEGA * exposure)
     np.testing.assert_allclose(back.coefficients, exact, atol=1e-12)
@@ -236,7 +237,7 @@ def vibrating(times_of_camera):
 def fitted(order=4, frames=120, clocks=CLOCKS):
     times = MOTION.steady + 0.3 + np.add.outer(clocks, np.arange(frames) / 60)
     return [
-        rc.fit_harmonics(OMEGA, t, uv, order) for t, uv in zip(times, vibrating(times), strict=True)
+        fit_harmonics(OMEGA, t, uv, order) for t, uv in zip(times, vibrating(times), strict=True)
     ]
 
 
@@ -245,13 +246,13 @@ AT_ORIGIN = rc.Frame(np.eye(3), np.zeros(3), 0.0, 1.0, 0.0)
 
 @pytest.mark.parametrize("clocks", [CLOCKS, [0.0, 0.0, 0.0, 0.0]])
 def test_a_vibration_is_recovered_from_cameras_on_their_own_clocks(clocks):
-    found = rc.harmonic_deflection(P, AT_ORIGIN, OMEGA, fitted(order=6, clocks=clocks))
+    found = harmonic_deflection(P, AT_ORIGIN, OMEGA, fitted(order=6, clocks=clocks))
     np.testing.assert_allclose(found, amplitudes(MOTION, POINTS, 4.25), atol=1e-9 * 0.004)
 
 
 def test_two_harmonics_of_the_images_are_enough_for_a_millionth():
     # Perspective makes harmonics of the images; each is about a hundredth of the one before.
-    found = rc.harmonic_deflection(P, AT_ORIGIN, OMEGA, fitted(order=2))
+    found = harmonic_deflection(P, AT_ORIGIN, OMEGA, fitted(order=2))
     error = np.abs(found - amplitudes(MOTION, POINTS, 4.25)).max()
     assert 1e-12 < error < 4e-3 * 1e-5
 
@@ -260,9 +261,9 @@ def test_a_clock_that_is_wrong_is_not_recovered():
     times = MOTION.steady + 0.3 + np.add.outer(CLOCKS, np.arange(120) / 60)
     wrong = times.copy()
     wrong[1] += 1 / 60
-    cameras = [rc.fit_harmonics(OMEGA, t, uv, 4)
+    cameras = [fit_harmonics(OMEGA, t, uv, 4)
                for t, uv in zip(wrong, vibrating(times), strict=True)]  # fmt: skip
-    found = rc.harmonic_deflection(P, AT_ORIGIN, OMEGA, cameras)
+    found = harmonic_deflection(P, AT_ORIGIN, OMEGA, cameras)
     assert np.abs(found - amplitudes(MOTION, POINTS, 4.25)).max() > 1e-4
 
 
@@ -271,7 +272,7 @@ def test_markers_that_one_camera_sees_have_no_deflection():
     for own in cameras[1:]:
         own.coefficients[:, :, 7] = np.nan
     cameras[0].coefficients[:, :, 9] = np.nan
-    found = rc.harmonic_deflection(P, AT_ORIGIN, OMEGA, cameras)
+    found = harmonic_deflection(P, AT_ORIGIN, OMEGA, cameras)
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), [7])
 
 

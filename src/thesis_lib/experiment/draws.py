@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from thesis_lib.experiment import reconstruction as rc
 from thesis_lib.experiment.delays import delay_deviation
+from thesis_lib.experiment.harmonics import amplitude, unblurred
 from thesis_lib.experiment.laboratory import LATE, SAMPLE_RATE
 from thesis_lib.experiment.requests import NAMES, Experiment
 from thesis_lib.experiment.shapes import (
@@ -23,8 +24,6 @@ from thesis_lib.experiment.shapes import (
     Instant,
     Tracks,
     interpolation_gain,
-    rest_points,
-    unblurred,
 )
 
 Array = NDArray[np.float64]
@@ -123,11 +122,10 @@ def _harmonic_trials(
     The phase is free in the fit, so of the noise of the two coefficients only the part in phase
     with the motion counts; the mean and the second harmonic carry none of the deflection.
     """
-    fitted = unblurred(tracks, instant, exposures)
-    amplitude = rc.harmonic_deflection(tracks.P, tracks.frame, instant.omega, fitted)
-    base = rc.real_shape(amplitude, instant.phase)
+    fitted = unblurred(tracks, instant.omega, exposures)
+    base = rc.real_shape(amplitude(tracks, instant.omega, exposures), instant.phase)
     seen = np.asarray(np.isfinite(tracks.sigma).all(axis=1))
-    gains = rc.normal_gain(tracks.P, tracks.frame, rest_points(tracks), seen)
+    gains = rc.normal_gain(tracks.P, tracks.frame, tracks.points, seen)
     spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in fitted])
     by_noise = np.einsum("cim,tcim->tm", gains, np.nan_to_num(spread * tracks.sigma) * noise)
     # A clock that is wrong by e turns the camera's image by ωe: cos(ωe) − 1 of it is lost.

@@ -19,6 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 from thesis_lib.experiment import lens
 from thesis_lib.experiment import reconstruction as rc
 from thesis_lib.experiment.chain import cameras_of
+from thesis_lib.experiment.harmonics import (
+    Fitted,
+    amplitude,
+    deviation,
+    fit_harmonics,
+    fitted,
+    mean_of,
+)
 from thesis_lib.experiment.lens import Camera
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.synchronisation import whole_frames
@@ -47,58 +55,36 @@ class MatchErrors:
 
 
 @dataclass(frozen=True)
-class Tracks:
+class Tracks(Fitted):
     """Tracks of the chosen cameras at one width, ready for triangulation.
 
     Parameters
     ----------
-    cameras : list of Camera
-        Calibrated, at this width.
     uv : ndarray, shape (cameras, frames, 2, markers)
         Marker centres without distortion, px.
     times : ndarray, shape (cameras, frames)
         On the reference camera's clock, s.
     frames : ndarray of int, shape (cameras,)
         Delays to the first of these cameras in whole frames (eq. 5.2).
-    harmonics : list of Harmonics
-        Of the steady part.
-    rest : ndarray, shape (cameras, 2, markers)
-        At rest, px.
     still : ndarray, shape (cameras, 2, markers)
         Mean of the fitted centres at rest, px: what `rest` scatters about.
     rest_frames : int
         Frames that `rest` is the mean of.
-    frame : Frame
-        The beam's frame.
     match_errors : MatchErrors or None
         Of the template match, if its places are the centres.
     """
 
-    cameras: list[Camera]
     uv: Array
     times: Array
     frames: NDArray[np.int64]
-    harmonics: list[rc.Harmonics]
-    rest: Array
     still: Array
     rest_frames: int
-    frame: rc.Frame
     match_errors: MatchErrors | None = None
-
-    @property
-    def P(self) -> Array:
-        """Projection matrices, shape (cameras, 3, 4)."""
-        return lens.projection_matrices(self.cameras)
 
     @property
     def rate(self) -> float:
         """Frames per second of the first camera."""
         return float(1 / (self.times[0, 1] - self.times[0, 0]))
-
-    @property
-    def sigma(self) -> Array:
-        """Scatter of the centres about the harmonics, (cameras, 2, markers), px."""
-        return np.array([h.sigma for h in self.harmonics])
 
 
 def tracks_of(
@@ -130,10 +116,10 @@ def tracks_of(
     steady = (times >= begin) & (times <= end)
     resting = own_times < float(data["rest"]) - 1 / rates.min()
     harmonics = [
-        rc.fit_harmonics(omega, own[chosen], camera_uv[chosen], order)
+        fit_harmonics(omega, own[chosen], camera_uv[chosen], order)
         for own, chosen, camera_uv in zip(times, steady, uv, strict=True)
     ]
-    still = np.array([_mean(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
+    still = np.array([mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
     rest, rest_frames = still, int(np.count_nonzero(resting[0]))
     errors = None
     if matched:
@@ -142,18 +128,16 @@ def tracks_of(
         maxima = instant_of(data, damping).times
         near = np.abs(times[:, :, None] - maxima).min(axis=2) < 1.5 / rates[:, None]
         moved = []
-        for i, fitted in enumerate(harmonics):
-            off = uv[i] - fitted.at(omega, times[i])
-            harmonics[i] = replace(fitted, sigma=np.sqrt(_mean(off[steady[i]] ** 2)))
+        for i, own in enumerate(harmonics):
+            off = uv[i] - own.at(omega, times[i])
+            harmonics[i] = replace(own, sigma=np.sqrt(mean_of(off[steady[i]] ** 2)))
             moved.append(off[near[i]])
         at_rest = [own[chosen] - s for own, chosen, s in zip(uv, resting, still, strict=True)]
         errors = MatchErrors(at_rest, moved)
-    P = lens.projection_matrices(cameras)
-    points, _ = rc.triangulate_seen(P, rest)
-    frame = rc.fit_grid(points, markers.world[:, : markers.count])
+    fit = fitted(cameras, harmonics, rest, markers)
     delays = data["delay"].values[index]
     whole = whole_frames(delays - delays[0], rates[0])
-    return Tracks(cameras, uv, times, whole, harmonics, rest, still, rest_frames, frame, errors)
+    return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, still, rest_frames, errors)
 
 
 def _undistorted(cameras: list[Camera], raw: Array) -> Array:
@@ -164,14 +148,6 @@ def _undistorted(cameras: list[Camera], raw: Array) -> Array:
             for camera, own in zip(cameras, raw, strict=True)
         ]
     )
-
-
-def _mean(values: Array) -> Array:
-    """Mean over the first axis of what is known; NaN where less than half is."""
-    known = np.isfinite(values)
-    count = known.sum(axis=0)
-    mean = np.where(known, values, 0.0).sum(axis=0) / np.maximum(count, 1)
-    return np.where(count >= len(values) / 2, mean, np.nan)
 
 
 @dataclass(frozen=True)
@@ -220,10 +196,7 @@ def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) 
     """Deflection of all markers at its maximum, shape (markers,), m."""
     P = tracks.P
     if method == "harmonic":
-        amplitude = rc.harmonic_deflection(
-            P, tracks.frame, instant.omega, unblurred(tracks, instant, exposures)
-        )
-        return rc.real_shape(amplitude, instant.phase)
+        return rc.real_shape(amplitude(tracks, instant.omega, exposures), instant.phase)
     if method in WHOLE_FRAMES:
         first = tracks.times[0, 0] * tracks.rate
         number = round(float(instant.nearest(tracks.rate, first)[1]) * tracks.rate - first)
@@ -239,14 +212,6 @@ def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) 
     return rc.deflection_at(P, tracks.frame, tracks.rest, uv)
 
 
-def unblurred(tracks: Tracks, instant: Instant, exposures: Array) -> list[rc.Harmonics]:
-    """The harmonics without the loss by each camera's exposure in s."""
-    return [
-        own.unblurred(instant.omega * float(exposure))
-        for own, exposure in zip(tracks.harmonics, exposures, strict=True)
-    ]
-
-
 def interpolation_gain(fraction: float) -> float:
     """Root of the summed squares of the interpolation's weights: what it makes of white noise."""
     nodes = np.arange(NEAR)
@@ -254,21 +219,12 @@ def interpolation_gain(fraction: float) -> float:
     return float(np.linalg.norm(weights))
 
 
-def rest_points(tracks: Tracks) -> Array:
-    """Markers at rest in the calibration's frame, shape (3, markers), m."""
-    points, _ = rc.triangulate_seen(tracks.P, tracks.rest)
-    return points
-
-
 def predicted(tracks: Tracks, method: str, at: Instant, exposures: Array) -> Array:
     """Standard deviation of the deflection of each marker by the noise of the centres alone, m."""
-    sigma = tracks.sigma
     if method == "harmonic":
-        fitted = unblurred(tracks, at, exposures)
-        each = sigma * np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in fitted])
-    else:
-        mean = 1.0 if method in WHOLE_FRAMES else np.mean(
-            [interpolation_gain(f) ** 2 for f in np.linspace(0, 1, 21)]
-        )  # fmt: skip
-        each = sigma * np.sqrt(mean + 1 / tracks.rest_frames)
-    return rc.height_deviation(tracks.P, tracks.frame, rest_points(tracks), each)
+        return deviation(tracks, at.omega, exposures)
+    mean = 1.0 if method in WHOLE_FRAMES else np.mean(
+        [interpolation_gain(f) ** 2 for f in np.linspace(0, 1, 21)]
+    )  # fmt: skip
+    each = tracks.sigma * np.sqrt(mean + 1 / tracks.rest_frames)
+    return rc.height_deviation(tracks.P, tracks.frame, tracks.points, each)

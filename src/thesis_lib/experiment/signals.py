@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from thesis_lib import setups
-from thesis_lib.experiment import reconstruction as rc
+from thesis_lib.experiment.harmonics import fit_harmonics
 from thesis_lib.experiment.scene import rows_on
 from thesis_lib.experiment.shapes import ORDER
 from thesis_lib.experiment.sketches import INK, WIDE, names_of, tip_marker
@@ -89,7 +89,7 @@ def tracks(data: xr.Dataset) -> Figure:
                          label=name)  # fmt: skip
             axes[1].plot(common[i], moved, ".", color=color(i), markersize=3.5)
             steady = (common[i] >= begin) & (common[i] <= end)
-            fit = rc.fit_harmonics(omega, common[i, steady], moved[steady], ORDER)
+            fit = fit_harmonics(omega, common[i, steady], moved[steady], ORDER)
             fine = np.linspace(begin, end, 400)
             axes[1].plot(fine, fit.at(omega, fine), color=color(i), linewidth=0.8, zorder=1)
             left = moved[steady] - fit.at(omega, common[i, steady])

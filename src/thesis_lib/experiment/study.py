@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from thesis_lib import setups
 from thesis_lib.cameras import on_sensor
 from thesis_lib.experiment import lens
-from thesis_lib.experiment import reconstruction as rc
 from thesis_lib.experiment.draws import draw, trials
+from thesis_lib.experiment.harmonics import amplitude
 from thesis_lib.experiment.requests import NAMES, Experiment, method_of
 from thesis_lib.experiment.scene import Component, Markers, rows_on
 from thesis_lib.experiment.shapes import (
@@ -22,7 +22,6 @@ from thesis_lib.experiment.shapes import (
     instant_of,
     predicted,
     tracks_of,
-    unblurred,
 )
 from thesis_lib.studies import VARIABLES, add_cameras, coordinates
 
@@ -99,20 +98,19 @@ def _harmonic_results(
     tracks: Tracks, instant: Instant, data: xr.Dataset, exposures: Array, markers: Markers
 ) -> dict[str, Any]:
     """Amplitude, phase to the force and standard error of every marker; drive-point mobility."""
-    fitted = unblurred(tracks, instant, exposures)
-    amplitude = rc.harmonic_deflection(tracks.P, tracks.frame, instant.omega, fitted)
+    motion = amplitude(tracks, instant.omega, exposures)
     real, imaginary = data["force"].values
     force = complex(real, imaginary) * float(data["full_scale"])
     beam = setups.beam()
     shape = Component().shape(beam, markers.positions[:, : markers.count])
-    known = np.isfinite(amplitude)
-    modal = np.vdot(shape[known], amplitude[known]) / np.vdot(shape[known], shape[known])
+    known = np.isfinite(motion)
+    modal = np.vdot(shape[known], motion[known]) / np.vdot(shape[known], shape[known])
     drive = Component().shape(beam, beam.force_point)[0]
     mobility = 1j * instant.omega * modal * drive / force
     row = markers.middle_row
     return {
-        "amplitude": np.abs(amplitude)[None, row],
-        "phase": np.degrees(np.angle(amplitude / force))[None, row],
+        "amplitude": np.abs(motion)[None, row],
+        "phase": np.degrees(np.angle(motion / force))[None, row],
         "standard_error": predicted(tracks, "harmonic", instant, exposures)[None, row],
         "mobility_real": mobility.real,
         "mobility_imag": mobility.imag,
