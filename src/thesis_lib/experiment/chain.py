@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,15 +26,21 @@ from thesis_lib.experiment.corners import BoardNotFound, find_corners
 from thesis_lib.experiment.following import follow
 from thesis_lib.experiment.lens import Camera, projection_matrices, resized, undistorted
 from thesis_lib.experiment.listening import Sound, listen
-from thesis_lib.experiment.manifest import Manifest, ManifestError, check_recordings, shot_paths
-from thesis_lib.experiment.reconstruction import fit_grid, triangulate_seen
+from thesis_lib.experiment.manifest import (
+    CameraFiles,
+    Manifest,
+    ManifestError,
+    check_recordings,
+    shot_paths,
+)
+from thesis_lib.experiment.reconstruction import Frame, fit_grid, triangulate_seen
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.symmetry import unify
 
 Array = NDArray[np.float64]
 Followed = tuple[Array, Array, list[str]]
 CALIBRATIONS = ("literal", "full")
-GRID_RMS, GRID_SCALE = 1e-3, 0.01  # most distance in m and error of size of the markers at rest
+GRID_SHARE, GRID_SCALE = 0.1, 0.01  # most distance over spacing, and error of size, at rest
 
 
 class ChainError(ValueError):
@@ -95,7 +101,7 @@ def check(manifest: Manifest, folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def _alike() -> Iterator[None]:
+def alike() -> Iterator[None]:
     """OpenCV with one thread, which makes the same bits in every run; the cameras run abreast."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -105,9 +111,8 @@ def _alike() -> Iterator[None]:
         cv2.setNumThreads(before)
 
 
-@_alike()
 def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
-    """All cameras from the pictures of the board.
+    """All cameras from the pictures of the board, in full and as the thesis did.
 
     Raises
     ------
@@ -117,17 +122,39 @@ def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
         If a picture cannot be read.
     """
     board = manifest.board.board
-    shots: list[list[Array | None]] = []
-    lost = []
-    for camera in manifest.cameras:
-        row: list[Array | None] = []
+    corners, lost, single, full = adjusted(manifest, folder)
+    with alike():
+        literal = _literal(corners, board, manifest)
+    return Calibrations(corners, lost, single, literal, full)
+
+
+@alike()
+def adjusted(
+    manifest: Manifest, folder: Path, tick: Callable[[], object] = lambda: None
+) -> tuple[Array, list[str], list[Calibration], Adjustment]:
+    """All cameras from all corners of the board, adjusted together; `tick` is called per camera.
+
+    Returns
+    -------
+    corners, lost, single, full
+        As in :class:`Calibrations`.
+    """
+    board = manifest.board.board
+
+    def one(camera: CameraFiles) -> tuple[list[Array | None], list[str]]:
+        row, lost = [], []
         for path in shot_paths(camera, folder):
             try:
                 row.append(None if path is None else find_corners(media.read_png(path), board))
             except BoardNotFound as error:
                 lost.append(f"{camera.name}, {path.name if path else '—'}: {error}")
                 row.append(None)
-        shots.append(row)
+        tick()
+        return row, lost
+
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(one, manifest.cameras))
+    shots, lost = [row for row, _ in found], [line for _, lines in found for line in lines]
     try:
         single = [
             zhang(row, board, camera.size, True, camera.name)
@@ -137,8 +164,7 @@ def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
         hint = f" ({lost[0]}; has the board {board.columns} × {board.rows} tiles?)" if lost else ""
         raise CalibrationError(f"{error}{hint}") from None
     corners = unify(single, shots, board, manifest.board.two_sided)
-    full = adjust(corners, board.corners, [one.camera() for one in single])
-    return Calibrations(corners, lost, single, _literal(corners, board, manifest), full)
+    return corners, lost, single, adjust(corners, board.corners, [one.camera() for one in single])
 
 
 def _literal(corners: Array, board: Board, manifest: Manifest) -> Adjustment:
@@ -199,7 +225,7 @@ def measure(
         turn = 2 * np.pi * sound.frequency / files.frame_rate_hz
         return follow(folder / files.video, full[index], markers, widths, files.corners_px, turn)
 
-    with _alike(), ThreadPoolExecutor(2) as pool:
+    with alike(), ThreadPoolExecutor(2) as pool:
         followed = list(pool.map(one, range(len(manifest.cameras))))
     data = _dataset(manifest, widths, calibrations, sound, followed)
     _check_grid(data, markers)
@@ -214,28 +240,39 @@ def _check_grid(data: xr.Dataset, markers: Markers) -> None:
     ChainError
         With the camera that fits worst.
     """
-    cameras = cameras_of(data, "full", int(data["width"].max()))
     tracks = data["tracks"].sel(width=data["width"].max()).values
     still = np.arange(tracks.shape[1]) < float(data["rest"]) * data["frame_rate"].values[:, None]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         raw = [np.nanmean(own[mask], axis=0) for own, mask in zip(tracks, still, strict=True)]
-    uv = np.array([undistorted(c, own) for c, own in zip(cameras, raw, strict=True)])
+    cameras = cameras_of(data, "full", int(data["width"].max()))
+    rest = np.array([undistorted(c, own) for c, own in zip(cameras, raw, strict=True)])
+    checked_frame(cameras, rest, markers)
+
+
+def checked_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
+    """The structure's frame from its markers at rest, (cameras, 2, markers) without distortion.
+
+    Raises
+    ------
+    ChainError
+        If they do not fit their places, with the camera that fits worst.
+    """
     P = projection_matrices(cameras)
-    points, seen = triangulate_seen(P, uv)
-    names = [camera.name for camera in cameras]
+    points, seen = triangulate_seen(P, rest)
     if np.count_nonzero(seen >= 2) < 3:
         raise ChainError("fewer than three markers at rest are seen by two cameras")
     frame = fit_grid(points, markers.world[:, : markers.count])
-    if frame.rms <= GRID_RMS and abs(frame.scale - 1) <= GRID_SCALE:
-        return
-    off = np.sqrt(np.nanmean((project(P, points) - uv) ** 2, axis=(1, 2)))
+    most = GRID_SHARE * float(markers.nearest.min())
+    if frame.rms <= most and abs(frame.scale - 1) <= GRID_SCALE:
+        return frame
+    off = np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2)))
     worst = int(np.nanargmax(off))
     raise ChainError(
         f"the markers at rest are {1000 * frame.rms:.1f} mm off their grid, whose size comes out "
-        f"as {frame.scale:.3f} of the nominal one (allowed: {1000 * GRID_RMS:g} mm, "
-        f"{GRID_SCALE:.0%}); camera {names[worst]} fits worst, by {off[worst]:.1f} px: are videos "
-        "and shots those of the same cameras, and tile and spacings as the manifest says?"
+        f"as {frame.scale:.3f} of the nominal one (allowed: {1000 * most:.2g} mm, "
+        f"{GRID_SCALE:.0%}); camera {cameras[worst].name} fits worst, by {off[worst]:.1f} px: are "
+        "videos and shots those of the same cameras, and tile and spacings as the manifest says?"
     )
 
 

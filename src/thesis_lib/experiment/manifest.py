@@ -31,6 +31,7 @@ __all__ = ["BoardSpec", "CameraFiles", "Excitation", "Manifest", "ManifestError"
 
 RATE_TOLERANCE = 5e-4  # relative; 60 and 59.94 Hz are 0.1 % apart
 APART = 0.5  # s that a video's pictures and its sound may end apart
+PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}  # sought in folders
 DEEPEST = 20  # levels of a YAML text; a manifest has six
 
 
@@ -138,10 +139,11 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     """
     if not isinstance(camera.shots, str):
         return [None if shot is None else folder / shot for shot in camera.shots]
-    pattern = f"{camera.shots}/*.png" if (folder / camera.shots).is_dir() else camera.shots
+    inside = (folder / camera.shots).is_dir()
     try:
-        files = sorted(folder.glob(pattern), key=lambda file: _by_number(file.name))
-        return [*files]
+        files = folder.glob(f"{camera.shots}/*" if inside else camera.shots)
+        pictures = [file for file in files if not inside or file.suffix.lower() in PICTURES]
+        return [*sorted(pictures, key=lambda file: _by_number(file.name))]
     except (ValueError, NotImplementedError):  # no pattern that pathlib knows
         return []
 
