@@ -56,7 +56,7 @@ def cached(
         start = time.perf_counter()
         cube = with_provenance(compute(study), study, 0.0)
         write(cube.assign_attrs(run_time_s=time.perf_counter() - start), path)
-    cube = _open(path)
+    cube = opened(path)
     return with_provenance(cube, study, float(cube.attrs["run_time_s"]))  # of today's commit
 
 
@@ -113,7 +113,7 @@ def read(path: Path) -> xr.Dataset:
     CubeError
         In one line: the file, and what is wrong with it.
     """
-    cube = _open(path)
+    cube = opened(path)
     missing = {"figure_set", "parameters"} - set(cube.attrs)
     missing |= set(KEYS) - set(cube.variables)
     missing |= set() if {variable for variable, _ in ERRORS.values()} & set(cube) else {"errors"}
@@ -123,7 +123,7 @@ def read(path: Path) -> xr.Dataset:
     return cube
 
 
-def _open(path: Path) -> xr.Dataset:
+def opened(path: Path) -> xr.Dataset:
     """Open a netCDF file, with one-line errors."""
     if not path.is_file():
         kind = "a folder, not a file" if path.is_dir() else "no such file"

@@ -71,7 +71,7 @@ def follow(
         pictures = [reduced(image, width) for width in widths]
         if not trackers:
             try:
-                view = _first_view(image, camera, markers, corners_px)
+                view = first_view(image, camera, markers, corners_px)
             except TrackingError as error:
                 raise TrackingError(f"{video}: frame 0: {error}") from None
             for picture in pictures:
@@ -101,12 +101,19 @@ def reduced(image: Image, width: int) -> Image:
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def _first_view(
+def first_view(
     image: Image,
     camera: Camera,
     markers: Markers,
     corners_px: Sequence[tuple[float, float]] | None,
 ) -> View:
+    """How the camera sees the structure in its first frame, from its corners and its markers.
+
+    Raises
+    ------
+    TrackingError
+        If either are not found.
+    """
     if corners_px is None:
         return sharpen(image, find_view(image, camera, markers))
     corners = undistorted(camera, np.array(corners_px, float).T)

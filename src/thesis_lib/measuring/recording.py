@@ -1,0 +1,177 @@
+"""Markers followed through a recording of any length, on disk as they are found.
+
+Centres go to a file that is mapped into memory; beside it stands how far the tracker has come and
+what it knew there, so that a recording that was stopped in the middle goes on from there.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.experiment import media
+from thesis_lib.experiment.following import first_view
+from thesis_lib.experiment.lens import Camera, undistorted
+from thesis_lib.experiment.manifest import CameraFiles
+from thesis_lib.experiment.scene import Markers
+from thesis_lib.experiment.tracking import Tracker
+from thesis_lib.experiment.view import TrackingError
+from thesis_lib.files import whole_file
+
+Array = NDArray[np.float64]
+
+OFTEN = 100  # frames after which the state is written
+CHUNK = 512  # frames that are read back at once
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One camera, its clock and its tracks.
+
+    Parameters
+    ----------
+    camera : Camera
+        Calibrated.
+    rate : float
+        Frames per second.
+    delay : float
+        Start after the reference camera's, s.
+    exposure : float
+        Exposure time in s.
+    path : Path
+        File of the centres (frames, 2, markers) in px, lens distortion included, NaN where
+        missing.
+    """
+
+    camera: Camera
+    rate: float
+    delay: float
+    exposure: float
+    path: Path
+
+    @property
+    def centres(self) -> Array:
+        """The centres, mapped from the file."""
+        centres: Array = np.load(self.path, mmap_mode="r")
+        return centres
+
+    def between(self, begin: float, end: float) -> tuple[int, int]:
+        """First frame at or after a time and last before another, on the reference's clock."""
+        count = len(self.centres)
+        first = int(np.ceil((begin - self.delay) * self.rate - 1e-6))
+        last = int(np.floor((end - self.delay) * self.rate + 1e-6)) + 1
+        return min(max(first, 0), count), min(max(last, 0), count)
+
+    def parts(self, begin: float, end: float) -> Iterator[tuple[Array, Array]]:
+        """Times (n,) in s and centres without distortion (n, 2, markers), some frames at once."""
+        first, last = self.between(begin, end)
+        for start in range(first, last, CHUNK):
+            stop = min(start + CHUNK, last)
+            raw = np.array(self.centres[start:stop])
+            uv = undistorted(self.camera, raw.swapaxes(0, 1)).swapaxes(0, 1)
+            yield np.arange(start, stop) / self.rate + self.delay, uv
+
+
+def record(
+    files: CameraFiles,
+    folder: Path,
+    camera: Camera,
+    markers: Markers,
+    turn: float,
+    path: Path,
+    key: str,
+    tick: Callable[[int], object],
+) -> None:
+    """Follow the markers through a camera's video into a file, from where an earlier run stopped.
+
+    Parameters
+    ----------
+    files : CameraFiles
+        The camera and its video.
+    folder : Path
+        The manifest's folder.
+    camera : Camera
+        Calibrated.
+    markers : Markers
+        What is on the structure.
+    turn : float
+        Angle of the vibration from frame to frame in rad; 0 if it is not known.
+    path : Path
+        Where the centres go (``.npy``).
+    key : str
+        Key of all that they depend on; what a run with another key has left is not used.
+    tick : callable
+        Called with the number of frames done since the last call.
+
+    Raises
+    ------
+    MediaError
+        If the video cannot be read.
+    TrackingError
+        If the structure or its markers are not found in the first frame.
+    """
+    video = folder / files.video
+    count = len(media.check_frame_times(video, files.frame_rate_hz))
+    note = path.with_suffix(".json")
+    state = _state(note, path, key, count)
+    done = state["done"] if state else 0
+    tick(done)
+    if done == count:
+        return
+    first = _seen(next(media.read_frames(video, 0, 1)), markers)
+    try:
+        tracker = Tracker(first_view(first, camera, markers, files.corners_px), turn)
+    except TrackingError as error:
+        raise TrackingError(f"{video}: frame 0: {error}") from None
+    if state:
+        tracker.moved, tracker.before = np.array(state["moved"]), np.array(state["before"])
+        centres = np.load(path, mmap_mode="r+")
+    else:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        note.unlink(missing_ok=True)
+        shape = (count, 2, markers.count)
+        centres = np.lib.format.open_memmap(path, mode="w+", dtype=np.float64, shape=shape)
+    k = done
+    for k, image in enumerate(media.read_frames(video, done), done):
+        if k == count:
+            break
+        centres[k] = tracker.centres(_seen(image, markers))
+        tick(1)
+        if (k + 1) % OFTEN == 0 or k + 1 == count:
+            centres.flush()
+            _write(note, {"key": key, "done": k + 1, "moved": tracker.moved.tolist(),
+                          "before": tracker.before.tolist()})  # fmt: skip
+    if k + 1 < count:
+        raise media.MediaError(f"{video}: ends before frame {k + 1}, the file lists {count}")
+
+
+def lost_share(recording: Recording) -> tuple[float, Array]:
+    """Share of the images of the markers that are missing, of all and of each marker (markers,)."""
+    missing, count = np.zeros(recording.centres.shape[2]), len(recording.centres)
+    for start in range(0, count, CHUNK):
+        missing += np.isnan(recording.centres[start : start + CHUNK, 0]).sum(axis=0)
+    return float(missing.mean() / count), missing / count
+
+
+def _seen(image: NDArray[np.uint8], markers: Markers) -> NDArray[np.uint8]:
+    return 255 - image if markers.bright else image
+
+
+def _state(note: Path, path: Path, key: str, count: int) -> dict[str, Any] | None:
+    """What an earlier run has left, if it is of the same key and whole."""
+    try:
+        state = json.loads(note.read_text(encoding="utf-8"))
+        fits = state["key"] == key and len(np.load(path, mmap_mode="r")) == count
+        return state if fits and 0 < state["done"] <= count else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _write(note: Path, state: dict[str, Any]) -> None:
+    whole_file(note, lambda part: part.write_text(json.dumps(state), encoding="utf-8"))

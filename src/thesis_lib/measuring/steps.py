@@ -1,0 +1,51 @@
+"""Steps that are kept: a measurement that was stopped goes on after what it has done.
+
+A step's result stands in a file that carries the key of all that it depends on: parts of the
+manifest, the recordings by name, size and time, and the library itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from thesis_lib import cubes
+from thesis_lib.files import library_files
+
+
+@cache
+def library_digest() -> str:
+    """Digest of the library as it is."""
+    total = hashlib.sha256()
+    for file in library_files():
+        total.update(file.read_bytes())
+    return total.hexdigest()
+
+
+def key_of(values: Any, files: Iterable[Path] = ()) -> str:
+    """Key of a step that depends on JSON values and on files.
+
+    Files count by name, size and time of change: reading gigabytes would take as long as the step.
+    """
+    stamps = [[file.name, file.stat().st_size, file.stat().st_mtime_ns] for file in files]
+    text = json.dumps([values, stamps, library_digest()])
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def kept(folder: Path, name: str, key: str, compute: Callable[[], xr.Dataset]) -> xr.Dataset:
+    """The step's result: from its file if that has the key, else computed and written."""
+    path = folder / f"{name}.nc"
+    try:
+        data = cubes.opened(path)
+    except cubes.CubeError:  # none yet, or damaged
+        data = None
+    if data is None or data.attrs.get("key") != key:
+        data = compute().assign_attrs(key=key)
+        cubes.write(data, path)
+    return data
