@@ -111,6 +111,62 @@ def book(publish: bool) -> None:
 
 
 @cli.command()
+@click.argument(
+    "manifest", type=click.Path(path_type=Path), required=False, metavar="MANIFEST.yaml"
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder to write to.  [default: measured, beside the manifest]",
+)
+@click.option("--check", is_flag=True, help="Only tell what the recordings could reach.")
+@click.option(
+    "--example",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Instead of measuring, write a small rendered recording into DIR.",
+)
+def measure(manifest: Path | None, out: Path | None, check: bool, example: Path | None) -> None:
+    """Measure the recordings that MANIFEST.yaml names, from calibration to report.
+
+    Interrupted, the same command goes on where it stopped.
+    """
+    if (manifest is None) == (example is None):
+        given = "neither" if manifest is None else "both"
+        raise Refused(f"measure: given {given}, allowed: MANIFEST.yaml or --example DIR")
+    if example is not None:
+        _example(example)
+        return
+    assert manifest is not None
+    from thesis_lib.experiment.manifest import ManifestError, read_manifest
+    from thesis_lib.measuring.feasibility import assess, describe
+
+    try:
+        if check:  # before anything is filmed
+            click.echo("\n".join(describe(assess(read_manifest(manifest, check_files=False)))))
+            return
+        read_manifest(manifest)
+        folder = _new_folder(out if out is not None else manifest.parent / "measured")
+        from thesis_lib.measuring.measure import measure as run_measure
+
+        report = run_measure(manifest, folder, click.echo)
+    except ManifestError as error:
+        raise Refused(str(error)) from None
+    click.echo(f"Open {report}")
+
+
+def _example(folder: Path) -> None:
+    """Write the example and say what to do with it."""
+    from thesis_lib.measuring.example import write_example
+
+    try:
+        manifest = write_example(_new_folder(folder), click.echo)
+    except FileExistsError as error:
+        raise Refused(f"--example: {error}") from None
+    click.echo(f"Now run: thesis measure {manifest}")
+
+
+@cli.command()
 @click.argument("new", type=click.Path(path_type=Path), metavar="A.nc")
 @click.argument("old", type=click.Path(path_type=Path), required=False, metavar="[B.nc]")
 def compare(new: Path, old: Path | None) -> None:
@@ -184,10 +240,15 @@ def _folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) ->
         return project_root() / "runs" / f"{'+'.join(dict.fromkeys(names))}-{digest}"
     if str(out) in ("", "."):
         raise Refused("--out: given no folder of its own, allowed: a folder, new or not")
+    return _new_folder(out)
+
+
+def _new_folder(out: Path) -> Path:
+    """A folder to write to, refused where a file stands in its way."""
     folder = out.absolute()
     there = next(place for place in (folder, *folder.parents) if place.exists())
     if not there.is_dir():
-        raise Refused(f"--out: given {out}, but {there} is a file; allowed: a folder, new or not")
+        raise Refused(f"given {out}, but {there} is a file; allowed: a folder, new or not")
     return folder
 
 

@@ -78,24 +78,31 @@ def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Datase
     `commit`, `created` and `run_time_s` differ from run to run; all else is a function of the
     parameters, the library and the versions of the packages it computes with.
     """
-    packages = ("numpy", "xarray", "netCDF4")
-    versions = {name: importlib.metadata.version(name) for name in packages}
-    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
-    return cube.assign_attrs(
-        Conventions="CF-1.11",
+    cube = cube.assign_attrs(
         title=study.title,
-        source=f"simulation by thesis_lib {__version__}, figure set {study.name}",
         references="thesis on flexural vibration measurement with multiple cameras, section "
         + {"beam": "3.3", "plate": "4.2", "experiment": "5.2", "sound": "6.2"}[study.subject],
         figure_set=study.name,
         parameters=json.dumps(study.request),
         parameters_hash=study.digest,
         seed=np.int64(study.seed),
-        versions=json.dumps({"python": platform.python_version(), **versions}),
         run_dependent=" ".join(RUN_DEPENDENT),
+        run_time_s=np.float64(seconds),
+    )
+    return with_origin(cube, f"simulation by thesis_lib {__version__}, figure set {study.name}")
+
+
+def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:
+    """The data with attributes that say where they come from, and with which versions."""
+    packages = ("numpy", "xarray", "netCDF4")
+    versions = {name: importlib.metadata.version(name) for name in packages}
+    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+    return data.assign_attrs(
+        Conventions="CF-1.11",
+        source=source,
+        versions=json.dumps({"python": platform.python_version(), **versions}),
         commit=_commit().ljust(16),  # of one length: bytes after it stay in place
         created=now.isoformat(),
-        run_time_s=np.float64(seconds),
     )
 
 

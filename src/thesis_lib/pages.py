@@ -23,7 +23,7 @@ from pygments import highlight  # type: ignore[import-untyped, unused-ignore]
 from pygments.formatters import HtmlFormatter  # type: ignore[import-untyped, unused-ignore]
 from pygments.lexers import PythonLexer  # type: ignore[import-untyped, unused-ignore]
 
-__all__ = ["MATHJAX", "BookError", "index_page", "page"]
+__all__ = ["MATHJAX", "BookError", "index_page", "page", "shell"]
 
 MATHJAX = "mathjax/tex-svg-full.js"
 """Path of MathJax inside ``build/assets``: one file, drawing with SVG, without fonts to load."""
@@ -114,7 +114,7 @@ def page(notebook: Path, title: str) -> str:
     script = ""
     if 'class="math ' in body and mathjax.is_file():
         script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
-    return _shell(title, body, script)
+    return shell(title, body, script)
 
 
 def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
@@ -135,7 +135,7 @@ def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
     items = "".join(
         f'<li><a href="{escape(href)}">{escape(label)}</a></li>\n' for label, href in entries
     )
-    return _shell(title, f"<h1>{escape(title)}</h1>\n<ul>\n{items}</ul>\n")
+    return shell(title, f"<h1>{escape(title)}</h1>\n<ul>\n{items}</ul>\n")
 
 
 class _Text:
@@ -267,8 +267,8 @@ def _myst(cell: Mapping[str, Any], key: str) -> dict[str, Any]:
     return dict(found) if isinstance(found, dict) else {}
 
 
-def _shell(title: str, body: str, mathjax: str = "") -> str:
-    """Write a whole HTML page around `body`."""
+def shell(title: str, body: str, mathjax: str = "") -> str:
+    """A whole HTML page around `body`, which loads nothing; with MathJax if that is given."""
     scripts = ""
     if mathjax:
         setup = "window.MathJax = {options: {enableMenu: false}, svg: {fontCache: 'local'}};"

@@ -23,7 +23,7 @@ MOST_FRAMES = 4096  # of each camera that the periodogram uses
 SERIES = 24  # image coordinates of each camera that move most
 SHARE = 0.5  # of their variance that one frequency must explain
 BLOCKS = 12  # parts whose phases are compared
-SHORTEST = 24  # frames of such a part
+SHORTEST = 16  # frames of such a part
 
 
 class FrequencyError(ValueError):

@@ -1,0 +1,91 @@
+"""A small rendered recording, to start from: three cameras, a beam, a board, a manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from thesis_lib import setups
+from thesis_lib.experiment import laboratory, media
+from thesis_lib.experiment.laboratory import SAMPLE_RATE, Rig, default_rig
+from thesis_lib.experiment.manifest import Manifest, write_manifest
+from thesis_lib.experiment.poses import default_poses
+from thesis_lib.experiment.render import Sensor
+from thesis_lib.experiment.scene import Component
+from thesis_lib.files import staging
+
+DIRECTIONS = ((12.0, 26.0), (-10.0, 25.0), (175.0, 27.0))  # azimuth and elevation, °
+AMPLITUDE = 0.003  # m at the tip
+SIZE = (1280, 720)
+CRF = 18  # of H.264
+QUALITY = 92  # of the board's pictures, JPEG
+SHOTS = 14
+FOCAL_MM, SENSOR_MM = 24.0, 36.0
+
+
+def example_rig() -> Rig:
+    """What the example shows."""
+    rig = default_rig(
+        setups.beam(), DIRECTIONS, focal_length=FOCAL_MM / 1000, sensor_width=SENSOR_MM / 1000,
+        size=SIZE, sensor=Sensor(exposure=1 / 500, samples=4, shot=0.02, read=0.7), seed=11,
+        components=(Component(amplitude=AMPLITUDE),),
+    )  # fmt: skip
+    rotations, translations = default_poses()
+    chosen = np.linspace(0, len(rotations) - 1, SHOTS).round().astype(int)
+    return replace(rig, rotations=rotations[chosen], translations=translations[chosen])
+
+
+def example_manifest(rig: Rig) -> Manifest:
+    """The manifest of the example, with what the warnings before measuring ask for."""
+    manifest = laboratory.manifest_of(rig)
+    cameras = tuple(
+        camera.model_copy(update={
+            "video": f"{camera.name}.mkv", "shots": f"board/{camera.name}-*.jpg",
+            "focal_length_mm": FOCAL_MM, "sensor_width_mm": SENSOR_MM, "f_number": 11.0,
+            "distance_mm": 570.0, "azimuth_deg": azimuth, "elevation_deg": elevation,
+        })
+        for camera, (azimuth, elevation) in zip(manifest.cameras, DIRECTIONS, strict=True)
+    )  # fmt: skip
+    excitation = manifest.excitation.model_copy(update={"amplitude_mm": 1000 * AMPLITUDE})
+    return manifest.model_copy(update={"cameras": cameras, "excitation": excitation})
+
+
+def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
+    """Render the example into a folder, which must not hold anything yet; whole or not at all.
+
+    Returns
+    -------
+    Path
+        The manifest.
+
+    Raises
+    ------
+    FileExistsError
+        If the folder is a file, or not empty.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise FileExistsError(f"{folder}: is there already, allowed: a new or empty folder")
+    rig = example_rig()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with staging(folder.parent) as part:
+        for index, station in enumerate(rig.stations):
+            name = station.camera.name
+            say(f"rendering camera {name}, {index + 1} of {len(rig.stations)}")
+            media.write_video(
+                part / f"{name}.mkv", laboratory.frames(rig, index), station.frame_rate,
+                laboratory.sound(rig, index), SAMPLE_RATE, "h264", CRF,
+            )  # fmt: skip
+            (part / "board").mkdir(exist_ok=True)
+            for k, shot in enumerate(laboratory.shots(rig, index)):
+                _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+                (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())
+        write_manifest(example_manifest(rig), part / "manifest.yaml")
+        if folder.exists():
+            folder.rmdir()
+        part.rename(folder)
+        folder.chmod(0o755)
+    return folder / "manifest.yaml"

@@ -1,0 +1,252 @@
+"""The whole chain on a folder of recordings: check, calibrate, listen, track, fit, report."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from thesis_lib import __version__, cubes
+from thesis_lib.experiment import chain, media
+from thesis_lib.experiment.frames import camera_deviations
+from thesis_lib.experiment.lens import Camera
+from thesis_lib.experiment.listening import listen
+from thesis_lib.experiment.manifest import Manifest, read_manifest, shot_paths
+from thesis_lib.files import whole_file
+from thesis_lib.measuring import report, uff
+from thesis_lib.measuring.feasibility import assess, describe
+from thesis_lib.measuring.recording import Recording, record
+from thesis_lib.measuring.result import result
+from thesis_lib.measuring.steps import kept, key_of
+
+STEPS = ".steps"  # folder of what is kept between runs
+
+
+class StoppedError(RuntimeError):
+    """What tells the thread of one camera that another has failed, or the user wants to stop."""
+
+
+def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path:
+    """Measure the recordings that a manifest names.
+
+    Parameters
+    ----------
+    path : Path
+        The manifest.
+    out : Path
+        Folder for the results: ``report.html``, ``measured.nc``, ``shapes.csv``, ``shapes.uff``,
+        ``figures``; beside them steps that a second run need not repeat.
+    say : callable
+        Told, line by line, how far the measurement is.
+
+    Returns
+    -------
+    Path
+        The report.
+
+    Raises
+    ------
+    ManifestError, MediaError
+        If the manifest or a file cannot be used.
+    CalibrationError, SynchronisationError, TrackingError, ChainError, FrequencyError
+        If what was recorded does not suffice; one line that says what is missing.
+    """
+    manifest, folder = read_manifest(path), path.parent
+    assessment = assess(manifest)
+    for line in describe(assessment):
+        say(line)
+    say(f"checking {len(manifest.cameras)} videos")
+    chain.check(manifest, folder)  # what it refuses leaves no trace
+    steps = out / STEPS
+    calibration = calibrated(manifest, folder, steps, say)
+    sound = heard(manifest, folder, steps, say)
+    recordings = tracked(manifest, folder, steps, calibration, sound)
+    say("fitting the deflection")
+    data = result(manifest, sound, recordings)
+    data = cubes.with_origin(
+        data.merge(_kept_of(calibration, sound)), f"measurement by thesis_lib {__version__}"
+    )
+    data.attrs.update(
+        title=f"Deflection of a {manifest.structure.kind}, measured with {len(recordings)} cameras",
+        parameters=manifest.model_dump_json(),
+        notes=calibration.attrs["notes"],
+        synchronisation=sound.attrs["synchronisation"],
+    )
+    pictures = report.figures(data, manifest, recordings, folder)
+    page = report.page(data, manifest, assessment, pictures)
+    cubes.write(data, out / "measured.nc")
+    for name, (kind, content) in pictures.items():
+        write_bytes(out / "figures" / f"{name}.{kind}", content)
+    write_bytes(out / "shapes.csv", report.table(data).to_csv(index=False).encode())
+    whole_file(out / "shapes.uff", lambda part: uff.write(part, data))
+    write_bytes(out / "report.html", page.encode())
+    for line in report.summary(data):
+        say(line)
+    return out / "report.html"
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all."""
+    whole_file(path, lambda part: part.write_bytes(content))
+
+
+def calibrated(
+    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
+) -> xr.Dataset:
+    """The cameras, adjusted together from all pictures of the board."""
+    shots = [shot for c in manifest.cameras for shot in shot_paths(c, folder) if shot]
+    what = [manifest.board.model_dump(mode="json"), manifest.cameras[0].name] + [
+        [c.name, c.size, [shot and shot.name for shot in shot_paths(c, folder)]]
+        for c in manifest.cameras
+    ]
+
+    def compute() -> xr.Dataset:
+        say(f"calibrating from {len(shots)} pictures of the board")
+        with tqdm(total=len(manifest.cameras), unit="camera", disable=None, leave=False) as bar:
+            corners, lost, single, full = chain.adjusted(manifest, folder, lambda: bar.update())
+        data = xr.Dataset(coords={"camera": [c.name for c in manifest.cameras]})
+        for name, dims, values in (
+            ("K", "camera i j", [c.K for c in full.cameras]),
+            ("distortion", "camera coefficient", [c.distortion for c in full.cameras]),
+            ("R_camera_world", "camera i j", [c.R_camera_world for c in full.cameras]),
+            ("centre", "camera i", [c.centre for c in full.cameras]),
+            ("size", "camera side", [c.size for c in full.cameras]),
+            ("reprojection_rms", "", full.rms),
+            ("single_rms", "camera", [c.rms for c in single]),
+            ("focal_deviation", "camera", full.deviations[:, 0]),
+            ("centre_deviation", "camera", np.linalg.norm(camera_deviations(full)[0], axis=1)),
+            ("corners", "camera shot side corner", corners),
+            ("residuals", "camera shot side corner", full.residuals),
+        ):
+            data[name] = (dims.split(), np.asarray(values))
+        return data.assign_attrs(notes="\n".join(lost))
+
+    return kept(steps, "calibration", key_of(what, shots), compute)
+
+
+def heard(
+    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
+) -> xr.Dataset:
+    """When the cameras started, and what the sound tells of the vibration."""
+    videos = [folder / c.video for c in manifest.cameras]
+    what = [manifest.excitation.model_dump(mode="json"), [c.name for c in manifest.cameras],
+            [c.frame_rate_hz for c in manifest.cameras]]  # fmt: skip
+
+    def compute() -> xr.Dataset:
+        say(f"listening to {len(videos)} sound tracks")
+        sound = listen(manifest, folder)
+        found = sound.synchronisation
+        force = sound.force or 0j
+        unknown: Any = np.nan
+        frequency = getattr(sound, "found_frequency", None) or sound.frequency or unknown
+        values = {
+            "delay": ("camera", found.delays),
+            "frequency": ("", frequency),
+            "force": ("part", [force.real, force.imag]),
+            "of_force": ("", int(sound.force is not None)),
+            "steady": ("end", sound.steady),
+            "ambiguous": ("", int(found.ambiguous)),
+            "period": ("", found.period or unknown),
+            "peak_ratio": ("", found.ratio),
+            "signal_to_noise": ("", found.snr),
+        }
+        data = xr.Dataset(
+            {name: (dims.split(), np.asarray(v)) for name, (dims, v) in values.items()}
+        )
+        return data.assign_attrs(synchronisation="\n".join(found.describe()))
+
+    return kept(steps, "sound", key_of(what, videos), compute)
+
+
+def tracked(
+    manifest: Manifest, folder: Path, steps: Path, calibration: xr.Dataset, sound: xr.Dataset
+) -> list[Recording]:
+    """The markers followed through all videos, two cameras at a time."""
+    markers, cameras = chain.markers_of(manifest), cameras_of(calibration)
+    frequency = float(np.nan_to_num(sound["frequency"]))
+    counts = [len(media.check_frame_times(folder / c.video, c.frame_rate_hz))
+              for c in manifest.cameras]  # fmt: skip
+    stop = threading.Event()
+    with tqdm(total=sum(counts), unit="frame", desc="tracking", disable=None, leave=False) as bar:
+
+        def tick(frames: int) -> None:
+            if stop.is_set():
+                raise StoppedError
+            bar.update(frames)
+
+        def one(index: int) -> Recording:
+            files = manifest.cameras[index]
+            path = steps / f"tracks-{index:02d}.npy"
+            what = [files.model_dump(mode="json"), manifest.structure.model_dump(mode="json"),
+                    frequency, calibration.attrs["key"]]  # fmt: skip
+            turn = 2 * np.pi * frequency / files.frame_rate_hz
+            video = folder / files.video
+            key = key_of(what, [video])
+            record(files, folder, cameras[index], markers, turn, path, key, tick)
+            return Recording(cameras[index], files.frame_rate_hz, float(sound["delay"][index]),
+                             files.exposure_s, path)  # fmt: skip
+
+        with chain.alike(), ThreadPoolExecutor(2) as pool:
+            futures = [pool.submit(one, index) for index in range(len(cameras))]
+            try:
+                return first_failure(futures)
+            except BaseException:
+                stop.set()
+                pool.shutdown(cancel_futures=True)
+                raise
+
+
+def first_failure(futures: Sequence[Any]) -> list[Recording]:
+    """Results of all, or what the first that failed has raised."""
+    return [future.result() for future in futures]
+
+
+def cameras_of(calibration: xr.Dataset) -> list[Camera]:
+    """The cameras of a calibration."""
+    return [
+        Camera(
+            str(name),
+            calibration["K"].values[i],
+            calibration["distortion"].values[i],
+            calibration["R_camera_world"].values[i],
+            calibration["centre"].values[i],
+            (int(calibration["size"][i, 0]), int(calibration["size"][i, 1])),
+        )
+        for i, name in enumerate(calibration["camera"].values)
+    ]
+
+
+def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
+    """What of calibration and sound belongs to the result."""
+    data = xr.Dataset(coords={"camera": calibration["camera"]})
+    texts = {
+        "reprojection_rms": ("px", "rms residual of a coordinate of the board's corners"),
+        "single_rms": ("px", "the same of each camera calibrated alone"),
+        "focal_deviation": ("px", "standard deviation of the focal length"),
+        "centre_deviation": ("m", "standard deviation of the centre of projection"),
+        "K": ("px", "intrinsic matrix"),
+        "distortion": ("1", "k1, k2, p1, p2, k3"),
+        "size": ("px", "width and height of the pictures"),
+        "residuals": ("px", "corners seen minus computed"),
+        "corners": ("px", "corners of the board as they were found"),
+        "delay": ("s", "start after the first camera's"),
+        "steady": ("s", "steady part on the first camera's clock"),
+        "ambiguous": ("1", "whether the delays are in doubt by whole periods"),
+        "signal_to_noise": ("1", "signal over noise of the sound, power"),
+        "force": ("1", "amplitude of the force's signal over full scale, real and imaginary part"),
+    }
+    for name, (units, long_name) in texts.items():
+        source = calibration if name in calibration else sound
+        values = source[name]
+        data[name] = (values.dims, values.values, {"units": units, "long_name": long_name})
+    seen = np.isfinite(calibration["corners"].values[:, :, 0, 0]).sum(axis=1)
+    data["shots_used"] = (
+        "camera", seen, {"units": "1", "long_name": "pictures of the board that were used"},
+    )  # fmt: skip
+    return data
