@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,17 +73,22 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
     rig = example_rig()
     folder.parent.mkdir(parents=True, exist_ok=True)
     with staging(folder.parent) as part:
-        for index, station in enumerate(rig.stations):
+        (part / "board").mkdir()
+
+        def one(index: int) -> None:
+            station = rig.stations[index]
             name = station.camera.name
             say(f"rendering camera {name}, {index + 1} of {len(rig.stations)}")
             media.write_video(
                 part / f"{name}.mkv", laboratory.frames(rig, index), station.frame_rate,
                 laboratory.sound(rig, index), SAMPLE_RATE, "h264", CRF,
             )  # fmt: skip
-            (part / "board").mkdir(exist_ok=True)
             for k, shot in enumerate(laboratory.shots(rig, index)):
                 _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
                 (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())
+
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(one, range(len(rig.stations))))
         write_manifest(example_manifest(rig), part / "manifest.yaml")
         if folder.exists():
             folder.rmdir()

@@ -22,6 +22,7 @@ from thesis_lib.pages import shell
 
 Pictures = dict[str, tuple[str, bytes]]  # name: kind of file and content
 LOST = 0.05  # share of the frames from which on a camera's lost markers are told
+FROZEN = 0.2  # of the median scatter, below which a marker stands still in the video
 DRIFT = 0.05  # change of the amplitude from which on the vibration is not called steady
 
 
@@ -92,6 +93,12 @@ def warnings(data: xr.Dataset) -> list[str]:
                            strict=True):  # fmt: skip
         if share > LOST:
             lines.append(f"Camera {name} lost {share:.0%} of its marker images.")
+    scatter = data["centre_scatter"].values
+    frozen = scatter < FROZEN * np.nanmedian(scatter, axis=1, keepdims=True)
+    if frozen.any():
+        lines.append(f"{frozen.any(axis=0).sum()} markers hardly scatter in some camera: the "
+                     "video's compression keeps still what moves by fractions of a pixel, so that their "
+                     "deflections and standard errors come out too small.")  # fmt: skip
     unknown = int(np.isnan(data["deflection"].values).sum())
     if unknown:
         lines.append(f"{unknown} markers were seen by fewer than two cameras, or in too few "
@@ -218,7 +225,9 @@ def _tracking(data: xr.Dataset) -> pd.DataFrame:
             "frames": data["frames"].values,
             "lost in %": _texts(100 * data["missing"].mean("marker").values, ".2f"),
             "markers never found": (data["missing"].values > 0.999).sum(axis=1),
-            "scatter of centres in px": _texts(data["centre_scatter"].values, ".3f"),
+            "scatter of centres in px": _texts(
+                np.array([_rms(own) for own in data["centre_scatter"].values]), ".3f"
+            ),
             "start in ms": _texts(1e3 * data["delay"].values, "+.3f"),
         }
     )

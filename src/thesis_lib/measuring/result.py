@@ -106,8 +106,9 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "cameras that a marker's deflection rests on")  # fmt: skip
     lost = [lost_share(own)[1] for own in recordings]
     put("missing", "camera marker", lost, "1", "share of the frames in which a marker is missing")
-    put("centre_scatter", "camera", [_rms(s) for s in fit.sigma], "px",
-        "rms scatter of the centres about their harmonics")  # fmt: skip
+    scatter = np.sqrt(np.mean(fit.sigma**2, axis=1))
+    put("centre_scatter", "camera marker", scatter, "px",
+        "rms scatter of a coordinate of the centres about its harmonics")  # fmt: skip
     without, differs = _without_each(fit, omega, exposures, phase)
     put("without_camera", "camera marker", without, "m",
         "deflection from all cameras but one; NaN with two cameras")  # fmt: skip
