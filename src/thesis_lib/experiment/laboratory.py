@@ -285,6 +285,7 @@ def _structure(structure: Structure, markers: Markers) -> StructureSpec:
         raise TypeError(f"{type(structure).__name__}: neither a beam nor a plate")
     given: dict[str, Any] = {
         "diameter_mm": _mm(markers.diameter),
+        "tone": "bright" if markers.bright else "dark",
         "hole_mm": markers.hole and (_mm(markers.hole[0]), _mm(markers.hole[1])),
     }
     rows = {

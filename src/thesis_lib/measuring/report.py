@@ -97,7 +97,7 @@ def warnings(data: xr.Dataset) -> list[str]:
     frozen = scatter < FROZEN * np.nanmedian(scatter, axis=1, keepdims=True)
     if frozen.any():
         lines.append(f"{frozen.any(axis=0).sum()} markers hardly scatter in some camera: the "
-                     "video's compression keeps still what moves by fractions of a pixel, so that their "
+                     "video's compression keeps still what moves by fractions of a pixel, and their "
                      "deflections and standard errors come out too small.")  # fmt: skip
     unknown = int(np.isnan(data["deflection"].values).sum())
     if unknown:
