@@ -7,6 +7,7 @@ from laboratory_scene import recordings
 
 from thesis_lib import claims, cubes, files, notebook, prose, sound, studies
 from thesis_lib.experiment import numbers, study
+from thesis_lib.measuring import reference
 from thesis_lib.parameters import STUDIES, validate
 
 
@@ -32,7 +33,7 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     book = files.project_root() / "book"
     pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
-    assert included == {*prose.PIECES, *numbers.PIECES}
+    assert included == {*prose.PIECES, *numbers.PIECES, *reference.PIECES}
 
 
 @pytest.mark.parametrize("name", prose.PIECES)

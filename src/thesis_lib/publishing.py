@@ -11,6 +11,7 @@ from thesis_lib.experiment import filmed, pictures
 from thesis_lib.experiment import numbers as walk_numbers
 from thesis_lib.experiment.requests import ExperimentResolution
 from thesis_lib.files import project_root
+from thesis_lib.measuring import reference
 from thesis_lib.parameters import STUDIES
 
 
@@ -43,6 +44,7 @@ def build(publish: bool = False) -> Path:
     sources = [*pages, *(job.notebook for job in jobs), *numbers, *files.library_files()]
     walk = [executed / pictures.file_name(name) for name in pictures.PICTURES]
     walk += [executed / f"{name}.md" for name in walk_numbers.PIECES]
+    told = [executed / f"{name}.md" for name in reference.PIECES]
     index = root / "build" / "html" / "index.html"
     tasks = [
         *runs.job_tasks(jobs),
@@ -58,7 +60,15 @@ def build(publish: bool = False) -> Path:
             [*made, *files.library_files()],
             walk,
         ),
-        runs.task("pages", lambda: book.render(root, index.parent), [*sources, *walk], [index]),
+        runs.task(
+            "reference of own recordings",
+            lambda: reference.write(executed),
+            files.library_files(),
+            told,
+        ),
+        runs.task(
+            "pages", lambda: book.render(root, index.parent), [*sources, *walk, *told], [index]
+        ),
     ]
     if publish:
         picture = root / "book" / "assets" / "overview.svg"

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
-import numpy as np
 
 from thesis_lib import setups
 from thesis_lib.experiment import laboratory, media
 from thesis_lib.experiment.laboratory import SAMPLE_RATE, Rig, default_rig
 from thesis_lib.experiment.manifest import Manifest, write_manifest
-from thesis_lib.experiment.poses import default_poses
 from thesis_lib.experiment.render import Sensor
 from thesis_lib.experiment.scene import Component
 from thesis_lib.files import staging
@@ -24,20 +21,16 @@ AMPLITUDE = 0.003  # m at the tip
 SIZE = (1280, 720)
 CRF = 18  # of H.264
 QUALITY = 92  # of the board's pictures, JPEG
-SHOTS = 14
 FOCAL_MM, SENSOR_MM = 24.0, 36.0
 
 
 def example_rig() -> Rig:
     """What the example shows."""
-    rig = default_rig(
+    return default_rig(
         setups.beam(), DIRECTIONS, focal_length=FOCAL_MM / 1000, sensor_width=SENSOR_MM / 1000,
         size=SIZE, sensor=Sensor(exposure=1 / 500, samples=4, shot=0.02, read=0.7), seed=11,
         components=(Component(amplitude=AMPLITUDE),),
     )  # fmt: skip
-    rotations, translations = default_poses()
-    chosen = np.linspace(0, len(rotations) - 1, SHOTS).round().astype(int)
-    return replace(rig, rotations=rotations[chosen], translations=translations[chosen])
 
 
 def example_manifest(rig: Rig) -> Manifest:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from thesis_lib.experiment.frames import camera_deviations
 from thesis_lib.experiment.lens import Camera
 from thesis_lib.experiment.listening import listen
 from thesis_lib.experiment.manifest import Manifest, read_manifest, shot_paths
-from thesis_lib.files import whole_file
+from thesis_lib.files import staging
 from thesis_lib.measuring import report, uff
 from thesis_lib.measuring.feasibility import assess, describe
 from thesis_lib.measuring.recording import Recording, record
@@ -64,8 +64,8 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     say(f"checking {len(manifest.cameras)} videos")
     chain.check(manifest, folder)  # what it refuses leaves no trace
     steps = out / STEPS
+    sound = heard(manifest, folder, steps, say)  # first: it may refuse more of the manifest
     calibration = calibrated(manifest, folder, steps, say)
-    sound = heard(manifest, folder, steps, say)
     recordings = tracked(manifest, folder, steps, calibration, sound)
     say("fitting the deflection")
     data = result(manifest, sound, recordings)
@@ -80,20 +80,27 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     )
     pictures = report.figures(data, manifest, recordings, folder)
     page = report.page(data, manifest, assessment, pictures)
-    cubes.write(data, out / "measured.nc")
-    for name, (kind, content) in pictures.items():
-        write_bytes(out / "figures" / f"{name}.{kind}", content)
-    write_bytes(out / "shapes.csv", report.table(data).to_csv(index=False).encode())
-    whole_file(out / "shapes.uff", lambda part: uff.write(part, data))
-    write_bytes(out / "report.html", page.encode())
+    with staging(out) as part:
+        (part / "figures").mkdir()
+        cubes.write(data, part / "measured.nc")
+        for name, (kind, content) in pictures.items():
+            (part / "figures" / f"{name}.{kind}").write_bytes(content)
+        report.table(data).to_csv(part / "shapes.csv", index=False)
+        uff.write(part / "shapes.uff", data)
+        (part / "report.html").write_text(page, encoding="utf-8")
+        move(part, out)
     for line in report.summary(data):
         say(line)
     return out / "report.html"
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file, whole or not at all."""
-    whole_file(path, lambda part: part.write_bytes(content))
+def move(part: Path, out: Path) -> None:
+    """Move all files of a folder to another, each in place of the one that is there."""
+    files = [path.relative_to(part) for path in part.rglob("*") if path.is_file()]
+    for folder in {file.parent for file in files}:
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    for file in files:
+        (part / file).replace(out / file)
 
 
 def calibrated(
@@ -172,6 +179,9 @@ def tracked(
     frequency = float(np.nan_to_num(sound["frequency"]))
     counts = [len(media.check_frame_times(folder / c.video, c.frame_rate_hz))
               for c in manifest.cameras]  # fmt: skip
+    visible = manifest.structure.model_dump(
+        mode="json", include={"length_mm", "width_mm", "markers"}
+    )
     stop = threading.Event()
     with tqdm(total=sum(counts), unit="frame", desc="tracking", disable=None, leave=False) as bar:
 
@@ -183,27 +193,26 @@ def tracked(
         def one(index: int) -> Recording:
             files = manifest.cameras[index]
             path = steps / f"tracks-{index:02d}.npy"
-            what = [files.model_dump(mode="json"), manifest.structure.model_dump(mode="json"),
-                    frequency, calibration.attrs["key"]]  # fmt: skip
-            turn = 2 * np.pi * frequency / files.frame_rate_hz
-            video = folder / files.video
-            key = key_of(what, [video])
+            turn = round(2 * np.pi * frequency / files.frame_rate_hz, 3)  # to look near the place
+            what = [files.corners_px, turn, visible, index, calibration.attrs["key"]]
+            key = key_of(what, [folder / files.video])
             record(files, folder, cameras[index], markers, turn, path, key, tick)
             return Recording(cameras[index], files.frame_rate_hz, float(sound["delay"][index]),
                              files.exposure_s, path)  # fmt: skip
 
         with chain.alike(), ThreadPoolExecutor(2) as pool:
-            futures = [pool.submit(one, index) for index in range(len(cameras))]
             try:
-                return first_failure(futures)
+                return results_of([pool.submit(one, index) for index in range(len(cameras))])
             except BaseException:
                 stop.set()
                 pool.shutdown(cancel_futures=True)
                 raise
 
 
-def first_failure(futures: Sequence[Any]) -> list[Recording]:
-    """Results of all, or what the first that failed has raised."""
+def results_of(futures: Sequence[Future[Recording]]) -> list[Recording]:
+    """Results of all, or what the first that failed has raised, as soon as it has."""
+    for future in as_completed(futures):
+        future.result()
     return [future.result() for future in futures]
 
 

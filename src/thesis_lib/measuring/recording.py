@@ -1,14 +1,16 @@
 """Markers followed through a recording of any length, on disk as they are found.
 
-Centres go to a file that is mapped into memory; beside it stands how far the tracker has come and
+Centres go to a file that is read back in parts; beside it stands how far the tracker has come and
 what it knew there, so that a recording that was stopped in the middle goes on from there.
 """
 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -131,24 +133,23 @@ def record(
         raise TrackingError(f"{video}: frame 0: {error}") from None
     if state:
         tracker.moved, tracker.before = np.array(state["moved"]), np.array(state["before"])
-        centres = np.load(path, mmap_mode="r+")
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
         note.unlink(missing_ok=True)
-        shape = (count, 2, markers.count)
-        centres = np.lib.format.open_memmap(path, mode="w+", dtype=np.float64, shape=shape)
-    k = done
-    for k, image in enumerate(media.read_frames(video, done), done):
-        if k == count:
-            break
-        centres[k] = tracker.centres(_seen(image, markers))
-        tick(1)
-        if (k + 1) % OFTEN == 0 or k + 1 == count:
-            centres.flush()
-            _write(note, {"key": key, "done": k + 1, "moved": tracker.moved.tolist(),
-                          "before": tracker.before.tolist()})  # fmt: skip
-    if k + 1 < count:
-        raise media.MediaError(f"{video}: ends before frame {k + 1}, the file lists {count}")
+        np.lib.format.open_memmap(path, "w+", np.float64, shape=(count, 2, markers.count))
+    with path.open("r+b") as file:  # not mapped: a full disk would kill the process
+        file.seek((done - count) * 2 * markers.count * 8, os.SEEK_END)
+        for image in islice(media.read_frames(video, done), count - done):
+            file.write(tracker.centres(_seen(image, markers)).tobytes())
+            done += 1
+            tick(1)
+            if done % OFTEN == 0 or done == count:
+                file.flush()
+                os.fsync(file.fileno())
+                _write(note, {"key": key, "done": done, "moved": tracker.moved.tolist(),
+                              "before": tracker.before.tolist()})  # fmt: skip
+    if done < count:
+        raise media.MediaError(f"{video}: ends before frame {done}, the file lists {count}")
 
 
 def lost_share(recording: Recording) -> tuple[float, Array]:
@@ -169,7 +170,7 @@ def _state(note: Path, path: Path, key: str, count: int) -> dict[str, Any] | Non
         state = json.loads(note.read_text(encoding="utf-8"))
         fits = state["key"] == key and len(np.load(path, mmap_mode="r")) == count
         return state if fits and 0 < state["done"] <= count else None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, EOFError, ValueError, KeyError, TypeError):
         return None
 
 

@@ -20,7 +20,7 @@ from thesis_lib.experiment.manifest_model import (
     Structure,
 )
 from thesis_lib.files import whole_file
-from thesis_lib.measuring import filming
+from thesis_lib.measuring import guidance
 from thesis_lib.measuring.limits import THRESHOLDS
 
 PARTS: dict[str, type[BaseModel]] = {
@@ -162,7 +162,7 @@ def _definitions(entries: list[tuple[str, str]]) -> str:
 PIECES: dict[str, Callable[[], str]] = {
     **{f"record-{part}": partial(fields, part) for part in PARTS},
     "record-warnings": warnings,
-    **filming.PIECES,
+    **guidance.PIECES,
 }
 
 
@@ -170,6 +170,4 @@ def write(folder: Path) -> None:
     """Write every piece of :data:`PIECES` into a folder, as ``NAME.md``."""
     for name, piece in PIECES.items():
         text = piece()
-        whole_file(
-            folder / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8")
-        )
+        whole_file(folder / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8"))

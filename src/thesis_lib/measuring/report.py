@@ -97,7 +97,7 @@ def warnings(data: xr.Dataset) -> list[str]:
     frozen = scatter < FROZEN * np.nanmedian(scatter, axis=1, keepdims=True)
     if frozen.any():
         lines.append(f"{frozen.any(axis=0).sum()} markers hardly scatter in some camera: the "
-                     "video's compression keeps still what moves by fractions of a pixel, and their "
+                     "video's compression holds still what moves by parts of a pixel, and their "
                      "deflections and standard errors come out too small.")  # fmt: skip
     unknown = int(np.isnan(data["deflection"].values).sum())
     if unknown:
@@ -178,6 +178,12 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
     yield "The structure is flat at rest, and moves along its normal."
     yield "The calibration was the same while the board and while the structure was filmed."
     yield "Pictures and sound of a camera start together, and their clocks do not drift apart."
+    yield (
+        "A camera exposes all rows of a frame at once. With a rolling shutter markers lower in the "
+        "picture are seen later, by up to the readout time: a phase error of 2πf times that."
+    )
+    if manifest.board.two_sided:
+        yield "The two sides of the board are printed in one place; its thickness is neglected."
     order = int(data["harmonics"])
     yield (
         f"In the steady part every image coordinate is a constant and {order} "

@@ -26,7 +26,7 @@ def write(path: Path, data: xr.Dataset) -> None:
     path : Path
         The file; it is overwritten.
     data : xarray.Dataset
-        What :func:`thesis_lib.measuring.result.result` returns.
+        What :func:`~thesis_lib.measuring.result.result` returns.
     """
     frequency = float(data["frequency"])
     amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values

@@ -71,12 +71,12 @@ def _elevations() -> str:
         of = seen_from((0, 180), float(degrees)).table[0]
         rows.append([f"{degrees}°", f"{100 * np.cos(phi):.0f} %", f"{of.across_px:.1f}",
                      f"{1 / np.tan(phi):.1f}", f"{one:.0f}"])  # fmt: skip
-    header = ["elevation", "deflection seen", "markers high, px", "seems to move, mm per mm",
+    header = ["elevation", "deflection seen", "markers high, px", "slides, mm/mm",
               "one frame, µm"]  # fmt: skip
     return table(header, rows) + (
-        "\nTwo cameras that face each other. *Seems to move*: along the plane at rest, where "
-        "neighbours are. The last column takes the centres to scatter alike at all elevations, "
-        "which flat markers do not.\n"
+        "\nTwo cameras that face each other. *Slides*: along the plane at rest, where its "
+        "neighbours are, a marker seems to move so far for each mm of deflection. The last column "
+        "takes the centres to scatter alike at all elevations, which flat markers do not.\n"
     )
 
 
@@ -88,13 +88,14 @@ def _exposure() -> str:
     ]
     header = ["shutter", *(f"{frequency} Hz" for frequency in FREQUENCIES)]
     return table(header, rows) + (
-        f"\nShare of the amplitude that is lost. Up to {LIMIT['long-exposure']:g} of a period, "
-        f"{_lost(LIMIT['long-exposure'])}, nothing is said.\n"
+        f"\nShare of the amplitude that is lost. From {LIMIT['long-exposure']:g} of a period on, "
+        f"which takes {_lost(LIMIT['long-exposure'])}, the assessment warns. A dash: open for a "
+        "whole period or more, of which nothing useful is left.\n"
     )
 
 
 def _lost(turns: float) -> str:
-    return f"{100 * (1 - np.sinc(turns)):.2g} %" if turns < 1 else "all"
+    return f"{100 * (1 - np.sinc(turns)):.2g} %" if turns < 1 else "–"
 
 
 def _alias() -> str:
@@ -105,7 +106,7 @@ def _alias() -> str:
         [f"{seconds} s", f"{turns / seconds:.2g}", f"{1e6 * turns / seconds / frequency:.0f}"]
         for seconds in SECONDS
     ]
-    header = ["steady part", "to Hz", f"millionths of {frequency:g} Hz"]
+    header = ["steady part", "known to, Hz", f"millionths of {frequency:g} Hz"]
     return (
         f"At {rate:g} frames a second {frequency:g} Hz look like {alias(frequency, rate):g} Hz. "
         f"The frequency must be known so well that it drifts by less than {turns:g} of a turn "
