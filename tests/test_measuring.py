@@ -55,7 +55,7 @@ def tracks(folder, frequency, rates=(60.0, 60.0), seconds=4.0, noise=0.03, growt
         uv = 200 + shape * np.cos(2 * np.pi * frequency * t + 0.4)[:, None, None]
         path = folder / f"{k}.npy"
         np.save(path, uv + noise * rng.normal(size=uv.shape))
-        made.append(Recording(IDEAL, rate, delay, 0.001, path))
+        made.append(Recording(IDEAL, rate, delay, 0.001, 0.0, path))
     return made
 
 

@@ -57,6 +57,16 @@ class Harmonics:
             self.coefficients * along, self.covariance * along * along[:, None], self.sigma
         )
 
+    def earlier(self, omega: float, seconds: ArrayLike) -> Harmonics:
+        """The same of values that were taken later than was thought, by seconds (...)."""
+        late = np.asarray(seconds, float)
+        coefficients = self.coefficients.copy()
+        for n in range(1, (len(coefficients) - 1) // 2 + 1):
+            a, b = self.coefficients[2 * n - 1], self.coefficients[2 * n]
+            c, s = np.cos(n * omega * late), np.sin(n * omega * late)
+            coefficients[2 * n - 1], coefficients[2 * n] = c * a - s * b, s * a + c * b
+        return replace(self, coefficients=coefficients)
+
     def raised(self, constant: ArrayLike) -> Harmonics:
         """The same of values that are larger by a constant (...)."""
         coefficients = self.coefficients.copy()

@@ -145,6 +145,11 @@ def undistorted(camera: Camera, uv: ArrayLike) -> Array:
     return to_pixels(camera.K, undistort(from_pixels(camera.K, uv), camera.distortion))
 
 
+def distorted(camera: Camera, uv: ArrayLike) -> Array:
+    """Pixels that the camera sees of those without distortion, (2, ...)."""
+    return to_pixels(camera.K, distort(from_pixels(camera.K, uv), camera.distortion))
+
+
 def resized(camera: Camera, size: tuple[int, int]) -> Camera:
     """The camera after its images are resampled to another size (section 5.2.1)."""
     scale = np.array([size[0] / camera.size[0], size[1] / camera.size[1], 1.0])

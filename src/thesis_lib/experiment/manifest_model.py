@@ -208,11 +208,17 @@ class CameraFiles(Part):
     width_px: Width = field(1920, "width of the pictures", "a whole number from 2 to 20000")
     height_px: Width = field(1080, "height of the pictures", "a whole number from 2 to 20000")
     frame_rate_hz: float = field(
-        60.0, "frames per second", "a number from 1 to 100000, in Hz", ge=1, le=1e5
+        60.0, "frames per second", "a number from 1 to 100000", ge=1, le=1e5
     )
     exposure_s: float = field(
         ..., "exposure time of a frame", "a number above 0, at most 1 / frame_rate_hz, in s",
         gt=0, le=1,
+    )  # fmt: skip
+    readout_s: float = field(
+        0.0,
+        "time from the first row's exposure to the last row's; 0 for a global shutter",
+        "a number from -1 / frame_rate_hz to 1 / frame_rate_hz, in s; below 0 if the last is first",
+        ge=-1, le=1,
     )  # fmt: skip
     shots: FileName | tuple[FileName | None, ...] = field(
         ...,
@@ -250,6 +256,8 @@ class CameraFiles(Part):
     def _check(self) -> CameraFiles:
         if self.exposure_s * self.frame_rate_hz > 1 + 1e-9:
             self.refuse("exposure_s")
+        if abs(self.readout_s) * self.frame_rate_hz > 1 + 1e-9:
+            self.refuse("readout_s")
         if isinstance(self.shots, tuple) and not 3 <= len(self.shots) <= 200:
             self.refuse("shots")
         if self.corners_px is not None:
@@ -282,7 +290,7 @@ class Excitation(Part):
 
     frequency_hz: float | None = field(
         4.25, "frequency of the vibration; null looks for it",
-        "null, or a number above 0, at most 100000, in Hz", gt=0, le=1e5,
+        "null, or a number above 0, at most 100000", gt=0, le=1e5,
     )  # fmt: skip
     undersampled: bool = field(
         False,

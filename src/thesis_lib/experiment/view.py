@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.experiment.lens import HALF, Camera, distort, from_pixels, to_pixels, undistorted
+from thesis_lib.experiment.lens import HALF, Camera, distorted, undistorted
 from thesis_lib.experiment.scene import Markers
 
 Array = NDArray[np.float64]
@@ -46,9 +46,7 @@ class View:
 
     def to_image(self, plane: ArrayLike) -> Array:
         """Pixels (2, ...), distortion included, of points (2, ...) of the plane in m."""
-        ideal = apply(self.H_image_plane, plane)
-        camera = self.camera
-        return to_pixels(camera.K, distort(from_pixels(camera.K, ideal), camera.distortion))
+        return distorted(self.camera, apply(self.H_image_plane, plane))
 
     def to_plane(self, uv: ArrayLike) -> Array:
         """Points (2, ...) of the plane in m of pixels (2, ...)."""

@@ -101,11 +101,11 @@ def _liveliest(recording: Recording, begin: float, end: float) -> tuple[Array, A
     if not times:
         raise FrequencyError(f"camera {recording.camera.name} has no frame of the steady part")
     flat = np.concatenate(values)
-    with np.errstate(invalid="ignore"):
-        spread = np.nanstd(np.where(np.isfinite(flat).mean(axis=0) > 0.9, flat, np.nan), axis=0)
-    chosen = np.argsort(np.nan_to_num(spread, nan=-1.0))[-SERIES:]
-    moved = flat[:, chosen] - np.nanmean(flat[:, chosen], axis=0)
-    return np.concatenate(times), np.nan_to_num(moved)
+    seen = flat[:, np.isfinite(flat).mean(axis=0) > 0.9]
+    if not seen.size:
+        raise FrequencyError(f"camera {recording.camera.name} sees no marker most of the time")
+    moved = np.nan_to_num(seen - np.nanmean(seen, axis=0))
+    return np.concatenate(times), moved[:, np.argsort(moved.std(axis=0))[-SERIES:]]
 
 
 def advance(

@@ -17,13 +17,13 @@ from thesis_lib.experiment import chain, media
 from thesis_lib.experiment.frames import camera_deviations
 from thesis_lib.experiment.lens import Camera
 from thesis_lib.experiment.listening import listen
-from thesis_lib.experiment.manifest import Manifest, read_manifest, shot_paths
+from thesis_lib.experiment.manifest import Manifest, ManifestError, read_manifest, shot_paths
 from thesis_lib.files import staging
 from thesis_lib.measuring import report, uff
 from thesis_lib.measuring.feasibility import assess, describe
 from thesis_lib.measuring.recording import Recording, record
 from thesis_lib.measuring.result import result
-from thesis_lib.measuring.steps import kept, key_of
+from thesis_lib.measuring.steps import kept, key_of, write_cube
 
 STEPS = ".steps"  # folder of what is kept between runs
 
@@ -82,7 +82,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     page = report.page(data, manifest, assessment, pictures)
     with staging(out) as part:
         (part / "figures").mkdir()
-        cubes.write(data, part / "measured.nc")
+        write_cube(data, part / "measured.nc")
         for name, (kind, content) in pictures.items():
             (part / "figures" / f"{name}.{kind}").write_bytes(content)
         report.table(data).to_csv(part / "shapes.csv", index=False)
@@ -148,7 +148,13 @@ def heard(
     def compute() -> xr.Dataset:
         say(f"listening to {len(videos)} sound tracks")
         sound = listen(manifest, folder)
-        found = sound.synchronisation
+        found, rest = sound.synchronisation, manifest.excitation.rest_s
+        most = max(sound.steady[0] - max(float(found.delays.max()), 0.0), 0.0)
+        if manifest.excitation.steady_s is None and rest > most + 1e-6:
+            raise ManifestError(
+                f"excitation.rest_s: given {rest:.6g}, allowed: at most the {most:.3f} s after "
+                "which the vibration is steady"
+            )
         force = sound.force or 0j
         unknown: Any = np.nan
         frequency = getattr(sound, "found_frequency", None) or sound.frequency or unknown
@@ -198,7 +204,7 @@ def tracked(
             key = key_of(what, [folder / files.video])
             record(files, folder, cameras[index], markers, turn, path, key, tick)
             return Recording(cameras[index], files.frame_rate_hz, float(sound["delay"][index]),
-                             files.exposure_s, path)  # fmt: skip
+                             files.exposure_s, files.readout_s, path)  # fmt: skip
 
         with chain.alike(), ThreadPoolExecutor(2) as pool:
             try:

@@ -46,6 +46,8 @@ class Recording:
         Start after the reference camera's, s.
     exposure : float
         Exposure time in s.
+    readout : float
+        Time from the first row's exposure to the last row's, s; a frame's time is the middle row's.
     path : Path
         File of the centres (frames, 2, markers) in px, lens distortion included, NaN where
         missing.
@@ -55,6 +57,7 @@ class Recording:
     rate: float
     delay: float
     exposure: float
+    readout: float
     path: Path
 
     @property
@@ -130,7 +133,8 @@ def record(
     try:
         tracker = Tracker(first_view(first, camera, markers, files.corners_px), turn)
     except TrackingError as error:
-        raise TrackingError(f"{video}: frame 0: {error}") from None
+        given = "structure.markers and corners_px" if files.corners_px else "structure.markers"
+        raise TrackingError(f"{video}: frame 0: {error}; are {given} as filmed?") from None
     if state:
         tracker.moved, tracker.before = np.array(state["moved"]), np.array(state["before"])
     else:

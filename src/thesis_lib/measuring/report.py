@@ -178,10 +178,13 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
     yield "The structure is flat at rest, and moves along its normal."
     yield "The calibration was the same while the board and while the structure was filmed."
     yield "Pictures and sound of a camera start together, and their clocks do not drift apart."
-    yield (
-        "A camera exposes all rows of a frame at once. With a rolling shutter markers lower in the "
-        "picture are seen later, by up to the readout time: a phase error of 2πf times that."
-    )
+    if any(camera.readout_s for camera in manifest.cameras):
+        yield "Every row of a picture was exposed at its own time, as readout_s says."
+    else:
+        yield (
+            "All rows of a frame are exposed at once. A rolling shutter sees markers lower in the "
+            "picture later: give readout_s, else their phase errs by up to 2πf times that."
+        )
     if manifest.board.two_sided:
         yield "The two sides of the board are printed in one place; its thickness is neglected."
     order = int(data["harmonics"])

@@ -20,6 +20,7 @@ from thesis_lib.experiment.harmonics import (
     mean_of,
     sums_of,
 )
+from thesis_lib.experiment.lens import distorted
 from thesis_lib.experiment.manifest import Manifest
 from thesis_lib.measuring.frequency import advance, look_for
 from thesis_lib.measuring.models import assurance, candidates, scaled
@@ -141,13 +142,18 @@ def _at_rest(own: Recording, seconds: float) -> Array:
 def _harmonics(
     own: Recording, still: Array, omega: float, begin: float, end: float, order: int
 ) -> Harmonics:
-    """Harmonics of the tracks of one camera, part by part about the markers' places at rest."""
+    """Harmonics of the tracks of one camera, part by part about the markers' places at rest.
+
+    A rolling shutter sees every marker at the time of its row; the harmonics are those at the
+    frames' times.
+    """
     middle, sums = still, []
     for times, uv in own.parts(begin, end):
         middle = np.where(np.isfinite(middle), middle, mean_of(uv))
         sums.append(sums_of(omega, times, uv - middle, order))
         sums = [reduce(add, sums)]
-    return sums[0].solve().raised(middle)
+    rows = distorted(own.camera, middle)[1] / own.camera.size[1]
+    return sums[0].solve().raised(middle).earlier(omega, own.readout * (rows - 0.5))
 
 
 def _common_phase(shape: ComplexArray, force: complex, damping: float) -> float:
