@@ -288,8 +288,6 @@ def test_broken_recordings_are_named(recordings, tmp_path):
 @pytest.mark.parametrize(
     ("field", "value", "line"),
     [
-        ("frequency_hz", None, "excitation.frequency_hz: given null, allowed here: a number, in "
-         "Hz"),
         ("frequency_hz", 1e5, "excitation.frequency_hz: given 100000, allowed: below half of the "
          "frame rate, 30 Hz"),
         ("frequency_hz", 30.0, "excitation.frequency_hz: given 30, allowed: below half of the "

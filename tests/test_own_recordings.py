@@ -64,7 +64,7 @@ def test_colour_videos_and_a_clap_in_a_room(tmp_path):
     excitation = {"sound": "room", "frequency_hz": None, "steady_s": (0.45, 2.0),
                   "force_per_full_scale_n": None}  # fmt: skip
     manifest = own.make(tmp_path, rig, excitation, colour=True,
-                        sound=lambda rig, index: own.room(rig, index, 0.12))  # fmt: skip
+                        sound=lambda rig, index: own.room(rig, index, 0.9))  # fmt: skip
     data = measured(manifest, tmp_path / "out")
     assert data.attrs["most_similar"] == "bending 1"
     compared(data, rig, 0.02)

@@ -1,10 +1,14 @@
 """Starts of cameras from their sound: errors against truth, ambiguity, bounds, bad recordings."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import resample_poly
 
+from thesis_lib.experiment.decimation import EDGE, decimate, decimated
+from thesis_lib.experiment.sound_checks import checked, find_tone
 from thesis_lib.experiment.synchronisation import (
     SynchronisationError,
     coupling_delay,
@@ -16,6 +20,8 @@ from thesis_lib.experiment.synchronisation import (
     tone_frequency,
     whole_frames,
 )
+from thesis_lib.experiment.tones import frequency_deviation, strongest
+from thesis_lib.experiment.transients import without_tone
 
 RATE = 48000
 FPS = 60
@@ -351,3 +357,277 @@ def test_noise_beyond_the_tone_s_band_does_not_count(snr_db):
     signals, truth = recordings(growing, 3, snr_db)
     found = synchronise([0.5 * x for x in signals], RATE, FPS, FREQUENCY)
     np.testing.assert_allclose(found.delays, truth, atol=0.05 / FPS)
+
+
+# Blocks.
+
+
+def divided(x, seed):
+    """A signal in blocks of any length, some of them empty."""
+    cuts = np.sort(np.random.default_rng(seed).integers(0, len(x), 12))
+    return np.split(x, [*cuts, cuts[-1]])
+
+
+@pytest.mark.parametrize("step", [1, 2, 3, 12, 14])
+@pytest.mark.parametrize("length", [20000, 20001, 19993])
+def test_a_signal_decimated_in_blocks_is_the_whole_one_decimated(step, length):
+    x = np.random.default_rng(step).standard_normal(length)
+    whole = resample_poly(x, 1, step)[EDGE:-EDGE] if step > 1 else x
+    for seed in range(5):
+        blocks = np.concatenate(list(decimate(divided(x, seed), step)))
+        np.testing.assert_allclose(blocks, whole, atol=1e-12)
+    np.testing.assert_allclose(decimated(x, 48000, 48000 / step)[0], whole, atol=1e-12)
+
+
+def test_a_signal_shorter_than_the_low_pass_leaves_nothing():
+    assert len(decimated(np.ones(19 * 12), 48000, 4000)[0]) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda x: x, None),
+        (lambda x: x[:12000], "A: 0.250 s of audio"),
+        (lambda x: 0.3 + 1.9e-4 * x, "A: silent audio (rms 9.5e-05"),
+        (lambda x: 0.3 + 2.1e-4 * x, None),
+        (lambda x: np.where(np.arange(len(x)) < 0.021 * len(x), -1.0, 0.9 * x), "clipped"),
+        (lambda x: np.where(np.arange(len(x)) > 0.981 * len(x), 1.0, 0.9 * x), None),
+        (lambda x: np.where(np.arange(len(x)) == len(x) - 1, np.nan, x), "allowed: finite"),
+    ],
+    ids=["good", "short", "silent", "faint", "clipped", "nearly clipped", "not a number"],
+)
+def test_recordings_are_checked_in_blocks_as_in_one(change, words):
+    x = change(np.tile([0.5, -0.5], 24000))
+    for blocks in ([x], divided(x, 1), divided(x, 2)):
+        if words is None:
+            np.testing.assert_array_equal(np.concatenate(list(checked(blocks, RATE, 0.5, "A"))), x)
+            continue
+        with pytest.raises(SynchronisationError) as error:
+            list(checked(blocks, RATE, 0.5, "A"))
+        assert words in str(error.value)
+
+
+# Long tones, in which the moment that tells the periods apart is a small part.
+
+LOW = 8000  # Hz, which makes the same noise denser
+
+
+def onset(t):
+    """A tone that starts at once."""
+    return 0.5 * (t > 1) * np.sin(2 * np.pi * FREQUENCY * (t - 1))
+
+
+def late_clap(t):
+    """A steady tone, and a clap after 200 s."""
+    since = np.maximum(t - 200, 0)
+    return tone(t) + 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * 700 * since)
+
+
+def ending(t):
+    """A tone that fades over two periods after 250 s."""
+    return tone(t) * np.clip(1 - (t - 250) / (2 * PERIOD), 0, 1)
+
+
+def long_recordings(signal, seed, seconds=300, spread=0.3, snr_db=20.0):
+    rng = np.random.default_rng(seed)
+    starts = rng.uniform(0, spread, 2)
+    t = np.arange(round(seconds * LOW)) / LOW
+    spread = np.sqrt(POWER / 10 ** (snr_db / 10))
+    signals = [signal(t + start) + spread * rng.standard_normal(len(t)) for start in starts]
+    return signals, starts - starts[0]
+
+
+@pytest.mark.parametrize("signal", [growing, onset, clap, late_clap, ending])
+def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(signal):
+    signals, truth = long_recordings(signal, 1)
+    found = synchronise(signals, LOW, FPS, FREQUENCY)
+    assert not found.ambiguous
+    np.testing.assert_allclose(found.delays, truth, atol=0.05 / FPS)
+    np.testing.assert_allclose(found.delays, truth, atol=0.002 / FPS)  # what we have
+
+
+def test_five_minutes_of_tone_alone_are_ambiguous():
+    found = synchronise(long_recordings(tone, 2)[0], LOW, FPS, FREQUENCY)
+    assert found.ambiguous
+    assert found.period == pytest.approx(PERIOD)
+    assert any("Ambiguous by whole periods" in line for line in found.describe())
+
+
+def test_an_onset_is_found_though_the_frequency_is_only_roughly_known():
+    signals, truth = long_recordings(growing, 3, seconds=60)
+    found = synchronise(signals, LOW, FPS, FREQUENCY * 1.0005)
+    assert not found.ambiguous
+    np.testing.assert_allclose(found.delays, truth, atol=0.01 / FPS)
+
+
+def test_claps_of_different_recordings_leave_the_tone_ambiguous():
+    (a, b), _ = long_recordings(tone, 4, seconds=60)
+    t = np.arange(len(a)) / LOW
+    for x, moment, pitch in ((a, 20.0, 700), (b, 33.0, 450)):
+        since = np.maximum(t - moment, 0)
+        x += 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * pitch * since)
+    assert synchronise([a, b], LOW, FPS, FREQUENCY).ambiguous
+
+
+@pytest.mark.parametrize("rate", [4000, 3999.3, 272.7])
+def test_nothing_of_a_steady_tone_is_left_by_its_removal(rate):
+    t = np.arange(round(5 * rate)) / rate
+    assert np.abs(without_tone(tone(t), rate, FREQUENCY)).max() < 1e-12
+    left = without_tone(0.2 + 0.1 * tone(2 * t), rate, FREQUENCY)  # an offset and a harmonic
+    assert np.abs(left).max() < 2 * 0.05 * (2 * np.pi * FREQUENCY * 2 / rate) ** 2 + 1e-3 * 0.2
+    moved = without_tone(growing(t), rate, FREQUENCY)
+    assert np.abs(moved).max() == pytest.approx(0.25, rel=0.01)  # half of it in each period
+
+
+# A room.
+
+
+def noise_of(rng, n, colour):
+    """Noise whose power falls with the frequency to the power `colour`, rms 1."""
+    spectrum = np.fft.rfft(rng.standard_normal(n))
+    spectrum /= np.maximum(np.fft.rfftfreq(n, 1 / RATE), 5) ** (colour / 2)
+    x = np.fft.irfft(spectrum, n)
+    return x / x.std()
+
+
+def heard(seed, level_db, seconds=11, colour=0, moments=(6.0,)):
+    """What two microphones hear of claps of 5 ms, `level_db` above their own noises, rms 0.02."""
+    rng = np.random.default_rng(seed)
+    starts = rng.uniform(0, 5, 2)
+    n, length = round(seconds * RATE), round(0.005 * RATE)
+    clap = rng.standard_normal(length) * np.exp(-np.arange(length) / length * 3)
+    clap *= 10 ** (level_db / 20) / np.sqrt(np.mean(clap**2))
+    f = np.fft.rfftfreq(2 * length)
+    signals = []
+    for start in starts:
+        x = noise_of(rng, n, colour)
+        for moment in moments:
+            first, between = divmod((moment - start) * RATE, 1)
+            shifted = np.fft.irfft(
+                np.fft.rfft(clap, 2 * length) * np.exp(-2j * np.pi * f * between)
+            )
+            x[int(first) : int(first) + 2 * length] += shifted
+        signals.append(0.02 * x)
+    return signals, starts - starts[0]
+
+
+@pytest.mark.parametrize(
+    ("level_db", "colour", "least"),
+    [(-10, 0, 0), (0, 0, 0), (5, 1, 0), (10, 0, 2), (10, 2, 3), (15, 1, 3), (20, 0, 3), (20, 2, 3)],
+)
+def test_a_clap_in_independent_noise_is_found_or_refused(level_db, colour, least):
+    """Starts are up to 5 s apart; at least so many of three recordings must be found."""
+    found = 0
+    for seed in range(3):
+        signals, truth = heard(seed, level_db, colour=colour)
+        with suppress(SynchronisationError):
+            delays = synchronise(signals, RATE, FPS, sound="room").delays
+            np.testing.assert_allclose(delays, truth, atol=0.1 / FPS)
+            np.testing.assert_allclose(delays, truth, atol=0.005 / FPS)  # what we have
+            found += 1
+    assert found >= least
+
+
+def test_a_clap_that_is_not_heard_is_refused():
+    refused(heard(0, -10)[0], "recording 1: no sound in it matches that of recording 0",
+            sound="room")  # fmt: skip
+
+
+def test_a_room_s_report_says_what_sound_in_air_does():
+    signals, truth = heard(1, 20)
+    found = synchronise(
+        signals, RATE, FPS, FREQUENCY, sound="room"
+    )  # there is no tone, nor need be
+    text = " ".join(found.describe())
+    assert found.method == "room"
+    assert not found.ambiguous
+    assert "2.9 ms per metre" in text
+    assert "a single knock" in text.lower()
+    assert "AC-coupled" not in text
+    np.testing.assert_allclose(found.delays, truth, atol=0.005 / FPS)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_voices_are_enough(seed):
+    """Three seconds of something like speech in every recording, 6 dB above the noise."""
+    rng = np.random.default_rng(seed)
+    n, starts = 6 * RATE, rng.integers(0, 2 * RATE, 2)
+    t = np.arange(n + 2 * RATE) / RATE
+    loud = np.maximum(np.interp(t, np.arange(0, 9, 0.12), rng.standard_normal(75)), 0)
+    pulses = np.diff(np.floor(120 * t + 3 * np.sin(4 * t)), prepend=0)
+    voice = loud * (noise_of(rng, len(t), 1) + 3 * pulses)
+    voice *= ((t > 3) & (t < 6)) / voice.std()
+    signals = [0.05 * (2 * voice[s : s + n] + noise_of(rng, n, 1)) for s in starts]
+    delays = synchronise(signals, RATE, FPS, sound="room").delays
+    np.testing.assert_allclose(delays, (starts - starts[0]) / RATE, atol=0.005 / FPS)
+
+
+def hum(t):
+    return np.sin(2 * np.pi * 50 * t) + 0.4 * np.sin(2 * np.pi * 150 * t + 1)
+
+
+def test_a_clap_is_found_through_a_louder_hum():
+    signals, truth = heard(2, 20)
+    t = np.arange(len(signals[0])) / RATE
+    signals = [x + 0.2 * hum(t + d) for x, d in zip(signals, truth, strict=True)]
+    delays = synchronise(signals, RATE, FPS, sound="room").delays
+    np.testing.assert_allclose(delays, truth, atol=0.005 / FPS)
+
+
+def test_what_repeats_or_is_not_shared_is_refused_in_a_room():
+    rng = np.random.default_rng(0)
+    n = 8 * RATE
+    t = np.arange(n) / RATE
+    rattle = np.zeros(n + RATE)
+    knock = rng.standard_normal(300) * np.exp(-np.arange(300) / 80)
+    for k in range(0, len(rattle) - 300, round(PERIOD * RATE)):
+        rattle[k : k + 300] += knock
+    pairs = {
+        "noise": [noise_of(rng, n, 0), noise_of(rng, n, 0)],
+        "rumble": [noise_of(rng, n, 3), noise_of(rng, n, 3)],
+        "hum": [hum(t) + 0.1 * noise_of(rng, n, 1), hum(t + 0.3) + 0.1 * noise_of(rng, n, 1)],
+        "rattle": [rattle[s : s + n] + 0.1 * noise_of(rng, n, 0) for s in (0, 20000)],
+    }
+    for signals in pairs.values():
+        refused([0.05 * x for x in signals], "recording 1: no sound in it matches", sound="room")
+
+
+def test_a_recording_that_is_mostly_digital_silence_may_hold_a_clap():
+    signals, truth = heard(3, 30)
+    gated = [np.where(np.abs(x) < 0.1, 0, x) for x in signals]
+    delays = synchronise(gated, RATE, FPS, sound="room").delays
+    np.testing.assert_allclose(delays, truth, atol=0.01 / FPS)
+
+
+# The frequency of a tone that is sought.
+
+
+@pytest.mark.parametrize("frequency", [0.7, 4.25, 29.3, 212.0])
+def test_a_tone_is_found_and_its_error_is_the_noise_s(frequency):
+    """Over draws, the error over its stated deviation scatters by 1."""
+    t = np.arange(0, max(8, 8 / frequency), 1 / 2000)
+    off = []
+    for seed in range(30):
+        noise = 0.1 * np.random.default_rng(seed).standard_normal(len(t))
+        x = 0.3 * np.sin(2 * np.pi * frequency * t + seed) + noise
+        found, seconds = find_tone(x, 2000, "A", (0.0, t[-1]))
+        assert seconds == pytest.approx(t[-1], abs=0.05 + 0.4 / frequency)
+        low, rate = decimated(x, 2000, 64 * frequency)
+        off.append((found - frequency) / frequency_deviation(low, rate, found))
+    assert 0.7 < np.sqrt(np.mean(np.square(off))) < 1.35
+
+
+def test_the_strongest_line_of_a_long_signal_is_that_of_the_whole():
+    x = tone(np.arange(40000) / 200) + np.random.default_rng(0).standard_normal(40000)
+    assert strongest(x, 200, 1, 50) == pytest.approx(FREQUENCY, abs=0.25 / 200)
+    assert strongest(x, 200, 1, 50, most=4000) == pytest.approx(FREQUENCY, abs=0.25 / 20)
+
+
+def test_what_is_no_steady_tone_is_not_found():
+    t = np.arange(8 * 4000) / 4000
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(t))
+    for x, part in ((noise, None), (tone(t) + 0.4 * hum(t), None),
+                    (tone(t), (3.0, 3.5))):  # fmt: skip
+        with pytest.raises(SynchronisationError, match="A: no steady tone below 500 Hz") as error:
+            find_tone(x, 4000, "A", part)
+        assert "\n" not in str(error.value)

@@ -218,11 +218,13 @@ def measure(
     markers = markers_of(manifest)
     calibrations = calibrations or calibrate(manifest, folder)
     sound = listen(manifest, folder)
-    full = calibrations.full.cameras
+    frequency, full = sound.frequency, calibrations.full.cameras
+    if sound.force is None or frequency is None:
+        raise ManifestError('excitation.sound: given "room", allowed here: "force"')
 
     def one(index: int) -> Followed:
         files = manifest.cameras[index]
-        turn = 2 * np.pi * sound.frequency / files.frame_rate_hz
+        turn = 2 * np.pi * frequency / files.frame_rate_hz
         return follow(folder / files.video, full[index], markers, widths, files.corners_px, turn)
 
     with alike(), ThreadPoolExecutor(2) as pool:
@@ -317,7 +319,8 @@ def _dataset(
     add("delay", ("camera",), found.delays, "s", "start after the reference camera's")
     add("delay_frames", ("camera",), found.frames, "1", "the same in whole frames")
     add("frequency", (), sound.frequency, "Hz", "frequency of the force")
-    add("force", ("part",), [sound.force.real, sound.force.imag], "1",
+    force = sound.force or 0j
+    add("force", ("part",), [force.real, force.imag], "1",
         "amplitude of the force over full scale, real and imaginary part")  # fmt: skip
     add("steady", ("end",), sound.steady, "s", "steady part on the reference camera's clock")
     poses = ("calibration", "camera")

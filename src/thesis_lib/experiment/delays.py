@@ -11,29 +11,31 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
-from scipy.signal import find_peaks, resample_poly
+from scipy.signal import find_peaks
+
+from thesis_lib.experiment.correlation import heights, normalised_correlation, summit
+from thesis_lib.experiment.decimation import decimated
+from thesis_lib.experiment.tones import (
+    TONE_RATE,
+    SynchronisationError,
+    check_rate,
+    settled_part,
+    tone_at,
+)
 
 Array = NDArray[np.float64]
-Lags = NDArray[np.int64]
-
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
-TONE_RATE = 64  # samples per period at which a tone's phase is fitted
-FEWEST = 8  # samples per period from which on one is fitted
-EDGE = 10  # samples that the low-pass reaches to either side
+UNLIKE = 0.3  # correlation below which two recordings have nothing in common
 DOUBT = 5.0  # standard deviations by which one peak must beat the other
 SAME = 0.9998  # ratio of peaks from which on they are alike, as recordings never are quite
-
-
-class SynchronisationError(ValueError):
-    """Recordings that cannot be synchronised; the message is one line."""
 
 
 @dataclass(frozen=True)
 class Match:
     """Where one recording lies on another: delay in s, other peaks, certainty.
 
-    `ratio`, `threshold`, `period`, `ambiguous` and `snr` are as in :class:`Synchronisation`.
+    `ratio`, `threshold`, `period`, `ambiguous` and `snr` are as in :class:`Synchronisation`, `peak`
+    is the highest correlation, `least` what it must be.
     """
 
     delay: float
@@ -43,112 +45,66 @@ class Match:
     period: float | None
     ambiguous: bool
     snr: float
+    least: float = UNLIKE
+
+    @property
+    def certain(self) -> bool:
+        """Whether the recordings are alike, and in one place only."""
+        return not self.ambiguous and self.peak >= self.least
 
 
-def decimated(signal: ArrayLike, rate: float, wanted: float) -> tuple[Array, float]:
-    """The signal low-passed at the lowest rate above `wanted`, and that rate in Hz.
-
-    Where the filter reaches beyond its ends the signal is cut: it starts later, but that of all
-    recordings alike, which leaves their delays.
-    """
-    x = np.asarray(signal, float)
-    step = max(1, int(rate // wanted))
-    return (resample_poly(x, 1, step)[EDGE:-EDGE] if step > 1 else x), rate / step
-
-
-def cut_off(rate: float, low_rate: float) -> float:
-    """How much later in s a signal starts that was :func:`decimated` from one rate to another."""
-    return EDGE / low_rate if low_rate < rate else 0.0
-
-
-def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[Lags, Array]:
-    """Correlation coefficient of a[j + lag] and b[j] over the j that both have.
-
-    Each lag is normalised by the means and energies of its own overlap: without, the shrinking
-    overlap would pull the peak to lag zero.
-
-    Parameters
-    ----------
-    a, b : array_like, shape (samples of each,)
-        Two signals at the same rate.
-    most : int
-        Largest lag in samples.
-
-    Returns
-    -------
-    lags, coefficients : ndarray, shape (lags,)
-        Lags in samples, and −1…1.
-    """
-    x, y = np.asarray(a, float), np.asarray(b, float)
-    x, y = x - x.mean(), y - y.mean()
-    lags = np.arange(max(-most, 1 - len(y)), min(most, len(x) - 1) + 1)
-    size = 1 << (len(x) + len(y) - 1).bit_length()
-    product = np.fft.irfft(np.fft.rfft(x, size) * np.conj(np.fft.rfft(y, size)), size)[lags]
-    low, high = np.maximum(lags, 0), np.minimum(len(y) + lags, len(x))  # the overlap, in x
-    n = high - low
-
-    def sums(v: Array, low: Lags, high: Lags) -> tuple[Array, Array]:
-        first, second = (np.concatenate([[0.0], np.cumsum(w)]) for w in (v, v * v))
-        total = first[high] - first[low]
-        return total, np.maximum(second[high] - second[low] - total**2 / n, 0)
-
-    (sum_x, energy_x), (sum_y, energy_y) = sums(x, low, high), sums(y, low - lags, high - lags)
-    energy, covariance = np.sqrt(energy_x * energy_y), product - sum_x * sum_y / n
-    return lags, np.divide(covariance, energy, out=np.zeros_like(energy), where=energy > 0)
-
-
-def _summit(lags: Lags, c: Array, top: int) -> float:
-    """Lag of a peak between samples, by a polynomial through its cap.
-
-    A slow tone's peak is so flat that noise decides among three samples; a clap's has no more.
-    """
-    below = np.flatnonzero(np.concatenate([[True], c < 0.8 * c[top], [True]])) - 1
-    reach = int(min(top - below[below < top].max(), below[below > top].min() - top)) - 1
-    if reach < 1:
-        return float(lags[top])
-    u = np.arange(-reach, reach + 1) / reach
-    cap = c[top - reach : top + reach + 1]
-    fit = np.polynomial.Polynomial.fit(u, cap, 2 if reach < 4 else 4, domain=[-1, 1])
-    slope = fit.deriv()
-    roots = slope.roots()
-    real = roots[np.abs(roots.imag) < 1e-9].real
-    real = real[np.abs(real) <= 1]
-    shift = real[np.argmax(fit(real))] if len(real) else 0.0
-    return float(lags[top] + reach * shift)
-
-
-def _heights(c: Array, tops: Lags) -> Array:
-    """Heights of peaks between samples, by a parabola through the three highest of each."""
-    left, middle, right = (c[np.clip(tops + k, 0, len(c) - 1)] for k in (-1, 0, 1))
-    bend = np.maximum(2 * middle - left - right, 1e-15)
-    return middle + np.minimum((right - left) ** 2 / bend, bend) / 8
-
-
-def match(reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float | None) -> Match:
-    """Delay of one recording by the highest peak of the normalised cross-correlation.
+def compared(
+    a: ArrayLike,
+    b: ArrayLike,
+    rate: float,
+    max_delay: float | None,
+    *,
+    same: float = SAME,
+    telling: int | None = None,
+    least: float = 0.0,
+    by_noise: bool = True,
+) -> Match:
+    """Delay by the highest peak of the normalised cross-correlation, at the given rate.
 
     Where two recordings match, 1 minus their correlation is the energy of their noises over that of
     the signal, ε; over n samples it scatters by ε √(2/n). Two peaks cannot be told apart if their
     heights differ by less than `DOUBT` standard deviations of such a difference, and the part of
     ε that the change of overlap may cause. Of such peaks that of the shortest delay is taken.
+
+    Parameters
+    ----------
+    a, b : array_like, shape (samples of each,)
+        The reference and the other recording.
+    rate : float
+        Their sample rate in Hz.
+    max_delay : float or None
+        Largest delay looked for in s; half of the shorter recording if not given.
+    same : float
+        Ratio of peaks from which on they are alike in any case.
+    telling : int, optional
+        Samples n in which there is anything; those that overlap if not given.
+    least : float
+        Other peaks nearer than this many s do not count.
+    by_noise : bool
+        Whether noise lowers the ratio from which on peaks are alike.
     """
-    a, low_rate = decimated(reference, rate, CORRELATION_RATE)
-    b, _ = decimated(other, rate, CORRELATION_RATE)
-    shorter = min(len(a), len(b))
-    most = shorter // 2 if max_delay is None else min(int(max_delay * low_rate), shorter - 2)
+    shorter = min(len(np.asarray(a)), len(np.asarray(b)))
+    most = shorter // 2 if max_delay is None else min(int(max_delay * rate), shorter - 2)
     lags, c = normalised_correlation(a, b, most)
     best = int(np.argmax(c))
     peak = float(c[best])
     tops, _ = find_peaks(np.concatenate([[-1], c, [-1]]), height=0.5 * peak, prominence=0.1 * peak)
     tops = tops[tops != best + 1] - 1
+    tops = tops[np.abs(lags[tops] - lags[best]) > least * rate]
     if not len(tops):
         snr = peak / max(1 - peak, 1e-12)
-        return Match(_summit(lags, c, best) / low_rate, peak, 0.0, 1.0, None, False, snr)
-    n = shorter - np.abs(lags[best])
+        return Match(summit(lags, c, best) / rate, peak, 0.0, 1.0, None, False, snr)
+    overlap = shorter - np.abs(lags[best])
     noise = max(1 - peak, 1e-12) / max(peak, 1e-12)
     apart = np.abs(lags[tops] - lags[best])
-    thresholds = np.minimum(SAME, 1 - noise * (DOUBT * 2 / np.sqrt(n) + apart / n))
-    ratios = _heights(c, tops) / _heights(c, np.array([best]))
+    scatter = DOUBT * 2 / np.sqrt(telling or overlap)
+    thresholds = np.minimum(same, 1 - by_noise * noise * (scatter + apart / overlap))
+    ratios = heights(c, tops) / heights(c, np.array([best]))
     doubtful = ratios >= thresholds
     second = int(np.argmax(ratios))
     alike = np.append(tops[doubtful], best)
@@ -156,9 +112,16 @@ def match(reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float 
     others = np.abs(lags[alike[alike != chosen]] - lags[chosen])
     period = float(others.min() if len(others) else apart[second])
     return Match(
-        _summit(lags, c, chosen) / low_rate, peak, float(ratios[second]),
-        float(thresholds[second]), period / low_rate, bool(doubtful.any()), 1 / noise,
+        summit(lags, c, chosen) / rate, peak, float(ratios[second]),
+        float(thresholds[second]), period / rate, bool(doubtful.any()), 1 / noise,
     )  # fmt: skip
+
+
+def match(reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float | None) -> Match:
+    """Delay of one recording by correlation with another; see :func:`compared`."""
+    a, low_rate = decimated(reference, rate, CORRELATION_RATE)
+    b, _ = decimated(other, rate, CORRELATION_RATE)
+    return compared(a, b, low_rate, max_delay)
 
 
 def cross_correlation_delays(
@@ -185,88 +148,13 @@ def cross_correlation_delays(
     )
 
 
-def tone_at(signal: Array, rate: float, frequency: float, centre: float) -> tuple[complex, float]:
-    """Complex amplitude at time `centre` of a tone plus a constant, and its share of the energy."""
-    t = np.arange(len(signal)) / rate - centre
-    w = 2 * np.pi * frequency * t
-    basis = np.stack([np.cos(w), np.sin(w), np.ones_like(w)], axis=1)
-    fit, *_ = np.linalg.lstsq(basis, signal, rcond=None)
-    explained = float(np.var(basis @ fit) / max(np.var(signal), 1e-300))
-    return complex(fit[0], -fit[1]), explained
-
-
-def tone_share(signal: Array, rate: float, frequency: float) -> float:
-    """Share of a signal's variance that a tone explains."""
-    return tone_at(signal, rate, frequency, len(signal) / rate / 2)[1]
-
-
-def tone_frequency(signal: ArrayLike, rate: float, guess: float) -> float:
-    """Frequency in Hz, within 10 % of a guess, of the tone that explains most of a signal."""
-    x, low_rate = decimated(signal, rate, TONE_RATE * guess)
-    resolution = low_rate / len(x)
-
-    def missed(frequency: float) -> float:
-        return -tone_share(x, low_rate, frequency)
-
-    size = 1 << (8 * len(x)).bit_length()
-    near = np.arange(int(0.9 * guess * size / low_rate) + 1, 1.1 * guess * size / low_rate)
-    spectrum = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)), size))
-    best = near[np.argmax(spectrum[near.astype(int)])] * low_rate / size
-    bounds = max(best - resolution / 2, 0.9 * guess), min(best + resolution / 2, 1.1 * guess)
-    return float(minimize_scalar(missed, bounds=bounds, options={"xatol": 1e-9}).x)
-
-
-def check_rate(rate: float, frequency: float) -> None:
-    """Refuse a tone that has too few samples per period."""
-    if not 0 < FEWEST * frequency <= rate:
-        raise SynchronisationError(
-            f"excitation.frequency_hz: given {frequency:g}, allowed: at most {rate / FEWEST:g} Hz, "
-            f"{FEWEST} samples of the sound per period"
-        )
-
-
-def steady_part(x: Array, rate: float, frequency: float) -> tuple[float, float]:
-    """Start and end in s of the longest part in which a tone keeps its amplitude within 15 %.
-
-    Amplitudes are those of whole periods, compared with the median of the louder half.
-    """
-    check_rate(rate, frequency)
-    period = rate / frequency
-    n = round(period)
-    edges = np.rint(np.arange(0, len(x) / period, 0.25) * period).astype(int)
-    edges = edges[edges + n <= len(x)]
-    if not len(edges):
-        return 0.0, len(x) / rate
-    w = 2 * np.pi * np.arange(n) / period
-    fit = np.linalg.pinv(np.stack([np.cos(w), np.sin(w), np.ones_like(w)], axis=1))[:2]
-    amplitudes = np.array([np.hypot(*(fit @ x[e : e + n])) for e in edges])
-    loud = np.median(amplitudes[amplitudes >= np.median(amplitudes)])
-    changes = np.diff(
-        np.concatenate([[0], np.abs(amplitudes - loud) < 0.15 * loud, [0]]).astype(int)
-    )
-    starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
-    if not len(starts):
-        return 0.0, 0.0
-    longest = int(np.argmax(ends - starts))
-    return float(edges[starts[longest]] / rate), float((edges[ends[longest]] + n) / rate)
-
-
-def settled_part(x: Array, rate: float, frequency: float) -> tuple[float, float]:
-    """The steady part without what is left in it of a tone that grows before or fades after it.
-
-    That is its first period, and its last unless the recording ends with it.
-    """
-    start, end = steady_part(x, rate, frequency)
-    fades = end < len(x) / rate - 0.5 / frequency
-    return start + 1 / frequency, end - fades / frequency
-
-
 def phase_delays(
     signals: Sequence[ArrayLike],
     rate: float,
     frequency: float,
     guess: ArrayLike,
     reference: int = 0,
+    steady: tuple[float, float] | None = None,
 ) -> Array:
     """Delays from the phase of a tone, each the one nearest to a guess, shape (recordings,), s.
 
@@ -286,6 +174,8 @@ def phase_delays(
         Delays to within half a period, s.
     reference : int
         Recording whose delay is 0.
+    steady : tuple of float, optional
+        Used instead of the reference's settled part, s after its first sample.
 
     Raises
     ------
@@ -298,7 +188,7 @@ def phase_delays(
     near = near - near[reference]
     parts = [decimated(x, rate, TONE_RATE * frequency) for x in signals]
     low_rate = parts[0][1]
-    start, end = settled_part(parts[reference][0], low_rate, frequency)
+    start, end = steady or settled_part(parts[reference][0], low_rate, frequency)
     start = max(start, float(near.max()))
     end = min([end, *(float(len(x) / low_rate + g) for (x, _), g in zip(parts, near, strict=True))])
     periods = int((end - start) * frequency)
@@ -313,7 +203,7 @@ def phase_delays(
         first = max(0, min(round((start - g) * low_rate), len(x) - length))
         centre = (first + (length - 1) / 2) / low_rate
         part = x[first : first + length]
-        phases.append(np.angle(tone_at(part, low_rate, frequency, centre - first / low_rate)[0]))
+        phases.append(np.angle(tone_at(part, low_rate, frequency, centre - first / low_rate)))
         centres.append(centre)
     turn = (np.array(phases) - phases[reference]) / (2 * np.pi * frequency)
     delays = centres[reference] - np.array(centres) + turn

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml  # type: ignore[import-untyped]
 from pydantic import BaseModel, ValidationError
 
@@ -29,6 +30,7 @@ __all__ = ["BoardSpec", "CameraFiles", "Excitation", "Manifest", "ManifestError"
            "Structure", "check_excitation", "check_recordings", "read_manifest", "shot_paths",
            "write_manifest"]  # fmt: skip
 
+STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
 RATE_TOLERANCE = 5e-4  # relative; 60 and 59.94 Hz are 0.1 % apart
 APART = 0.5  # s that a video's pictures and its sound may end apart
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}  # sought in folders
@@ -101,7 +103,7 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
     """
     if not path.is_file():
         raise ManifestError(
-            f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}"
+            f"{path}: {'a folder, give the YAML file in it' if path.is_dir() else 'no such file'}"
         )
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), _Loader)
@@ -110,7 +112,7 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         where = f"line {mark.line + 1}" if mark else "its text"
         raise ManifestError(f"{path}: {where}: {one_line(str(error.problem))}") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError):
-        raise ManifestError(f"{path}: not a YAML text") from None
+        raise ManifestError(f"{path}: not a YAML text in UTF-8") from None
     if not isinstance(values, dict):
         raise ManifestError(f"{path}: given {shown(values)}, allowed: fields and their values")
     try:
@@ -139,27 +141,43 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     """
     if not isinstance(camera.shots, str):
         return [None if shot is None else folder / shot for shot in camera.shots]
-    inside = (folder / camera.shots).is_dir()
+    place = folder / camera.shots
+    inside = place.is_dir()
     try:
-        files = folder.glob(f"{camera.shots}/*" if inside else camera.shots)
-        pictures = [file for file in files if not inside or file.suffix.lower() in PICTURES]
+        files = place.glob("*") if inside else folder.glob(camera.shots)
+        pictures = [
+            file for file in files
+            if not file.name.startswith(".")  # as macOS puts beside those it copies
+            and (not inside or file.suffix.lower() in PICTURES)
+        ]  # fmt: skip
         return [*sorted(pictures, key=lambda file: _by_number(file.name))]
     except (ValueError, NotImplementedError):  # no pattern that pathlib knows
         return []
 
 
 def check_excitation(manifest: Manifest) -> list[str]:
-    """What of the excitation these cameras cannot film, one line each; empty if nothing."""
+    """What of the excitation these cameras cannot film, one line each; empty if nothing.
+
+    Above half of the frame rate the motion is sampled too rarely, which is refused unless it is
+    declared; and near multiples of that half it seems to stand still or to flip from frame to
+    frame, from which its phase cannot be told.
+    """
     lines = []
     slowest = min(camera.frame_rate_hz for camera in manifest.cameras)
     frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_s
-    if frequency is None:
-        lines.append("excitation.frequency_hz: given null, allowed here: a number, in Hz")
-    elif frequency >= slowest / 2:
-        lines.append(
-            f"excitation.frequency_hz: given {frequency:.6g}, allowed: below half of the frame "
-            f"rate, {slowest / 2:g} Hz"
-        )
+    given = f"excitation.frequency_hz: given {frequency:.6g}, allowed" if frequency else ""
+    if frequency is not None and manifest.excitation.undersampled:
+        for i, camera in enumerate(manifest.cameras):
+            half = camera.frame_rate_hz / 2
+            multiple = max(1, round(frequency / half)) * half
+            if abs(frequency - multiple) < STANDS_STILL * half:
+                lines.append(
+                    f"{given}: at least {STANDS_STILL * half:.4g} Hz from {multiple:.6g} Hz, a "
+                    f"multiple of half the frame rate of cameras[{i}]"
+                )
+                break
+    elif frequency is not None and frequency >= slowest / 2:
+        lines.append(f"{given}: below half of the frame rate, {slowest / 2:g} Hz")
     if rest * slowest < 3 - 1e-9:
         lines.append(
             f"excitation.rest_s: given {rest:.6g}, allowed: at least {3 / slowest:.4g} s, three "
@@ -171,10 +189,10 @@ def check_excitation(manifest: Manifest) -> list[str]:
 def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
     """What in the recordings is other than the manifest says, one line each; empty if nothing.
 
-    The excitation, every video's size, frame rate, length and sound, and the size of every picture
-    of the board.
+    The excitation, the markers' places, every video's size, frame rate, length and sound, and the
+    size of every picture of the board.
     """
-    lines = check_excitation(manifest)
+    lines = check_excitation(manifest) + _check_plane(manifest.structure)
     for i, camera in enumerate(manifest.cameras):
         path = folder / camera.video
         where, says = f"cameras[{i}].video: {path}", "as the manifest says"
@@ -202,6 +220,18 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
             except MediaError as error:
                 lines.append(f"cameras[{i}].shots: {error}")
     return lines
+
+
+def _check_plane(structure: Structure) -> list[str]:
+    """Markers on one line do not tell how the structure is turned about it, so nor what is up."""
+    markers, points = structure.markers, 1000 * structure.marker_points
+    off = points - points.mean(axis=1, keepdims=True)
+    least = np.linalg.eigvalsh(off @ off.T / points.shape[1])[0]  # variance across their line
+    if least >= (markers.diameter_mm / 4) ** 2:
+        return []
+    name = "points_mm" if markers.points_mm else "rows" if markers.rows == 1 else "columns"
+    given = shown(getattr(markers, name))
+    return [f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"]
 
 
 def _lengths(info: VideoInfo, rest: float) -> Iterator[str]:
@@ -264,7 +294,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
     for where, text in named:
         if outside(text):
             yield f"{where}: given {shown(text)}, allowed: {INSIDE}"
-        elif exist and not (folder / text).is_file():
+        elif exist and not _is_file(folder / text):
             yield f"{where}: given {shown(text)}, no such file in {folder}"
         else:
             first = videos.setdefault((root / text).resolve(), where)
@@ -273,6 +303,13 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
     if exist and len(set(numbers.values())) > 1:
         counts = ", ".join(map(str, numbers.values()))
         yield f"cameras: given {counts} shots, allowed: as many for every camera, in the same order"
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long, a folder that may not be entered
+        return False
 
 
 def _model_at(model: type[BaseModel], name: str) -> type[BaseModel] | None:
@@ -313,4 +350,10 @@ def _problem(values: Mapping[str, Any], error: ValidationError) -> str:
         return f"{place}: no such field{hint}; there are {', '.join(names)}"
     if problem["type"] == "missing":
         return f"{place}: missing, {permitted(holder, name)}"
-    return f"{place}: given {shown(problem['input'])}, {permitted(holder, name)}"
+    return f"{place}: given {_given(problem['input'])}, {permitted(holder, name)}"
+
+
+def _given(value: Any) -> str:
+    """A value as it stands in a refusal, of a long list its length."""
+    text = shown(value)
+    return f"a list of {len(value)}" if isinstance(value, list) and text.endswith("...") else text

@@ -11,6 +11,8 @@ before the first one and up to 1024 after the last, and trusts the reader to dro
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -36,12 +38,14 @@ from thesis_lib.experiment.media_info import (
 )
 from thesis_lib.files import whole_file
 
-__all__ = ["MediaError", "VideoInfo", "check_frame_times", "frame_times", "probe", "read_audio",
-           "read_frames", "read_png", "write_png", "write_video"]  # fmt: skip
+__all__ = ["Audio", "MediaError", "VideoInfo", "check_frame_times", "frame_times",
+           "opened_audio", "probe", "read_audio", "read_frames", "read_png", "write_png",
+           "write_video"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
+BLOCK = 1 << 16  # samples of sound that are read at once
 GAP = 0.02  # s that a block of audio may be off its place; containers round to 1 ms
 
 
@@ -175,6 +179,72 @@ def read_frames(path: Path, start: int = 0, stop: int | None = None) -> Iterator
             raise MediaError(f"{path}: ends before frame {k}, {says} frames")
 
 
+@dataclass(frozen=True)
+class Audio:
+    """Sound of a video that is read block by block, once.
+
+    Parameters
+    ----------
+    rate : int
+        Samples per second in Hz.
+    start : float
+        Time of the first sample after that of the first frame, s.
+    blocks : iterator of ndarray, shape (samples,)
+        The samples in −1…1, mixed to one channel, some tens of thousands at a time.
+    """
+
+    rate: int
+    start: float
+    blocks: Iterator[Array]
+
+
+@contextmanager
+def opened_audio(path: Path) -> Iterator[Audio]:
+    """Sound of a video, however long, while the file is open.
+
+    Raises
+    ------
+    MediaError
+        As :func:`probe`, or if there is no audio track; while the blocks are taken, if it is
+        damaged or has a gap.
+    """
+    with opened(path) as file:
+        if not file.streams.audio:
+            raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
+        track = file.streams.audio[0]
+        picture = start_of(file.streams.video[0]) if file.streams.video else 0.0
+        try:
+            frames = file.decode(track)
+            first = next(frames, None)
+        except (av.FFmpegError, OSError):
+            raise MediaError(f"{path}: damaged audio after 0.000 s") from None
+        if first is None:
+            raise MediaError(f"{path}: the audio track is empty")
+        start, rate = first.time or 0.0, track.sample_rate
+        yield Audio(rate, start - picture, _audio_blocks(path, chain([first], frames), start, rate))
+
+
+def _audio_blocks(
+    path: Path, frames: Iterable[av.AudioFrame], start: float, rate: int
+) -> Iterator[Array]:
+    convert = av.AudioResampler(format="fltp")
+    blocks: list[NDArray[np.float32]] = []
+    count = held = 0
+    try:
+        for frame in frames:
+            if abs((frame.time or 0.0) - start - count / rate) > GAP:
+                raise MediaError(f"{path}: the audio has a gap at {start + count / rate:.3f} s")
+            blocks += [block.to_ndarray().mean(axis=0) for block in convert.resample(frame)]
+            count, held = count + frame.samples, held + frame.samples
+            if held >= BLOCK:
+                yield np.concatenate(blocks, dtype=float)
+                blocks, held = [], 0
+    except (av.FFmpegError, OSError):
+        raise MediaError(f"{path}: damaged audio after {count / rate:.3f} s") from None
+    if blocks:
+        yield np.concatenate(blocks, dtype=float)
+
+
 def read_audio(path: Path) -> tuple[Array, int, float]:
     """Sound of a video, mixed to one channel.
 
@@ -190,28 +260,10 @@ def read_audio(path: Path) -> tuple[Array, int, float]:
     Raises
     ------
     MediaError
-        As :func:`probe`, or if there is no audio track, it is damaged or has a gap.
+        As :func:`opened_audio`.
     """
-    with opened(path) as file:
-        if not file.streams.audio:
-            raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
-        track, blocks, start, count = file.streams.audio[0], [], None, 0
-        rate = track.sample_rate
-        convert = av.AudioResampler(format="fltp")
-        try:
-            for frame in file.decode(track):
-                at = frame.time or 0.0
-                start = at if start is None else start
-                if abs(at - start - count / rate) > GAP:
-                    raise MediaError(f"{path}: the audio has a gap at {start + count / rate:.3f} s")
-                blocks += [block.to_ndarray().mean(axis=0) for block in convert.resample(frame)]
-                count += frame.samples
-        except (av.FFmpegError, OSError):
-            raise MediaError(f"{path}: damaged audio after {count / rate:.3f} s") from None
-        if start is None:
-            raise MediaError(f"{path}: the audio track is empty")
-        picture = start_of(file.streams.video[0]) if file.streams.video else 0.0
-        return np.concatenate(blocks, dtype=float), rate, start - picture
+    with opened_audio(path) as audio:
+        return np.concatenate(list(audio.blocks)), audio.rate, audio.start
 
 
 def write_png(path: Path, image: Image) -> None:

@@ -7,46 +7,44 @@ xᵢ(t) = x_ref(t + delayᵢ), and what happens at T appears in recording i at T
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thesis_lib.experiment.correlation import normalised_correlation
+from thesis_lib.experiment.decimation import decimated
 from thesis_lib.experiment.delays import (
     CORRELATION_RATE,
-    TONE_RATE,
-    SynchronisationError,
-    check_rate,
+    UNLIKE,
+    Match,
     cross_correlation_delays,
-    decimated,
     delay_deviation,
-    match,
-    normalised_correlation,
     phase_delays,
-    settled_part,
-    tone_frequency,
-    tone_share,
 )
+from thesis_lib.experiment.sound_checks import check_signals, check_tone, shortest_of
+from thesis_lib.experiment.tones import TONE_RATE, SynchronisationError, check_rate, tone_frequency
+from thesis_lib.experiment.transients import ROOM_RATE, force_match, room_match
 
-__all__ = ["Synchronisation", "SynchronisationError", "check_signal", "check_signals",
-           "check_tone", "coupling_delay", "cross_correlation_delays", "delay_deviation",
-           "normalised_correlation", "phase_delays", "same_rate", "synchronise", "tone_frequency",
+__all__ = ["Synchronisation", "SynchronisationError", "check_signals", "combined",
+           "coupling_delay", "cross_correlation_delays", "delay_deviation",
+           "normalised_correlation", "phase_delays", "synchronise", "tone_frequency",
            "whole_frames"]  # fmt: skip
 
 Array = NDArray[np.float64]
+Kind = Literal["force", "room"]
 
-FULL_SCALE = 1 - 1e-4  # from here on a sample counts as clipped
-CLIPPED = 0.02  # share of such samples that is refused; a tone that just fits has 0.009
-SILENCE = 1e-4  # rms below which there is no signal: three steps of 16 bits
-UNLIKE = 0.3  # correlation below which two recordings have nothing in common
-PERIODS = 3  # of the settled tone that a recording must hold
-EXPLAINED = 0.8  # share of its variance, up to some harmonics, that the tone must explain
-OFF = 0.01  # relative error of the frequency that is not refused
-SLIP = 0.16  # turns over the length that are not, either
 BLIND_SPOTS = (
     "Sound alone does not show an offset between a camera's picture and its sound.",
     "Nor does it show whether the clocks of picture and sound drift apart.",
+)
+IN_A_ROOM = (
+    "Sound takes 2.9 ms per metre through air: a camera that is further from it seems to start "
+    "earlier.",
+    "A single knock that only one camera heard cannot be told from one like it that another "
+    "heard; several claps at irregular intervals can.",
 )
 
 
@@ -65,7 +63,8 @@ class Synchronisation:
     reference : int
         Index of the reference camera.
     method : str
-        ``phase`` of a tone of known frequency, or ``correlation``.
+        ``phase`` of a tone of known frequency, ``correlation``, or ``room``: correlation of what
+        microphones hear.
     period : float or None
         Whole multiples of this many seconds are in doubt, or would be for a pure tone; None if
         nothing in the signal repeats.
@@ -98,11 +97,17 @@ class Synchronisation:
             f"{self.delays[i] * self.frame_rate:+.3f} frames, {self.frames[i]:+d} in whole frames."
             for i in others
         ]
-        how = {"phase": "the phase of the tone", "correlation": "the peak of the correlation"}
-        lines.append(
-            f"Delays come from {how[self.method]}; the signal is at least "
-            f"{10 * np.log10(self.snr):.0f} dB above the noise (below {CORRELATION_RATE // 2} Hz)."
-        )
+        how = {
+            "phase": "the phase of the tone",
+            "correlation": "the peak of the correlation",
+            "room": "the peak of the correlation of what microphones heard.",
+        }[self.method]
+        if self.method != "room":
+            how += (
+                f"; the signal is at least {10 * np.log10(self.snr):.0f} dB above the noise "
+                f"(below {CORRELATION_RATE // 2} Hz)."
+            )
+        lines.append(f"Delays come from {how}")
         if self.ambiguous:
             assert self.period is not None
             lines.append(
@@ -115,7 +120,8 @@ class Synchronisation:
                 f"Not ambiguous: the second peak of the correlation is {self.ratio:.5f} of the "
                 f"highest, below {self.threshold:.5f}."
             )
-        return [*lines, *BLIND_SPOTS, self._coupling()]
+        more = IN_A_ROOM if self.method == "room" else (self._coupling(),)
+        return [*lines, *BLIND_SPOTS, *more]
 
     def _coupling(self) -> str:
         """What AC-coupled inputs may do."""
@@ -142,110 +148,17 @@ def whole_frames(delays: ArrayLike, frame_rate: float) -> NDArray[np.int64]:
     return np.rint(np.asarray(delays, float) * frame_rate).astype(np.int64)
 
 
-def same_rate(rates: Sequence[float], names: Sequence[str]) -> None:
-    """Refuse recordings of different sample rates, naming the first."""
-    for rate, name in zip(rates, names, strict=True):
-        if rate != rates[0]:
-            raise SynchronisationError(
-                f"{name}: sample rate {rate:g} Hz, allowed: {rates[0]:g} Hz as {names[0]}"
-            )
-
-
-def shortest_of(frequency: float | None) -> float:
-    """Length in s that a recording must have."""
-    return 0.5 if frequency is None else 2.5 / frequency
-
-
-def check_signal(signal: ArrayLike, rate: float, shortest: float, name: str) -> None:
-    """Refuse a recording that is too short, clipped or silent.
-
-    Raises
-    ------
-    SynchronisationError
-        Naming it.
-    """
-    x = np.asarray(signal, float)
-    if x.ndim != 1 or not np.isfinite(x).all():
-        raise SynchronisationError(f"{name}: audio of shape {x.shape}, allowed: finite, mono")
-    if len(x) < shortest * rate:
-        raise SynchronisationError(
-            f"{name}: {len(x) / rate:.3f} s of audio, allowed: at least {shortest:.3f} s"
-        )
-    level = float(np.std(x))
-    if level < SILENCE:
-        raise SynchronisationError(
-            f"{name}: silent audio (rms {level:.1e} of full scale), allowed: at least {SILENCE}"
-        )
-    clipped = float(np.mean(np.abs(x) >= FULL_SCALE))
-    if clipped > CLIPPED:
-        raise SynchronisationError(
-            f"{name}: clipped audio ({100 * clipped:.1f} % of the samples at full scale), "
-            f"allowed: at most {100 * CLIPPED:g} %"
-        )
-
-
-def check_signals(
-    signals: Sequence[ArrayLike], rates: Sequence[float], shortest: float, names: Sequence[str]
-) -> None:
-    """Refuse recordings of other rates, too short, clipped or silent ones.
-
-    Raises
-    ------
-    SynchronisationError
-        Naming the first such recording.
-    """
-    if len(signals) < 2:
-        raise SynchronisationError(f"given {len(signals)} recordings, allowed: at least 2")
-    same_rate(rates, names)
-    for signal, rate, name in zip(signals, rates, names, strict=True):
-        check_signal(signal, rate, shortest, name)
-
-
-def check_tone(signal: ArrayLike, rate: float, frequency: float, name: str) -> None:
-    """Refuse a recording that holds no steady tone of that frequency, or too little of it.
-
-    Only what lies below half of `TONE_RATE` samples per period counts.
-
-    Raises
-    ------
-    SynchronisationError
-        Naming it.
-    """
-    x, low_rate = decimated(signal, rate, TONE_RATE * frequency)
-    start, end = settled_part(x, low_rate, frequency)
-    if not (end - start) * frequency > PERIODS - 0.1:
-        raise SynchronisationError(
-            f"{name}: {max(end - start, 0):.3f} s of steady tone of {frequency:g} Hz, allowed: at "
-            f"least {PERIODS / frequency:.3f} s, {PERIODS} periods"
-        )
-    part = x[round(start * low_rate) : round(end * low_rate)]
-    found = tone_frequency(part, low_rate, frequency)
-    share = tone_share(part, low_rate, found)
-    if share < EXPLAINED:
-        raise SynchronisationError(
-            f"{name}: a tone near {frequency:g} Hz is {100 * share:.0f} % of the sound, allowed: "
-            f"at least {100 * EXPLAINED:g} %"
-        )
-    off = abs(found / frequency - 1) > max(OFF, SLIP / ((end - start) * frequency))
-    if off or tone_share(part, low_rate, frequency) < EXPLAINED:
-        digits = 1 + max(0, int(np.ceil(np.log10(end - start))))
-        raise SynchronisationError(
-            f"excitation.frequency_hz: given {frequency:g}, but the sound of {name} has "
-            f"{round(found, 1 + digits):g} Hz"
-        )
-
-
 def synchronise(
     signals: Sequence[ArrayLike],
     rate: float | Sequence[float],
     frame_rate: float,
     frequency: float | None = None,
     *,
+    sound: Kind = "force",
     starts: ArrayLike = 0.0,
     reference: int = 0,
     max_delay: float | None = None,
     names: Sequence[str] | None = None,
-    checked: bool = False,
 ) -> Synchronisation:
     """Starts of all cameras from their sound.
 
@@ -259,6 +172,9 @@ def synchronise(
         Frames per second.
     frequency : float, optional
         Frequency of a steady tone in Hz; without one, correlation alone is used.
+    sound : str
+        ``force`` for the force's signal, ``room`` for what microphones hear: then there need not be
+        a tone, and `frequency` is not used.
     starts : array_like, shape (recordings,) or ()
         Time of each first sample after the first frame, s.
     reference : int
@@ -267,8 +183,6 @@ def synchronise(
         Largest delay looked for in s; half of the shorter recording if not given.
     names : sequence of str, optional
         Names of the recordings for errors.
-    checked : bool
-        Whether :func:`check_signal` has been done, as it must be before they are decimated.
 
     Raises
     ------
@@ -277,37 +191,92 @@ def synchronise(
     """
     names = names or [f"recording {i}" for i in range(len(signals))]
     rates = [float(r) for r in np.broadcast_to(np.asarray(rate, float), len(signals))]
-    if not checked:
-        check_signals(signals, rates, shortest_of(frequency), names)
+    frequency = None if sound == "room" else frequency
+    check_signals(signals, rates, shortest_of(frequency), names)
     if frequency is not None:
         check_rate(rates[0], frequency)
+    low = [decimated(x, rates[0], ROOM_RATE if sound == "room" else CORRELATION_RATE)
+           for x in signals]  # fmt: skip
+    first, low_rate = low[reference]
     matches = {
-        i: match(signals[reference], x, rates[0], max_delay)
-        for i, x in enumerate(signals)
+        i: room_match(first, x, low_rate, max_delay) if sound == "room"
+        else force_match(first, x, low_rate, frequency, max_delay)
+        for i, (x, _) in enumerate(low)
         if i != reference
-    }
+    }  # fmt: skip
+    tones, tone_rate = [], rates[0]
+    if frequency is not None:
+        both = [decimated(x, rates[0], TONE_RATE * frequency) for x in signals]
+        tones, tone_rate = [x for x, _ in both], both[0][1]
+    return combined(
+        matches, tones, tone_rate, frame_rate, frequency,
+        sound=sound, starts=starts, reference=reference, names=names,
+    )  # fmt: skip
+
+
+def combined(
+    matches: Mapping[int, Match],
+    tones: Sequence[ArrayLike],
+    rate: float,
+    frame_rate: float,
+    frequency: float | None,
+    *,
+    names: Sequence[str],
+    sound: Kind = "force",
+    starts: ArrayLike = 0.0,
+    reference: int = 0,
+    steady: tuple[float, float] | None = None,
+) -> Synchronisation:
+    """Starts of all cameras from how each matches the reference, and from the phase of a tone.
+
+    Parameters
+    ----------
+    matches : mapping
+        Of each recording but the reference.
+    tones : sequence of array_like
+        The recordings, or as much of them as the tone is sought in; all begin as much later.
+    rate : float
+        Sample rate of the tones in Hz.
+    frame_rate, frequency, names, sound, starts, reference
+        As of :func:`synchronise`.
+    steady : tuple of float, optional
+        From when to when the tone is steady, s after the first sample of the reference's; if not
+        given, it is where the tone has settled.
+
+    Raises
+    ------
+    SynchronisationError
+        In one line: the recording and what is wrong with it.
+    """
     for i, found in matches.items():
-        if found.peak < UNLIKE:
+        if sound == "room" and not found.certain:
+            raise SynchronisationError(
+                f"{names[i]}: no sound in it matches that of {names[reference]} beyond doubt; clap "
+                "a few times where all cameras hear it, within a minute of the first one's start"
+            )
+        if sound == "force" and found.peak < UNLIKE:
             raise SynchronisationError(
                 f"{names[i]}: correlation of {found.peak:.2f} with {names[reference]}, allowed: "
                 f"at least {UNLIKE}; do both hold the same sound?"
             )
-    delays = np.array([matches[i].delay if i in matches else 0.0 for i in range(len(signals))])
+    count = len(names)
+    delays = np.array([matches[i].delay if i in matches else 0.0 for i in range(count)])
     if frequency is not None:
-        for signal, name in zip(signals, names, strict=True):
-            check_tone(signal, rates[0], frequency, name)
-        delays = phase_delays(signals, rates[0], frequency, delays, reference)
+        for tone, name, delay in zip(tones, names, delays, strict=True):
+            own = steady and (steady[0] - float(delay), steady[1] - float(delay))
+            check_tone(tone, rate, frequency, name, own)
+        delays = phase_delays(tones, rate, frequency, delays, reference, steady)
     worst = max(matches.values(), key=lambda found: (found.ambiguous, found.ratio))
-    shift = np.broadcast_to(np.asarray(starts, float), len(signals))
+    shift = np.broadcast_to(np.asarray(starts, float), count)
     delays = delays - (shift - shift[reference])
-    repeats = 1 / frequency if frequency is not None else worst.period
+    method = "room" if sound == "room" else "correlation" if frequency is None else "phase"
     return Synchronisation(
         delays=delays,
         frames=whole_frames(delays, frame_rate),
         frame_rate=frame_rate,
         reference=reference,
-        method="correlation" if frequency is None else "phase",
-        period=repeats,
+        method=method,
+        period=1 / frequency if frequency is not None else worst.period,
         ratio=worst.ratio,
         threshold=worst.threshold,
         ambiguous=worst.ambiguous,

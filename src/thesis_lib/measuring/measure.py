@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 import xarray as xr
 from tqdm import tqdm
@@ -78,7 +79,8 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         notes=calibration.attrs["notes"],
         synchronisation=sound.attrs["synchronisation"],
     )
-    pictures = report.figures(data, manifest, recordings, folder)
+    with matplotlib.rc_context({"text.parse_math": False}):  # a camera may be called $
+        pictures = report.figures(data, manifest, recordings, folder)
     page = report.page(data, manifest, assessment, pictures)
     with staging(out) as part:
         (part / "figures").mkdir()
@@ -157,7 +159,7 @@ def heard(
             )
         force = sound.force or 0j
         unknown: Any = np.nan
-        frequency = getattr(sound, "found_frequency", None) or sound.frequency or unknown
+        frequency = sound.found_frequency or sound.frequency or unknown
         values = {
             "delay": ("camera", found.delays),
             "frequency": ("", frequency),
