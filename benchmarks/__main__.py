@@ -1,4 +1,4 @@
-"""Print all measurements and draw the growth: ``python -m benchmarks``, two minutes at most."""
+"""Print all measurements and draw the growth: ``python -m benchmarks``, three minutes at most."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import laboratory, measure
+from benchmarks import laboratory, measure, recording
 
 FIGURE = Path(__file__).parents[1] / "build" / "benchmarks" / "growth.svg"
 
@@ -79,6 +79,13 @@ def print_laboratory() -> None:
               f"at most {memory:.0f} MiB in a process; harmonic fit: {error:.3f} %")  # fmt: skip
 
 
+def print_recording() -> None:
+    """One's own recordings, by the command."""
+    print("\nthesis measure: 3 cameras of 1280×720, 173 frames and 14 boards each")
+    for what, (seconds, memory) in recording.example().items():
+        print(f"{seconds:>9.1f} s          {what}, at most {memory:.0f} MiB")
+
+
 def print_growth(growths: list[measure.Growth]) -> None:
     """Times by size, and the fitted exponents."""
     print("\nGrowth: time against points (4 cameras), cameras (10 000 points), trials (case 1)")
@@ -121,6 +128,7 @@ def main() -> None:
     print_plane_errors()
     print_field()
     print_laboratory()
+    print_recording()
     growths = measure.growth()
     print_growth(growths)
     print_commands()

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.reference import distances, field_of_distances, svd_triangulate
 from thesis_lib import setups, sound, studies
 from thesis_lib.cameras import hemisphere_cameras, pixelate, project
-from thesis_lib.parameters import STUDIES, CameraStudy, SoundPlanes, camera_study
+from thesis_lib.parameters import STUDIES, CameraStudy, PlateSound, camera_study
 from thesis_lib.planes import Plane, operator, pistons
 from thesis_lib.radiation import AIR, rayleigh
 from thesis_lib.structures import resonance
@@ -107,7 +107,7 @@ def compare_triangulation(
     )
 
 
-def _plate_of(study: SoundPlanes) -> CameraStudy:
+def _plate_of(study: PlateSound) -> CameraStudy:
     """The plate's study whose deflections a sound study takes."""
     name: str = study.name.replace("sound", "plate")  # type: ignore[attr-defined]
     return camera_study(name, study.plate_request)
@@ -119,7 +119,7 @@ def study_seconds(subject: str, trials: int = 200) -> dict[str, float]:
     for name in STUDIES:
         if name.startswith(f"{subject}-"):
             study = camera_study(name, {"trials": trials})
-            plate = studies.run(_plate_of(study)) if isinstance(study, SoundPlanes) else None
+            plate = studies.run(_plate_of(study)) if isinstance(study, PlateSound) else None
             start = time.perf_counter()
             if plate is None:
                 studies.run(study)
@@ -152,7 +152,7 @@ def compare_plane_errors(trials: int = 200, sample: int = 12) -> PlaneErrors:
     is built by Rayleigh's integral as the library has it, or from the plane's ready operator.
     """
     study = camera_study("sound-distance", {"trials": trials})
-    assert isinstance(study, SoundPlanes)
+    assert isinstance(study, PlateSound)
     plate = setups.plate(study.grid)
     cube = studies.run(_plate_of(study))
     reference = cube["reference_deflection"].values

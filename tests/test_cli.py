@@ -66,7 +66,7 @@ def test_list_names_sets_and_chapters(checkout, tmp_path):
         assert f" {len(model().settings())} settings" in line
         assert line.endswith(model.title)
     for chapter, names in CHAPTERS.items():
-        line = next(line for line in done.stdout.splitlines() if line.startswith(chapter))
+        line = next(line for line in done.stdout.splitlines() if line.startswith(f"{chapter} "))
         assert all(name in line for name in names)
 
 

@@ -4,9 +4,11 @@ import re
 
 import pytest
 from laboratory_scene import recordings
+from layout_scene import layouts
+from motion_scene import films
 
 from thesis_lib import claims, cubes, files, notebook, prose, sound, studies
-from thesis_lib.experiment import numbers, study
+from thesis_lib.experiment import lab_layout_study, lab_modes_study, lab_plate_study, numbers, study
 from thesis_lib.measuring import reference
 from thesis_lib.parameters import STUDIES, validate
 
@@ -23,6 +25,13 @@ def opened():
         elif model.subject == "sound":
             request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
             cube = sound.run(request, made[name.replace("sound", "plate")])
+        elif name in ("lab-elevation", "lab-layout"):
+            cube = lab_layout_study.run(request, layouts(request, sigma=0.02))
+        elif name == "lab-modes":
+            cube = lab_modes_study.run(request, films(request, sigma=0.02))
+        elif name == "lab-plate":
+            request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
+            cube = lab_plate_study.run(request, films(request, sigma=0.02))
         else:
             cube = studies.run(request)
         made[name] = cubes.with_provenance(cube, request, 0.0)

@@ -60,7 +60,8 @@ def heard(frequency=4.25, of_force=1, end=END):
     return xr.Dataset(
         {
             "frequency": frequency,
-            "of_force": of_force,
+            "of_sound": 4.25 if of_force else np.nan,
+            "of_sound_deviation": 1e-6 if of_force else np.nan,
             "steady": ("end", [BEGIN, end]),
             "force": ("part", [force.real, force.imag]),
         }

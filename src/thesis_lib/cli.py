@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import shlex
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,7 +93,9 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
         from thesis_lib.pages import index_page
 
         entries = [(job.study.title, f"{job.study.name}.html") for job in jobs]
-        title = "Chapter " + names[0][2:] if names[0] in CHAPTERS and len(names) == 1 else "Runs"
+        title = "Runs"
+        if names[0] in CHAPTERS and len(names) == 1:
+            title = "Beyond chapter 5" if names[0] == "lab" else "Chapter " + names[0][2:]
         html = index_page(title, entries)
         files.whole_file(folder / "index.html", lambda part: part.write_text(html, "utf-8"))
     for job in jobs:
@@ -138,20 +143,19 @@ def measure(manifest: Path | None, out: Path | None, check: bool, example: Path 
         _example(example)
         return
     assert manifest is not None
-    from thesis_lib.experiment.manifest import ManifestError, read_manifest
+    from thesis_lib.experiment.manifest import read_manifest
     from thesis_lib.measuring.feasibility import assess, describe
 
-    try:
+    out = manifest.parent / "measured" if out is None else out
+    with _one_line(out):
+        wanted = read_manifest(manifest, check_files=not check)
         if check:  # before anything is filmed
-            click.echo("\n".join(describe(assess(read_manifest(manifest, check_files=False)))))
+            click.echo("\n".join(describe(assess(wanted))))
             return
-        read_manifest(manifest)
-        folder = _new_folder(out if out is not None else manifest.parent / "measured")
+        folder = _new_folder(out)
         from thesis_lib.measuring.measure import measure as run_measure
 
         report = run_measure(manifest, folder, click.echo)
-    except ManifestError as error:
-        raise Refused(str(error)) from None
     click.echo(f"Open {report}")
 
 
@@ -159,11 +163,34 @@ def _example(folder: Path) -> None:
     """Write the example and say what to do with it."""
     from thesis_lib.measuring.example import write_example
 
+    folder = _new_folder(folder, "--example")
+    with _one_line(folder):
+        try:
+            manifest = write_example(folder, click.echo)
+        except FileExistsError as error:
+            raise Refused(f"--example: {error}") from None
+    click.echo(f"Now run: thesis measure {shlex.quote(str(manifest))}")
+
+
+@contextlib.contextmanager
+def _one_line(place: Path) -> Iterator[None]:
+    """Every failure as one line, also what the system or another library raises."""
+    from thesis_lib.experiment.manifest import ManifestError
+
     try:
-        manifest = write_example(_new_folder(folder), click.echo)
-    except FileExistsError as error:
-        raise Refused(f"--example: {error}") from None
-    click.echo(f"Now run: thesis measure {manifest}")
+        yield
+    except click.ClickException:
+        raise
+    except ManifestError as error:
+        raise Refused(str(error)) from None
+    except OSError as error:  # a full disk, a folder that may not be written to
+        raise click.ClickException(
+            f"{error.filename or place}: {error.strerror or error}; put that right, and the same "
+            "command goes on where this one stopped"
+        ) from None
+    except Exception as error:
+        text = " ".join(str(error).split())
+        raise click.ClickException(text or type(error).__name__) from None
 
 
 @cli.command()
@@ -243,12 +270,17 @@ def _folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) ->
     return _new_folder(out)
 
 
-def _new_folder(out: Path) -> Path:
-    """A folder to write to, refused where a file stands in its way."""
+def _new_folder(out: Path, option: str = "--out") -> Path:
+    """A folder to write to, refused where a file stands in its way or writing is not allowed."""
     folder = out.absolute()
-    there = next(place for place in (folder, *folder.parents) if place.exists())
+    there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
+    problem = "" if os.access(there, os.W_OK | os.X_OK) else "cannot be written to"
     if not there.is_dir():
-        raise Refused(f"given {out}, but {there} is a file; allowed: a folder, new or not")
+        problem = "is a file" if there.exists() else "leads nowhere"
+    if problem:
+        raise Refused(
+            f"{option}: given {out}, but {there} {problem}; allowed: a folder, new or not"
+        )
     return folder
 
 
@@ -257,8 +289,8 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # clean up as after Ctrl-C
     try:
         status = cli.main(standalone_mode=False)
-    except click.exceptions.Abort:
-        click.echo("\ninterrupted; the same command goes on where this one stopped", err=True)
+    except click.exceptions.Abort:  # click has ended the line
+        click.echo("interrupted; the same command goes on where this one stopped", err=True)
         status = INTERRUPTED
     except click.ClickException as error:
         click.echo(f"thesis: {error.format_message()}", err=True)
@@ -267,6 +299,6 @@ def main() -> None:
         click.echo("\ninterrupted; the same command goes on where this one stopped", err=True)
         status = INTERRUPTED
     except Exception as error:
-        click.echo(f"thesis: {error or type(error).__name__}", err=True)
+        click.echo(f"thesis: {str(error) or type(error).__name__}", err=True)
         status = FAILED
     sys.exit(status)

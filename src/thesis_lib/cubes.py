@@ -27,9 +27,11 @@ ERRORS = {  # name in the tables: variable, and plane if it has one
     "max_point_error": ("max_point_error", None),
     "plane_error_xz": ("plane_error", "XZ"),
     "plane_error_yz": ("plane_error", "YZ"),
+    "power_error": ("power_error", None),
 }
 SHORT = {"mean_error": "mean", "max_point_error": "peak",
-         "plane_error_xz": "XZ", "plane_error_yz": "YZ"}  # fmt: skip
+         "plane_error_xz": "XZ", "plane_error_yz": "YZ", "power_error": "power"}  # fmt: skip
+SECTIONS = {"beam": "3.3", "plate": "4.2", "experiment": "5.2", "lab": "5.3", "sound": "6.2"}
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
 _HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at once
@@ -81,7 +83,7 @@ def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Datase
     cube = cube.assign_attrs(
         title=study.title,
         references="thesis on flexural vibration measurement with multiple cameras, section "
-        + {"beam": "3.3", "plate": "4.2", "experiment": "5.2", "sound": "6.2"}[study.subject],
+        + SECTIONS[study.subject],
         figure_set=study.name,
         parameters=json.dumps(study.request),
         parameters_hash=study.digest,
@@ -149,6 +151,14 @@ def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
         for name, (variable, plane) in ERRORS.items()
         if variable in cube
     }
+
+
+def predicted(cube: xr.Dataset, error: str) -> xr.DataArray:
+    """What is predicted of an error by its name in the tables, in %."""
+    variable, plane = ERRORS[error]
+    own = f"predicted_{variable}"  # of a cube with errors of several kinds
+    values = cube[own if own in cube else "predicted_error"]
+    return values if plane is None else values.sel(plane=plane)
 
 
 def summary(cube: xr.Dataset) -> pd.DataFrame:

@@ -8,7 +8,7 @@ by the law of rounding, and what the thesis states. One colour stands for one se
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -103,8 +103,18 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """
     from thesis_lib import maps  # which draws with the panels of this module
 
-    subject = STUDIES[cube.attrs["figure_set"]].subject
+    name = cube.attrs["figure_set"]
+    subject = STUDIES[name].subject
+    draw: Callable[[xr.Dataset, str, int], Figure]
     draw = {"plate": maps.plate_figure, "sound": maps.sound_figure}.get(subject, _beam_figure)
+    if name in ("lab-modes", "lab-plate"):
+        from thesis_lib.experiment import lab_figures
+
+        draw = lab_figures.FIGURES[name]
+    if name in ("lab-elevation", "lab-layout"):
+        from thesis_lib.experiment import lab_layout_figures
+
+        draw = lab_layout_figures.figure
     with plt.rc_context(STYLE):
         drawing = draw(cube, case, mode)
     plt.close(drawing)
@@ -140,9 +150,14 @@ def _beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
     """The figure of one case and mode as SVG; the same cube gives the same text."""
+    return svg(figure(cube, case, mode))
+
+
+def svg(drawing: Figure) -> str:
+    """A figure as SVG; the same figure gives the same text."""
     text = io.StringIO()
     with plt.rc_context(STYLE):
-        figure(cube, case, mode).savefig(text, format="svg", metadata={"Date": None})
+        drawing.savefig(text, format="svg", metadata={"Date": None})
     return text.getvalue()
 
 
@@ -173,9 +188,7 @@ def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_err
     """The bars of one error of a case and mode, by the error's name in the tables."""
     part = select(cube, case, mode)
     values = cubes.errors(part)[quantity].transpose("setting", "trial").values
-    predicted = part["predicted_error"]
-    plane = cubes.ERRORS[quantity][1]
-    predicted = predicted if plane is None else predicted.sel(plane=plane)
+    predicted, plane = cubes.predicted(part, quantity), cubes.ERRORS[quantity][1]
     drawn = values[:, 1:] if values.shape[1] > 1 else np.full_like(values, np.nan)
     quantiles: Array = np.quantile(drawn, [0.05, 0.5, 0.95], axis=1)
     claims = stated(cube, case, mode, quantity)
@@ -263,7 +276,7 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
             seen.add(key)
             _draw(axes, np.array([place, 0 * place]), color=color(index), linewidth=0.6, alpha=0.6)
             axes.plot(*_view(place), "o", color=color(index), markersize=5, zorder=4)
-    _mark_varied(axes, cameras, study.varied, part)
+    _mark_varied(axes, cameras, str(part["parameter"].values[0]), part)
     for end, name in (([1.12 * half, 0, 0], "X"), ([0, 0.45 * radius, 0], "Y"),
                       ([0, 0, 0.45 * radius], "Z")):  # fmt: skip
         arrow = _view([[0, 0, 0], end])

@@ -68,7 +68,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     picture: Any = None
     x, y = (np.unique(np.round(part[axis].values, 9)) * 1000 for axis in ("x", "y"))
     for name, (title, values) in zip("cde", shapes, strict=True):
-        picture = _map(axes[name], values.reshape(len(y), len(x)), x, y, limit)
+        picture = draw_map(axes[name], values.reshape(len(y), len(x)), x, y, limit)
         axes[name].plot(part["x"] * 1000, part["y"] * 1000, ".", color="#444444", markersize=1.2)
         axes[name].set(title=title, xlabel="x in mm")
     axes["c"].set_ylabel("y in mm")
@@ -111,7 +111,7 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         )
         picture: Any = None
         for name, (title, values) in zip(row, fields, strict=True):
-            picture = _map(axes[name], values.T, u, z, limit)
+            picture = draw_map(axes[name], values.T, u, z, limit)
             axes[name].set(title=title, xlabel=f"{plane[0]} in mm")
         axes[row[0]].set_ylabel("Z in mm")
         drawing.colorbar(
@@ -120,7 +120,7 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     return drawing
 
 
-def _map(axes: Axes, values: Array, across: Array, up: Array, limit: float) -> Any:
+def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) -> Any:
     """A map to scale: values (up, across) at the centres of their cells, zero in the middle."""
     half = [(a[1] - a[0]) / 2 for a in (across, up)]
     extent = (across[0] - half[0], across[-1] + half[0], up[0] - half[1], up[-1] + half[1])

@@ -13,6 +13,9 @@ import xarray as xr
 from IPython.display import SVG, Markdown, display
 
 from thesis_lib import claims, cubes, figures, files, prose, sound, studies
+from thesis_lib.experiment.lab_layouts import Layouts
+from thesis_lib.experiment.lab_motions import LabModes
+from thesis_lib.experiment.lab_plates import LabPlate
 from thesis_lib.experiment.requests import Experiment
 from thesis_lib.parameters import STUDIES, CameraStudy, Study, camera_study, validate
 from thesis_lib.viewer_data import viewer_data
@@ -75,6 +78,19 @@ def _computed(request: Study) -> xr.Dataset:
 
         data = cubes.cached(request.recordings, filmed.run, filmed.sources())
         return study.run(request, data)
+    if isinstance(request, Layouts):
+        from thesis_lib.experiment import lab_layout_film, lab_layout_study
+
+        sources = lab_layout_film.sources()
+        data = cubes.cached(request.film_request, lab_layout_film.run, sources)
+        return lab_layout_study.run(request, data)
+    if isinstance(request, LabModes | LabPlate):
+        from thesis_lib.experiment import lab_films, lab_modes_study, lab_plate_study
+
+        data = cubes.cached(request.recordings, lab_films.run, lab_films.sources())
+        if isinstance(request, LabModes):
+            return lab_modes_study.run(request, data)
+        return lab_plate_study.run(request, data)
     assert isinstance(request, CameraStudy)
     return sound_of(request) if request.subject == "sound" else studies.run(request)
 
@@ -90,15 +106,12 @@ def sound_of(request: CameraStudy) -> xr.Dataset:
 def error_table(cube: xr.Dataset) -> Markdown:
     """Errors by setting and mode: trial 0, median, 5–95 % band, law of rounding."""
     table = cubes.summary(cube).set_index(["error", "mode"])
-    predicted = cube["predicted_error"]
     columns = {}
     for mode in cube["mode"].values.tolist():
         for error, (_, plane) in cubes.ERRORS.items():
             if (error, mode) not in table.index or error == "max_point_error":
                 continue
-            law = (
-                predicted.sel(mode=mode) if plane is None else predicted.sel(mode=mode, plane=plane)
-            )
+            law = cubes.predicted(cube, error).sel(mode=mode)
             rows = table.loc[[(error, mode)]].to_dict("records")
             columns[f"mode {mode}" + (f", {plane}" if plane else "")] = [
                 _of_larger(cube, number, mode, plane) if np.isnan(row["trial_0"]) else

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import difflib
 import json
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from itertools import pairwise
@@ -34,22 +33,19 @@ from thesis_lib.camera_study import (
     field,
     one_line,
     permitted,
-    refuse,
     shown,
     unit,
 )
+from thesis_lib.experiment.lab_layouts import LabElevation, LabLayout
+from thesis_lib.experiment.lab_motions import LabModes
+from thesis_lib.experiment.lab_plates import LabPlate
 from thesis_lib.experiment.requests import ExperimentCameras, ExperimentResolution
-from thesis_lib.planes import Plane, pistons
-from thesis_lib.radiation import Medium, check_pistons
 from thesis_lib.setups import Setting
-from thesis_lib.structures import Plate, Structure, resonance
+from thesis_lib.sound_planes import PlateMarkers, SoundPlanes
 
 __all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "Study", "camera_study",
            "describe", "nearest", "unit", "validate"]  # fmt: skip
 
-Markers = Annotated[int, Field(ge=2, le=60)]
-PlanePoints = Annotated[int, Field(ge=2, le=500)]
-POSITIVE = "a number above 0, at most 100000"
 ELEVATION = "a number above 0, at most 90"
 DISTANCE = field(
     ...,
@@ -209,75 +205,17 @@ class Arrays(CameraStudy):
         )
 
 
-# What the plate and its sound add.
+# What the plate's sound adds.
 
 
-class PlateMarkers(BaseModel):
-    """Parameters of a plate."""
-
-    grid: tuple[Markers, Markers] = field(
-        ..., "markers along and across the plate", "[along, across], whole numbers from 2 to 60"
-    )
-
-    @property
-    def structure(self) -> Structure:
-        """What is measured."""
-        return setups.plate(self.grid)
-
-
-class SoundPlanes(PlateMarkers):
-    """Parameters of the sound field."""
-
-    speed_of_sound_m_s: Positive = field(343.0, "speed of sound in the fluid", POSITIVE)
-    air_density_kg_m3: Positive = field(1.21, "density of the fluid", POSITIVE)
-    plane_half_width_mm: Positive = field(334.0, "the planes reach |X|, |Y| up to this", POSITIVE)
-    plane_bottom_mm: Positive = field(44.5, "lowest height of the planes", POSITIVE)
-    plane_top_mm: Positive = field(
-        443.0, "greatest height of the planes", "a number above plane_bottom_mm, at most 100000"
-    )
-    plane_shape: tuple[PlanePoints, PlanePoints] = field(
-        (149, 99),
-        "points along X or Y, and along Z",
-        "[width, height], whole numbers from 2 to 500",
-    )
-
-    @property
-    def medium(self) -> Medium:
-        """The fluid."""
-        return Medium(self.speed_of_sound_m_s, self.air_density_kg_m3)
-
-    @property
-    def planes(self) -> tuple[Plane, Plane]:
-        """The planes XZ and YZ."""
-        half, bottom, top = (
-            length / 1000
-            for length in (self.plane_half_width_mm, self.plane_bottom_mm, self.plane_top_mm)
-        )
-        return (
-            Plane("XZ", half, bottom, top, self.plane_shape),
-            Plane("YZ", half, bottom, top, self.plane_shape),
-        )
+class PlateSound(SoundPlanes):
+    """Parameters of the sound field of a plate's study."""
 
     @property
     def plate_request(self) -> dict[str, Any]:
         """Parameters of the plate's study whose deflections radiate."""
         model = CAMERA_STUDIES[self.name.replace("sound", "plate")]  # type: ignore[attr-defined]
         return {key: value for key, value in self.model_dump().items() if key in model.model_fields}
-
-    @model_validator(mode="after")
-    def _check_sound(self) -> SoundPlanes:
-        if self.plane_top_mm <= self.plane_bottom_mm:
-            refuse("plane_top_mm", self.plane_top_mm, permitted(type(self), "plane_top_mm"))
-        plate, highest = self.structure, max(self.modes)  # type: ignore[attr-defined]
-        assert isinstance(plate, Plate)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # the page warns
-                check_pistons(pistons(plate), resonance(plate, highest), self.medium)
-        except ValueError as error:
-            refuse("modes", highest, str(error).replace("use more and smaller pistons",
-                   "take lower modes or a finer grid"))  # fmt: skip
-        return self
 
 
 def _figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
@@ -307,15 +245,18 @@ def _figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -
 
 _KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
 _EXTRA: dict[str, tuple[type[BaseModel], ...]] = {
-    "beam": (), "plate": (PlateMarkers,), "sound": (SoundPlanes,),
+    "beam": (), "plate": (PlateMarkers,), "sound": (PlateSound,),
 }  # fmt: skip
 CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     study.name: study
     for subject, extra in _EXTRA.items()
     for study in (_figure_set(subject, kind, *extra) for kind in _KINDS)
 }
-_SUBJECTS = {"ch3": "beam", "ch4": "plate", "ch5": "experiment", "ch6": "sound"}
-_ALL: list[type[Study]] = [*CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras]
+_SUBJECTS = {"ch3": "beam", "ch4": "plate", "ch5": "experiment", "lab": "lab", "ch6": "sound"}
+_ALL: list[type[Study]] = [
+    *CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras,
+    LabElevation, LabLayout, LabModes, LabPlate,
+]  # fmt: skip
 STUDIES: dict[str, type[Study]] = {
     study.name: study
     for subject in _SUBJECTS.values()

@@ -290,6 +290,20 @@ def _levels(opened: dict[str, xr.Dataset]) -> str:
     return table(header, rows)
 
 
+def _lab(piece: str, cube: xr.Dataset) -> str:
+    """A piece about what is filmed beyond chapter 5."""
+    from thesis_lib.experiment import lab_prose  # which makes its tables as this module does
+
+    return str(getattr(lab_prose, piece)(cube))
+
+
+def _layout(name: str, cube: xr.Dataset) -> str:
+    """What is said of where cameras stand, from the cube of ``lab-elevation`` or ``lab-layout``."""
+    from thesis_lib.experiment import lab_layout_tables  # which uses this module's table
+
+    return lab_layout_tables.RESULTS[name](cube)
+
+
 def _parameters(opened: dict[str, xr.Dataset]) -> str:
     parts = []
     for name in [name for chapter in CHAPTERS.values() for name in chapter]:
@@ -308,6 +322,10 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "plate-model": lambda _: _model(setups.plate(), "nm", 1e9),
     "plate-results": _plate_results,
     "experiment-results": _experiment_results,
+    "lab-elevation-results": lambda opened: _layout("lab-elevation", opened["lab-elevation"]),
+    "lab-layout-results": lambda opened: _layout("lab-layout", opened["lab-layout"]),
+    "lab-modes-results": lambda opened: _lab("modes_results", opened["lab-modes"]),
+    "lab-plate-results": lambda opened: _lab("plate_results", opened["lab-plate"]),
     "sound-results": _sound_results,
     "sound-scatter": _scatter,
     "sound-layouts": _layouts,

@@ -35,7 +35,8 @@ def build(publish: bool = False) -> Path:
         runs.Job(study(), executed / f"{name}.ipynb", results / f"{name}.nc")
         for name, study in STUDIES.items()
     ]
-    jobs.sort(key=lambda job: job.study.subject != "experiment")  # what takes longest comes first
+    filmed = ("experiment", "lab")  # what takes longest comes first
+    jobs.sort(key=lambda job: job.study.subject not in filmed)
     made = [job.cube for job in jobs]
     numbers = [executed / f"{name}.md" for name in prose.PIECES]
     pages = [p for p in (root / "book").rglob("*") if p.is_file() and executed not in p.parents]

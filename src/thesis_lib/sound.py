@@ -57,7 +57,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
     known = study.rest == "known"
     settings = study.settings()
     rigs = [setting.cameras(study.focal_length_mm, study.sensor_width_mm) for setting in settings]
-    extremes = _extremes(plate_cube)
+    chosen = extremes(plate_cube)
 
     n_settings, n_modes, n_trials, _ = measured.shape
     rms = np.empty((n_settings, n_modes, n_trials, len(planes)))
@@ -65,7 +65,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
     independent = np.empty((n_modes, len(planes)))
     largest = np.empty((n_modes, len(planes)))
     fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
-    extreme_fields = np.empty((len(extremes), n_modes, 2, *fields.shape[1:]), complex)
+    extreme_fields = np.empty((len(chosen), n_modes, 2, *fields.shape[1:]), complex)
     power, piston_size = np.empty((n_modes, 2)), np.empty(n_modes)
     for m, mode in enumerate(study.modes):
         omega = resonance(plate, mode)
@@ -84,8 +84,8 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
             predicted[:, m, p] = [
                 omega * np.sqrt(np.sum((factor @ C) * factor)) for C in covariance
             ]
-            for c, chosen in enumerate(extremes.values()):
-                for x, setting in enumerate(chosen[m]):
+            for c, of_case in enumerate(chosen.values()):
+                for x, setting in enumerate(of_case[m]):
                     extreme_fields[c, m, x, p] = op.field(1j * omega * measured[setting, m, 0])
         parts = pistons(plate)
         piston_size[m] = omega / medium.speed_of_sound * max(parts.size)
@@ -99,7 +99,12 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
     expected = np.maximum(largest, independent * amplitude).max(axis=1, keepdims=True)
     usable = np.where(largest > NODAL * expected, largest, np.nan)
     greater = np.fmax.reduce(usable, axis=1, keepdims=True)  # NaN if both planes are nodal
-    cube = xr.Dataset(coords=_coordinates(plate_cube, planes, list(extremes)))
+    kept = {
+        str(name): coordinate
+        for name, coordinate in plate_cube.coords.items()
+        if coordinate.dims in (("setting",), ("mode",), ("trial",))
+    }
+    cube = xr.Dataset(coords={**kept, **field_coordinates(planes, list(chosen))})
     trial = ("setting", "mode", "trial", "plane")
     field = ("mode", "plane", "u", "z")
     for name, dims, values, units, long_name in (
@@ -114,7 +119,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
         ("largest_pressure", ("mode", "plane"), largest, "Pa", "largest reference pressure"),
         ("deflection_error", trial[:3], plate_cube["mean_error"].values, "percent",
          "rms deflection error over the markers of the same run (eq. 4.9)"),
-        ("best_and_worst", ("case", "mode", "extreme"), np.array(list(extremes.values())), "1",
+        ("best_and_worst", ("case", "mode", "extreme"), np.array(list(chosen.values())), "1",
          "index of the setting with the lowest and highest deflection error in trial 0"),
         (
             "piston_size",
@@ -160,7 +165,7 @@ def _add_levels(cube: xr.Dataset, power: Array, largest: Array) -> None:
         cube[name] = (dims, values, {"units": units, "long_name": long_name})
 
 
-def _extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
+def extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
     """Per case and mode the settings with the lowest and highest deflection error of trial 0."""
     literal = plate_cube["mean_error"].isel(trial=0).values
     result: dict[str, list[tuple[int, int]]] = {}
@@ -173,16 +178,9 @@ def _extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
     return result
 
 
-def _coordinates(
-    plate_cube: xr.Dataset, planes: tuple[Plane, ...], cases: list[str]
-) -> dict[str, Any]:
-    kept = {
-        str(name): coordinate
-        for name, coordinate in plate_cube.coords.items()
-        if coordinate.dims in (("setting",), ("mode",), ("trial",))
-    }
+def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, Any]:
+    """Coordinates of fields on planes, and of the extreme settings of each case."""
     return {
-        **kept,
         "case_name": (
             "case",
             np.array(cases),

@@ -194,7 +194,9 @@ def coordinates(
     def on_setting(values: list[Any], long_name: str, units: str = "1") -> Any:
         return "setting", np.array(values), {"long_name": long_name, "units": units}
 
-    varied_units = {"distance_mm": "mm", "aperture_deg": "degree"}.get(study.varied, "1")
+    varied_units = {"distance_mm": "mm", "aperture_deg": "degree", "elevation_deg": "degree"}.get(
+        study.varied, "1"
+    )
     return {
         "case": on_setting([s.case for s in settings], "case of the thesis, or layout"),
         "parameter": on_setting([study.varied] * len(settings), "varied parameter"),

@@ -15,6 +15,7 @@ from thesis_lib import cubes, setups
 from thesis_lib.figures import COLORS, Bars, error_bars, select
 from thesis_lib.maps import DIVERGING
 from thesis_lib.parameters import STUDIES
+from thesis_lib.structures import Plate
 
 Array = NDArray[np.float64]
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
@@ -23,7 +24,11 @@ FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     """The literal run and the statistics of a cube (the format is in `widgets.Viewer`)."""
     study = STUDIES[cube.attrs["figure_set"]]
-    kind = "beam" if study.subject == "experiment" else study.subject
+    kind = study.subject
+    if kind in ("experiment", "lab"):  # of what is filmed
+        kind = "plate" if isinstance(study().structure, Plate) else "beam"
+    if kind == "beam":
+        cube = _middle_row(cube)
     length, width = study().structure.extent
     cases = list(dict.fromkeys(cube["case"].values.tolist()))
     modes = cube["mode"].values.tolist()
@@ -58,6 +63,12 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     if kind != "beam":
         data["colormap"] = list(DIVERGING)
     return data
+
+
+def _middle_row(cube: xr.Dataset) -> xr.Dataset:
+    """The markers of a beam's middle row: the viewer draws one curve along it."""
+    rows = np.unique(cube["y"].values)
+    return cube.isel(point=np.flatnonzero(cube["y"].values == rows[len(rows) // 2]))
 
 
 def as_in_the_thesis(cube: xr.Dataset) -> bool:

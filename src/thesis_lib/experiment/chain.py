@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from thesis_lib.abreast import abreast
 from thesis_lib.cameras import project
 from thesis_lib.experiment import media
 from thesis_lib.experiment.adjustment import Adjustment, adjust
@@ -27,7 +28,6 @@ from thesis_lib.experiment.following import follow
 from thesis_lib.experiment.lens import Camera, projection_matrices, resized, undistorted
 from thesis_lib.experiment.listening import Sound, listen
 from thesis_lib.experiment.manifest import (
-    CameraFiles,
     Manifest,
     ManifestError,
     check_recordings,
@@ -132,7 +132,7 @@ def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
 def adjusted(
     manifest: Manifest, folder: Path, tick: Callable[[], object] = lambda: None
 ) -> tuple[Array, list[str], list[Calibration], Adjustment]:
-    """All cameras from all corners of the board, adjusted together; `tick` is called per camera.
+    """All cameras from all corners of the board, adjusted together; `tick` is called per picture.
 
     Returns
     -------
@@ -141,20 +141,27 @@ def adjusted(
     """
     board = manifest.board.board
 
-    def one(camera: CameraFiles) -> tuple[list[Array | None], list[str]]:
-        row, lost = [], []
-        for path in shot_paths(camera, folder):
-            try:
-                row.append(None if path is None else find_corners(media.read_png(path), board))
-            except BoardNotFound as error:
-                lost.append(f"{camera.name}, {path.name if path else '—'}: {error}")
-                row.append(None)
-        tick()
-        return row, lost
+    lost: list[str] = []
 
-    with ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(one, manifest.cameras))
-    shots, lost = [row for row, _ in found], [line for _, lines in found for line in lines]
+    def one(path: Path | None) -> Array | BoardNotFound | None:
+        try:
+            return None if path is None else find_corners(media.read_png(path), board)
+        except BoardNotFound as error:
+            return error
+        finally:
+            tick()
+
+    paths = [shot_paths(camera, folder) for camera in manifest.cameras]
+    found = iter(abreast(one, [path for row in paths for path in row]))
+    shots: list[list[Array | None]] = []
+    for camera, row in zip(manifest.cameras, paths, strict=True):
+        shots.append([])
+        for path in row:
+            corners_of = next(found)
+            if isinstance(corners_of, BoardNotFound):
+                lost.append(f"{camera.name}, {path.name if path else '—'}: {corners_of}")
+                corners_of = None
+            shots[-1].append(corners_of)
     try:
         single = [
             zhang(row, board, camera.size, True, camera.name)
@@ -270,10 +277,11 @@ def checked_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> F
         return frame
     off = np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2)))
     worst = int(np.nanargmax(off))
+    who = f"camera {cameras[worst].name} fits worst, by {off[worst]:.1f} px: "
     raise ChainError(
         f"the markers at rest are {1000 * frame.rms:.1f} mm off their grid, whose size comes out "
         f"as {frame.scale:.3f} of the nominal one (allowed: {1000 * most:.2g} mm, "
-        f"{GRID_SCALE:.0%}); camera {cameras[worst].name} fits worst, by {off[worst]:.1f} px: are "
+        f"{GRID_SCALE:.0%}); {who if off[worst] > 1 else ''}are "
         "videos and shots those of the same cameras, and tile and spacings as the manifest says?"
     )
 

@@ -164,7 +164,8 @@ def _fit(image: NDArray[np.uint8], grid: Array) -> tuple[Array, Array]:
         state = state + (np.linalg.solve(normal, (right / scale)[..., None])[..., 0] / scale).T
         state[6] = np.clip(np.abs(state[6]), 0.2, 8.0)
     model = _model(pixels, state, bend)[0]
-    misfit = np.sqrt(np.sum(weight * (grey - model) ** 2, axis=1) / weight.sum(axis=1))
+    with np.errstate(invalid="ignore", divide="ignore"):  # a corner without pixels has no misfit
+        misfit = np.sqrt(np.sum(weight * (grey - model) ** 2, axis=1) / weight.sum(axis=1))
     return state, misfit
 
 

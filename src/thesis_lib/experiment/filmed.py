@@ -33,8 +33,9 @@ def sources() -> list[Path]:
     """The files that the recordings and what is measured on them depend on."""
     here = Path(__file__).parent
     later = {"requests", "shapes", "draws", "study", "numbers", "pictures", "photographs",
-             "signals", "sketches"}  # fmt: skip
-    files = [path for path in here.glob("*.py") if path.stem not in later]
+             "signals", "sketches", "aliasing", "filming", "spectra", "torsion"}  # fmt: skip
+    files = [path for path in here.glob("*.py")
+             if path.stem not in later and not path.stem.startswith("lab_")]  # fmt: skip
     files += [here.parent / name for name in ("cameras.py", "structures.py", "triangulation.py")]
     return [*files, setups.data_folder() / "structures.toml", project_root() / "requirements.lock"]
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import yaml  # type: ignore[import-untyped]
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ValidationError
 
 from thesis_lib.camera_study import one_line, permitted, shown
@@ -27,8 +28,8 @@ from thesis_lib.files import whole_file
 from thesis_lib.parameters import nearest
 
 __all__ = ["BoardSpec", "CameraFiles", "Excitation", "Manifest", "ManifestError", "Markers",
-           "Structure", "check_excitation", "check_recordings", "read_manifest", "shot_paths",
-           "write_manifest"]  # fmt: skip
+           "Structure", "check_excitation", "check_recordings", "on_one_line", "read_manifest",
+           "shot_paths", "write_manifest"]  # fmt: skip
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
 RATE_TOLERANCE = 5e-4  # relative; 60 and 59.94 Hz are 0.1 % apart
@@ -222,12 +223,22 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
     return lines
 
 
+def on_one_line(points: ArrayLike, diameter: float) -> bool:
+    """Whether markers at points (2, n) do not tell how the structure is turned about their line.
+
+    Nor which way is up then. Across the line their scatter must be more than a part of the
+    diameter, so that it is more than what they are off their places.
+    """
+    places = np.asarray(points, float)
+    off = places - places.mean(axis=1, keepdims=True)
+    across = np.linalg.eigvalsh(off @ off.T / places.shape[1])[0]
+    return bool(across < (diameter / 4) ** 2)
+
+
 def _check_plane(structure: Structure) -> list[str]:
-    """Markers on one line do not tell how the structure is turned about it, so nor what is up."""
-    markers, points = structure.markers, 1000 * structure.marker_points
-    off = points - points.mean(axis=1, keepdims=True)
-    least = np.linalg.eigvalsh(off @ off.T / points.shape[1])[0]  # variance across their line
-    if least >= (markers.diameter_mm / 4) ** 2:
+    """Whether the markers tell the structure's plane, one line if not."""
+    markers = structure.markers
+    if not on_one_line(1000 * structure.marker_points, markers.diameter_mm):
         return []
     name = "points_mm" if markers.points_mm else "rows" if markers.rows == 1 else "columns"
     given = shown(getattr(markers, name))

@@ -164,14 +164,18 @@ class BeamView:
 
     def frame(self, time: float, rng: np.random.Generator | None = None) -> Image:
         """The frame taken at a time in s of the motion; without a generator it has no noise."""
+        return self.light(time).recorded(self.sensor, rng)
+
+    def light(self, time: float) -> Light:
+        """What the sensor collects around a time in s of the motion."""
         samples = self.sensor.samples
         within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
         deflection = self.motion.coordinates(time + within).T @ self.shapes
         if np.ptp(deflection, axis=0).max() < 1e-9:  # at rest
             deflection = deflection[:1]
         world = on_surface(self.markers.extent, self.points[:, None], deflection)
-        return expose(lens.project(self.camera, world), self.polygons, self.camera.size,
-                      self.sensor, rng)  # fmt: skip
+        uv = lens.project(self.camera, world)
+        return light_of(uv, self.polygons, self.camera.size, self.sensor)
 
 
 def board_image(
@@ -216,12 +220,51 @@ def expose(
     rng: np.random.Generator | None,
 ) -> Image:
     """Grey levels of polygons before the background: spread, noise, rounding to eight bits."""
+    return light_of(uv, polygons, size, sensor).recorded(sensor, rng)
+
+
+@dataclass(frozen=True)
+class Light:
+    """What a sensor collects in an exposure.
+
+    Parameters
+    ----------
+    picture : ndarray of float32, shape (height, width)
+        Grey levels without noise.
+    box : tuple of slice or None
+        Rows and columns beyond which there is background alone; None if nothing is in view.
+    """
+
+    picture: NDArray[np.float32]
+    box: tuple[slice, slice] | None
+
+    def recorded(self, sensor: Sensor, rng: np.random.Generator | None = None) -> Image:
+        """The picture with noise, if there is a generator, rounded to eight bits."""
+        picture = self.picture.copy()
+        if rng is not None and (sensor.shot > 0 or sensor.read > 0):
+            base = sensor.shot * sensor.background + sensor.read**2
+            noise = rng.standard_normal(picture.shape, dtype=np.float32)
+            noise *= np.float32(np.sqrt(base))
+            if self.box is not None:
+                noise[self.box] *= np.sqrt(
+                    (sensor.shot * picture[self.box] + sensor.read**2) / base
+                )
+            picture += noise
+        return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0, out=picture)), np.uint8)
+
+
+def light_of(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Sensor) -> Light:
+    """Grey levels of polygons before the background, spread; over several frames the mean.
+
+    Parameters are those of :func:`rasterise` and the sensor.
+    """
     width, height = size
     margin = int(np.ceil(5 * sensor.spread)) + 1
     points = uv.reshape(2, -1)
     low = np.maximum(np.floor(np.nanmin(points, axis=1)).astype(int) - margin, 0)
     high = np.minimum(np.ceil(np.nanmax(points, axis=1)).astype(int) + margin, size)
     picture = np.full((height, width), sensor.background, np.float32)
+    box = None
     if np.all(high > low):  # else nothing is in view
         (left, top), (right, bottom) = low, high
         fine = FINE * (uv - low.reshape((2,) + (1,) * (uv.ndim - 1)))
@@ -232,17 +275,9 @@ def expose(
             grey = cv2.GaussianBlur(grey, (taps, taps), FINE * sensor.spread,
                                     borderType=cv2.BORDER_REPLICATE)  # fmt: skip
         grey = cv2.resize(grey, (high - low).tolist(), interpolation=cv2.INTER_AREA)
-        picture[top:bottom, left:right] = grey
-    if rng is not None:
-        noise = rng.standard_normal((height, width), dtype=np.float32)
-        noise *= np.float32(np.sqrt(sensor.shot * sensor.background + sensor.read**2))
-        if np.all(high > low):
-            noise[top:bottom, left:right] *= np.sqrt(
-                (sensor.shot * grey + sensor.read**2)
-                / (sensor.shot * sensor.background + sensor.read**2)
-            )
-        picture += noise
-    return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0, out=picture)), np.uint8)
+        box = slice(int(top), int(bottom)), slice(int(left), int(right))
+        picture[box] = grey
+    return Light(picture, box)
 
 
 def _outline(vertices: ArrayLike, step: float) -> Array:

@@ -89,11 +89,14 @@ class Synchronisation:
     ambiguous: bool
     snr: float
 
-    def describe(self) -> list[str]:
+    def describe(self, names: Sequence[str] | None = None) -> list[str]:
         """Sentences for a report: what was found, how sure it is, and what sound cannot show."""
+        numbers = [str(i) for i in range(len(self.delays))]
+        what, named = ("Recording", numbers) if names is None else ("Camera", list(names))
         others = [i for i in range(len(self.delays)) if i != self.reference]
         lines = [
-            f"Recording {i} started {self.delays[i]:+.6f} s after recording {self.reference}: "
+            f"{what} {named[i]} started {self.delays[i]:+.6f} s after {what.lower()} "
+            f"{named[self.reference]}: "
             f"{self.delays[i] * self.frame_rate:+.3f} frames, {self.frames[i]:+d} in whole frames."
             for i in others
         ]

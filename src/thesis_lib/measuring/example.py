@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
 
 from thesis_lib import setups
+from thesis_lib.abreast import abreast
 from thesis_lib.experiment import laboratory, media
 from thesis_lib.experiment.laboratory import SAMPLE_RATE, Rig, default_rig
 from thesis_lib.experiment.manifest import Manifest, write_manifest
-from thesis_lib.experiment.render import Sensor
+from thesis_lib.experiment.render import Image, Sensor
 from thesis_lib.experiment.scene import Component
 from thesis_lib.files import staging
 
@@ -63,25 +64,30 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise FileExistsError(f"{folder}: is there already, allowed: a new or empty folder")
-    rig = example_rig()
+    rig, stop = example_rig(), threading.Event()
     folder.parent.mkdir(parents=True, exist_ok=True)
     with staging(folder.parent) as part:
         (part / "board").mkdir()
+
+        def until_stopped(pictures: Iterator[Image]) -> Iterator[Image]:
+            for picture in pictures:
+                if stop.is_set():
+                    raise KeyboardInterrupt
+                yield picture
 
         def one(index: int) -> None:
             station = rig.stations[index]
             name = station.camera.name
             say(f"rendering camera {name}, {index + 1} of {len(rig.stations)}")
             media.write_video(
-                part / f"{name}.mkv", laboratory.frames(rig, index), station.frame_rate,
-                laboratory.sound(rig, index), SAMPLE_RATE, "h264", CRF,
+                part / f"{name}.mkv", until_stopped(laboratory.frames(rig, index)),
+                station.frame_rate, laboratory.sound(rig, index), SAMPLE_RATE, "h264", CRF,
             )  # fmt: skip
-            for k, shot in enumerate(laboratory.shots(rig, index)):
+            for k, shot in enumerate(until_stopped(laboratory.shots(rig, index))):
                 _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
                 (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())
 
-        with ThreadPoolExecutor(2) as pool:
-            list(pool.map(one, range(len(rig.stations))))
+        abreast(one, range(len(rig.stations)), stop.set)
         write_manifest(example_manifest(rig), part / "manifest.yaml")
         if folder.exists():
             folder.rmdir()

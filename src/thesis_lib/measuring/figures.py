@@ -143,9 +143,11 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording]) -> Figure:
         figure, axes = plt.subplots(rows, 2, figsize=(WIDE, 0.5 + 1.5 * rows), sharex=True,
                                     layout="constrained", squeeze=False)  # fmt: skip
         for k, (panel, own) in enumerate(zip(axes.flat, recordings, strict=False)):
-            parts = [(t, uv[:, :, marker]) for t, uv in own.parts(begin, end)]
-            t = np.concatenate([times for times, _ in parts])[-2000:]
-            uv = np.concatenate([values for _, values in parts])[-2000:]
+            parts = [
+                (t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - 2000 / own.rate), end)
+            ]
+            t = np.concatenate([times for times, _ in parts])
+            uv = np.concatenate([values for _, values in parts])
             axis = int(np.nanargmax(np.nan_to_num(np.nanstd(uv, axis=0))))
             moved = uv[:, axis] - np.nanmean(uv[:, axis])
             panel.plot((t % period) / period, moved, ".", color=color(k), markersize=3)

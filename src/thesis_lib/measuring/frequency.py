@@ -150,6 +150,8 @@ def _parts(
         if len(amplitudes) < 3:
             continue
         A = np.nan_to_num(np.array(amplitudes))
+        if not A.any():  # it sees no marker
+            continue
         mean = A.mean(axis=0)
         against = A @ mean.conj() / np.vdot(mean, mean).real
         middles += times

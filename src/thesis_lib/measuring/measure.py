@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,18 @@ import xarray as xr
 from tqdm import tqdm
 
 from thesis_lib import __version__, cubes
+from thesis_lib.abreast import abreast
 from thesis_lib.experiment import chain, media
 from thesis_lib.experiment.frames import camera_deviations
 from thesis_lib.experiment.lens import Camera
 from thesis_lib.experiment.listening import listen
-from thesis_lib.experiment.manifest import Manifest, ManifestError, read_manifest, shot_paths
+from thesis_lib.experiment.manifest import (
+    Manifest,
+    ManifestError,
+    on_one_line,
+    read_manifest,
+    shot_paths,
+)
 from thesis_lib.files import staging
 from thesis_lib.measuring import report, uff
 from thesis_lib.measuring.feasibility import assess, describe
@@ -69,19 +76,22 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     calibration = calibrated(manifest, folder, steps, say)
     recordings = tracked(manifest, folder, steps, calibration, sound)
     say("fitting the deflection")
-    data = result(manifest, sound, recordings)
-    data = cubes.with_origin(
-        data.merge(_kept_of(calibration, sound)), f"measurement by thesis_lib {__version__}"
-    )
-    data.attrs.update(
-        title=f"Deflection of a {manifest.structure.kind}, measured with {len(recordings)} cameras",
-        parameters=manifest.model_dump_json(),
-        notes=calibration.attrs["notes"],
-        synchronisation=sound.attrs["synchronisation"],
-    )
-    with matplotlib.rc_context({"text.parse_math": False}):  # a camera may be called $
+    with warnings.catch_warnings(), matplotlib.rc_context({"text.parse_math": False}):
+        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+        data = result(manifest, sound, recordings)
+        _check_plane(data, manifest)
+        data = cubes.with_origin(
+            data.merge(_kept_of(calibration, sound)), f"measurement by thesis_lib {__version__}"
+        )
+        data.attrs.update(
+            title=f"Deflection of a {manifest.structure.kind}, "
+            f"measured with {len(recordings)} cameras",
+            parameters=manifest.model_dump_json(),
+            notes=calibration.attrs["notes"],
+            synchronisation=sound.attrs["synchronisation"],
+        )
         pictures = report.figures(data, manifest, recordings, folder)
-    page = report.page(data, manifest, assessment, pictures)
+        page = report.page(data, manifest, assessment, pictures)
     with staging(out) as part:
         (part / "figures").mkdir()
         write_cube(data, part / "measured.nc")
@@ -94,6 +104,18 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     for line in report.summary(data):
         say(line)
     return out / "report.html"
+
+
+def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
+    """Refuse markers at rest whose places do not tell the structure's plane."""
+    seen = np.isfinite(data["rest_position"].values).all(axis=0)
+    places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
+    if on_one_line(places, manifest.structure.markers.diameter_mm):
+        raise chain.ChainError(
+            f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on one "
+            "line, which does not tell how the structure is turned about it: move a camera, or "
+            "add markers beside the line"
+        )
 
 
 def move(part: Path, out: Path) -> None:
@@ -117,7 +139,7 @@ def calibrated(
 
     def compute() -> xr.Dataset:
         say(f"calibrating from {len(shots)} pictures of the board")
-        with tqdm(total=len(manifest.cameras), unit="camera", disable=None, leave=False) as bar:
+        with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
             corners, lost, single, full = chain.adjusted(manifest, folder, lambda: bar.update())
         data = xr.Dataset(coords={"camera": [c.name for c in manifest.cameras]})
         for name, dims, values in (
@@ -159,10 +181,11 @@ def heard(
             )
         force = sound.force or 0j
         unknown: Any = np.nan
-        frequency = sound.found_frequency or sound.frequency or unknown
         values = {
             "delay": ("camera", found.delays),
-            "frequency": ("", frequency),
+            "frequency": ("", sound.frequency or unknown),
+            "of_sound": ("", sound.found_frequency or unknown),
+            "of_sound_deviation": ("", sound.frequency_deviation or unknown),
             "force": ("part", [force.real, force.imag]),
             "of_force": ("", int(sound.force is not None)),
             "steady": ("end", sound.steady),
@@ -174,7 +197,9 @@ def heard(
         data = xr.Dataset(
             {name: (dims.split(), np.asarray(v)) for name, (dims, v) in values.items()}
         )
-        return data.assign_attrs(synchronisation="\n".join(found.describe()))
+        return data.assign_attrs(
+            synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
+        )
 
     return kept(steps, "sound", key_of(what, videos), compute)
 
@@ -208,20 +233,8 @@ def tracked(
             return Recording(cameras[index], files.frame_rate_hz, float(sound["delay"][index]),
                              files.exposure_s, files.readout_s, path)  # fmt: skip
 
-        with chain.alike(), ThreadPoolExecutor(2) as pool:
-            try:
-                return results_of([pool.submit(one, index) for index in range(len(cameras))])
-            except BaseException:
-                stop.set()
-                pool.shutdown(cancel_futures=True)
-                raise
-
-
-def results_of(futures: Sequence[Future[Recording]]) -> list[Recording]:
-    """Results of all, or what the first that failed has raised, as soon as it has."""
-    for future in as_completed(futures):
-        future.result()
-    return [future.result() for future in futures]
+        with chain.alike():
+            return abreast(one, range(len(cameras)), stop.set)
 
 
 def cameras_of(calibration: xr.Dataset) -> list[Camera]:

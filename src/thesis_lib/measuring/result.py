@@ -22,7 +22,7 @@ from thesis_lib.experiment.harmonics import (
 )
 from thesis_lib.experiment.lens import distorted
 from thesis_lib.experiment.manifest import Manifest
-from thesis_lib.measuring.frequency import advance, look_for
+from thesis_lib.measuring.frequency import Advance, advance, look_for
 from thesis_lib.measuring.models import assurance, candidates, scaled
 from thesis_lib.measuring.recording import Recording, lost_share
 
@@ -41,7 +41,8 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
     manifest : Manifest
         What was recorded.
     sound : xarray.Dataset
-        What the sound tells: ``frequency`` in Hz or NaN, whether it is ``of_force``, ``force`` and
+        What the sound tells: ``frequency`` in Hz, given or found, or NaN; ``of_sound`` and
+        ``of_sound_deviation``, what the force's signal has, or NaN; ``force``, 0 if unknown;
         ``steady``.
     recordings : sequence of Recording
         Cameras, clocks and tracks.
@@ -66,8 +67,7 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
     start = given if np.isfinite(given) else look_for(recordings, begin, end)
     order = ORDER if start < FOLDED * min(own.rate for own in recordings) else 1
     motion = advance(recordings, begin, end, start, order)
-    told_by_force = bool(sound["of_force"]) and np.isfinite(given)
-    frequency = given if told_by_force or np.isnan(motion.deviation) else motion.frequency
+    frequency = _best(start, motion, sound)
     omega = 2 * np.pi * frequency
     harmonics = [
         _harmonics(own, still, omega, begin, end, order)
@@ -130,6 +130,20 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
     put("camera_centre", "camera axis", centres, "m", "centre of projection from the structure's")
     _compare(data, manifest, put)
     return data
+
+
+def _best(start: float, motion: Advance, sound: xr.Dataset) -> float:
+    """The frequency in Hz of the fit: what was given or looked for, unless tracks or sound differ.
+
+    The more certain of the two decides, if it is three standard errors away.
+    """
+    found = [
+        (motion.deviation, motion.frequency),
+        (float(sound["of_sound_deviation"]), float(sound["of_sound"])),
+    ]
+    known = [(error, value) for error, value in found if np.isfinite([error, value]).all()]
+    error, value = min(known, default=(np.nan, start))
+    return value if abs(value - start) > 3 * error else start
 
 
 def _at_rest(own: Recording, seconds: float) -> Array:

@@ -1,0 +1,27 @@
+"""Recordings from any place without pictures: exact centres, and noise of a known size."""
+
+import numpy as np
+
+from thesis_lib.experiment import lab_layout_film as film
+
+
+def layouts(study, sigma=0.0, seed=0, lost=()):
+    """What filming would give if centres were exact but for white noise of `sigma` px.
+
+    `lost` are numbers of recordings in which the markers are not found.
+    """
+    rigs = [film.rig_of(study, recording) for recording in study.recordings()]
+
+    def of(job):
+        recording, camera = job
+        rig = rigs[recording]
+        station = rig.stations[camera]
+        truth, times = film.true_centres(rig, station), film.times_of(rig, station)
+        if recording in lost:
+            return np.full((2, *truth.shape), np.nan)
+        rng = np.random.default_rng([seed, camera])
+        still = (times < rig.motion.start) | (times >= rig.motion.steady)
+        quiet = np.where(still[:, None, None], truth, np.nan)
+        return truth + sigma * rng.standard_normal(truth.shape), quiet
+
+    return film.dataset(rigs, of)

@@ -1,0 +1,171 @@
+"""The command ``thesis measure`` as a stranger runs it, and recordings broken on purpose."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from html.parser import HTMLParser
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import yaml
+
+from thesis_lib import cli
+
+RESULTS = {"report.html", "measured.nc", "shapes.csv", "shapes.uff", "figures"}
+SAMPLE_RATE = 48000
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a command ended, what it said, and what Python warned of."""
+
+    status: int
+    out: str
+    err: str
+    warned: tuple[str, ...] = ()
+
+
+def thesis(*arguments: str | Path) -> Done:
+    """Run the command in this process, as a shell would."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        patch.setattr(sys, "argv", ["thesis", *map(str, arguments)])
+        patch.setattr(signal, "signal", lambda *_: None)  # the tests keep their own handlers
+        with (
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+            pytest.raises(SystemExit) as end,
+        ):
+            cli.main()
+    warned = [
+        str(w.message) for w in caught if issubclass(w.category, RuntimeWarning | UserWarning)
+    ]
+    return Done(int(end.value.code or 0), out.getvalue(), err.getvalue(), tuple(warned))
+
+
+class Running:
+    """The command under way in a process of its own."""
+
+    def __init__(self, *arguments: str | Path) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "thesis_lib", *map(str, arguments)],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            encoding="utf-8", start_new_session=True,
+        )  # fmt: skip
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Wait until a condition holds while the command is still running."""
+        for _ in range(6000):
+            if condition():
+                return
+            if self.process.poll() is not None:
+                pytest.fail(f"ended too early: {self.process.communicate()}")
+            time.sleep(0.01)
+        pytest.fail("nothing came of it within a minute")
+
+    def end(self, how: signal.Signals | None = None) -> tuple[Done, float]:
+        """Wait for the end, after a signal if there is one; also how long that took, in s."""
+        start = time.monotonic()
+        if how is not None:
+            self.process.send_signal(how)
+        try:
+            out, err = self.process.communicate(timeout=300)
+        finally:
+            self.process.kill()
+        return Done(self.process.returncode, out, err), time.monotonic() - start
+
+
+def copied(folder: Path, to: Path, results: bool = False) -> Path:
+    """A copy of a recording that a test may break; times of change stay, so that steps count.
+
+    Parameters
+    ----------
+    folder, to : Path
+        From and to where.
+    results : bool
+        Whether the folder ``measured`` comes along, without its results but with its steps.
+    """
+    unwanted = RESULTS if results else {"measured"}
+    shutil.copytree(folder, to, ignore=lambda _, names: unwanted & set(names))
+    return to
+
+
+def change_manifest(folder: Path, change: Callable[[dict], object]) -> None:
+    """Rewrite the manifest; a change that returns text replaces it."""
+    path = folder / "manifest.yaml"
+    values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    text = change(values)
+    plain = yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
+    path.write_text(text if isinstance(text, str) else plain, encoding="utf-8")
+
+
+def few_shots(values: dict, count: int) -> None:
+    """The same manifest with fewer pictures of the board."""
+    for camera in values["cameras"]:
+        camera["shots"] = [f"board/{camera['name']}-{k:02d}.jpg" for k in range(count)]
+
+
+def remux(
+    video: Path,
+    sound: np.ndarray | None,
+    retime: Callable[[Sequence[av.Packet]], object] = lambda packets: None,
+) -> None:
+    """The same pictures with another sound, or none, and perhaps at other times."""
+    new = video.with_name(f"new-{video.name}")
+    with av.open(str(video)) as old, av.open(str(new), "w") as file:
+        pictures = old.streams.video[0]
+        stream = file.add_stream_from_template(pictures)
+        packets = [packet for packet in old.demux(pictures) if packet.size]
+        retime(packets)
+        due = sorted(packet.pts for packet in packets)
+        late = max(when - packet.pts for when, packet in zip(due, packets, strict=True))
+        if sound is not None:
+            track = file.add_stream("pcm_s16le", rate=SAMPLE_RATE, layout="mono")
+            samples = np.rint(np.clip(sound, -1, 1 - 2**-15) * 2**15).astype(np.int16)
+            block = av.AudioFrame.from_ndarray(samples[None], "s16", "mono")
+            block.sample_rate, block.pts = SAMPLE_RATE, 0
+            block.time_base = Fraction(1, SAMPLE_RATE)
+        for when, packet in zip(due, packets, strict=True):
+            packet.stream, packet.dts = stream, when - late
+            file.mux(packet)
+        if sound is not None:
+            file.mux(track.encode(block))
+            file.mux(track.encode(None))
+    new.replace(video)
+
+
+class Page(HTMLParser):
+    """What a page loads, its pictures' descriptions, its text."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.loaded: list[str] = []
+        self.pictures: list[str | None] = []
+        self.tags: set[str] = set()
+        self.text = self.styles = ""
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.loaded += [value for name, value in attrs
+                        if name in {"src", "srcset", "data", "poster", "action"}
+                        or (name == "href" and tag != "a")]  # fmt: skip
+        if tag == "img":
+            self.pictures.append(dict(attrs).get("alt"))
+
+    def handle_data(self, data):
+        self.text += data
+        self.styles += data if self.lasttag == "style" else ""

@@ -1,0 +1,44 @@
+"""Recordings of fast vibrations without pictures: exact projections, and noise of a known size."""
+
+import numpy as np
+
+from thesis_lib.experiment import lab_films, lens
+from thesis_lib.experiment.direct import Seen
+from thesis_lib.experiment.scene import on_surface
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # of an exposure, from −1 to 1
+
+
+def look(sigma=0.0, seed=0):
+    """What films a rig: markers where they are in the mean of the exposure, with noise in px."""
+
+    def one(rig):
+        found = []
+        for number, station in enumerate(rig.stations):
+            times = station.start + np.arange(int(rig.duration * station.frame_rate)) / (
+                station.frame_rate
+            )
+            exposure = station.sensor.exposure * np.sqrt(1 - 1 / lab_films.SAMPLES**2)
+            points = rig.markers.centres
+
+            def images(at, points=points, camera=station.camera, rig=rig):
+                world = on_surface(
+                    rig.markers.extent, points[:, None], rig.motion.deflection(points, at)
+                )
+                return lens.project(camera, world).swapaxes(0, 1)
+
+            truth = images(times)
+            seen = [images(times + node * exposure / 2) for node in NODES]
+            centres = np.tensordot(WEIGHTS / 2, seen, axes=1)
+            rng = np.random.default_rng([seed, rig.seed, number])
+            found.append(Seen(times, centres + sigma * rng.standard_normal(truth.shape), truth))
+        return found
+
+    return one
+
+
+def films(study, sigma=0.0, seed=0):
+    """The recordings that a study of ``lab-modes`` or ``lab-plate`` needs."""
+    request = study.recordings
+    make = lab_films.beam_rigs if study.study == "modes" else lab_films.plate_rigs
+    return lab_films.record(make(request, request.seed), request.frames, look(sigma, seed))
