@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: book test check bench lock clean
+.PHONY: book test check bench photographs lock clean
 
 book: $(READY)  ## the executed book, in build/html
 	$(BIN)/thesis book
@@ -16,6 +16,11 @@ check: $(READY)  ## lint, format, types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+photographs: build/photographs/left01.jpg  ## real pictures of a board, for tests that are else skipped
+
+build/photographs/left01.jpg: | $(READY)
+	$(BIN)/python tests/foreign/photographs.py
 
 bench: $(READY)  ## speed, as ratios measured in one run
 	$(BIN)/python -m benchmarks

@@ -162,7 +162,8 @@ def _fit(image: NDArray[np.uint8], grid: Array) -> tuple[Array, Array]:
         normal /= scale[:, :, None] * scale[:, None, :]
         normal += 1e-9 * np.eye(7)
         state = state + (np.linalg.solve(normal, (right / scale)[..., None])[..., 0] / scale).T
-        state[6] = np.clip(np.abs(state[6]), 0.2, 8.0)
+        # The pixel's own area spreads edges along its sides as much; with less the fit diverges.
+        state[6] = np.clip(np.abs(state[6]), 0.5, 8.0)
     model = _model(pixels, state, bend)[0]
     with np.errstate(invalid="ignore", divide="ignore"):  # a corner without pixels has no misfit
         misfit = np.sqrt(np.sum(weight * (grey - model) ** 2, axis=1) / weight.sum(axis=1))

@@ -220,7 +220,7 @@ def shares(cube: xr.Dataset) -> str:
                   if name not in names]  # fmt: skip
         if factor:
             rows.append(
-                [name, f"{float(whole['camera_azimuth'][number]):g}°",
+                [name, f"{float(whole['camera_azimuth'][number]):g}°".replace("-", "−"),
                  f"{float(whole['camera_elevation'][number]):g}°", f"{len(factor)}",
                  f"×{np.exp(np.mean(np.log(factor))):.2f}", f"×{min(factor):.2f}",
                  f"×{max(factor):.2f}"]

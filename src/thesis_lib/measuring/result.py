@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import reduce
 from operator import add
 from typing import Any
@@ -74,7 +75,8 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         for own, still in zip(recordings, rest, strict=True)
     ]
     exposures = np.array([own.exposure for own in recordings])
-    fit = Fitted(cameras, harmonics, rest, frame)
+    scatter = np.sqrt(np.mean([h.sigma**2 for h in harmonics], axis=1))
+    fit = Fitted(cameras, [_not_frozen(own) for own in harmonics], rest, frame)
     complex_shape = amplitude(fit, omega, exposures)
     force = complex(*sound["force"].values)
     phase = _common_phase(complex_shape, force, manifest.structure.damping)
@@ -107,7 +109,6 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "cameras that a marker's deflection rests on")  # fmt: skip
     lost = [lost_share(own)[1] for own in recordings]
     put("missing", "camera marker", lost, "1", "share of the frames in which a marker is missing")
-    scatter = np.sqrt(np.mean(fit.sigma**2, axis=1))
     put("centre_scatter", "camera marker", scatter, "px",
         "rms scatter of a coordinate of the centres about its harmonics")  # fmt: skip
     without, differs = _without_each(fit, omega, exposures, phase)
@@ -168,6 +169,15 @@ def _harmonics(
         sums = [reduce(add, sums)]
     rows = distorted(own.camera, middle)[1] / own.camera.size[1]
     return sums[0].solve().raised(middle).earlier(omega, own.readout * (rows - 0.5))
+
+
+def _not_frozen(own: Harmonics) -> Harmonics:
+    """The same with no less scatter than half of what the camera's markers have.
+
+    A video's compression may keep a marker still; its place is not better known for that.
+    """
+    least = 0.5 * np.nanmedian(own.sigma) if np.isfinite(own.sigma).any() else np.nan
+    return replace(own, sigma=np.maximum(own.sigma, least))
 
 
 def _common_phase(shape: ComplexArray, force: complex, damping: float) -> float:

@@ -1,0 +1,1 @@
+"""Recordings that share no code with the library: another renderer, other writers."""

@@ -1,0 +1,307 @@
+"""A ray caster for boards and beams, which shares nothing with the library's renderer.
+
+The library projects outlines and sums the exact areas of pixels. Here OpenCV undoes the lens, a ray
+goes through each of many points of a pixel and asks what it hits, to within their spacing; the
+point spread is any kernel on those points. Light is linear: 0 is black, 1 is the brightest that the
+sensor takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from scipy.special import j1
+
+WHITE, DARK, BEHIND = 0.75, 0.08, 0.15
+MARGIN = 6  # px around what is drawn: farther than light is spread
+EXACT = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-12)
+
+
+@dataclass(frozen=True)
+class Eye:
+    """A camera in OpenCV's terms: whole numbers are the centres of pixels."""
+
+    name: str
+    size: tuple[int, int]
+    K: np.ndarray
+    distortion: np.ndarray  # as many coefficients as OpenCV knows
+    R: np.ndarray  # from the world to the camera
+    centre: np.ndarray
+
+    def project(self, points):
+        """Images (2, n) of world points (3, n), counted from the sensor's corner."""
+        turn, _ = cv2.Rodrigues(self.R)
+        uv, _ = cv2.projectPoints(points.T, turn, -self.R @ self.centre, self.K, self.distortion)
+        return uv[:, 0].T + 0.5
+
+    def box(self, points):
+        """Columns and rows (u0, v0, u1, v1) that show world points, with a margin."""
+        uv = self.project(points)
+        low = np.maximum(np.floor(uv.min(axis=1)).astype(int) - MARGIN, 0)
+        high = np.minimum(np.ceil(uv.max(axis=1)).astype(int) + MARGIN, self.size)
+        return *low, *high
+
+    def directions(self, box, fine, turn=None):
+        """Rays through fine × fine points of each pixel: x, y and z, each (rows, columns).
+
+        They are in the world, or, with a rotation `turn` from there, in a frame of its own.
+        """
+        u0, v0, u1, v1 = box
+        u, v = np.meshgrid(np.arange(u0 - 1.0, u1 + 1), np.arange(v0 - 1.0, v1 + 1))
+        pixels = np.stack([u.ravel(), v.ravel()], axis=-1)[:, None]
+        flat = cv2.undistortPoints(pixels, self.K, self.distortion, None, None, None, EXACT)
+        x, y = flat[:, 0].T.reshape(2, *u.shape).astype(np.float32)
+        x, y = (_refined(_refined(part, fine).T, fine).T for part in (x, y))
+        rotation = self.R.T if turn is None else turn @ self.R.T
+        return [a * x + b * y + c for a, b, c in rotation.astype(np.float32)]
+
+
+def _refined(values, fine):
+    """Values (n + 2, ...) at the centres of pixels −1…n, at `fine` points in each of 0…n − 1."""
+    count = len(values) - 2
+    place = (np.arange(count * fine) + 0.5) / fine + 0.5  # from the first of the centres
+    left = place.astype(int)
+    share = (place - left)[:, None].astype(np.float32)
+    return (1 - share) * values[left] + share * values[left + 1]
+
+
+def looking(name, place, roll_deg, size, focal, principal=(0, 0), distortion=(0.0,) * 5, at=0.0):
+    """A camera at a place that looks at the origin, or `at` on the X axis; up is about +Y."""
+    place = np.array(place, float)
+    z = np.array([at, 0, 0]) - place
+    z /= np.linalg.norm(z)
+    x = np.cross([0, -1, 0], z)
+    x /= np.linalg.norm(x)
+    roll, _ = cv2.Rodrigues(np.array([0, 0, np.radians(roll_deg)]))
+    R = roll @ np.stack([x, np.cross(z, x), z])
+    K = np.array([[focal[0], 0, (size[0] - 1) / 2 + principal[0]],
+                  [0, focal[1], (size[1] - 1) / 2 + principal[1]], [0, 0, 1.0]])  # fmt: skip
+    return Eye(name, size, K, np.array(distortion, float), R, place)
+
+
+# Point spreads, as what they make of the light on the fine points.
+
+
+def sharp(light, fine):
+    """No spread but the pixel's own area."""
+    return light
+
+
+def gaussian(sigma):
+    """A Gaussian of a standard deviation in px."""
+    return lambda light, fine: cv2.GaussianBlur(light, (0, 0), sigma * fine)
+
+
+def airy(wavelength_times_f):
+    """The diffraction of a round aperture: λN in px; its first dark ring is at 1.22 λN."""
+
+    def spread(light, fine):
+        reach = int(5 * wavelength_times_f * fine)
+        x = np.arange(-reach, reach + 1) / fine
+        r = np.pi * np.hypot(x, x[:, None]) / wavelength_times_f
+        kernel = (2 * j1(np.maximum(r, 1e-9)) / np.maximum(r, 1e-9)) ** 2
+        return cv2.filter2D(light, -1, kernel.astype(np.float32) / kernel.sum())
+
+    return spread
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What happens to light between the scene and the sensor."""
+
+    spread: Callable = field(default_factory=lambda: gaussian(0.6))
+    fine: int = 4  # rays along each side of a pixel
+    slope: float = 0.0  # how much brighter the right end of the scene is lit than the left
+    vignetting: float = 0.0  # loss of light in the picture's corners
+    row_time: float = 0.0  # s from row to row: a rolling shutter
+
+
+def _exposed(eye, box, light, optics):
+    """Full linear picture from the light on the fine points of a box."""
+    u0, v0, u1, v1 = box
+    fine = optics.fine
+    spread = optics.spread(light, fine)
+    pixels = spread.reshape(v1 - v0, fine, u1 - u0, fine).mean(axis=(1, 3))
+    picture = np.full(eye.size[::-1], BEHIND, np.float32)
+    picture[v0:v1, u0:u1] = pixels
+    if optics.vignetting:
+        width, height = eye.size
+        u, v = np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2
+        far = (u**2 + v[:, None] ** 2) / (width**2 + height**2) * 4
+        picture *= (1 - optics.vignetting * far).astype(np.float32)
+    return picture
+
+
+def _soft(inside, spacing):
+    """1 inside and 0 outside of an edge, straight over one spacing of the rays between."""
+    return np.clip(inside / np.float32(spacing) + np.float32(0.5), 0, 1)
+
+
+def _spacing(x, y):
+    """Mean distance of neighbouring rays where they meet a plane, m."""
+    (xv, xu), (yv, yu) = [
+        [np.diff(part[::7, ::7], axis=axis).mean() / 7 for axis in (0, 1)] for part in (x, y)
+    ]
+    return np.sqrt(abs(xu * yv - xv * yu))
+
+
+# What is seen.
+
+
+@dataclass(frozen=True)
+class Chessboard:
+    """Tiles in a white margin; its frame is at its centre, as the library's board."""
+
+    columns: int
+    rows: int
+    tile: float
+    margin: float
+
+    @property
+    def corners(self):
+        x = (np.arange(1, self.columns) - self.columns / 2) * self.tile
+        y = (np.arange(1, self.rows) - self.rows / 2) * self.tile
+        X, Y = np.meshgrid(x, y)
+        return np.stack([X.ravel(), Y.ravel(), 0 * X.ravel()])
+
+    def shot(self, eye, R, t, optics):
+        """A linear picture of the board at a pose in the world."""
+        w, h = self.columns * self.tile / 2, self.rows * self.tile / 2
+        rim = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]], float)
+        rim *= [[w + self.margin], [h + self.margin], [0]]
+        box = eye.box(R @ rim + t[:, None])
+        dx, dy, dz = eye.directions(box, optics.fine, R.T)
+        cx, cy, cz = (R.T @ (eye.centre - t)).astype(np.float32)
+        x, y = cx - cz * dx / dz, cy - cz * dy / dz
+        spacing = _spacing(x, y)
+        inside = np.minimum(w - abs(x), h - abs(y))
+        waves = []
+        for place, half in ((x, w), (y, h)):  # from −1 to 1 at every other line of the grid
+            line = np.rint((place + half) / self.tile)
+            step = 2 * _soft(place + half - line * np.float32(self.tile), spacing) - 1
+            waves.append(np.where(line % 2, -step, step))
+        dark = _soft(inside, spacing) * (1 + waves[0] * waves[1]) / 2
+        light = WHITE - np.float32(WHITE - DARK) * dark
+        if optics.slope:
+            light *= 1 + np.float32(optics.slope) * x / np.float32(2 * w)
+        board = _soft(inside + np.float32(self.margin), spacing)
+        light = BEHIND + board * (light - BEHIND)
+        return _exposed(eye, box, light, optics)
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A beam with rows of dark discs and a hole, in m; it bends up along z."""
+
+    length: float = 0.623
+    width: float = 0.030
+    columns: int = 25
+    rows: int = 3
+    spacing: float = 0.025
+    row_spacing: float = 0.010
+    diameter: float = 0.005
+    hole: tuple[float, float] = (0.024, 0.010)
+
+    @property
+    def points(self):
+        """Centres of the markers from the clamped corner, (2, n), row by row."""
+        x = self.length / 2 + (np.arange(self.columns) - (self.columns - 1) / 2) * self.spacing
+        y = self.width / 2 + (np.arange(self.rows) - (self.rows - 1) / 2) * self.row_spacing
+        return np.stack([np.tile(x, self.rows), np.repeat(y, self.columns)])
+
+    def shape(self, x):
+        """What a uniform load does to a cantilever, 1 at the tip."""
+        s = x / self.length
+        return s * s * (6 - 4 * s + s * s) / 3
+
+    def world(self, tip=0.0):
+        """Centres of the markers in the world, (3, n), for a deflection of the tip."""
+        x, y = self.points
+        return np.stack([x - self.length / 2, y - self.width / 2, tip * self.shape(x)])
+
+
+class Film:
+    """What one camera sees of a beam whose tip moves."""
+
+    def __init__(self, eye, strip, tip, most, exposure, optics, seed=0):
+        self.eye, self.strip, self.tip, self.optics = eye, strip, tip, optics
+        rim = [[x, y, z] for x in np.linspace(-0.5, 0.5, 9) * strip.length
+               for y in (-0.5 * strip.width, 0.5 * strip.width) for z in (-most, most)]  # fmt: skip
+        self.box = eye.box(np.array(rim).T)
+        dx, dy, dz = eye.directions(self.box, optics.fine)
+        cx, cy, cz = eye.centre.astype(np.float32)
+        self.along, self.across = dx / dz, dy / dz  # x and y of a ray for each m of height
+        self.x = cx - cz * self.along + np.float32(strip.length / 2)
+        self.y = cy - cz * self.across + np.float32(strip.width / 2)
+        self.spacing = _spacing(self.x, self.y)
+        # Every point of a pixel has its own moment of the exposure, in an order of its own.
+        moments, shape = optics.fine**2, self.x.shape
+        rng = np.random.default_rng([seed, 7])
+        order = rng.permuted(np.tile(np.arange(moments, dtype=np.uint8), (211, 1)), axis=1)
+        pixel = np.add.outer(np.arange(shape[0]) // optics.fine * 37,
+                             np.arange(shape[1]) // optics.fine) % 211  # fmt: skip
+        point = np.add.outer(np.arange(shape[0]) % optics.fine * optics.fine,
+                             np.arange(shape[1]) % optics.fine)  # fmt: skip
+        self.moment = order[pixel, point]
+        self.moments = exposure * ((np.arange(moments) + 0.5) / moments - 0.5)
+
+    def picture(self, time):
+        """The linear picture exposed around a time."""
+        strip, optics = self.strip, self.optics
+        if optics.row_time:
+            rows = (self.box[1] + np.arange(self.box[3] - self.box[1])) * optics.row_time
+            tips = self.tip(time + rows[:, None] + self.moments).astype(np.float32)
+            line = np.repeat(np.arange(len(rows)), optics.fine)[:, None]
+            tip = tips[line, self.moment]
+        else:
+            tip = self.tip(time + self.moments).astype(np.float32)[self.moment]
+        x, length = self.x, np.float32(strip.length)
+        for _ in range(3):  # where a ray meets the bent surface
+            s = np.clip(x, 0, length) / length
+            z = tip * (s * s * (6 - 4 * s + s * s) / 3)
+            x = self.x + z * self.along
+        y = self.y + z * self.across
+        return _exposed(self.eye, self.box, self._light(x, y), optics)
+
+    def _light(self, x, y):
+        strip, radius = self.strip, np.float32(self.strip.diameter / 2)
+        x0, y0 = strip.points[:, 0].astype(np.float32)
+        i = np.clip(np.rint((x - x0) / np.float32(strip.spacing)), 0, strip.columns - 1)
+        j = np.clip(np.rint((y - y0) / np.float32(strip.row_spacing)), 0, strip.rows - 1)
+        dx = x - x0 - i * np.float32(strip.spacing)
+        dy = y - y0 - j * np.float32(strip.row_spacing)
+        ink = _soft(radius - np.sqrt(dx * dx + dy * dy), self.spacing)
+        light = WHITE - np.float32(WHITE - DARK) * ink
+        if self.optics.slope:
+            light *= 1 + np.float32(self.optics.slope) * (x / np.float32(strip.length) - 0.5)
+        hx, hy = np.float32(strip.hole[0]), np.float32(strip.hole[1])
+        inside = np.minimum(np.minimum(x, np.float32(strip.length) - x),
+                            np.minimum(y, np.float32(strip.width) - y))  # fmt: skip
+        inside = np.minimum(inside, np.sqrt((x - hx) ** 2 + (y - hy) ** 2) - radius)
+        return BEHIND + _soft(inside, self.spacing) * (light - BEHIND)
+
+
+# What the sensor and the camera's software make of it.
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Noise and coding."""
+
+    shot: float = 0.05  # variance of the noise in grey levels, over the grey level
+    read: float = 1.0
+    srgb: bool = False
+
+    def grey(self, light, rng):
+        """8-bit grey levels of a linear picture."""
+        level = 255 * light
+        level = level + np.sqrt(self.shot * level + self.read**2) * rng.standard_normal(
+            level.shape, np.float32
+        )
+        if self.srgb:
+            v = np.clip(level / 255, 0, 1)
+            level = 255 * np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
+        return np.clip(np.rint(level), 0, 255).astype(np.uint8)
