@@ -690,7 +690,6 @@ def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path):
         assert all(done_of(steps)[name] >= count for name, count in kept.items())
         kept = done_of(steps)
         assert names(out) == [".steps"]
-    assert min(kept.values()) < frames
 
     running = Running(*command)
     done, _ = running.end()
@@ -721,7 +720,8 @@ def test_memory_does_not_hold_a_long_recording(tmp_path, rig):
         np.save(path, rest + up * lift[:, None, None] + noise)
         recordings.append(Recording(station.camera, rate, 0.0, 1e-6, 0.0, path))
     del noise
-    sound = xr.Dataset({"frequency": 4.25, "force": ("part", [1.0, 0.0]), "of_force": 1,
+    sound = xr.Dataset({"frequency": 4.25, "of_sound": np.nan, "of_sound_deviation": np.nan,
+                        "force": ("part", [1.0, 0.0]), "of_force": 1,
                         "steady": ("end", [1.0, count / rate - 0.1])})  # fmt: skip
     tracemalloc.start()
     data = result.result(manifest, sound, recordings)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import base64
+import html
 import time
 import warnings
 from collections.abc import Iterable, Mapping
@@ -10,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from IPython.display import SVG, Markdown, display
+from IPython.display import HTML, SVG, Markdown, display
 
 from thesis_lib import claims, cubes, figures, files, prose, sound, studies
 from thesis_lib.experiment.lab_layouts import Layouts
@@ -269,7 +271,9 @@ def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] =
         for mode in cube["mode"].values.tolist():
             if (case, mode) not in own:
                 display(Markdown(f"**{_escape(case)}, mode {mode}**"))
-                display(SVG(figures.as_svg(cube, case, mode)))
+                picture = base64.b64encode(figures.as_svg(cube, case, mode).encode()).decode()
+                words = html.escape(f"The figure of {case} in mode {mode}, with the same panels")
+                display(HTML(f'<img alt="{words}" src="data:image/svg+xml;base64,{picture}">'))
 
 
 def _escape(text: str) -> str:
