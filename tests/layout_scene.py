@@ -3,6 +3,7 @@
 import numpy as np
 
 from thesis_lib.experiment import lab_layout_film as film
+from thesis_lib.experiment.direct import times_of, true_centres
 
 
 def layouts(study, sigma=0.0, seed=0, lost=()):
@@ -16,7 +17,8 @@ def layouts(study, sigma=0.0, seed=0, lost=()):
         recording, camera = job
         rig = rigs[recording]
         station = rig.stations[camera]
-        truth, times = film.true_centres(rig, station), film.times_of(rig, station)
+        times = times_of(rig, station)
+        truth = true_centres(rig, station, times)
         if recording in lost:
             return np.full((2, *truth.shape), np.nan)
         rng = np.random.default_rng([seed, camera])

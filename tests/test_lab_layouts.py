@@ -15,6 +15,8 @@ from thesis_lib.experiment import lab_layout_numbers as numbers
 from thesis_lib.experiment import lab_layout_study as ls
 from thesis_lib.experiment import lab_layout_tables as tables
 from thesis_lib.experiment import lens
+from thesis_lib.experiment.direct import times_of
+from thesis_lib.experiment.direct import true_centres as centres_at
 from thesis_lib.experiment.lab_layouts import LabElevation, LabLayout
 from thesis_lib.experiment.localisation import edge_scatter
 from thesis_lib.experiment.render import BeamView, Sensor
@@ -27,6 +29,11 @@ OMEGA = 2 * np.pi * 4.25
 PLAIN = {"lens_k1": 0.0, "exposure_ms": 0.01}
 
 
+def true_centres(rig, station):
+    """Where a camera has the markers in all of its frames."""
+    return centres_at(rig, station, times_of(rig, station))
+
+
 def elevation(**values):
     return validate("lab-elevation", {"trials": 40, **PLAIN, **values})
 
@@ -37,7 +44,7 @@ def layout(**values):
 
 def spread_of(rig):
     """What the fit leaves of noise in the part of an amplitude that is in phase, about √(2/N)."""
-    times = film.times_of(rig, rig.stations[0])
+    times = times_of(rig, rig.stations[0])
     return np.sqrt(2 / np.count_nonzero(times >= rig.motion.steady))
 
 
@@ -150,9 +157,9 @@ def test_a_part_of_the_sensor_sees_the_same():
         part, corner = film.window_of(rig, station)
         moved = replace(rig, stations=(part,))
         np.testing.assert_allclose(
-            film.true_centres(moved, part) + corner[:, None], film.true_centres(rig, station)
+            true_centres(moved, part) + corner[:, None], true_centres(rig, station)
         )
-        inside = film.true_centres(moved, part)
+        inside = true_centres(moved, part)
         assert inside.min() > 15
         assert np.all(inside.max(axis=(0, 2)) < np.array(part.camera.size) - 15)
         assert part.camera.size[1] < station.camera.size[1] / 4
@@ -170,7 +177,7 @@ def test_frames_are_the_same_whoever_asks_and_quiet_ones_are_without_noise():
     assert known[:, 0].any(axis=1).mean() > 0.5  # at rest and in the steady period
     assert np.abs(noisy[known] - quiet[known]).max() < 0.01  # what steps of the fit leave
     assert np.sqrt(np.mean((noisy[known] - quiet[known]) ** 2)) < 1e-3
-    off = np.hypot(*np.moveaxis(quiet - film.true_centres(rig, rig.stations[0]), 1, 0))
+    off = np.hypot(*np.moveaxis(quiet - true_centres(rig, rig.stations[0]), 1, 0))
     assert np.nanmax(off) < 0.1
 
 

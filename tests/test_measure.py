@@ -33,9 +33,9 @@ from thesis_lib.experiment import media
 from thesis_lib.experiment.chain import markers_of
 from thesis_lib.experiment.lens import project
 from thesis_lib.experiment.manifest import Manifest, read_manifest
+from thesis_lib.experiment.shapes import assurance
 from thesis_lib.measuring import measure, result
 from thesis_lib.measuring.example import example_manifest, example_rig
-from thesis_lib.measuring.models import assurance
 from thesis_lib.measuring.recording import Recording, _state
 
 STEPS = ["calibration.nc", "sound.nc"] + [

@@ -13,10 +13,11 @@ from thesis_lib.experiment.harmonics import fit_harmonics, sums_of
 from thesis_lib.experiment.laboratory import default_rig, frames
 from thesis_lib.experiment.lens import Camera
 from thesis_lib.experiment.manifest import CameraFiles, Structure
+from thesis_lib.experiment.shapes import assurance
 from thesis_lib.measuring import recording as recording_module
 from thesis_lib.measuring import uff
 from thesis_lib.measuring.frequency import FrequencyError, advance, look_for
-from thesis_lib.measuring.models import assurance, candidates, scaled
+from thesis_lib.measuring.models import candidates, scaled
 from thesis_lib.measuring.recording import Recording, record
 from thesis_lib.measuring.steps import kept, key_of
 
@@ -192,7 +193,7 @@ def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(recording_module, "OFTEN", 7)
 
     def run(name, key="k", tick=lambda done: None):
-        record(files, tmp_path, station.camera, rig.markers, 0.445, tmp_path / name, key, tick)
+        record(files, tmp_path, 30, station.camera, rig.markers, 0.445, tmp_path / name, key, tick)
         return np.load(tmp_path / name)
 
     whole = run("whole.npy")

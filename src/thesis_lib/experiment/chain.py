@@ -82,8 +82,13 @@ def markers_of(manifest: Manifest) -> Markers:
     return Markers(size, given.marker_points, diameter, hole, given.markers.tone == "bright")
 
 
-def check(manifest: Manifest, folder: Path) -> None:
+def check(manifest: Manifest, folder: Path) -> list[int]:
     """Refuse recordings that are not what the manifest says, or not whole.
+
+    Returns
+    -------
+    list of int
+        Frames of each video.
 
     Raises
     ------
@@ -92,12 +97,15 @@ def check(manifest: Manifest, folder: Path) -> None:
     """
     for problem in check_recordings(manifest, folder):
         raise ManifestError(problem)
+    counts = []
     for camera in manifest.cameras:
         path = folder / camera.video
         there = len(media.check_frame_times(path, camera.frame_rate_hz))
         says = media.probe(path).frames
         if says is not None and there < says:
             raise media.MediaError(f"{path}: ends before frame {there}, the file says {says}")
+        counts.append(there)
+    return counts
 
 
 @contextlib.contextmanager
@@ -357,20 +365,24 @@ def _dataset(
     return data
 
 
-def cameras_of(data: xr.Dataset, calibration: str, width: int | None = None) -> list[Camera]:
-    """The cameras of a dataset, at full size or reduced to a width."""
-    part = data.sel(calibration=calibration)
-    cameras = [
+def cameras_in(calibration: xr.Dataset) -> list[Camera]:
+    """The cameras of one calibration."""
+    return [
         Camera(
             str(name),
-            part["K"].values[i],
-            part["distortion"].values[i],
-            part["R_camera_world"].values[i],
-            part["centre"].values[i],
-            (int(part["size"].values[i, 0]), int(part["size"].values[i, 1])),
+            calibration["K"].values[i],
+            calibration["distortion"].values[i],
+            calibration["R_camera_world"].values[i],
+            calibration["centre"].values[i],
+            (int(calibration["size"].values[i, 0]), int(calibration["size"].values[i, 1])),
         )
-        for i, name in enumerate(part["camera"].values)
+        for i, name in enumerate(calibration["camera"].values)
     ]
+
+
+def cameras_of(data: xr.Dataset, calibration: str, width: int | None = None) -> list[Camera]:
+    """The cameras of a dataset, at full size or reduced to a width."""
+    cameras = cameras_in(data.sel(calibration=calibration))
     if width is None:
         return cameras
     return [resized(c, (width, round(width * c.size[1] / c.size[0]))) for c in cameras]

@@ -6,18 +6,19 @@ are enough for that, so that many rigs can be tried in the time of one full reco
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thesis_lib.abreast import abreast
 from thesis_lib.experiment import laboratory, lens
 from thesis_lib.experiment.harmonics import Fitted, Harmonics, fit_harmonics, fitted, mean_of
-from thesis_lib.experiment.laboratory import Rig
-from thesis_lib.experiment.scene import Motion, on_surface
+from thesis_lib.experiment.laboratory import Rig, Station
+from thesis_lib.experiment.lens import Camera
+from thesis_lib.experiment.scene import Markers, Motion, on_surface
 from thesis_lib.experiment.tracking import Tracker, sharpen
-from thesis_lib.experiment.view import TrackingError, view_of
+from thesis_lib.experiment.view import TrackingError, View, as_dark, view_of
 
 Array = NDArray[np.float64]
 
@@ -67,6 +68,25 @@ def brief(rig: Rig, rest: int = 6, ramp: float = 1.0, steady: float = 2.0) -> Ri
     return replace(rig, stations=stations, motion=motion, duration=duration)
 
 
+def times_of(rig: Rig, station: Station) -> Array:
+    """World times of a camera's frames in s."""
+    count = int(rig.duration * station.frame_rate)
+    return np.asarray(station.start + np.arange(count) / station.frame_rate)
+
+
+def true_centres(rig: Rig, station: Station, times: Array) -> Array:
+    """Where a camera has the markers at some times, shape (times, 2, markers), px."""
+    points = rig.markers.centres
+    world = on_surface(rig.markers.extent, points[:, None], rig.motion.deflection(points, times))
+    return np.asarray(lens.project(station.camera, world).swapaxes(0, 1))
+
+
+def true_view(camera: Camera, markers: Markers) -> View:
+    """How a camera sees the structure at rest, by what only a rendered recording knows."""
+    corners = lens.project(camera, on_surface(markers.extent, markers.corners))
+    return view_of(camera, markers, lens.undistorted(camera, corners))
+
+
 def seen(rig: Rig) -> list[Seen]:
     """What every camera sees, rendered and tracked side by side.
 
@@ -76,20 +96,12 @@ def seen(rig: Rig) -> list[Seen]:
 
     def one(index: int) -> Seen:
         station, markers = rig.stations[index], rig.markers
-        camera = station.camera
-        length, width = markers.extent
-        corners = np.array([[0, length, length, 0], [0, 0, width, width]])
-        view = view_of(camera, markers, lens.undistorted(
-            camera, lens.project(camera, on_surface(markers.extent, corners))))  # fmt: skip
-        count = int(rig.duration * station.frame_rate)
-        times = station.start + np.arange(count) / station.frame_rate
-        points = markers.centres
-        world = on_surface(markers.extent, points[:, None], rig.motion.deflection(points, times))
-        truth = lens.project(camera, world).swapaxes(0, 1)
+        view, times = true_view(station.camera, markers), times_of(rig, station)
+        truth = true_centres(rig, station, times)
         centres = np.full_like(truth, np.nan)
         first = min(part.frequency for part in rig.motion.components)
         for k, frame in enumerate(laboratory.frames(rig, index)):
-            image = 255 - frame if markers.bright else frame
+            image = as_dark(frame, markers)
             if k == 0:
                 try:
                     tracker = Tracker(sharpen(image, view), 2 * np.pi * first / station.frame_rate)
@@ -98,8 +110,7 @@ def seen(rig: Rig) -> list[Seen]:
             centres[k] = tracker.centres(image)
         return Seen(times, centres, truth)
 
-    with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(one, range(len(rig.stations))))
+    return abreast(one, range(len(rig.stations)))
 
 
 def fit_of(rig: Rig, found: list[Seen], omega: float, order: int = 2) -> Fitted:
@@ -113,7 +124,7 @@ def fit_of(rig: Rig, found: list[Seen], omega: float, order: int = 2) -> Fitted:
     harmonics: list[Harmonics] = []
     rest = []
     for camera, own in zip(rig.cameras, found, strict=True):
-        uv = lens.undistorted(camera, own.centres.swapaxes(0, 1)).swapaxes(0, 1)
+        uv = lens.undistorted_tracks(camera, own.centres)
         steady = own.times >= rig.motion.steady
         harmonics.append(fit_harmonics(omega, own.times[steady], uv[steady], order))
         rest.append(mean_of(uv[own.times < rig.motion.start]))

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from thesis_lib import setups
 from thesis_lib.experiment import chain, following, lens, media
 from thesis_lib.experiment.corners import find_corners
+from thesis_lib.experiment.direct import true_centres
 from thesis_lib.experiment.frames import align, camera_deviations
 from thesis_lib.experiment.laboratory import Rig, default_rig, film
 from thesis_lib.experiment.manifest import read_manifest
 from thesis_lib.experiment.render import Sensor
 from thesis_lib.experiment.requests import Laboratory
-from thesis_lib.experiment.scene import Component, on_surface
+from thesis_lib.experiment.scene import Component
 from thesis_lib.experiment.tracking import Tracker, assign, sharpen
 from thesis_lib.experiment.view import find_view
 from thesis_lib.files import project_root, staging
@@ -82,14 +83,10 @@ def run(request: Laboratory) -> xr.Dataset:
 
 def true_tracks(rig: Rig, frames: int, width: int) -> Array:
     """Where the markers were, (cameras, frames, 2, markers), in px of frames of a width."""
-    points = rig.markers.positions[:, : rig.markers.count]
-    tracks = []
-    for station in rig.stations:
-        times = station.start + np.arange(frames) / station.frame_rate
-        world = on_surface(
-            rig.markers.extent, points[:, None], rig.motion.deflection(points, times)
-        )
-        tracks.append(lens.project(station.camera, world).swapaxes(0, 1))
+    tracks = [
+        true_centres(rig, station, station.start + np.arange(frames) / station.frame_rate)
+        for station in rig.stations
+    ]
     return np.array(tracks) * width / rig.stations[0].camera.size[0]
 
 
@@ -167,8 +164,7 @@ def _pictures(rig: Rig, camera: lens.Camera, folder: Path) -> xr.Dataset:
             "picture_centres": (("axis", "marker"), tracker.centres(first[names[0]])),
             "picture_outline": (
                 ("axis", "outline"),
-                view.to_image(np.array([[0, 1, 1, 0], [0, 0, 1, 1]])
-                              * np.array(rig.markers.extent)[:, None]),
+                view.to_image(rig.markers.corners),
             ),
             "picture_sound": (("camera", "sample"), sound),
         },

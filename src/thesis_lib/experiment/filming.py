@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from pydantic import BaseModel, Field
@@ -94,14 +94,30 @@ def peaks_m(
     return [amplitude_mm / 1000] * len(modes)
 
 
+class Lens(Protocol):
+    """The parameters of a lens and its sensor."""
+
+    @property
+    def focal_length_mm(self) -> float:
+        """Focal length in mm."""
+
+    @property
+    def sensor_width_mm(self) -> float:
+        """Width of the sensor in mm."""
+
+    @property
+    def lens_k1(self) -> float:
+        """First coefficient of the lens distortion."""
+
+
 def off_centre(
-    film: Film, extent: tuple[float, float], lift: float, direction: Direction, distance: float
+    film: Lens, extent: tuple[float, float], lift: float, direction: Direction, distance: float
 ) -> float:
     """How far a structure's corners reach in a 16:9 picture, over half its width or height.
 
     Parameters
     ----------
-    film : Film
+    film : Lens
         Lens and sensor.
     extent : tuple of float
         Length and width of the structure in m.

@@ -14,7 +14,7 @@ from thesis_lib.experiment import media
 from thesis_lib.experiment.lens import Camera, resized, undistorted
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.tracking import Tracker, sharpen
-from thesis_lib.experiment.view import Image, TrackingError, View, find_view, view_of
+from thesis_lib.experiment.view import Image, TrackingError, View, as_dark, find_view, view_of
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def follow(
     trackers: list[Tracker] = []
     rows, matched, notes = [], [], []
     for picture in media.read_frames(video):
-        image = 255 - picture if markers.bright else picture
+        image = as_dark(picture, markers)
         pictures = [reduced(image, width) for width in widths]
         if not trackers:
             try:

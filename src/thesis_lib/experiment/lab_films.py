@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib import setups
+from thesis_lib.abreast import abreast
 from thesis_lib.experiment import direct
 from thesis_lib.experiment.direct import Seen
 from thesis_lib.experiment.filming import Film
@@ -154,8 +154,7 @@ def record(
         ``centres`` and ``truth`` along ``rig``, ``camera``, ``frame``, ``axis`` and ``marker`` in
         px, lens distortion included, and ``time`` of each frame in s.
     """
-    with ThreadPoolExecutor(2) as pool:
-        every = list(pool.map(look, rigs))
+    every = abreast(look, rigs)
     kept = [[_kept(own, frames) for own in found] for found in every]
     data = xr.Dataset()
     dims = ("rig", "camera", "frame", "axis", "marker")

@@ -8,7 +8,6 @@ two is the noise of the centre, and what the quiet one is off the truth is its b
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,15 +16,16 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib import setups
+from thesis_lib.abreast import abreast
 from thesis_lib.experiment import lens
 from thesis_lib.experiment.centres import refine
-from thesis_lib.experiment.direct import brief
+from thesis_lib.experiment.direct import brief, times_of, true_view
 from thesis_lib.experiment.lab_layouts import Layouts
 from thesis_lib.experiment.laboratory import Rig, Station, default_rig
 from thesis_lib.experiment.render import BeamView, Sensor
 from thesis_lib.experiment.scene import Component, Markers, on_surface, rows_on
 from thesis_lib.experiment.tracking import Tracker, sharpen
-from thesis_lib.experiment.view import TrackingError, view_of
+from thesis_lib.experiment.view import TrackingError
 from thesis_lib.files import project_root
 from thesis_lib.setups import Setting
 from thesis_lib.structures import Beam
@@ -40,7 +40,8 @@ UNEVEN = 1e-5  # of the amplitude, by which few positions may miss the mean over
 def sources() -> list[Path]:
     """The files that the recordings depend on."""
     here = Path(__file__).parent
-    names = ("centres", "direct", "harmonics", "lab_layout_film", "lab_layouts", "laboratory",
+    names = ("centres", "direct", "filming", "harmonics", "lab_layout_film", "lab_layouts",
+             "laboratory",
              "lens", "reconstruction", "render", "requests", "scene", "tracking",
              "view")  # fmt: skip
     files = [here / f"{name}.py" for name in names]
@@ -85,20 +86,6 @@ def rig_of(study: Layouts, recording: Setting) -> Rig:
     return brief(rig, REST, RAMP, study.periods)
 
 
-def times_of(rig: Rig, station: Station) -> Array:
-    """World times of a camera's frames in s."""
-    count = int(rig.duration * station.frame_rate)
-    return np.asarray(station.start + np.arange(count) / station.frame_rate)
-
-
-def true_centres(rig: Rig, station: Station) -> Array:
-    """Where the markers are in the middle of each exposure, shape (frames, 2, markers), px."""
-    points = rig.markers.centres
-    deflection = rig.motion.deflection(points, times_of(rig, station))
-    world = on_surface(rig.markers.extent, points[:, None], deflection)
-    return np.asarray(lens.project(station.camera, world).swapaxes(0, 1))
-
-
 def window_of(rig: Rig, station: Station) -> tuple[Station, Array]:
     """The camera with only that part of its sensor which the beam reaches, and its corner in px.
 
@@ -132,10 +119,7 @@ def tracks(rig: Rig, index: int) -> tuple[Array, Array]:
     """
     own, corner = window_of(rig, rig.stations[index])
     markers, sensor, motion = rig.markers, own.sensor, rig.motion
-    length, width = markers.extent
-    corners = on_surface(markers.extent, np.array([[0, length, length, 0], [0, 0, width, width]]))
-    view = view_of(own.camera, markers, lens.undistorted(
-        own.camera, lens.project(own.camera, corners)))  # fmt: skip
+    view = true_view(own.camera, markers)
     pictures = BeamView(own.camera, markers, motion, sensor)
     times = times_of(rig, own)
     noisy, quiet = np.full((2, len(times), 2, markers.count), np.nan)
@@ -167,8 +151,7 @@ def run(study: Layouts) -> xr.Dataset:
     """
     rigs = [rig_of(study, recording) for recording in study.recordings()]
     jobs = [(r, c) for r, rig in enumerate(rigs) for c in range(len(rig.stations))]
-    with ThreadPoolExecutor(2) as pool:
-        done = list(pool.map(lambda job: tracks(rigs[job[0]], job[1]), jobs))
+    done = abreast(lambda job: tracks(rigs[job[0]], job[1]), jobs)
     return dataset(rigs, dict(zip(jobs, done, strict=True)).__getitem__)
 
 

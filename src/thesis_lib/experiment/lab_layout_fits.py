@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.experiment import lens
-from thesis_lib.experiment.direct import Seen, fit_of
+from thesis_lib.experiment.direct import Seen, fit_of, times_of, true_centres
 from thesis_lib.experiment.filmed import WRONG
 from thesis_lib.experiment.harmonics import Fitted, fit_harmonics, fitted, unblurred
-from thesis_lib.experiment.lab_layout_film import rig_of, times_of, true_centres
+from thesis_lib.experiment.lab_layout_film import rig_of
 from thesis_lib.experiment.lab_layouts import Layouts
 from thesis_lib.experiment.laboratory import Rig
 from thesis_lib.experiment.reconstruction import normal_gain
@@ -92,7 +92,8 @@ def measured(study: Layouts, setting: Setting, noisy: Array, quiet: Array) -> Re
     rig = rig_of(study, setting)
     count, row = rig.markers.count, rig.markers.middle_row
     kinds = [values[: len(rig.stations), :, :, :count] for values in (noisy, quiet)]
-    truth = np.stack([true_centres(rig, station) for station in rig.stations])
+    times = [times_of(rig, station) for station in rig.stations]
+    truth = np.stack([true_centres(rig, *one) for one in zip(rig.stations, times, strict=True)])
     off = np.hypot(*np.moveaxis(kinds[0] - truth, 2, 0))[:, :, row]
     missing = np.isnan(off)
     wrong = np.where(missing, 0.0, off) > WRONG
@@ -100,7 +101,6 @@ def measured(study: Layouts, setting: Setting, noisy: Array, quiet: Array) -> Re
     found = np.count_nonzero(~missing, axis=(1, 2))
     fits: list[Fitted | None] = []
     for values in kinds:
-        times = [times_of(rig, station) for station in rig.stations]
         seen = [Seen(*one) for one in zip(times, values, truth, strict=True)]
         try:
             fits.append(fit_of(rig, seen, 2 * np.pi * study.frequency_hz))

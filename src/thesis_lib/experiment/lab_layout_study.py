@@ -29,6 +29,7 @@ from thesis_lib.experiment.lab_layouts import Layouts
 from thesis_lib.experiment.localisation import edge_scatter
 from thesis_lib.experiment.reconstruction import real_shape
 from thesis_lib.experiment.scene import amplitudes
+from thesis_lib.experiment.shapes import assurance
 from thesis_lib.setups import Setting
 from thesis_lib.studies import VARIABLES, add_cameras, coordinates
 
@@ -98,10 +99,6 @@ def _result(
     values = np.delete(shapes, 1, axis=0)[None]
     error = np.abs(values - reference) * scale
     predicted = law(rig, index, omega, exact)
-    known = np.isfinite(values)
-    filled, model = np.where(known, values, 0), np.where(known, reference, 0)
-    with np.errstate(invalid="ignore"):
-        mac = np.sum(filled * model, -1) ** 2 / (np.sum(filled**2, -1) * np.sum(model**2, -1))
     focal = np.array([rig.cameras[i].K[0, 0] for i in index])
     per_metre = focal / (setting.distance_mm / 1000)
     width = per_metre * rig.markers.diameter  # of a marker's image at the beam's centre
@@ -116,8 +113,8 @@ def _result(
         "predicted_error": [scale * rms(predicted, 0)],
         "noise_error": [scale * rms(np.sqrt(np.sum(gains**2, axis=(0, 1))), 0)],
         "bias_error": [scale * rms(shapes[1] - reference, 0)],
-        "mac": mac,
-        "missing": np.mean(~known, axis=-1),
+        "mac": assurance(values, reference),
+        "missing": np.mean(np.isnan(values), axis=-1),
         "in_view": 1.0,  # a request whose cameras do not see the whole beam is refused
         "ground_sample_distance": np.mean(1 / per_metre),
         "image_height": np.min(height),

@@ -16,15 +16,13 @@ from pydantic import Field, model_validator
 
 from thesis_lib import setups
 from thesis_lib.camera_study import Azimuth, Positive, Study, field, permitted, refuse
-from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations
-from thesis_lib.experiment.requests import Noise
+from thesis_lib.cameras import hemisphere_directions
+from thesis_lib.experiment.filming import EDGE, FilmedWidth, Noise, off_centre
 from thesis_lib.experiment.requests import Rig as ChapterFive
 from thesis_lib.setups import Direction, Setting
 
 LEAST_FRAMES = 8  # in a period
-EDGE = 0.98  # of half the picture that the beam may reach
 NAMES = "ABCDEFGH"
-FilmedWidth = Annotated[int, Field(ge=320, le=1920)]
 FilmedElevation = Annotated[float, Field(ge=1, le=80)]
 
 
@@ -111,33 +109,19 @@ class Layouts(Study):
             refuse("frequency_hz", self.frequency_hz, permitted(kind, "frequency_hz"))
         if self.exposure_ms > 1000 / rate:
             refuse("exposure_ms", self.exposure_ms, permitted(kind, "exposure_ms"))
-        reach = 1000 * math.hypot(*setups.beam().extent) / 2 + self.amplitude_mm
+        extent, lift = setups.beam().extent, self.amplitude_mm / 1000
+        reach = 1000 * math.hypot(*extent) / 2 + self.amplitude_mm
         for recording in self.recordings():
             name, given = self.blamed(recording.case), recording.distance_mm
             if given <= reach:
                 refuse(name, given, f"allowed: more than {reach:.4g} mm, the reach of the "
                        "structure and its deflection")  # fmt: skip
-            if self._most_off_centre(recording) > EDGE:
+            far = recording.distance_mm / 1000
+            if max(off_centre(self, extent, lift, d, far) for d in recording.directions_deg) > EDGE:
                 refuse(name, given, "allowed: so far, or with a focal length so short against the "
                        f"sensor, that all cameras see the whole beam (case {recording.case}, "
                        f"{recording.label})")  # fmt: skip
         return self
-
-    def _most_off_centre(self, setting: Setting) -> float:
-        """How far the beam's corners reach in 16:9 pictures, over half their width or height."""
-        (length, width), lift = setups.beam().extent, self.amplitude_mm / 1000
-        corners = np.array([[x, y, z] for x in (-length / 2, length / 2)
-                            for y in (-width / 2, width / 2) for z in (-lift, lift)])  # fmt: skip
-        azimuth, elevation = np.radians(setting.directions_deg).T
-        centres = setting.distance_mm / 1000 * hemisphere_directions(azimuth, elevation)
-        turns = hemisphere_rotations(azimuth, elevation)
-        u, v, depth = np.einsum("cij,cnj->icn", turns, corners - centres[:, None])
-        if np.any(depth <= 0):
-            return np.inf
-        half = self.sensor_width_mm / self.focal_length_mm / 2
-        spread = 1 + self.lens_k1 * half**2  # lens distortion moves the border by a few percent
-        most = max(np.abs(u / depth).max(), np.abs(v / depth).max() * 16 / 9)
-        return float(most * spread / half)
 
 
 def _size(width: int) -> tuple[int, int]:

@@ -23,6 +23,7 @@ from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.laboratory import Rig
 from thesis_lib.experiment.reconstruction import deflection_at, height_deviation, normal_gain
 from thesis_lib.experiment.scene import amplitudes
+from thesis_lib.experiment.shapes import assurance
 from thesis_lib.triangulation import jacobian
 
 Array = NDArray[np.float64]
@@ -63,7 +64,7 @@ class Recording:
     def undistorted(self) -> list[Array]:
         """Marker centres of each camera without distortion, (frames, 2, markers), px."""
         return [
-            lens.undistorted(camera, own.centres.swapaxes(0, 1)).swapaxes(0, 1)
+            lens.undistorted_tracks(camera, own.centres)
             for camera, own in zip(self.rig.cameras, self.found, strict=True)
         ]
 
@@ -255,14 +256,6 @@ def case_results(
         "bending_standard_error": errors[0],
         "torsion_standard_error": errors[1],
     }
-
-
-def assurance(measured: Array, reference: Array) -> Array:
-    """Modal assurance criterion of shapes (..., markers) over the markers that are known."""
-    m = np.nan_to_num(measured)
-    r = np.where(np.isfinite(measured), reference, 0)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.sum(m * r, -1) ** 2 / (np.sum(m * m, -1) * np.sum(r * r, -1)))
 
 
 def detuned_errors(recording: Recording) -> Array:

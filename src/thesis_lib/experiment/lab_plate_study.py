@@ -21,10 +21,10 @@ from thesis_lib.experiment import direct
 from thesis_lib.experiment.aliasing import alias
 from thesis_lib.experiment.harmonics import amplitude, deviation
 from thesis_lib.experiment.lab_films import found_in, plate_rig
-from thesis_lib.experiment.lab_modes import assurance
 from thesis_lib.experiment.lab_plates import MARKER, LabPlate, stands_of
 from thesis_lib.experiment.reconstruction import normal_gain
 from thesis_lib.experiment.scene import amplitudes
+from thesis_lib.experiment.shapes import assurance
 from thesis_lib.planes import pistons
 from thesis_lib.plate_sound import PlateSound
 from thesis_lib.setups import Setting

@@ -7,7 +7,6 @@ counts from there, and frame k is exposed around k / frame rate on that clock.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from thesis_lib.abreast import abreast
 from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations, intrinsics
 from thesis_lib.experiment import media
 from thesis_lib.experiment.board import Board
@@ -238,8 +238,7 @@ def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: i
             media.write_png(folder / station.camera.name / f"{k:02d}.png", image)
         return video
 
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(one, range(len(rig.stations))))
+    abreast(one, range(len(rig.stations)))
     path = folder / "manifest.yaml"
     write_manifest(manifest_of(rig), path)
     return path

@@ -145,6 +145,11 @@ def undistorted(camera: Camera, uv: ArrayLike) -> Array:
     return to_pixels(camera.K, undistort(from_pixels(camera.K, uv), camera.distortion))
 
 
+def undistorted_tracks(camera: Camera, tracks: ArrayLike) -> Array:
+    """The same of pixels (frames, 2, markers), as tracks have them."""
+    return undistorted(camera, np.asarray(tracks, float).swapaxes(0, 1)).swapaxes(0, 1)
+
+
 def distorted(camera: Camera, uv: ArrayLike) -> Array:
     """Pixels that the camera sees of those without distortion, (2, ...)."""
     return to_pixels(camera.K, distort(from_pixels(camera.K, uv), camera.distortion))

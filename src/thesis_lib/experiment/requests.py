@@ -6,7 +6,6 @@ import math
 from itertools import combinations
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
 from thesis_lib import setups
@@ -18,7 +17,7 @@ from thesis_lib.camera_study import (
     permitted,
     refuse,
 )
-from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations
+from thesis_lib.experiment.filming import EDGE, Noise, off_centre
 from thesis_lib.setups import Setting
 
 RIG = setups.table("experiment", "rig")
@@ -26,7 +25,6 @@ NAMES = "ABCD"
 TRIED_PX = 320  # the thesis tried this width, and gave it up
 METHODS = ("matched", "literal", "aligned", "harmonic")
 Method = Literal["matched", "literal", "aligned", "harmonic"]
-Noise = Annotated[float, Field(ge=0, le=50)]
 FilmedWidth = Annotated[int, Field(ge=160, le=1920)]
 POSITIVE = "a number above 0, at most 100000"
 
@@ -91,27 +89,15 @@ class Rig(BaseModel):
         if self.distance_mm <= reach:
             refuse("distance_mm", self.distance_mm, f"allowed: more than {reach:.4g} mm, the reach "
                    "of the structure and its deflection")  # fmt: skip
-        if self._most_off_centre() > 0.98:
+        extent, lift = setups.beam().extent, self.amplitude_mm / 1000
+        directions = self.directions_deg.values()
+        if (
+            max(off_centre(self, extent, lift, d, self.distance_mm / 1000) for d in directions)
+            > EDGE
+        ):
             refuse("distance_mm", self.distance_mm, "allowed: so far, or with a focal length so "
                    "short against the sensor, that all cameras see the whole beam")  # fmt: skip
         return self
-
-    def _most_off_centre(self) -> float:
-        """How far the beam's corners reach in the pictures, over half their width or height."""
-        length, width = setups.beam().extent
-        lift = self.amplitude_mm / 1000
-        corners = np.array([[x, y, z] for x in (-length / 2, length / 2)
-                            for y in (-width / 2, width / 2) for z in (-lift, lift)])  # fmt: skip
-        azimuth, elevation = np.radians(list(self.directions_deg.values())).T
-        centres = self.distance_mm / 1000 * hemisphere_directions(azimuth, elevation)
-        rays = corners - centres[:, None]
-        u, v, depth = np.einsum("cij,cnj->icn", hemisphere_rotations(azimuth, elevation), rays)
-        half = self.sensor_width_mm / self.focal_length_mm / 2
-        if np.any(depth <= 0):
-            return np.inf
-        # Lens distortion moves the border by a few percent.
-        spread = 1 + self.lens_k1 * half**2
-        return float(max(np.abs(u / depth).max(), np.abs(v / depth).max() * 16 / 9) * spread / half)
 
     @property
     def directions_deg(self) -> dict[str, tuple[float, float]]:

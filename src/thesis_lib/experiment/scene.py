@@ -95,6 +95,11 @@ class Markers:
         return float(np.diff(y)[0]) if len(y) == 2 else np.nan
 
     @property
+    def corners(self) -> Array:
+        """Corners of the structure, (0, 0), (L, 0), (L, W), (0, W), shape (2, 4), m."""
+        return np.array(self.extent)[:, None] * [[0, 1, 1, 0], [0, 0, 1, 1]]
+
+    @property
     def world(self) -> Array:
         """Centres at rest in the world, shape (3, n), m."""
         return on_surface(self.extent, self.positions)

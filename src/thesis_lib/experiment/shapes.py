@@ -143,10 +143,7 @@ def tracks_of(
 def _undistorted(cameras: list[Camera], raw: Array) -> Array:
     """Tracks (cameras, frames, 2, markers) without lens distortion, px."""
     return np.stack(
-        [
-            lens.undistorted(camera, own.swapaxes(0, 1)).swapaxes(0, 1)
-            for camera, own in zip(cameras, raw, strict=True)
-        ]
+        [lens.undistorted_tracks(camera, own) for camera, own in zip(cameras, raw, strict=True)]
     )
 
 
@@ -210,6 +207,17 @@ def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) 
             ]
         )
     return rc.deflection_at(P, tracks.frame, tracks.rest, uv)
+
+
+def assurance(measured: Array, reference: Array) -> Array:
+    """Modal assurance criterion of shapes (..., markers) over the markers that are known.
+
+    (Σ w φ)² / (Σ w² Σ φ²): 1 for shapes that differ in size alone; NaN without known markers.
+    """
+    known = np.isfinite(measured)
+    m, r = np.where(known, measured, 0), np.where(known, reference, 0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sum(m * r, -1) ** 2 / (np.sum(m * m, -1) * np.sum(r * r, -1)))
 
 
 def interpolation_gain(fraction: float) -> float:

@@ -18,6 +18,7 @@ from thesis_lib.experiment.scene import Component, Markers, rows_on
 from thesis_lib.experiment.shapes import (
     Instant,
     Tracks,
+    assurance,
     deflection,
     instant_of,
     predicted,
@@ -59,7 +60,7 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
                 "mean_error": np.sqrt(np.nanmean(error**2, axis=-1)),
                 "max_point_error": np.nanmax(error, axis=-1),
                 "predicted_error": [scale * _rms(noise[row])],
-                "mac": _assurance(measured, reference),
+                "mac": assurance(measured, reference),
                 "missing": np.mean(np.isnan(measured), axis=-1),
                 "in_view": _in_view(tracks, markers),
                 "ground_sample_distance": np.mean(
@@ -73,14 +74,6 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
             }
         )
     return _cube(study, settings, reference, results, data)
-
-
-def _assurance(measured: Array, reference: Array) -> Array:
-    """Modal assurance criterion of each trial over the markers that are known."""
-    known = np.isfinite(measured)
-    m, r = np.where(known, measured, 0), np.where(known, reference, 0)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.sum(m * r, -1) ** 2 / (np.sum(m * m, -1) * np.sum(r * r, -1)))
 
 
 def _rms(values: Array) -> float:

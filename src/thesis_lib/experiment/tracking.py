@@ -60,8 +60,7 @@ def sharpen(image: Image, view: View) -> View:
         view = replace(view, H_image_plane=H)
     rows = [centres[0, row] for row in view.markers.rows]
     off = _rms(centres - view.to_image(grid))
-    length, width = view.markers.extent
-    corners = np.array([[0, length, length, 0], [0, 0, width, width]])
+    corners = view.markers.corners
     moved = _rms(view.to_image(corners) - first.to_image(corners))
     between = float(np.median(view.markers.nearest * view.finest(grid)))
     wrong = ""

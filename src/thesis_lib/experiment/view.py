@@ -19,6 +19,11 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 
+def as_dark(image: Image, markers: Markers) -> Image:
+    """The picture in which markers are dark: itself, or its negative."""
+    return 255 - image if markers.bright else image
+
+
 class TrackingError(ValueError):
     """A beam that is not found; the message says what to do."""
 
@@ -130,10 +135,8 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
     TrackingError
         If they are no quadrilateral.
     """
-    length, width = markers.extent
-    plane = np.array([[0, length, length, 0], [0, 0, width, width]])
     try:
-        return View(camera, markers, homography(plane, corners))
+        return View(camera, markers, homography(markers.corners, corners))
     except TrackingError as error:
         raise TrackingError(f"camera {camera.name}: the beam's corners: {error}") from None
 

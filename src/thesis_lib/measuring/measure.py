@@ -15,9 +15,8 @@ from tqdm import tqdm
 
 from thesis_lib import __version__, cubes
 from thesis_lib.abreast import abreast
-from thesis_lib.experiment import chain, media
+from thesis_lib.experiment import chain
 from thesis_lib.experiment.frames import camera_deviations
-from thesis_lib.experiment.lens import Camera
 from thesis_lib.experiment.listening import listen
 from thesis_lib.experiment.manifest import (
     Manifest,
@@ -70,11 +69,11 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     for line in describe(assessment):
         say(line)
     say(f"checking {len(manifest.cameras)} videos")
-    chain.check(manifest, folder)  # what it refuses leaves no trace
+    counts = chain.check(manifest, folder)  # what it refuses leaves no trace
     steps = out / STEPS
     sound = heard(manifest, folder, steps, say)  # first: it may refuse more of the manifest
     calibration = calibrated(manifest, folder, steps, say)
-    recordings = tracked(manifest, folder, steps, calibration, sound)
+    recordings = tracked(manifest, folder, steps, calibration, sound, counts)
     say("fitting the deflection")
     with warnings.catch_warnings(), matplotlib.rc_context({"text.parse_math": False}):
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
@@ -131,10 +130,11 @@ def calibrated(
     manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
 ) -> xr.Dataset:
     """The cameras, adjusted together from all pictures of the board."""
-    shots = [shot for c in manifest.cameras for shot in shot_paths(c, folder) if shot]
-    what = [manifest.board.model_dump(mode="json"), manifest.cameras[0].name] + [
-        [c.name, c.size, [shot and shot.name for shot in shot_paths(c, folder)]]
-        for c in manifest.cameras
+    rows = [shot_paths(camera, folder) for camera in manifest.cameras]
+    shots = [shot for row in rows for shot in row if shot]
+    what = [manifest.board.model_dump(mode="json")] + [
+        [c.name, c.size, [shot and shot.name for shot in row]]
+        for c, row in zip(manifest.cameras, rows, strict=True)
     ]
 
     def compute() -> xr.Dataset:
@@ -187,11 +187,8 @@ def heard(
             "of_sound": ("", sound.found_frequency or unknown),
             "of_sound_deviation": ("", sound.frequency_deviation or unknown),
             "force": ("part", [force.real, force.imag]),
-            "of_force": ("", int(sound.force is not None)),
             "steady": ("end", sound.steady),
             "ambiguous": ("", int(found.ambiguous)),
-            "period": ("", found.period or unknown),
-            "peak_ratio": ("", found.ratio),
             "signal_to_noise": ("", found.snr),
         }
         data = xr.Dataset(
@@ -205,13 +202,12 @@ def heard(
 
 
 def tracked(
-    manifest: Manifest, folder: Path, steps: Path, calibration: xr.Dataset, sound: xr.Dataset
-) -> list[Recording]:
-    """The markers followed through all videos, two cameras at a time."""
-    markers, cameras = chain.markers_of(manifest), cameras_of(calibration)
+    manifest: Manifest, folder: Path, steps: Path, calibration: xr.Dataset, sound: xr.Dataset,
+    counts: list[int],
+) -> list[Recording]:  # fmt: skip
+    """The markers followed through all videos of so many frames, two cameras at a time."""
+    markers, cameras = chain.markers_of(manifest), chain.cameras_in(calibration)
     frequency = float(np.nan_to_num(sound["frequency"]))
-    counts = [len(media.check_frame_times(folder / c.video, c.frame_rate_hz))
-              for c in manifest.cameras]  # fmt: skip
     visible = manifest.structure.model_dump(
         mode="json", include={"length_mm", "width_mm", "markers"}
     )
@@ -229,27 +225,12 @@ def tracked(
             turn = round(2 * np.pi * frequency / files.frame_rate_hz, 3)  # to look near the place
             what = [files.corners_px, turn, visible, index, calibration.attrs["key"]]
             key = key_of(what, [folder / files.video])
-            record(files, folder, cameras[index], markers, turn, path, key, tick)
+            record(files, folder, counts[index], cameras[index], markers, turn, path, key, tick)
             return Recording(cameras[index], files.frame_rate_hz, float(sound["delay"][index]),
                              files.exposure_s, files.readout_s, path)  # fmt: skip
 
         with chain.alike():
             return abreast(one, range(len(cameras)), stop.set)
-
-
-def cameras_of(calibration: xr.Dataset) -> list[Camera]:
-    """The cameras of a calibration."""
-    return [
-        Camera(
-            str(name),
-            calibration["K"].values[i],
-            calibration["distortion"].values[i],
-            calibration["R_camera_world"].values[i],
-            calibration["centre"].values[i],
-            (int(calibration["size"][i, 0]), int(calibration["size"][i, 1])),
-        )
-        for i, name in enumerate(calibration["camera"].values)
-    ]
 
 
 def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:

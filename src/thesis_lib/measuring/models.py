@@ -67,17 +67,6 @@ def candidates(structure: Structure) -> list[Candidate]:
     return [one for one in found if np.abs(one.shape).max() > 1e-9]
 
 
-def assurance(measured: Array, shape: Array) -> float:
-    """Modal assurance criterion of two shapes over the markers that are known.
-
-    (Σ w φ)² / (Σ w² Σ φ²): 1 for shapes that differ in size alone; NaN without known markers.
-    """
-    known = np.isfinite(measured)
-    w, phi = measured[known], shape[known]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return float(np.sum(w * phi) ** 2 / (np.sum(w * w) * np.sum(phi * phi)))
-
-
 def scaled(measured: Array, shape: Array) -> Array:
     """The model's shape in the size that fits the measured one best, shape (markers,), m."""
     known = np.isfinite(measured)

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from thesis_lib.experiment import media
 from thesis_lib.experiment.following import first_view
-from thesis_lib.experiment.lens import Camera, undistorted
+from thesis_lib.experiment.lens import Camera, undistorted_tracks
 from thesis_lib.experiment.manifest import CameraFiles
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.tracking import Tracker
-from thesis_lib.experiment.view import TrackingError
+from thesis_lib.experiment.view import TrackingError, as_dark
 from thesis_lib.files import whole_file
 
 Array = NDArray[np.float64]
@@ -78,14 +78,14 @@ class Recording:
         first, last = self.between(begin, end)
         for start in range(first, last, CHUNK):
             stop = min(start + CHUNK, last)
-            raw = np.array(self.centres[start:stop])
-            uv = undistorted(self.camera, raw.swapaxes(0, 1)).swapaxes(0, 1)
+            uv = undistorted_tracks(self.camera, self.centres[start:stop])
             yield np.arange(start, stop) / self.rate + self.delay, uv
 
 
 def record(
     files: CameraFiles,
     folder: Path,
+    count: int,
     camera: Camera,
     markers: Markers,
     turn: float,
@@ -101,6 +101,8 @@ def record(
         The camera and its video.
     folder : Path
         The manifest's folder.
+    count : int
+        Frames of the video.
     camera : Camera
         Calibrated.
     markers : Markers
@@ -122,14 +124,13 @@ def record(
         If the structure or its markers are not found in the first frame.
     """
     video = folder / files.video
-    count = len(media.check_frame_times(video, files.frame_rate_hz))
     note = path.with_suffix(".json")
     state = _state(note, path, key, count)
     done = state["done"] if state else 0
     tick(done)
     if done == count:
         return
-    first = _seen(next(media.read_frames(video, 0, 1)), markers)
+    first = as_dark(next(media.read_frames(video, 0, 1)), markers)
     try:
         tracker = Tracker(first_view(first, camera, markers, files.corners_px), turn)
     except TrackingError as error:
@@ -144,7 +145,7 @@ def record(
     with path.open("r+b") as file:  # not mapped: a full disk would kill the process
         file.seek((done - count) * 2 * markers.count * 8, os.SEEK_END)
         for image in islice(media.read_frames(video, done), count - done):
-            file.write(tracker.centres(_seen(image, markers)).tobytes())
+            file.write(tracker.centres(as_dark(image, markers)).tobytes())
             done += 1
             tick(1)
             if done % OFTEN == 0 or done == count:
@@ -156,16 +157,12 @@ def record(
         raise media.MediaError(f"{video}: ends before frame {done}, the file lists {count}")
 
 
-def lost_share(recording: Recording) -> tuple[float, Array]:
-    """Share of the images of the markers that are missing, of all and of each marker (markers,)."""
+def lost_share(recording: Recording) -> Array:
+    """Share of the frames in which each marker is missing, shape (markers,)."""
     missing, count = np.zeros(recording.centres.shape[2]), len(recording.centres)
     for start in range(0, count, CHUNK):
         missing += np.isnan(recording.centres[start : start + CHUNK, 0]).sum(axis=0)
-    return float(missing.mean() / count), missing / count
-
-
-def _seen(image: NDArray[np.uint8], markers: Markers) -> NDArray[np.uint8]:
-    return 255 - image if markers.bright else image
+    return missing / count
 
 
 def _state(note: Path, path: Path, key: str, count: int) -> dict[str, Any] | None:

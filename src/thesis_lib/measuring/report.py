@@ -18,6 +18,7 @@ from thesis_lib.experiment.scene import on_surface
 from thesis_lib.measuring import figures as draw
 from thesis_lib.measuring.feasibility import Assessment, describe
 from thesis_lib.measuring.recording import Recording
+from thesis_lib.measuring.result import rms
 from thesis_lib.pages import shell
 
 Pictures = dict[str, tuple[str, bytes]]  # name: kind of file and content
@@ -47,8 +48,7 @@ def figures(
 def _outline(data: xr.Dataset, manifest: Manifest, own: Recording) -> np.ndarray:
     """The structure's outline in a camera's picture, (2, 4), px."""
     markers = markers_of(manifest)
-    length, width = markers.extent
-    corners = on_surface(markers.extent, [[0, length, length, 0], [0, 0, width, width]])
+    corners = on_surface(markers.extent, markers.corners)
     R, origin = data["frame_rotation"].values, data["frame_origin"].values
     return project(own.camera, R.T @ corners + origin[:, None])
 
@@ -75,7 +75,7 @@ def summary(data: xr.Dataset) -> list[str]:
         f"largest deflection {abs(w[most]):.4g} ± {error[most]:.2g} mm at x = "
         f"{1e3 * float(data['x'][most]):.4g} mm, y = {1e3 * float(data['y'][most]):.4g} mm",
         f"{np.count_nonzero(known)} of {len(w)} markers measured; standard error of a marker "
-        f"{_rms(error):.2g} mm, so that {3 * _rms(error):.2g} mm could be told from rest",
+        f"{rms(error):.2g} mm, so that {3 * rms(error):.2g} mm could be told from rest",
     ]
     if data.attrs["most_similar"]:
         best = data["mac"].sel(candidate=data.attrs["most_similar"])
@@ -110,7 +110,7 @@ def warnings(data: xr.Dataset) -> list[str]:
     if int(data["ambiguous"]):
         lines.append("The cameras' starts are in doubt by whole periods. A steady vibration's shape"
                      " and its phase to the force are right nevertheless.")  # fmt: skip
-    off = _rms(data["quadrature"].values) / _rms(data["deflection"].values)
+    off = rms(data["quadrature"].values) / rms(data["deflection"].values)
     if off > 0.05:
         lines.append(f"A quarter of a period after the maximum {off:.0%} of the deflection is "
                      "left: this is no standing wave of one mode.")  # fmt: skip
@@ -235,7 +235,7 @@ def _tracking(data: xr.Dataset) -> pd.DataFrame:
             "lost in %": _texts(100 * data["missing"].mean("marker").values, ".2f"),
             "markers never found": (data["missing"].values > 0.999).sum(axis=1),
             "scatter of centres in px": _texts(
-                np.array([_rms(own) for own in data["centre_scatter"].values]), ".3f"
+                np.array([rms(own) for own in data["centre_scatter"].values]), ".3f"
             ),
             "start in ms": _texts(1e3 * data["delay"].values, "+.3f"),
         }
@@ -269,16 +269,11 @@ def _spread(data: xr.Dataset) -> float:
     """Rms change of the shape without a camera, over what the standard errors explain."""
     change = data["without_camera"].values - data["deflection"].values
     with np.errstate(invalid="ignore", divide="ignore"):
-        return _rms(change / data["without_deviation"].values)
+        return rms(change / data["without_deviation"].values)
 
 
 def _texts(values: np.ndarray, form: str) -> list[str]:
     return ["—" if np.isnan(value) else format(float(value), form) for value in values]
-
-
-def _rms(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
 
 def _frame(frame: pd.DataFrame) -> str:

@@ -23,8 +23,9 @@ from thesis_lib.experiment.harmonics import (
 )
 from thesis_lib.experiment.lens import distorted
 from thesis_lib.experiment.manifest import Manifest
+from thesis_lib.experiment.shapes import assurance
 from thesis_lib.measuring.frequency import Advance, advance, look_for
-from thesis_lib.measuring.models import assurance, candidates, scaled
+from thesis_lib.measuring.models import candidates, scaled
 from thesis_lib.measuring.recording import Recording, lost_share
 
 Array = NDArray[np.float64]
@@ -107,7 +108,7 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "place at rest, from the structure's centre")  # fmt: skip
     put("cameras_seen", "marker", np.isfinite(fit.sigma).all(axis=1).sum(axis=0), "1",
         "cameras that a marker's deflection rests on")  # fmt: skip
-    lost = [lost_share(own)[1] for own in recordings]
+    lost = [lost_share(own) for own in recordings]
     put("missing", "camera marker", lost, "1", "share of the frames in which a marker is missing")
     put("centre_scatter", "camera marker", scatter, "px",
         "rms scatter of a coordinate of the centres about its harmonics")  # fmt: skip
@@ -234,10 +235,11 @@ def _compare(data: xr.Dataset, manifest: Manifest, put: Any) -> None:
     with np.errstate(invalid="ignore", divide="ignore"):
         error = 100 * np.abs(shape - reference) / np.abs(reference).max()
     put("point_error", "marker", error, "percent", "distance from it over its largest deflection")
-    put("mean_error", "", _rms(error), "percent", "root of the mean square of these (eq. 3.22)")
+    put("mean_error", "", rms(error), "percent", "root of the mean square of these (eq. 3.22)")
     data.attrs["most_similar"] = best.name if best else ""
 
 
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
+    """Root mean square of what is known; NaN if nothing is."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
