@@ -416,7 +416,7 @@ def test_markers_that_are_not_there_are_told_before_anything_is_tracked(measured
 def with_tracks_of(measured, patch):
     """Take the tracks of the whole measurement instead of tracking anew."""
 
-    def take(files, folder, camera, markers, turn, path, key, tick):
+    def take(files, folder, count, camera, markers, turn, path, key, tick):
         shutil.copy(measured / "measured" / ".steps" / path.name, path)
 
     patch.setattr(measure, "record", take)
