@@ -110,10 +110,10 @@ class CameraStudy(Study):
     """Parameters that all camera studies share."""
 
     focal_length_mm: Positive = field(
-        24.0, "focal length of the lenses", "a number above 0, at most 100000"
+        ..., "focal length of the lenses", "a number above 0, at most 100000"
     )
     sensor_width_mm: Positive = field(
-        36.0, "width of the sensors", "a number above 0, at most 100000"
+        ..., "width of the sensors", "a number above 0, at most 100000"
     )
     amplitude_mm: Positive | list[Positive] | Literal["force"] = field(
         ...,
@@ -121,9 +121,19 @@ class CameraStudy(Study):
         'a number above 0, a list with one for each mode, or "force" (the response to 1 N)',
     )
     rest: Literal["rebuilt", "known"] = field(
-        "rebuilt",
+        ...,
         "whether the rest position is rebuilt from rounded pixels or known",
         '"rebuilt" or "known"',
+    )
+    azimuth_zero: Literal["Y", "X"] = field(
+        ...,
+        "axis from which azimuths are measured, towards the other one",
+        '"Y" or "X"',
+    )
+    principal_offset_px: Annotated[float, Field(ge=-0.5, le=0.5)] = field(
+        ...,
+        "how far right and down of the sensor's middle the principal point is",
+        "a number from -0.5 to 0.5",
     )
     modes: list[Mode] = field(
         lambda: [1, 2, 3],
@@ -131,6 +141,14 @@ class CameraStudy(Study):
         "a list of different whole numbers from 1 to 30",
         min_length=1,
     )
+
+    def printed(self) -> list[Setting]:
+        """The study's settings with azimuths as they are given."""
+        raise NotImplementedError
+
+    def settings(self) -> list[Setting]:
+        """The study's settings in the order of the thesis's tables, azimuths measured from +Y."""
+        return [s.turned() if self.azimuth_zero == "X" else s for s in self.printed()]
 
     @property
     def peaks_m(self) -> list[float]:

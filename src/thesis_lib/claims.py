@@ -1,16 +1,27 @@
 """What the thesis states, beside what we get.
 
-One rule for every claim, set before looking: the 5–95 % band of the trials, widened by 1 point
-(0.5 if the stated value is below 10 %), must meet the stated value or interval. Upper and lower
-bounds are one-sided. A claim about all settings holds if it holds for each. Where the text excepts
-one marker, the second-largest error is meant.
+One rule for every claim, set before looking:
+
+agrees
+    The literal run is inside the stated value or interval, give or take half a unit of the last
+    digit that is printed.
+within scatter
+    Else, the 5–95 % band of the trials, widened by 1 point (0.5 if the stated value is below 10 %),
+    meets the stated value or interval.
+differs
+    Neither.
+undefined
+    There is nothing to compare with; the reason is told.
+
+Upper and lower bounds are one-sided. A claim about all settings holds if it holds for each. Where
+the text excepts one marker, the second-largest error is meant.
 """
 
 from __future__ import annotations
 
 import csv
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +31,10 @@ from thesis_lib import cubes
 from thesis_lib.setups import data_folder
 
 BAND = (0.05, 0.95)
+WIDER, WIDER_BELOW_10 = 1.0, 0.5  # points by which the band is widened
+RELATIONS = ("about", "range", "max", "less_than", "min")
+QUANTITIES = ("mean_error", "max_point_error", "plane_error_xz", "plane_error_yz")
+VERDICTS = ("agrees", "within scatter", "differs", "undefined")
 
 
 @dataclass(frozen=True)
@@ -44,6 +59,12 @@ class Claim:
         How many markers the text leaves out.
     pair_order : str
         Order of adding pairs that it speaks of; empty for the one that the study runs.
+    rounding : tuple of float
+        Half a unit of the last printed digit of `low` and of `high`.
+    conflicts : tuple of str
+        Ids of claims that cannot be true together with this one.
+    conflict_why : str
+        Why not.
     """
 
     id: str
@@ -60,6 +81,14 @@ class Claim:
     high: float
     excepted: int
     pair_order: str = ""
+    rounding: tuple[float, float] = (0.0, 0.0)
+    conflicts: tuple[str, ...] = ()
+    conflict_why: str = ""
+
+    @property
+    def chapter(self) -> int:
+        """Chapter of the thesis."""
+        return int(self.section[0])
 
     @property
     def ends(self) -> tuple[float | None, float | None]:
@@ -77,7 +106,19 @@ class Claim:
 
 @dataclass(frozen=True)
 class Check:
-    """A claim and what a cube says of it, in %, at that of its settings that is farthest off."""
+    """A claim and what a cube says of it, in %, at that of its settings that is farthest off.
+
+    Parameters
+    ----------
+    claim : Claim
+        What is stated.
+    literal, median, low, high : float
+        The literal run, and median and 5–95 % band of the trials.
+    inside : bool
+        Whether the band meets the claim in all of its settings.
+    exact : bool
+        Whether the literal run does, to the printed digits.
+    """
 
     claim: Claim
     literal: float
@@ -85,6 +126,19 @@ class Check:
     low: float
     high: float
     inside: bool
+    exact: bool
+
+    @property
+    def verdict(self) -> str:
+        """One of :data:`VERDICTS`."""
+        return "agrees" if self.exact else "within scatter" if self.inside else "differs"
+
+    @property
+    def ratio(self) -> float:
+        """The median over the nearest value that the claim allows: 1 inside the stated interval."""
+        least, most = self.claim.ends
+        nearest = self.median if least is None else max(self.median, least)
+        return self.median / (nearest if most is None else min(nearest, most))
 
 
 def read_claims() -> list[Claim]:
@@ -97,13 +151,17 @@ def read_claims() -> list[Claim]:
     """
     path = data_folder() / "claims.csv"
     kinds: dict[str, Callable[[str], object]] = {
-        "mode": int, "low": float, "high": float, "excepted": int, "value": _values,
+        "id": _some, "mode": int, "low": _finite, "high": _finite, "excepted": int,
+        "value": _values, "conflicts": _names, "relation": _one_of(RELATIONS),
+        "quantity": _one_of(QUANTITIES), "figure_set": _some, "section": _some,
     }  # fmt: skip
     claims: list[Claim] = []
+    seen: set[str] = set()
     with path.open(encoding="utf-8", newline="") as file:
         rows = csv.DictReader(file)
-        expected = {f.name for f in dataclasses.fields(Claim)} - {"values"} | {"value"}
-        if set(rows.fieldnames or ()) != expected:
+        expected = [f.name for f in dataclasses.fields(Claim) if f.name != "rounding"]
+        expected[expected.index("values")] = "value"
+        if set(rows.fieldnames or ()) != set(expected):
             given = ", ".join(rows.fieldnames or ())
             raise ValueError(f"claims.csv, line 1: given {given}, allowed: {', '.join(expected)}")
         for row in rows:
@@ -116,41 +174,92 @@ def read_claims() -> list[Claim]:
                         f"claims.csv, line {len(claims) + 2}: {field}: given {row.get(field)!r}"
                     ) from None
             fields["values"] = fields.pop("value")
+            fields["rounding"] = half_digit(row["low"]), half_digit(row["high"])
+            if fields["id"] in seen:
+                raise ValueError(
+                    f"claims.csv, line {len(claims) + 2}: id: given {row['id']!r} a second time"
+                )
+            seen.add(row["id"])
             claims.append(Claim(**fields))  # type: ignore[arg-type]
     return claims
 
 
+def half_digit(text: str) -> float:
+    """Half a unit of the last digit of a number as it is printed.
+
+    Examples
+    --------
+    >>> half_digit("10"), half_digit("1.2")
+    (0.5, 0.05)
+    """
+    return 0.5 * 10.0 ** -len(text.partition(".")[2])
+
+
 def _values(text: str) -> tuple[float, ...]:
-    return () if text == "all" else tuple(float(value) for value in text.split(";"))
+    return () if text == "all" else tuple(_finite(value) for value in text.split(";"))
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(filter(None, text.split(";")))
+
+
+def _some(text: str) -> str:
+    if not text:
+        raise ValueError
+    return text
+
+
+def _finite(text: str) -> float:
+    if not np.isfinite(float(text)):
+        raise ValueError
+    return float(text)
+
+
+def _one_of(allowed: Sequence[str]) -> Callable[[str], str]:
+    def checked(text: str) -> str:
+        if text not in allowed:
+            raise ValueError
+        return text
+
+    return checked
 
 
 def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
     """The quantity that a claim speaks of, over its settings and all trials, in %."""
-    where = cube["case"] == claim.case
+    where = cube["case"].values == claim.case
     if claim.values:
-        where &= cube["value"].isin(claim.values)
+        where &= np.isin(cube["value"].values, claim.values)
     if claim.pair_order:
-        where &= cube["pair_order"] == claim.pair_order
-    part = cube.isel(setting=np.flatnonzero(where.values)).sel(mode=claim.mode)
+        where &= cube["pair_order"].values == claim.pair_order
+    here = {
+        "setting": np.flatnonzero(where),
+        "mode": cube["mode"].values.tolist().index(claim.mode),
+    }
     if not claim.excepted:
-        return cubes.errors(part)[claim.quantity]
-    reference = part["reference_deflection"]
-    error = abs(part["measured_deflection"].astype(float) - reference)
-    ordered = np.sort(error / abs(reference).max() * 100, axis=error.get_axis_num("point"))
-    kept = error.copy(data=ordered).isel(point=-1 - claim.excepted)
-    return kept.drop_vars(["x", "y"], errors="ignore")
+        return cubes.errors(cube)[claim.quantity].isel(here)
+    return point_errors(cube.isel(here)).isel(point=-1 - claim.excepted)
+
+
+def point_errors(cube: xr.Dataset) -> xr.DataArray:
+    """Errors of the markers in %, the least first, over settings, modes and trials."""
+    reference = cube["reference_deflection"]
+    error = abs(cube["measured_deflection"].astype(float) - reference)
+    error = error / abs(reference).max("point") * 100
+    ordered = np.sort(error.values, axis=error.get_axis_num("point"))
+    return error.copy(data=ordered).drop_vars(["x", "y"], errors="ignore")
 
 
 def meets(claim: Claim, low: float, high: float) -> bool:
     """Whether a band in % meets the claim by the rule at the top of this module."""
-    margin = 0.5 if claim.high < 10 else 1.0
-    below = low - margin <= claim.high
-    above = high + margin >= claim.low
-    if claim.relation in ("max", "less_than"):
-        return below
-    if claim.relation == "min":
-        return above
-    return below and above
+    margin = WIDER_BELOW_10 if claim.high < 10 else WIDER
+    return _gap(claim, low, high) <= margin
+
+
+def _exact(claim: Claim, literal: float) -> bool:
+    """Whether a literal run is what the claim says, to the printed digits."""
+    least, most = claim.ends
+    above = least is None or literal >= least - claim.rounding[0]
+    return above and (most is None or literal <= most + claim.rounding[1])
 
 
 def _gap(claim: Claim, low: float, high: float) -> float:
@@ -163,19 +272,36 @@ def check(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
     """Hold claims against a cube; those whose settings or modes it lacks are left out."""
     checks = []
     for claim in claims:
-        known = claim.mode in cube["mode"]
-        values = errors(cube, claim) if known else None
-        if values is None or values.sizes["setting"] == 0 or cube.sizes["trial"] < 2:
+        if undefined(cube, claim):
             continue
-        drawn = values.isel(trial=slice(1, None))
-        band = drawn.quantile(BAND, dim="trial").transpose("quantile", "setting").values
+        values = errors(cube, claim).transpose("setting", "trial").values
+        drawn = values[:, 1:]
+        band = np.quantile(drawn, BAND, axis=1)
         gaps = [_gap(claim, low, high) for low, high in band.T]
         worst = int(np.argmax(gaps))
         low, high = (float(end) for end in band[:, worst])
-        literal = float(values.isel(trial=0)[worst])
-        median = float(np.median(drawn.isel(setting=worst)))
-        checks.append(Check(claim, literal, median, low, high, meets(claim, low, high)))
+        first = values[:, 0]
+        exact = all(_exact(claim, float(value)) for value in first)
+        median = float(np.median(drawn[worst]))
+        inside = meets(claim, low, high)
+        checks.append(Check(claim, float(first[worst]), median, low, high, inside, exact))
     return checks
+
+
+def undefined(cube: xr.Dataset, claim: Claim) -> str:
+    """Why a claim cannot be held against a cube, in a few words, or empty if it can."""
+    if claim.mode not in cube["mode"]:
+        return f"mode {claim.mode} was not run"
+    values = errors(cube, claim)
+    found = set(values["value"].values.tolist())
+    missing = [f"{value:g}" for value in claim.values if value not in found]
+    if missing or not found:
+        return f"case {claim.case} was not run" + (f" at {', '.join(missing)}" if missing else "")
+    if cube.sizes["trial"] < 2:
+        return "the cube has no random trials"
+    if not np.isfinite(values).all():
+        return "the reference is zero: a nodal plane"
+    return ""
 
 
 def claims_of(name: str) -> list[Claim]:

@@ -19,7 +19,7 @@ import pandas as pd
 import xarray as xr
 
 from thesis_lib import __version__
-from thesis_lib.files import library_files, project_root, whole_file
+from thesis_lib.files import library_digest, library_files, project_root, whole_file
 from thesis_lib.parameters import STUDIES, Study
 
 ERRORS = {  # name in the tables: variable, and plane if it has one
@@ -31,7 +31,8 @@ ERRORS = {  # name in the tables: variable, and plane if it has one
 }
 SHORT = {"mean_error": "mean", "max_point_error": "peak",
          "plane_error_xz": "XZ", "plane_error_yz": "YZ", "power_error": "power"}  # fmt: skip
-SECTIONS = {"beam": "3.3", "plate": "4.2", "experiment": "5.2", "lab": "5.3", "sound": "6.2"}
+SECTIONS = {"beam": "section 3.3", "plate": "section 4.2", "experiment": "section 5.2",
+            "lab": "section 5.3", "sound": "section 6.2", "claims": "all chapters"}  # fmt: skip
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
 _HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at once
@@ -82,7 +83,7 @@ def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Datase
     """
     cube = cube.assign_attrs(
         title=study.title,
-        references="thesis on flexural vibration measurement with multiple cameras, section "
+        references="thesis on flexural vibration measurement with multiple cameras, "
         + SECTIONS[study.subject],
         figure_set=study.name,
         parameters=json.dumps(study.request),
@@ -90,6 +91,7 @@ def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Datase
         seed=np.int64(study.seed),
         run_dependent=" ".join(RUN_DEPENDENT),
         run_time_s=np.float64(seconds),
+        library_sha256=library_digest(),
     )
     return with_origin(cube, f"simulation by thesis_lib {__version__}, figure set {study.name}")
 
@@ -124,8 +126,12 @@ def read(path: Path) -> xr.Dataset:
     """
     cube = opened(path)
     missing = {"figure_set", "parameters"} - set(cube.attrs)
-    missing |= set(KEYS) - set(cube.variables)
-    missing |= set() if {variable for variable, _ in ERRORS.values()} & set(cube) else {"errors"}
+    if cube.attrs.get("figure_set") == "claims":
+        missing |= {"claim", "verdict"} - set(cube.variables)
+    else:
+        missing |= set(KEYS) - set(cube.variables)
+        errors_ = {variable for variable, _ in ERRORS.values()}
+        missing |= set() if errors_ & set(cube) else {"errors"}
     if missing or str(cube.attrs["figure_set"]) not in STUDIES:
         lacks = ", ".join(sorted(map(str, missing))) or "a known figure set"
         raise CubeError(f"{path}: not a cube of this project (it lacks {lacks})")
@@ -164,8 +170,10 @@ def predicted(cube: xr.Dataset, error: str) -> xr.DataArray:
 def summary(cube: xr.Dataset) -> pd.DataFrame:
     """Each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
 
-    Without other trials the latter three are NaN.
+    Without other trials the latter three are NaN. Of the ledger: the verdict on every claim.
     """
+    if cube.attrs["figure_set"] == "claims":
+        return pd.DataFrame({name: cube[name].values for name in ("claim", "verdict")})
     rows: list[dict[str, Any]] = []
     for quantity, values in errors(cube).items():
         literal = values.transpose("setting", "mode", "trial").values
@@ -213,7 +221,7 @@ def published_path(name: str) -> Path:
 def read_published(name: str) -> pd.DataFrame | None:
     """The published summary of a figure set, if there is one."""
     path = published_path(name)
-    text = {"case": str, "label": str, "pair_order": str}
+    text = {"case": str, "label": str, "pair_order": str, "claim": str}
     return (
         pd.read_csv(path, dtype=text, keep_default_na=False, na_values=["nan"])
         if path.is_file()
@@ -237,6 +245,8 @@ def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
     Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
     and ``apart`` tells whether the 5–95 % bands do not meet.
     """
+    if "claim" in new:
+        return new.merge(old, on="claim", suffixes=("", "_old"), validate="one_to_one")
     keys = [*KEYS, "error"]
     table = new.merge(old, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
@@ -246,6 +256,10 @@ def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
 
 def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
     """The comparison as text: one line per setting and mode, in % of the largest deflection."""
+    if "verdict" in table:
+        changed = table[table["verdict"] != table["verdict_old"]]
+        lines = [f"{r.claim}: {r.verdict_old} → {r.verdict}" for r in changed.itertuples()]
+        return lines or [f"no difference from {old_name} ({len(table)} claims compared)"]
     if table.empty:
         return [f"no setting in common with {old_name}"]
     old = table[[f"{name}_old" for name in STATISTICS]]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import hashlib
 import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 
@@ -34,6 +36,15 @@ def library_files() -> list[Path]:
     files = [p for p in (root / "src" / "thesis_lib").rglob("*") if p.is_file()]
     files = [p for p in files if p.suffix != ".pyc"]
     return sorted([*files, *(root / "data" / "thesis").iterdir(), root / "requirements.lock"])
+
+
+@cache
+def library_digest() -> str:
+    """SHA-256 of the library's files as they were when this was first asked."""
+    total = hashlib.sha256()
+    for path in library_files():
+        total.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return total.hexdigest()
 
 
 def whole_file(path: Path, write: Callable[[Path], object]) -> None:

@@ -40,8 +40,10 @@ from thesis_lib.experiment.lab_layouts import LabElevation, LabLayout
 from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
 from thesis_lib.experiment.requests import ExperimentCameras, ExperimentResolution
+from thesis_lib.ledger_requests import Claims
 from thesis_lib.setups import Setting
 from thesis_lib.sound_planes import PlateMarkers, SoundPlanes
+from thesis_lib.structures import Structure
 
 __all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "Study", "camera_study",
            "describe", "nearest", "unit", "validate"]  # fmt: skip
@@ -81,7 +83,7 @@ class Distance(CameraStudy):
     elevation_deg: Elevation = field(..., "elevation of the cameras", ELEVATION)
     resolution_px: Resolution = RESOLUTION
 
-    def settings(self) -> list[Setting]:
+    def printed(self) -> list[Setting]:
         """One setting per distance."""
         return setups.distance_settings(
             self.distances_mm, self.azimuth_deg, self.elevation_deg, self.resolution_px
@@ -118,7 +120,7 @@ class Aperture(CameraStudy):
     distance_mm: Positive = DISTANCE
     resolution_px: Resolution = RESOLUTION
 
-    def settings(self) -> list[Setting]:
+    def printed(self) -> list[Setting]:
         """Cases in the order asked for, apertures in the order of the table."""
         return setups.aperture_settings(
             self.cases,
@@ -148,7 +150,7 @@ class Resolutions(CameraStudy):
     azimuth_deg: Azimuth = AZIMUTH
     elevation_deg: Elevation = field(..., "elevation of the cameras", ELEVATION)
 
-    def settings(self) -> list[Setting]:
+    def printed(self) -> list[Setting]:
         """One setting per width."""
         return setups.resolution_settings(
             self.widths_px, self.distance_mm, self.azimuth_deg, self.elevation_deg
@@ -194,18 +196,32 @@ class Arrays(CameraStudy):
             self.refuse("layouts")
         return self
 
-    def settings(self) -> list[Setting]:
+    def printed(self) -> list[Setting]:
         """Growing sets of cameras, cases first and layouts after them."""
         return setups.array_settings(
             self.cases,
-            {"4d": "reversed"} | {str(case): order for case, order in self.pair_order.items()},
+            setups.reading("beam")["pair_order"]
+            | {str(case): order for case, order in self.pair_order.items()},
             self.layouts,
             self.distance_mm,
             self.resolution_px,
         )
 
 
-# What the plate's sound adds.
+# What beam and sound add.
+
+
+class BeamMarkers(BaseModel):
+    """Parameters of the beam."""
+
+    first_marker_mm: Annotated[float, Field(ge=0, le=23)] = field(
+        ..., "distance of the first marker from the clamp", "a number from 0 to 23"
+    )
+
+    @property
+    def structure(self) -> Structure:
+        """What is measured."""
+        return setups.beam(self.first_marker_mm / 1000)
 
 
 class PlateSound(SoundPlanes):
@@ -220,8 +236,8 @@ class PlateSound(SoundPlanes):
 
 def _figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
     """A study of one structure: its fields default to what the structure's tables say."""
-    structure = "beam" if subject == "beam" else "plate"
-    printed = {**setups.table(subject, kind.study), **setups.reading(structure)}
+    grid = {"grid": setups.plate().grid}
+    printed = {**grid, **setups.reading(subject), **setups.table(subject, kind.study)}
     bases = (*more, kind)
     fields: dict[str, Any] = {}
     for name, info in {
@@ -230,7 +246,7 @@ def _figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -
         if name in printed and info.is_required():
             filled = copy(info)
             value = printed[name]
-            filled.default = tuple(value) if name in ("resolution_px", "grid") else value
+            filled.default = tuple(value) if name == "resolution_px" else value
             fields[name] = (info.annotation, filled)
     model: type[CameraStudy] = create_model(
         f"{subject.title()}{kind.__name__}",
@@ -245,17 +261,18 @@ def _figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -
 
 _KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
 _EXTRA: dict[str, tuple[type[BaseModel], ...]] = {
-    "beam": (), "plate": (PlateMarkers,), "sound": (PlateSound,),
+    "beam": (BeamMarkers,), "plate": (PlateMarkers,), "sound": (PlateSound,),
 }  # fmt: skip
 CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     study.name: study
     for subject, extra in _EXTRA.items()
     for study in (_figure_set(subject, kind, *extra) for kind in _KINDS)
 }
-_SUBJECTS = {"ch3": "beam", "ch4": "plate", "ch5": "experiment", "lab": "lab", "ch6": "sound"}
+_SUBJECTS = {"ch3": "beam", "ch4": "plate", "ch5": "experiment", "lab": "lab", "ch6": "sound",
+             "": "claims"}  # fmt: skip
 _ALL: list[type[Study]] = [
     *CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras,
-    LabElevation, LabLayout, LabModes, LabPlate,
+    LabElevation, LabLayout, LabModes, LabPlate, Claims,
 ]  # fmt: skip
 STUDIES: dict[str, type[Study]] = {
     study.name: study
@@ -266,6 +283,7 @@ STUDIES: dict[str, type[Study]] = {
 CHAPTERS = {
     chapter: [name for name, study in STUDIES.items() if study.subject == subject]
     for chapter, subject in _SUBJECTS.items()
+    if chapter
 }
 
 

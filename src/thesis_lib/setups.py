@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -56,6 +56,11 @@ class Setting:
     resolution_px: tuple[int, int]
     pair_order: str = ""
 
+    def turned(self) -> Setting:
+        """The setting with its azimuths read from +X towards +Y."""
+        directions = tuple((90 - azimuth, elevation) for azimuth, elevation in self.directions_deg)
+        return replace(self, directions_deg=directions)
+
     def cameras(self, focal_length_mm: float, sensor_width_mm: float) -> CameraArray:
         """The setting's cameras; the pixels are square and fill the sensor's width."""
         angles = np.radians(self.directions_deg)
@@ -76,9 +81,9 @@ def _read(name: str) -> dict[str, Any]:
     return tomllib.loads((data_folder() / name).read_text(encoding="utf-8"))
 
 
-def beam() -> Beam:
-    """The thesis's cantilever beam (Table 3.1)."""
-    return Beam(**_read("structures.toml")["beam"])
+def beam(first_marker: float | None = None) -> Beam:
+    """The thesis's cantilever beam (Table 3.1), with another first marker (m) if one is given."""
+    return Beam(**_read("structures.toml")["beam"], first_marker=first_marker)
 
 
 def plate(grid: tuple[int, int] | None = None) -> Plate:
@@ -89,11 +94,20 @@ def plate(grid: tuple[int, int] | None = None) -> Plate:
     return Plate(**facts)
 
 
-def reading(structure: str) -> dict[str, Any]:
-    """What the thesis does not state and we took: amplitude, and the plate's grid of markers."""
-    facts = _read("structures.toml")
-    taken = {"amplitude_mm": facts["amplitude_mm"][structure]}
-    return taken | {k: v for k, v in facts[structure].items() if k == "grid"}
+def assumptions() -> list[dict[str, Any]]:
+    """What the thesis does not state and we took, item by item: the page of that name, as data."""
+    items: list[dict[str, Any]] = _read("assumptions.toml")["assumption"]
+    return items
+
+
+def reading(subject: str) -> dict[str, Any]:
+    """Parameters of what we took, for beam, plate, sound, experiment or lab."""
+    return {
+        name: value
+        for item in assumptions()
+        if subject in item["subjects"]
+        for name, value in item.get("parameters", {}).items()
+    }
 
 
 def table(structure: str, study: str) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from thesis_lib.structures import Plate, Structure, resonance
 Markers = Annotated[int, Field(ge=2, le=60)]
 PlanePoints = Annotated[int, Field(ge=2, le=500)]
 POSITIVE = "a number above 0, at most 100000"
+READING = setups.reading("sound")
 
 
 class PlateMarkers(BaseModel):
@@ -34,15 +35,25 @@ class PlateMarkers(BaseModel):
 class SoundPlanes(PlateMarkers):
     """Parameters of the sound field."""
 
-    speed_of_sound_m_s: Positive = field(343.0, "speed of sound in the fluid", POSITIVE)
-    air_density_kg_m3: Positive = field(1.21, "density of the fluid", POSITIVE)
-    plane_half_width_mm: Positive = field(334.0, "the planes reach |X|, |Y| up to this", POSITIVE)
-    plane_bottom_mm: Positive = field(44.5, "lowest height of the planes", POSITIVE)
+    speed_of_sound_m_s: Positive = field(
+        READING["speed_of_sound_m_s"], "speed of sound in the fluid", POSITIVE
+    )
+    air_density_kg_m3: Positive = field(
+        READING["air_density_kg_m3"], "density of the fluid", POSITIVE
+    )
+    plane_half_width_mm: Positive = field(
+        READING["plane_half_width_mm"], "the planes reach |X|, |Y| up to this", POSITIVE
+    )
+    plane_bottom_mm: Positive = field(
+        READING["plane_bottom_mm"], "lowest height of the planes", POSITIVE
+    )
     plane_top_mm: Positive = field(
-        443.0, "greatest height of the planes", "a number above plane_bottom_mm, at most 100000"
+        READING["plane_top_mm"],
+        "greatest height of the planes",
+        "a number above plane_bottom_mm, at most 100000",
     )
     plane_shape: tuple[PlanePoints, PlanePoints] = field(
-        (149, 99),
+        tuple(READING["plane_shape"]),
         "points along X or Y, and along Z",
         "[width, height], whole numbers from 2 to 500",
     )

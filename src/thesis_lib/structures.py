@@ -76,7 +76,9 @@ class Beam:
     n_markers : int
         Number of markers on the longitudinal axis.
     marker_spacing : float
-        Distance between markers in m; the row is centred on the beam.
+        Distance between markers in m.
+    first_marker : float or None
+        Distance of the first marker from the clamp in m; None for a row centred on the beam.
     """
 
     length: float
@@ -88,6 +90,7 @@ class Beam:
     force_position: float
     n_markers: int
     marker_spacing: float
+    first_marker: float | None = None
 
     shape_peak = 2.0
 
@@ -113,9 +116,13 @@ class Beam:
 
     @property
     def markers(self) -> Array:
-        """Marker positions, shape (2, n_markers), in m: a row centred on the beam's axis."""
-        index = np.arange(self.n_markers) - (self.n_markers - 1) / 2
-        x = self.length / 2 + index * self.marker_spacing
+        """Marker positions, shape (2, n_markers), in m: a row on the beam's axis."""
+        row = np.arange(self.n_markers) * self.marker_spacing
+        x = (
+            row + (self.length - row[-1]) / 2
+            if self.first_marker is None
+            else row + self.first_marker
+        )
         return np.stack([x, np.full_like(x, self.width / 2)])
 
     def angular_frequencies(self, n_modes: int) -> Array:

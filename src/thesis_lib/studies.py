@@ -92,6 +92,7 @@ def _setting_results(study: CameraStudy, setting: Setting, points: Array) -> dic
     cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
     known = study.rest == "known"
     shifts = rounding.grid_shifts(study.seed, study.trials, len(cameras))
+    shifts += study.principal_offset_px
     reference = points[2, 1:]
     measured = measure(cameras, points, shifts, known)
     point, mean, largest = percent_errors(measured, reference)

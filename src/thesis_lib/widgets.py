@@ -5,6 +5,7 @@ carries the same JavaScript and the data, and so runs in a page without a server
 """
 
 import hashlib
+import html
 import json
 import math
 import re
@@ -22,9 +23,10 @@ _CSS = (_ASSETS / "viewer.css").read_text(encoding="utf-8")
 _KINDS = ("beam", "plate", "sound")
 _IMPORT = re.compile(r'^import (?:\{[^}]*\} from )?"\./(\w+)\.js";\n', re.MULTILINE)
 
+WITHOUT = "This viewer needs JavaScript; the figures below show the same results."
 _FRAGMENT = """\
 <div class="tl-fragment" data-tl-fragment="%(id)s">
-<noscript>This viewer needs JavaScript; the figures below show the same results.</noscript>
+<noscript>%(without)s</noscript>
 </div>
 <style>%(css)s</style>
 <script type="module">
@@ -73,18 +75,18 @@ def _join(*kinds: str) -> str:
 _ESM = _join(*_KINDS)
 
 
-def _plain(value: object) -> Any:
+def plain(value: object) -> Any:
     """Copy JSON data: floats to 6 significant digits, NaN and infinities to None."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [plain(one) for one in value]
     if isinstance(value, float):
         return float(f"{value:.6g}") if math.isfinite(value) else None
     return value
 
 
-def static_html(esm: str, css: str, state: Mapping[str, object]) -> str:
+def static_html(esm: str, css: str, state: Mapping[str, object], without: str = WITHOUT) -> str:
     """Write a widget as a self-contained HTML fragment that needs no kernel, server or network.
 
     Parameters
@@ -93,6 +95,8 @@ def static_html(esm: str, css: str, state: Mapping[str, object]) -> str:
         The front end, an ES module whose one ``export default`` has `render`, and its styles.
     state : Mapping[str, object]
         The traits it reads. Floats are written with 6 digits, NaN and infinities as null.
+    without : str
+        What is said where there is no JavaScript.
 
     Returns
     -------
@@ -111,10 +115,11 @@ def static_html(esm: str, css: str, state: Mapping[str, object]) -> str:
         raise ValueError(f"esm: {exports} lines start with 'export default', 1 expected")
     if re.search(r"</?script|<!--", esm, re.I) or re.search(r"</style", css, re.I):
         raise ValueError("esm or css: holds a tag or comment that would break out of its element")
-    text = json.dumps(_plain(state), allow_nan=False, separators=(",", ":"))  # ASCII only
+    text = json.dumps(plain(state), allow_nan=False, separators=(",", ":"))  # ASCII only
     text = re.sub("[<>&]", lambda match: f"\\u{ord(match[0]):04x}", text)  # no tag can begin or end
     key = hashlib.sha256("\0".join((esm, css, text)).encode()).hexdigest()[:16]
-    return _FRAGMENT % {"id": key, "css": css.strip(), "esm": body.strip(), "state": text}
+    parts = {"id": key, "css": css.strip(), "esm": body.strip(), "state": text}
+    return _FRAGMENT % {**parts, "without": html.escape(without)}
 
 
 class Viewer(anywidget.AnyWidget):
@@ -187,7 +192,7 @@ class Viewer(anywidget.AnyWidget):
 
     @traitlets.validate("data")
     def _plain_data(self, proposal: Mapping[str, Any]) -> Any:
-        return _plain(proposal["value"])
+        return plain(proposal["value"])
 
     def __repr__(self) -> str:
         cases = ", ".join(str(one["name"]) for one in self.data.get("cases", [])) or "none"

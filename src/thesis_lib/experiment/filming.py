@@ -14,6 +14,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from pydantic import BaseModel, Field
 
+from thesis_lib import setups
 from thesis_lib.camera_study import Positive, Study, field, permitted, refuse
 from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations
 from thesis_lib.experiment.aliasing import clearance
@@ -32,19 +33,22 @@ FilmedElevation = Annotated[float, Field(ge=10, le=75)]
 Peak = Annotated[float, Field(gt=0, le=100)]
 FilmedMode = Annotated[int, Field(ge=1, le=5)]
 Noise = Annotated[float, Field(ge=0, le=50)]
+READING = setups.reading("experiment")
 
 
 class Film(BaseModel):
     """Parameters of how anything is filmed; recordings add frame rates, modes and amplitudes."""
 
     focal_length_mm: Positive = field(
-        24.0, "focal length of the lenses", "a number above 0, at most 100000"
+        READING["focal_length_mm"], "focal length of the lenses", "a number above 0, at most 100000"
     )
     sensor_width_mm: Positive = field(
-        36.0, "width of the sensors", "a number above 0, at most 100000"
+        READING["sensor_width_mm"], "width of the sensors", "a number above 0, at most 100000"
     )
     lens_k1: Annotated[float, Field(ge=-0.3, le=0.3)] = field(
-        -0.08, "first coefficient of the lens distortion", "a number from -0.3 to 0.3"
+        READING["lens_k1"],
+        "first coefficient of the lens distortion",
+        "a number from -0.3 to 0.3",
     )
     exposure_ms: Positive = field(
         2.0,
@@ -59,10 +63,12 @@ class Film(BaseModel):
         le=500,
     )
     shot_noise: Noise = field(
-        0.05, "variance of the noise over the grey level", "a number from 0 to 50"
+        READING["shot_noise"], "variance of the noise over the grey level", "a number from 0 to 50"
     )
     read_noise: Noise = field(
-        1.0, "standard deviation of the dark noise in grey levels", "a number from 0 to 50"
+        READING["read_noise"],
+        "standard deviation of the dark noise in grey levels",
+        "a number from 0 to 50",
     )
 
 

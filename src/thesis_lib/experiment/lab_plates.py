@@ -118,7 +118,7 @@ class Plates(PlateMarkers, Film):
         "a number above 0, at most 100, or a list with one for each mode",
     )
     grid: tuple[Markers, Markers] = field(
-        tuple(setups.reading("plate")["grid"]),
+        tuple(setups.plate().grid),
         "markers along and across the plate",
         "[along, across], whole numbers from 2 to 60",
     )

@@ -20,7 +20,7 @@ from thesis_lib.camera_study import (
 from thesis_lib.experiment.filming import EDGE, Noise, off_centre
 from thesis_lib.setups import Setting
 
-RIG = setups.table("experiment", "rig")
+RIG = setups.table("experiment", "rig") | setups.reading("experiment")
 NAMES = "ABCD"
 TRIED_PX = 320  # the thesis tried this width, and gave it up
 METHODS = ("matched", "literal", "aligned", "harmonic")
@@ -32,8 +32,10 @@ POSITIVE = "a number above 0, at most 100000"
 class Rig(BaseModel):
     """Parameters of what is filmed, and with what."""
 
-    focal_length_mm: Positive = field(24.0, "focal length of the lenses", POSITIVE)
-    sensor_width_mm: Positive = field(36.0, "width of the sensors", POSITIVE)
+    focal_length_mm: Positive = field(
+        RIG["focal_length_mm"], "focal length of the lenses", POSITIVE
+    )
+    sensor_width_mm: Positive = field(RIG["sensor_width_mm"], "width of the sensors", POSITIVE)
     distance_mm: Positive = field(
         RIG["distance_mm"],
         "distance of the cameras from the beam's centre",
@@ -48,7 +50,7 @@ class Rig(BaseModel):
         RIG["elevation_deg"], "elevation of the cameras", "a number from 15 to 60"
     )
     lens_k1: Annotated[float, Field(ge=-0.3, le=0.3)] = field(
-        -0.08, "first coefficient of the lens distortion", "a number from -0.3 to 0.3"
+        RIG["lens_k1"], "first coefficient of the lens distortion", "a number from -0.3 to 0.3"
     )
     frequency_hz: Annotated[float, Field(ge=1)] = field(
         RIG["frequency_hz"],
@@ -62,16 +64,20 @@ class Rig(BaseModel):
         RIG["frame_rate_hz"], "frames per second", "a number from 10 to 240"
     )
     exposure_ms: Positive = field(
-        4.0, "exposure time of a frame", "a number above 0, at most the time between frames"
+        RIG["exposure_ms"],
+        "exposure time of a frame",
+        "a number above 0, at most the time between frames",
     )
     shot_noise: Noise = field(
-        0.05, "variance of the noise over the grey level", "a number from 0 to 50"
+        RIG["shot_noise"], "variance of the noise over the grey level", "a number from 0 to 50"
     )
     read_noise: Noise = field(
-        1.0, "standard deviation of the dark noise in grey levels", "a number from 0 to 50"
+        RIG["read_noise"],
+        "standard deviation of the dark noise in grey levels",
+        "a number from 0 to 50",
     )
     audio_noise_db: Annotated[float, Field(ge=0, le=120)] = field(
-        20.0, "force over noise on the audio tracks", "a number from 0 to 120"
+        RIG["audio_noise_db"], "force over noise on the audio tracks", "a number from 0 to 120"
     )
     codec: Literal["lossless", "h264"] = field(
         "lossless",

@@ -1,0 +1,381 @@
+"""The ledger: every claim of the thesis beside what the cubes say, recomputed each time.
+
+Stated figures, trends and stray numbers become :class:`Entry` each, with a verdict by the rules of
+``claims.py`` and ``trends.py``. What cannot be judged is *undefined*, with the reason; a cube that
+is missing, or of other parameters or another state of the library, is such a reason.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib import claims, cubes, ledger_runs, setups, trends
+from thesis_lib.claims import VERDICTS, Check, Claim
+from thesis_lib.files import library_digest, project_root
+from thesis_lib.parameters import STUDIES, Study
+from thesis_lib.stated_numbers import StatedNumber, read_numbers
+from thesis_lib.trends import Finding, Series, Trend
+
+Opener = Callable[[Study], "xr.Dataset | str"]
+CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
+RENDERED = ("experiment", "lab")  # judged by recordings that were rendered, not filmed
+NAN = float("nan")
+NUMBERS = ("least", "most", "literal", "median", "low", "high", "confidence", "single")
+QUANTITIES = {
+    "mean_error": "mean error",
+    "max_point_error": "largest marker error",
+    "second_point_error": "largest marker error but one",
+    "plane_error_xz": "error on plane XZ",
+    "plane_error_yz": "error on plane YZ",
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the ledger.
+
+    Parameters
+    ----------
+    id, kind : str
+        Its name, and ``figure``, ``trend`` or ``number``.
+    chapter : int
+        Chapter of the thesis.
+    place, case, what, stated, got : str
+        Where it stands, of which case, and in a few words each what is stated of what, and what we
+        get.
+    modes : tuple of int
+        Modes that it speaks of.
+    verdict, note : str
+        One of :data:`thesis_lib.claims.VERDICTS`, and the reason or a remark.
+    ratio : float or None
+        What we get over what is stated, where both are numbers.
+    counted : bool
+        Whether the totals count it: not if it is judged by rendered recordings.
+    href, command : str
+        The page with its figure, and the commands that make what it is judged by, line by line.
+    least, most : float
+        What is stated, with NaN at the open end of a bound.
+    literal, median, low, high : float
+        What we get: the literal run (or the value), and median and 5–95 % band of the trials.
+    confidence, single : float
+        Of a trend, see :class:`thesis_lib.trends.Finding`.
+    """
+
+    id: str
+    kind: str
+    chapter: int
+    place: str
+    case: str
+    modes: tuple[int, ...]
+    what: str
+    stated: str
+    got: str
+    verdict: str
+    note: str
+    ratio: float | None
+    counted: bool
+    href: str
+    command: str
+    least: float = NAN
+    most: float = NAN
+    literal: float = NAN
+    median: float = NAN
+    low: float = NAN
+    high: float = NAN
+    confidence: float = NAN
+    single: float = NAN
+
+    @property
+    def row(self) -> dict[str, object]:
+        """The line as the table of the page has it."""
+        row = {name: value for name, value in vars(self).items() if name not in NUMBERS}
+        return row | {"modes": list(self.modes)}
+
+    @property
+    def record(self) -> dict[str, object]:
+        """The line as JSON values, with its numbers; None where there is none."""
+        numbers = {name: getattr(self, name) for name in NUMBERS}
+        given = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
+        return self.row | given
+
+
+def built(study: Study) -> xr.Dataset | str:
+    """The cube of the last ``thesis book``, or in one line why there is none to judge by."""
+    return usable(project_root() / "data" / "results" / f"{study.name}.nc", study)
+
+
+def usable(path: Path, study: Study) -> xr.Dataset | str:
+    """A cube of exactly this study by this library, or in one line why the file is not that."""
+    try:
+        cube = cubes.read(path)
+    except cubes.CubeError:
+        state = "is not readable" if path.exists() else "is missing"
+        return f"cube {path.name} {state}: run `thesis book`"
+    if cube.attrs["figure_set"] != study.name:
+        return f"cube {path.name} is of {cube.attrs['figure_set']}: run `thesis book`"
+    if cube.attrs.get("parameters_hash") != study.digest:
+        return f"cube {path.name} was run with other parameters: run `thesis book`"
+    if cube.attrs.get("library_sha256") != library_digest():
+        return f"cube {path.name} is outdated, the library has changed since: run `thesis book`"
+    return cube
+
+
+def entries(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry]:
+    """The whole ledger, in the order of the thesis.
+
+    Parameters
+    ----------
+    open_cube : callable
+        Gives the cube of a study, or in one line why there is none.
+    own : mapping
+        Series of the ledger's own runs, by the run's name (:func:`ledger_runs.read_own`).
+    """
+    opened: dict[str, xr.Dataset | str] = {}
+
+    def cube_of(name: str) -> xr.Dataset | str:
+        if name not in opened:
+            opened[name] = open_cube(STUDIES[name]())
+        return opened[name]
+
+    series: dict[str, Sequence[Series] | str] = dict(own)
+    commands = {name: source.commands for name, source in ledger_runs.own().items()}
+
+    def series_of(name: str) -> Sequence[Series] | str:
+        if name not in series:
+            if name not in STUDIES:
+                return f"run {name} of the ledger is missing: run `thesis book`"
+            cube = cube_of(name)
+            series[name] = cube if isinstance(cube, str) else ledger_runs.series_of(cube)
+        return series[name]
+
+    found = [_figure(claim, cube_of(claim.figure_set)) for claim in claims.read_claims()]
+    for trend in trends.read_trends():
+        made = [command for name in trend.source for command in commands.get(name, [])]
+        made += [ledger_runs.command(STUDIES[name]()) for name in trend.source if name in STUDIES]
+        found.append(_trend(trend, [series_of(name) for name in trend.source], made))
+    found += [_number(number) for number in read_numbers()]
+    order = {"figure": 0, "trend": 1, "number": 2}
+    return sorted(found, key=lambda entry: (entry.chapter, order[entry.kind]))
+
+
+def _figure(claim: Claim, cube: xr.Dataset | str) -> Entry:
+    """A stated figure beside a cube."""
+    subject, _, study = claim.figure_set.partition("-")
+    reason = cube if isinstance(cube, str) else claims.undefined(cube, claim)
+    check = None if isinstance(cube, str) or reason else claims.check(cube, [claim])[0]
+    setting = _setting_words(claim)
+    excepted = " but one" if claim.excepted else ""
+    note = reason
+    if claim.conflicts:
+        others = ", ".join(claim.conflicts)
+        note = f"{note + '; ' if note else ''}excluded by {others}: {claim.conflict_why}"
+    text = cubes.percent_text
+    number = claim.figure or setups.figure_number(subject, study, claim.case, claim.mode)
+    return Entry(
+        id=claim.id,
+        kind="figure",
+        chapter=claim.chapter,
+        place=f"figure {number}",
+        case=claim.case,
+        modes=(claim.mode,),
+        what=f"{QUANTITIES[claim.quantity]}{excepted}, {setting}",
+        stated=claim.stated,
+        got=f"{text(check.literal)} · {cubes.band_text(check.median, check.low, check.high)} %"
+        if check
+        else "",
+        verdict=check.verdict if check else "undefined",
+        note=note,
+        ratio=check.ratio if check else None,
+        counted=subject not in RENDERED,
+        href=f"{claim.figure_set}.html#fig-{number.replace('.', '-')}",
+        command=f"thesis run {claim.figure_set}",
+        least=NAN if claim.ends[0] is None else claim.ends[0],
+        most=NAN if claim.ends[1] is None else claim.ends[1],
+        **_numbers(check, "literal", "median", "low", "high"),
+    )
+
+
+def _numbers(found: Check | Finding | None, *names: str) -> dict[str, float]:
+    return {} if found is None else {name: getattr(found, name) for name in names}
+
+
+def _setting_words(claim: Claim) -> str:
+    """The settings that a claim speaks of, such as ``d = 500 mm`` or ``all settings``."""
+    study = STUDIES[claim.figure_set]
+    unit = {"distance_mm": "d = {:g} mm", "aperture_deg": "α = {:g}°", "width_px": "{:g} px wide",
+            "n_cameras": "{:g} cameras"}[study.varied]  # fmt: skip
+    order = f", pairs {claim.pair_order}" if claim.pair_order else ""
+    return (", ".join(unit.format(value) for value in claim.values) or "all settings") + order
+
+
+def _trend(trend: Trend, found: Sequence[Sequence[Series] | str], commands: list[str]) -> Entry:
+    """A stated trend beside the errors that it speaks of."""
+    reasons = [part for part in found if isinstance(part, str)]
+    every = [one for part in found if not isinstance(part, str) for one in part]
+    finding = None if reasons else trends.judge(trend, every)
+    first = next((name for name in trend.source if name in STUDIES), "")
+    subject, _, study = first.partition("-")
+    number = ""
+    if trend.cases and first:
+        number = setups.figure_number(subject, study, trend.cases[0], trend.modes[0])
+    link = f"{first}.html" + (f"#fig-{number.replace('.', '-')}" if number else "")
+    rendered = any(name.partition("-")[0] in RENDERED for name in trend.source)
+    return Entry(
+        id=trend.id,
+        kind="trend",
+        chapter=trend.chapter,
+        place=f"section {trend.section}" if trend.section[0].isdigit() else trend.section,
+        case=", ".join(trend.cases),
+        modes=trend.modes,
+        what=trend.words,
+        stated=trend.test.partition(" ")[0].replace("_", " "),
+        got=f"confidence {finding.confidence:.0%}, single runs {finding.single:.0%}"
+        if finding
+        else "",
+        verdict=finding.verdict if finding else "undefined",
+        note="; ".join(dict.fromkeys(reasons)) or ("" if finding else "nothing to judge it by"),
+        ratio=None,
+        counted=not rendered,
+        href=link if first else "",
+        command="\n".join(commands),
+        **_numbers(finding, "confidence", "single"),
+    )
+
+
+def _number(number: StatedNumber) -> Entry:
+    """A stray number beside its computation."""
+    value = number.value
+    inside = number.low <= value <= number.high
+    middle = (number.low + number.high) / 2
+    unit = f" {number.unit}" if number.unit else ""
+    return Entry(
+        id=number.id,
+        kind="number",
+        chapter=number.chapter,
+        place=number.place,
+        case="",
+        modes=(),
+        what=number.words,
+        stated=f"{number.stated}{unit}",
+        got=f"{value:.6g}{unit}",
+        verdict="agrees" if inside else "differs",
+        note="",
+        ratio=1.0 if inside else value / middle if middle else None,
+        counted=True,
+        href="",
+        command="",
+        least=number.low,
+        most=number.high,
+        literal=value,
+    )
+
+
+def totals(found: Iterable[Entry], **where: object) -> dict[str, int]:
+    """Number of counted entries by verdict, of those whose attributes are as given.
+
+    Examples
+    --------
+    >>> totals([], chapter=3)
+    {'agrees': 0, 'within scatter': 0, 'differs': 0, 'undefined': 0}
+    """
+    chosen = [e for e in found if all(getattr(e, name) == value for name, value in where.items())]
+    counts = Counter(entry.verdict for entry in chosen)
+    return {verdict: counts[verdict] for verdict in VERDICTS}
+
+
+def report(found: Sequence[Entry]) -> str:
+    """The ledger as text: counts by chapter, then the entries that differ or are undefined."""
+    lines = []
+    for chapter in CHAPTERS:
+        of_chapter = [entry for entry in found if entry.chapter == chapter]
+        lines.append(f"chapter {chapter}")
+        for kind in ("figure", "trend", "number"):
+            part = [entry for entry in of_chapter if entry.kind == kind]
+            if part:
+                counts = ", ".join(f"{n} {verdict}" for verdict, n in totals(part).items() if n)
+                rendered = sum(not entry.counted for entry in part)
+                mark = f"   ({rendered} by rendered recordings)" if rendered else ""
+                lines.append(f"  {len(part):3} {kind + 's':8} {counts}{mark}")
+    counted = [entry for entry in found if entry.counted]
+    counts = ", ".join(f"{n} {verdict}" for verdict, n in totals(counted).items())
+    lines.append(f"in all, without what is judged by rendered recordings: {counts}")
+    for verdict in ("differs", "undefined"):
+        part = [entry for entry in found if entry.verdict == verdict]
+        if part:
+            lines.append(f"\n{verdict}:")
+        for entry in part:
+            ratio = f"  ×{entry.ratio:.2f}" if entry.ratio is not None else ""
+            modes = f" mode {', '.join(map(str, entry.modes))}" if entry.modes else ""
+            case = f"case {entry.case}{modes}: " if entry.case else ""
+            reason = f"  [{entry.note}]" if verdict == "undefined" else ""
+            got = f" → {entry.got}" if entry.got else ""
+            what = f"{entry.stated}{got}{ratio}{reason}"
+            lines.append(f"  {entry.place}, {case}{entry.what.rstrip('.')}: {what}")
+    return "\n".join(lines)
+
+
+TEXTS = {  # fields that the cube holds as text, and what they are
+    "kind": "figure, trend or number",
+    "place": "where it stands in the thesis",
+    "case": "case of the thesis",
+    "modes": "modes that it speaks of",
+    "what": "what it speaks of",
+    "stated": "what is stated",
+    "got": "what this book gets",
+    "verdict": "verdict",
+    "note": "reason or remark",
+    "href": "page with its figure",
+    "command": "what makes the cubes that it is judged by",
+}
+UNITS = {  # numbers of figures and trends; those of stray numbers have the units of their texts
+    "least": "least value that is stated",
+    "most": "largest value that is stated",
+    "literal": "literal run, or value",
+    "median": "median of the trials",
+    "low": "5 % quantile of the trials",
+    "high": "95 % quantile of the trials",
+    "confidence": "share of resampled expectations in which a trend holds",
+    "single": "share of single trials in which a trend holds",
+    "ratio": "median over the nearest stated value",
+}
+
+
+def as_cube(found: Sequence[Entry], readings: xr.Dataset) -> xr.Dataset:
+    """The ledger as a cube: a variable for each field over ``claim``, and the other readings."""
+    cube = readings.drop_attrs().assign_coords(
+        claim=("claim", [e.id for e in found], {"units": "1", "long_name": "name of the claim"})
+    )
+    for name, words in TEXTS.items():
+        values = [e.row[name] for e in found]
+        text = [";".join(map(str, v)) if isinstance(v, list) else str(v) for v in values]
+        cube[name] = ("claim", text, {"units": "1", "long_name": words})
+    for name, words in UNITS.items():
+        numbers = [NAN if getattr(e, name) is None else getattr(e, name) for e in found]
+        cube[name] = ("claim", np.array(numbers, float), {"units": "1", "long_name": words})
+    of = {"claim_chapter": "chapter", "counted": "counted"}
+    for name, field in of.items():
+        whole = np.array([int(getattr(e, field)) for e in found])
+        words = "chapter of the claim" if name == "claim_chapter" else "1 if the totals count it"
+        cube[name] = ("claim", whole, {"units": "1", "long_name": words})
+    return cube
+
+
+def from_cube(cube: xr.Dataset) -> list[Entry]:
+    """The entries that a cube of :func:`as_cube` holds."""
+    columns = {name: cube[name].values.tolist() for name in (*TEXTS, *UNITS)}
+    columns |= {
+        "id": cube["claim"].values.tolist(),
+        "chapter": cube["claim_chapter"].values.tolist(),
+    }
+    columns["counted"] = [bool(value) for value in cube["counted"].values]
+    columns["modes"] = [tuple(map(int, filter(None, m.split(";")))) for m in columns["modes"]]
+    columns["ratio"] = [None if np.isnan(value) else value for value in columns["ratio"]]
+    return [
+        Entry(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)
+    ]
