@@ -130,7 +130,7 @@ class Check:
 
     @property
     def verdict(self) -> str:
-        """One of :data:`VERDICTS`."""
+        """One of ``VERDICTS``."""
         return "agrees" if self.exact else "within scatter" if self.inside else "differs"
 
     @property

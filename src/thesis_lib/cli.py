@@ -40,7 +40,9 @@ def list_(name: str | None) -> None:
 
     if name is None:
         for study in STUDIES.values():
-            click.echo(f"{study.name:<22} {len(study().settings()):>3} settings   {study.title}")
+            number = len(study().settings())
+            settings = f"{number:>3} settings" if number else ""
+            click.echo(f"{study.name:<22} {settings:<12}   {study.title}")
         for chapter, names in CHAPTERS.items():
             click.echo(f"{chapter:<22} {'':>12}   {', '.join(names)}")
         click.echo("\n`thesis list NAME` shows a set's parameters, `thesis run NAME` runs it.")
@@ -113,6 +115,24 @@ def book(publish: bool) -> None:
     from thesis_lib import publishing
 
     click.echo(f"Open {publishing.build(publish)}")
+
+
+@cli.command()
+@click.option("--json", "as_json", is_flag=True, help="Every entry, as one JSON document.")
+def claims(as_json: bool) -> None:
+    """Hold every claim of the thesis against the cubes of the last `thesis book`.
+
+    Exits 0 whatever the verdicts.
+    """
+    from thesis_lib import cubes, ledger, ledger_runs
+    from thesis_lib.ledger_requests import Claims
+
+    own = cubes.cached(Claims().own_runs, ledger_runs.run)
+    found = ledger.entries(ledger.built, ledger_runs.read_own(own))
+    if as_json:
+        click.echo(json.dumps([entry.record for entry in found], ensure_ascii=False, indent=1))
+    else:
+        click.echo(ledger.report(found))
 
 
 @cli.command()

@@ -52,7 +52,7 @@ class Entry:
     modes : tuple of int
         Modes that it speaks of.
     verdict, note : str
-        One of :data:`thesis_lib.claims.VERDICTS`, and the reason or a remark.
+        One of ``claims.VERDICTS``, and the reason or a remark.
     ratio : float or None
         What we get over what is stated, where both are numbers.
     counted : bool
@@ -134,7 +134,7 @@ def entries(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entr
     open_cube : callable
         Gives the cube of a study, or in one line why there is none.
     own : mapping
-        Series of the ledger's own runs, by the run's name (:func:`ledger_runs.read_own`).
+        Series of the ledger's own runs, by the run's name (:func:`thesis_lib.ledger_runs.read_own`).
     """
     opened: dict[str, xr.Dataset | str] = {}
 
@@ -305,18 +305,17 @@ def report(found: Sequence[Entry]) -> str:
     counted = [entry for entry in found if entry.counted]
     counts = ", ".join(f"{n} {verdict}" for verdict, n in totals(counted).items())
     lines.append(f"in all, without what is judged by rendered recordings: {counts}")
-    for verdict in ("differs", "undefined"):
-        part = [entry for entry in found if entry.verdict == verdict]
-        if part:
-            lines.append(f"\n{verdict}:")
-        for entry in part:
-            ratio = f"  ×{entry.ratio:.2f}" if entry.ratio is not None else ""
-            modes = f" mode {', '.join(map(str, entry.modes))}" if entry.modes else ""
-            case = f"case {entry.case}{modes}: " if entry.case else ""
-            reason = f"  [{entry.note}]" if verdict == "undefined" else ""
-            got = f" → {entry.got}" if entry.got else ""
-            what = f"{entry.stated}{got}{ratio}{reason}"
-            lines.append(f"  {entry.place}, {case}{entry.what.rstrip('.')}: {what}")
+    differing = [entry for entry in found if entry.verdict == "differs"]
+    lines += ["\ndiffers:"] if differing else []
+    for entry in differing:
+        ratio = f"  ×{entry.ratio:.2f}" if entry.ratio is not None else ""
+        modes = f" mode {', '.join(map(str, entry.modes))}" if entry.modes else ""
+        case = f"case {entry.case}{modes}: " if entry.case else ""
+        what = f"{entry.what.rstrip('.')}: {entry.stated} → {entry.got}{ratio}"
+        lines.append(f"  {entry.place}, {case}{what}")
+    reasons = Counter(entry.note for entry in found if entry.verdict == "undefined")
+    lines += ["\nundefined:"] if reasons else []
+    lines += [f"  {number:3} × {reason}" for reason, number in reasons.items()]
     return "\n".join(lines)
 
 

@@ -237,7 +237,7 @@ def _askew(study: CameraStudy) -> list[Series]:
 
 
 def own() -> dict[str, Source]:
-    """The ledger's own runs, by name, beside :data:`ASKEW_PLATE`."""
+    """The ledger's own runs, by name, beside ``ASKEW_PLATE``."""
     return {**_own("beam"), **_own("plate")}
 
 

@@ -14,11 +14,13 @@ import numpy as np
 import xarray as xr
 from IPython.display import HTML, SVG, Markdown, display
 
-from thesis_lib import claims, cubes, figures, files, prose, sound, studies
+from thesis_lib import claims, cubes, figures, files, sound, studies
 from thesis_lib.experiment.lab_layouts import Layouts
 from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
 from thesis_lib.experiment.requests import Experiment
+from thesis_lib.ledger_requests import Claims
+from thesis_lib.markdown import escape, markdown_table
 from thesis_lib.parameters import STUDIES, CameraStudy, Study, camera_study, validate
 from thesis_lib.viewer_data import viewer_data
 from thesis_lib.widgets import Viewer
@@ -93,8 +95,25 @@ def _computed(request: Study) -> xr.Dataset:
         if isinstance(request, LabModes):
             return lab_modes_study.run(request, data)
         return lab_plate_study.run(request, data)
+    if isinstance(request, Claims):
+        return ledger_of(request)
     assert isinstance(request, CameraStudy)
     return sound_of(request) if request.subject == "sound" else studies.run(request)
+
+
+def ledger_of(request: Claims) -> xr.Dataset:
+    """The ledger's cube, from the book's cubes; one that is missing or outdated is made here."""
+    from thesis_lib import ledger, ledger_runs, readings
+
+    def open_cube(study: Study) -> xr.Dataset:
+        made = ledger.built(study)
+        if isinstance(made, str):
+            made = cubes.with_provenance(_computed(study), study, 0.0)
+        return made
+
+    own = cubes.cached(request.own_runs, ledger_runs.run)
+    other = cubes.cached(request.other_readings, readings.run)
+    return ledger.as_cube(ledger.entries(open_cube, ledger_runs.read_own(own)), other)
 
 
 def sound_of(request: CameraStudy) -> xr.Dataset:
@@ -157,7 +176,7 @@ def error_table(cube: xr.Dataset) -> Markdown:
             "The pistons are large against the wavelength (wavenumber times size up to "
             f"{float(cube['piston_size'].max()):.2f}): above 1 take a finer grid."
         )
-    return _markdown_table(["case", "setting", *columns, "in view"], rows_, "\n\n".join(notes))
+    return markdown_table(["case", "setting", *columns, "in view"], rows_, "\n\n".join(notes))
 
 
 def _of_larger(cube: xr.Dataset, setting: int, mode: int, plane: str | None) -> str:
@@ -186,7 +205,7 @@ def tracking_table(cube: xr.Dataset) -> Markdown:
     if "shots_used" in cube:
         used = ", ".join(f"{int(n)}" for n in cube["shots_used"].values)
         note += f" Pictures of the board that calibration could use, by camera: {used}."
-    return _markdown_table(header, rows, note)
+    return markdown_table(header, rows, note)
 
 
 def harmonic_table(cube: xr.Dataset, case: str = "harmonic") -> Markdown:
@@ -214,7 +233,7 @@ def harmonic_table(cube: xr.Dataset, case: str = "harmonic") -> Markdown:
         f"{1000 * model.imag:+.3f}j: {100 * abs(found / model - 1):.2f} % apart."
     )
     header = ["x, mm", "amplitude, mm", "standard error, µm", "true, mm", "phase to the force, °"]
-    return _markdown_table(header, rows, note)
+    return markdown_table(header, rows, note)
 
 
 def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
@@ -250,7 +269,7 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
         text += (
             " A claim about all settings must hold for each; the row shows the one farthest off."
         )
-    return _markdown_table(header, rows, text, above=True) if rows else Markdown(text)
+    return markdown_table(header, rows, text, above=True) if rows else Markdown(text)
 
 
 def viewer(cube: xr.Dataset) -> Viewer:
@@ -270,19 +289,7 @@ def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] =
     for case in dict.fromkeys(cube["case"].values.tolist()):
         for mode in cube["mode"].values.tolist():
             if (case, mode) not in own:
-                display(Markdown(f"**{_escape(case)}, mode {mode}**"))
+                display(Markdown(f"**{escape(case)}, mode {mode}**"))
                 picture = base64.b64encode(figures.as_svg(cube, case, mode).encode()).decode()
                 words = html.escape(f"The figure of {case} in mode {mode}, with the same panels")
                 display(HTML(f'<img alt="{words}" src="data:image/svg+xml;base64,{picture}">'))
-
-
-def _escape(text: str) -> str:
-    """Reader's words as plain text in Markdown: nothing in them is markup."""
-    return "".join(f"&#{ord(c)};" if c in "&<>|*_`[]{}\\$#!~" else c for c in text)
-
-
-def _markdown_table(
-    header: list[str], rows: list[list[str]], text: str, above: bool = False
-) -> Markdown:
-    table = prose.table(header, [[_escape(cell) for cell in row] for row in rows])
-    return Markdown(f"{text}\n\n{table}" if above else f"{table}\n{text}")

@@ -10,7 +10,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from thesis_lib import claims, cubes, figures, files, planes, radiation, setups, sound
+from thesis_lib import claims, cubes, figures, files, ledger, planes, radiation, setups, sound
+from thesis_lib.claims import VERDICTS
+from thesis_lib.markdown import table
 from thesis_lib.parameters import CHAPTERS, STUDIES, camera_study, describe
 from thesis_lib.structures import (
     Structure,
@@ -32,12 +34,6 @@ def write(made: Sequence[Path], folder: Path) -> None:
         files.whole_file(
             folder / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8")
         )
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; its cells stand as they are."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
 def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
@@ -75,6 +71,21 @@ def _plate_results(opened: dict[str, xr.Dataset]) -> str:
 
 def _sound_results(opened: dict[str, xr.Dataset]) -> str:
     return "\n".join([_changes(_chapter(opened, "sound")), _agreement(_chapter(opened, "sound"))])
+
+
+def _ledger_totals(opened: dict[str, xr.Dataset]) -> str:
+    """Verdicts on stated figures by chapter, and on trends."""
+    found = ledger.from_cube(opened["claims"])
+    rows = []
+    for kind, words in (("figure", "stated errors"), ("trend", "trends")):
+        for chapter in (3, 4, 6):
+            part = [e for e in found if (e.kind, e.chapter, e.counted) == (kind, chapter, True)]
+            counts = [str(n) for n in ledger.totals(part).values()]
+            rows.append([f"chapter {chapter}, {words}", str(len(part)), *counts])
+    part = [e for e in found if e.kind == "number"]
+    counts = [str(n) for n in ledger.totals(part).values()]
+    rows.append(["numbers in the text that can be computed", str(len(part)), *counts])
+    return table(["", "claims", *VERDICTS], rows)
 
 
 def _experiment_results(opened: dict[str, xr.Dataset]) -> str:
@@ -332,4 +343,5 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "sound-markers": _markers,
     "sound-levels": _levels,
     "parameters": _parameters,
+    "ledger-totals": _ledger_totals,
 }

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from thesis_lib import book, cubes, figures, files, prose, runs
+from thesis_lib import assumptions, book, cubes, figures, files, prose, runs, thesis_index
 from thesis_lib.experiment import filmed, pictures
 from thesis_lib.experiment import numbers as walk_numbers
 from thesis_lib.experiment.requests import ExperimentResolution
@@ -46,6 +46,7 @@ def build(publish: bool = False) -> Path:
     walk = [executed / pictures.file_name(name) for name in pictures.PICTURES]
     walk += [executed / f"{name}.md" for name in walk_numbers.PIECES]
     told = [executed / f"{name}.md" for name in reference.PIECES]
+    own_words = [executed / f"{n}.md" for n in (*thesis_index.PIECES, *assumptions.PIECES)]
     index = root / "build" / "html" / "index.html"
     tasks = [
         *runs.job_tasks(jobs),
@@ -68,7 +69,16 @@ def build(publish: bool = False) -> Path:
             told,
         ),
         runs.task(
-            "pages", lambda: book.render(root, index.parent), [*sources, *walk, *told], [index]
+            "index and assumptions",
+            lambda: _tell(executed),
+            [*files.library_files(), *(root / "book").glob("*.md")],
+            own_words,
+        ),
+        runs.task(
+            "pages",
+            lambda: book.render(root, index.parent),
+            [*sources, *walk, *told, *own_words],
+            [index],
         ),
     ]
     if publish:
@@ -79,6 +89,12 @@ def build(publish: bool = False) -> Path:
         tasks[-2]["uptodate"] = [False]  # asked for, so done
     runs.run(tasks, root / "build" / "state.sqlite")
     return index
+
+
+def _tell(executed: Path) -> None:
+    """What the pages include that depends on the library alone."""
+    thesis_index.write(executed)
+    assumptions.write(executed)
 
 
 def _walk_through(executed: Path) -> None:

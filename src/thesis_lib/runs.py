@@ -30,7 +30,7 @@ from doit.tools import config_changed
 from thesis_lib import cubes
 from thesis_lib.files import library_files, project_root, staging, sweep
 from thesis_lib.pages import BookError
-from thesis_lib.parameters import Study
+from thesis_lib.parameters import STUDIES, Study
 
 
 class RunError(RuntimeError):
@@ -123,8 +123,10 @@ def execute(job: Job) -> None:
             text = "\n".join(cubes.difference_lines(result))
             text = f"## Difference from the published run\n\n```text\n{text}\n```"
             notebook.cells.append(nbformat.v4.new_markdown_cell(text, id=f"{name}-difference"))
-            if not as_in_the_thesis(result):
+            if job.study.subject != "claims" and not as_in_the_thesis(result):
                 _disown_captions(notebook)
+            if job.study.subject == "claims":
+                _cut_links(notebook)
         nbformat.write(notebook, executed)
         ready = [(executed, job.notebook), (cube, job.cube)]
         if job.page:
@@ -150,6 +152,15 @@ def _hide_staging(notebook: Any, name: str) -> None:
     notebook.cells = [cell for cell in notebook.cells if cell.source != "# Parameters"]
 
 
+def _cut_links(notebook: Any) -> None:
+    """Let the ledger's rows lead nowhere: their pages are the book's, not beside this one."""
+    for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            data = output.get("data", {})
+            if "text/html" in data:
+                data["text/html"] = re.sub(r'"href":"[^"]*"', '"href":""', data["text/html"])
+
+
 def _log(name: str, text: str) -> Path:
     """Keep a traceback for whoever mends its cause."""
     path = project_root() / "build" / "logs" / f"{name}.txt"
@@ -173,13 +184,25 @@ def job_tasks(jobs: Sequence[Job]) -> list[dict[str, Any]]:
     for job in jobs:
         # The digest is taken before the run, not after it as doit does with files: what is edited
         # while a notebook runs makes it stale.
-        made = task(job.study.name, partial(execute, job), [], job.targets, digest(job))
+        needs = _judged(jobs) if job.study.subject == "claims" else []
+        made = task(job.study.name, partial(execute, job), needs, job.targets, digest(job))
         first = job.study.name.replace("sound-", "plate-")
         first = first.replace("experiment-cameras", "experiment-resolution")
         if first != job.study.name and first in names:
             made["task_dep"] = [f"thesis:{first}"]
+        if job.study.subject == "claims":
+            made["task_dep"] = [f"thesis:{name}" for name in names - {job.study.name}]
         tasks.append(made)
     return tasks
+
+
+def _judged(jobs: Sequence[Job]) -> list[Path]:
+    """Cubes that the ledger is made from: those of this run, else those of the last book."""
+    made = {job.cube.name: job.cube for job in jobs if job.study.subject != "claims"}
+    results = project_root() / "data" / "results"
+    there = {path.name: path for path in results.glob("*.nc") if path.stem in STUDIES}
+    there.pop("claims.nc", None)
+    return sorted({**there, **{n: p for n, p in made.items() if p.parent == results}}.values())
 
 
 def task(

@@ -37,7 +37,7 @@ class StatedNumber:
     stated : str
         As printed: a decimal such as ``39.6`` or ``16e6``, or an exact ``1/60`` or ``12×4``.
     value_of : str
-        Key of :data:`VALUES`.
+        Key of ``VALUES``.
     """
 
     id: str

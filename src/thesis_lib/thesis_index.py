@@ -10,8 +10,8 @@ from functools import partial
 from pathlib import Path
 
 from thesis_lib.files import project_root, whole_file
+from thesis_lib.markdown import table
 from thesis_lib.parameters import STUDIES
-from thesis_lib.prose import table
 from thesis_lib.setups import data_folder
 
 ALLOWED = {  # in each column: a value as a pattern, and in words
@@ -86,7 +86,7 @@ def _entry(line: int, cells: list[str]) -> Entry:
 
 
 def chapter(name: str) -> str:
-    """Markdown tables of the figures, tables and equations of a chapter of :data:`CHAPTERS`."""
+    """Markdown tables of the figures, tables and equations of a chapter of ``CHAPTERS``."""
     rows: dict[str, list[list[str]]] = {"figure": [], "table": [], "equation": []}
     for entry in read_index():
         kind, number = entry.item.split()
@@ -144,6 +144,6 @@ PIECES: dict[str, Callable[[], str]] = {f"thesis-index-{n}": partial(chapter, n)
 
 
 def write(folder: Path) -> None:
-    """Write every piece of :data:`PIECES` into a folder, as ``NAME.md``."""
+    """Write every piece of ``PIECES`` into a folder, as ``NAME.md``."""
     for name, piece in PIECES.items():
         whole_file(folder / f"{name}.md", partial(Path.write_text, data=piece(), encoding="utf-8"))

@@ -11,9 +11,9 @@ falls (rises)
     The last expected error is below (above) the first, and more pairs of settings are in this order
     than in the other.
 flat
-    The largest is at most :data:`FLAT` times the least.
+    The largest is at most ``FLAT`` times the least.
 alike
-    The means (geometric, over the settings) are at most :data:`ALIKE` times each other.
+    The means (geometric, over the settings) are at most ``ALIKE`` times each other.
 no trend
     It neither falls nor rises, or is flat.
 """
@@ -59,7 +59,7 @@ class Trend:
     source : tuple of str
         Figure sets, or runs of the ledger's own, that it is judged by.
     test : str
-        Name of one of :data:`TESTS`, and its argument.
+        Name of one of ``TESTS``, and its argument.
     """
 
     id: str

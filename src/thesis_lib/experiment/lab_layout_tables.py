@@ -17,7 +17,7 @@ from thesis_lib.experiment.lab_layout_numbers import (
     ratios,
     trial_optima,
 )
-from thesis_lib.prose import table
+from thesis_lib.markdown import table
 
 
 def errors(cube: xr.Dataset) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from thesis_lib import figures, prose
+from thesis_lib import figures
 from thesis_lib.cubes import percent_text
 from thesis_lib.experiment.lab_tables import neighbour_correlation
+from thesis_lib.markdown import table
 
 
 def modes_results(cube: xr.Dataset) -> str:
@@ -28,7 +29,7 @@ def modes_results(cube: xr.Dataset) -> str:
         [1e6 * float(known[name].values[i]) for i in (0, -1)]
         for name in ("torsion_standard_error", "bending_standard_error")
     )
-    return prose.table(header, rows) + (
+    return table(header, rows) + (
         "\nMedian over the trials of the rms error, in % of the largest deflection. In mode "
         f"{cube['mode'].values[-1]} the standard errors of bending and torsion are {error[0]:.2f} "
         f"and {torsion[0]:.2f} µm with {known['label'].values[0]}, {error[1]:.2f} and "
@@ -58,7 +59,7 @@ def plate_results(cube: xr.Dataset) -> str:
               "whole pixels: deflection, %", f"pressure {plane}, %"]  # fmt: skip
     filmed = cube["mean_error"].isel(trial=0) / cube["predicted_error"]
     fine = filmed.isel(setting=np.flatnonzero(cube["width_px"].values >= 640))
-    return prose.table(header, rows) + (
+    return table(header, rows) + (
         f"\nMode {mode}: median over the trials, and what the law of rounding says of the same "
         "cameras with whole pixels. Over all modes, and settings with frames at least 640 pixels "
         f"wide, what was filmed has {float(fine.min()):.2f} to {float(fine.max()):.2f} times the "

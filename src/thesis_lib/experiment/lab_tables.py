@@ -9,9 +9,10 @@ import xarray as xr
 from IPython.display import SVG, Markdown
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib import cubes, figures, prose
+from thesis_lib import cubes, figures
 from thesis_lib.experiment.aliasing import detuning_loss
 from thesis_lib.experiment.lab_figures import aliases_figure
+from thesis_lib.markdown import table
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ def frequency_table(cube: xr.Dataset) -> Markdown:
         "in the pictures, over what the noise of the centres makes it, which is 1. A dash: no "
         "other frequency up to the highest that is tried shows at the same place."
     )
-    return Markdown(f"{prose.table(header, rows)}\n{note}")
+    return Markdown(f"{table(header, rows)}\n{note}")
 
 
 def parts_table(cube: xr.Dataset) -> Markdown:
@@ -70,7 +71,7 @@ def parts_table(cube: xr.Dataset) -> Markdown:
             f"Mode {mode}; true: bending {1e6 * float(part['bending_reference']):.1f} µm, torsion "
             f"{1e6 * float(cube['torsion_reference']):.2f} µm"
         )
-        texts.append(f"**{title}**\n\n{prose.table(header, rows)}")
+        texts.append(f"**{title}**\n\n{table(header, rows)}")
     texts.append(
         "As filmed, at the tip and at the tip's edges, ± one standard error by the noise of the "
         "centres. Phase: torsion ahead of bending. MAC: modal assurance criterion of the shape at "
@@ -108,7 +109,7 @@ def conditions_table(cube: xr.Dataset) -> Markdown:
         "deflection, rms. Exposure: what it takes. Settled: when a transient has fallen to a "
         "hundredth. Twist: of the tip's edges, by a force 10 mm beside the axis."
     )
-    return Markdown(f"{prose.table(header, rows)}\n{note}")
+    return Markdown(f"{table(header, rows)}\n{note}")
 
 
 # The plate.
@@ -153,7 +154,7 @@ def plate_table(cube: xr.Dataset, mode: int) -> Markdown:
             " The pistons are large against the wavelength (wavenumber times size "
             f"{float(part['piston_size']):.2f}): above 1 take a finer grid."
         )
-    return Markdown(f"{prose.table(header, rows)}\n{note}")
+    return Markdown(f"{table(header, rows)}\n{note}")
 
 
 def _signed(value: float, name: str) -> str:
@@ -214,7 +215,7 @@ def ratio_table(cube: xr.Dataset) -> Markdown:
         "correlation of the logarithms of the two errors over the settings. Neighbouring markers' "
         f"errors in the recordings: mean correlation {neighbour_correlation(cube)}."
     )
-    return Markdown(f"{prose.table(header, rows)}\n{note}")
+    return Markdown(f"{table(header, rows)}\n{note}")
 
 
 def neighbour_correlation(cube: xr.Dataset) -> str:
@@ -253,4 +254,4 @@ def visibility_table(cube: xr.Dataset) -> Markdown:
         "falls with the root of their number. Hours: to film until it is as small as what 1 N "
         "moves. Exposure, markers: the part of an amplitude that they take."
     )
-    return Markdown(f"{prose.table(header, rows)}\n{note}")
+    return Markdown(f"{table(header, rows)}\n{note}")

@@ -15,7 +15,7 @@ from thesis_lib.experiment import shapes
 from thesis_lib.experiment.reconstruction import deflection_at
 from thesis_lib.experiment.scene import Component, rows_on
 from thesis_lib.experiment.synchronisation import coupling_delay
-from thesis_lib.prose import table
+from thesis_lib.markdown import table
 
 Array = NDArray[np.float64]
 LITERAL, FULL = "literal", "full"

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from thesis_lib.experiment.manifest_model import CameraFiles, Manifest
+from thesis_lib.markdown import table
 from thesis_lib.measuring.example import example_manifest, example_rig
 from thesis_lib.measuring.feasibility import CENTRE_NOISE_PX, Assessment, assess, describe
 from thesis_lib.measuring.limits import LIMIT
 from thesis_lib.measuring.predictions import alias, depth_of_field
-from thesis_lib.prose import table
 
 LAYOUTS = {
     "two on one side, 20° apart": (-10, 10),

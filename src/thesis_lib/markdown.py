@@ -1,0 +1,45 @@
+"""Tables in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from IPython.display import Markdown
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table; its cells stand as they are."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def escape(text: str) -> str:
+    """Reader's words as plain text in Markdown: nothing in them is markup."""
+    return "".join(f"&#{ord(c)};" if c in "&<>|*_`[]{}\\$#!~" else c for c in text)
+
+
+def markdown_table(
+    header: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    text: str,
+    above: bool = False,
+    plain: bool = True,
+) -> Markdown:
+    """A table with a text below or above it.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Names of the columns.
+    rows : sequence of sequence of str
+        Their cells.
+    text : str
+        Markdown beside the table.
+    above : bool
+        Whether the text stands above it.
+    plain : bool
+        Whether cells are plain text rather than Markdown.
+    """
+    cells = [[escape(cell) if plain else cell for cell in row] for row in rows]
+    lines = table(header, cells)
+    return Markdown(f"{text}\n\n{lines}" if above else f"{lines}\n{text}")
