@@ -63,7 +63,8 @@ def test_list_names_sets_and_chapters(checkout, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     for name, model in STUDIES.items():
         line = next(line for line in done.stdout.splitlines() if line.startswith(name))
-        assert f" {len(model().settings())} settings" in line
+        number = len(model().settings())
+        assert (f" {number} settings" in line) == (number > 0)
         assert line.endswith(model.title)
     for chapter, names in CHAPTERS.items():
         line = next(line for line in done.stdout.splitlines() if line.startswith(f"{chapter} "))
@@ -80,6 +81,34 @@ def test_list_of_a_set_or_chapter_shows_every_parameter(checkout, tmp_path, name
             first, second = (f"{row['name']} = {row['default']}", row["allowed"])
             assert f"{first} {row['unit']}".strip() + "\n" in shown
             assert f"    {row['meaning']}: {second}\n" in shown
+
+
+# The ledger.
+
+
+def test_claims_without_cubes_names_them_and_ends_well(checkout, tmp_path):
+    done = checkout.thesis("claims", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert re.search(r"chapter 4\n\s+(\d+) figures +\1 undefined", done.stdout)
+    for name in ("beam-distance", "plate-arrays", "sound-aperture", "experiment-cameras"):
+        assert f"cube {name}.nc is missing: run `thesis book`" in done.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_claims_as_json_has_every_claim_once(checkout, tmp_path):
+    done = checkout.thesis("claims", "--json", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    entries = json.loads(done.stdout)
+    ids = [entry["id"] for entry in entries]
+    assert len(set(ids)) == len(ids) > 400
+    assert {entry["kind"] for entry in entries} == {"figure", "trend", "number"}
+    assert all(entry["note"] for entry in entries if entry["verdict"] == "undefined")
+
+
+def test_other_readings_are_refused_by_name(checkout, tmp_path):
+    line = refused(checkout, tmp_path, "run", "claims", "-p", 'readings=["51 mm lens"]')
+    assert "51 mm lens" in line
+    assert "rest known" in line
 
 
 # What is refused.

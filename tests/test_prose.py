@@ -7,10 +7,31 @@ from laboratory_scene import recordings
 from layout_scene import layouts
 from motion_scene import films
 
-from thesis_lib import claims, cubes, files, notebook, prose, sound, studies
+from thesis_lib import (
+    assumptions,
+    claims,
+    cubes,
+    files,
+    ledger,
+    ledger_runs,
+    notebook,
+    prose,
+    readings,
+    sound,
+    studies,
+    thesis_index,
+)
 from thesis_lib.experiment import lab_layout_study, lab_modes_study, lab_plate_study, numbers, study
 from thesis_lib.measuring import reference
 from thesis_lib.parameters import STUDIES, validate
+
+
+def ledgered(made):
+    """The ledger of some cubes, with few draws of its own."""
+    request = validate("claims", {"trials": 3, "readings": ["rest known"]})
+    own = ledger_runs.read_own(ledger_runs.run(request.own_runs))
+    found = ledger.entries(lambda study: made[study.name], own)
+    return ledger.as_cube(found, readings.run(request.other_readings))
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +53,8 @@ def opened():
         elif name == "lab-plate":
             request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
             cube = lab_plate_study.run(request, films(request, sigma=0.02))
+        elif name == "claims":
+            cube = ledgered(made)
         else:
             cube = studies.run(request)
         made[name] = cubes.with_provenance(cube, request, 0.0)
@@ -42,7 +65,8 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     book = files.project_root() / "book"
     pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
-    assert included == {*prose.PIECES, *numbers.PIECES, *reference.PIECES}
+    pieces = (prose, numbers, reference, thesis_index, assumptions)
+    assert included == {piece for module in pieces for piece in module.PIECES}
 
 
 @pytest.mark.parametrize("name", prose.PIECES)
