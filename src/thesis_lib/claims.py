@@ -158,7 +158,7 @@ def read_claims() -> list[Claim]:
     claims: list[Claim] = []
     seen: set[str] = set()
     with path.open(encoding="utf-8", newline="") as file:
-        rows = csv.DictReader(file)
+        rows = csv.DictReader(file, restkey="more")
         expected = [f.name for f in dataclasses.fields(Claim) if f.name != "rounding"]
         expected[expected.index("values")] = "value"
         if set(rows.fieldnames or ()) != set(expected):
@@ -166,10 +166,10 @@ def read_claims() -> list[Claim]:
             raise ValueError(f"claims.csv, line 1: given {given}, allowed: {', '.join(expected)}")
         for row in rows:
             fields: dict[str, object] = dict(row)
-            for field, kind in kinds.items():
+            for field, kind in {**dict.fromkeys(row, _text), **kinds}.items():
                 try:
                     fields[field] = kind(row[field])
-                except (KeyError, TypeError, ValueError):
+                except (AttributeError, TypeError, ValueError):
                     raise ValueError(
                         f"claims.csv, line {len(claims) + 2}: {field}: given {row.get(field)!r}"
                     ) from None
@@ -193,6 +193,12 @@ def half_digit(text: str) -> float:
     (0.5, 0.05)
     """
     return 0.5 * 10.0 ** -len(text.partition(".")[2])
+
+
+def _text(text: str) -> str:
+    if not isinstance(text, str):  # of a row that is too short or too long
+        raise TypeError
+    return text
 
 
 def _values(text: str) -> tuple[float, ...]:

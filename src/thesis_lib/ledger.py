@@ -277,7 +277,7 @@ def _number(number: StatedNumber) -> Entry:
 
 
 def totals(found: Iterable[Entry], **where: object) -> dict[str, int]:
-    """Number of counted entries by verdict, of those whose attributes are as given.
+    """Number of entries by verdict, of those whose attributes are as given.
 
     Examples
     --------
@@ -347,7 +347,7 @@ UNITS = {  # numbers of figures and trends; those of stray numbers have the unit
 
 def as_cube(found: Sequence[Entry], readings: xr.Dataset) -> xr.Dataset:
     """The ledger as a cube: a variable for each field over ``claim``, and the other readings."""
-    cube = readings.drop_attrs().assign_coords(
+    cube = readings.drop_attrs(deep=False).assign_coords(
         claim=("claim", [e.id for e in found], {"units": "1", "long_name": "name of the claim"})
     )
     for name, words in TEXTS.items():

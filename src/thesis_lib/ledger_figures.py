@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, ScalarFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from thesis_lib.figures import COLORS, REFERENCE, STYLE
 from thesis_lib.ledger import Entry
@@ -74,12 +74,13 @@ def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
     axes.axvline(float(np.median(ratios)), color="#222222", linewidth=1, linestyle="--")
     axes.text(0.98, 0.96, f"median ratio {2 ** float(np.median(ratios)):.2f}", ha="right", va="top",
               transform=axes.transAxes, fontsize=8)  # fmt: skip
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(title="(b) median over stated", xlabel="ratio", ylabel="stated figures")
 
 
 def _plain_ticks(axes: Axes) -> None:
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(ScalarFormatter())
+        axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
 
 

@@ -38,7 +38,7 @@ def totals_table(cube: xr.Dataset) -> Markdown:
     return markdown_table(["chapter", "", "claims", *VERDICTS], rows, note, plain=False)
 
 
-def rules_table() -> Markdown:
+def rules() -> Markdown:
     """The tolerances, which are the same for all claims."""
     points, low_points = f"{claims.WIDER:g} point", f"{claims.WIDER_BELOW_10:g} below 10 %"
     rows = [
@@ -60,7 +60,7 @@ def rules_table() -> Markdown:
         ["no trend", "neither falls nor rises, or flat"],
         ["a stray number *agrees*", "within half a unit of its last printed digit"],
     ]  # fmt: skip
-    return markdown_table(["", "means"], rows, "", plain=False)
+    return Markdown("\n".join(f"* **{term}**: {meaning}." for term, meaning in rows))
 
 
 def differing_table(cube: xr.Dataset, kind: str) -> Markdown:

@@ -153,7 +153,7 @@ def tilted(directions_deg: Iterable[tuple[float, float]], tilt_deg: float) -> li
         y = np.cos(elevation) * np.cos(azimuth)
         z = np.sin(elevation)
         y, z = y * np.cos(turn) + z * np.sin(turn), z * np.cos(turn) - y * np.sin(turn)
-        turned.append(np.degrees([np.arctan2(x, y), np.arcsin(z)]).round(6).tolist())
+        turned.append(np.degrees([np.arctan2(x, y), np.arcsin(min(z, 1.0))]).round(6).tolist())
     return turned
 
 

@@ -40,6 +40,7 @@ ALIKE = 1.5  # it calls modes within 10-15 % alike
 CONFIDENT = 0.95
 RESAMPLES = 2000
 LISTS = ("cases", "modes", "quantities", "source")
+NEEDED = ("id", "section", "modes", "quantities", "words", "source")
 
 
 @dataclass(frozen=True)
@@ -122,25 +123,27 @@ def read_trends() -> list[Trend]:
     ValueError
         Naming the line and the field of a malformed row.
     """
-    trends = []
+    trends: list[Trend] = []
     expected = [field.name for field in fields(Trend)]
     with (data_folder() / "trends.csv").open(encoding="utf-8", newline="") as file:
-        rows = csv.DictReader(file)
+        rows = csv.DictReader(file, restkey="more")
         if rows.fieldnames != expected:
             given = ", ".join(rows.fieldnames or ())
             raise ValueError(f"trends.csv, line 1: given {given}, allowed: {', '.join(expected)}")
         for line, row in enumerate(rows, 2):
+            known = [trend.id for trend in trends]
+            for name, text in row.items():
+                fits = isinstance(text, str) and bool(text or name not in NEEDED)
+                if not fits or (name == "id" and text in known):
+                    raise _refusal(line, name, text)
             values: dict[str, object] = dict(row)
             for name in LISTS:
-                values[name] = tuple(filter(None, (row[name] or "").split(";")))
+                values[name] = tuple(filter(None, row[name].split(";")))
             for name, kind in (("chapter", int), ("modes", _numbers), ("test", _known)):
                 try:
                     values[name] = kind(row[name])
                 except (TypeError, ValueError):
                     raise _refusal(line, name, row[name]) from None
-            for name in ("id", "words", "source", "quantities"):
-                if not row[name]:
-                    raise _refusal(line, name, row[name])
             trends.append(Trend(**values))  # type: ignore[arg-type]
     return trends
 
@@ -174,30 +177,34 @@ def judge(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | No
     Returns
     -------
     Finding or None
-        None if nothing of what it speaks of is among the series.
+        None if nothing of what it speaks of, or compares with, is among the series.
     """
-    kept = {(s.quantity, s.case, s.mode): s for s in series}
+    kept = {(s.quantity, s.case, s.mode): s for s in series if s.errors.shape[1]}
     if not kept:
         return None
     values = {s.case: s.values for s in kept.values()}
-    common = min(n for s in kept.values() if (n := s.errors.shape[1]) > 1 or len(kept) == 1)
+    common = min((n for s in kept.values() if (n := s.errors.shape[1]) > 1), default=1)
     mean = {key: one.errors @ _weights(one.errors.shape[1], seed) for key, one in kept.items()}
-    each = {key: one.errors[:, :common] for key, one in kept.items()}  # paired, trial by trial
+    each = {  # paired, trial by trial; what is the same in all trials beside each of them
+        key: np.broadcast_to(one.errors[:, :common], (len(one.errors), common))
+        for key, one in kept.items()
+    }
     name, _, argument = trend.test.partition(" ")
     shares = []
     for errors in (mean, each):
         evidence = Evidence(trend, errors, values)
         if not evidence.series:
             return None
-        shares.append(float(np.mean(TESTS[name](evidence, argument))))
+        try:
+            shares.append(float(np.mean(TESTS[name](evidence, argument))))
+        except LookupError:  # what it is compared with is missing
+            return None
     return Finding(*shares)
 
 
 @lru_cache(maxsize=8)
 def _weights(trials: int, seed: int) -> Array:
     """Weights of resampled means, shape (trials, resamples): with replacement, from one seed."""
-    if trials == 1:
-        return np.ones((1, 1))
     drawn = np.random.default_rng(seed).multinomial(trials, np.full(trials, 1 / trials), RESAMPLES)
     return np.asarray(drawn.T / trials)
 
@@ -246,7 +253,10 @@ class Evidence:
 
 
 def _all(parts: Iterable[Any]) -> Holds:
-    return np.asarray(np.logical_and.reduce(list(parts)))
+    compared = list(parts)
+    if not compared:
+        raise LookupError("nothing to compare")
+    return np.asarray(np.logical_and.reduce(compared))
 
 
 def _down(errors: Array) -> Holds:
