@@ -74,18 +74,17 @@ def _sound_results(opened: dict[str, xr.Dataset]) -> str:
 
 
 def _ledger_totals(opened: dict[str, xr.Dataset]) -> str:
-    """Verdicts on stated figures by chapter, and on trends."""
-    found = ledger.from_cube(opened["claims"])
-    rows = []
-    for kind, words in (("figure", "stated errors"), ("trend", "trends")):
-        for chapter in (3, 4, 6):
-            part = [e for e in found if (e.kind, e.chapter, e.counted) == (kind, chapter, True)]
-            counts = [str(n) for n in ledger.totals(part).values()]
-            rows.append([f"chapter {chapter}, {words}", str(len(part)), *counts])
-    part = [e for e in found if e.kind == "number"]
-    counts = [str(n) for n in ledger.totals(part).values()]
-    rows.append(["numbers in the text that can be computed", str(len(part)), *counts])
-    return table(["", "claims", *VERDICTS], rows)
+    """Verdicts by kind of claim, without what is judged by rendered recordings."""
+    counted = [entry for entry in ledger.from_cube(opened["claims"]) if entry.counted]
+    words = {"figure": "stated errors", "trend": "trends", "number": "other numbers"}
+    parts = {words[kind]: [e for e in counted if e.kind == kind] for kind in words}
+    rows = [
+        [f"{len(part)} {name}", *map(str, ledger.totals(part).values())]
+        for name, part in {**parts, "in all": counted}.items()
+    ]
+    shown = [i for i in range(len(VERDICTS) + 1) if any(row[i] != "0" for row in rows)]
+    header = ["", *VERDICTS]
+    return table([header[i] for i in shown], [[row[i] for i in shown] for row in rows])
 
 
 def _experiment_results(opened: dict[str, xr.Dataset]) -> str:
