@@ -186,7 +186,7 @@ def _figure(claim: Claim, cube: xr.Dataset | str) -> Entry:
         modes=(claim.mode,),
         what=f"{QUANTITIES[claim.quantity]}{excepted}, {setting}",
         stated=claim.stated,
-        got=f"{text(check.literal)} · {cubes.band_text(check.median, check.low, check.high)} %"
+        got=f"{text(check.literal)} · {cubes.band_text(check.median, check.low, check.high)}"
         if check
         else "",
         verdict=check.verdict if check else "undefined",

@@ -82,7 +82,7 @@ export default (() => {
     cell.append(html("p", { class: "tl-ledger-id" }, "Link: ", html("a", { href: `#claim-${row.id}` }, row.id)));
     return html("tr", { class: "tl-ledger-second", id: `claim-${row.id}-more`, role: "row" }, cell);
   }
-  const SHORT = /^[<>≤≥~≈ ]*\d.{0,18}$/; // a number with a band or a unit, better on one line
+  const SHORT = /^[<>≤≥~≈ ]*\d.{0,26}$/; // a number with a band or a unit, better on one line
   // Padding that puts the units of numbers below each other, in digits.
   const pad = (words, widest) => {
     const digits = /^\d+/.exec(words)?.[0].length;
