@@ -13,6 +13,7 @@ from thesis_lib import (
     cubes,
     files,
     ledger,
+    ledger_cube,
     ledger_runs,
     notebook,
     prose,
@@ -31,7 +32,7 @@ def ledgered(made):
     request = validate("claims", {"trials": 3, "readings": ["rest known"]})
     own = ledger_runs.read_own(ledger_runs.run(request.own_runs))
     found = ledger.entries(lambda study: made[study.name], own)
-    return ledger.as_cube(found, readings.run(request.other_readings))
+    return ledger_cube.as_cube(found, readings.run(request.other_readings))
 
 
 @pytest.fixture(scope="module")

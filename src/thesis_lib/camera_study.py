@@ -163,7 +163,7 @@ class CameraStudy(Study):
     def _check_together(self) -> CameraStudy:
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
             self.refuse("amplitude_mm")
-        settings = self.settings()
+        settings = self.printed()  # as given, so that a refusal says what was given
         _check_reach(self, settings)
         for setting in settings:
             _check_coincidence(self, setting)

@@ -7,8 +7,9 @@ import xarray as xr
 from IPython.display import SVG, Markdown
 from scipy.stats import binomtest
 
-from thesis_lib import claims, figures, ledger, ledger_figures, readings, trends
+from thesis_lib import claims, figures, ledger, ledger_figures, readings, trend_tests, trends
 from thesis_lib.claims import VERDICTS
+from thesis_lib.ledger_cube import from_cube
 from thesis_lib.ledger_requests import READINGS
 from thesis_lib.ledger_table import LedgerTable
 from thesis_lib.markdown import markdown_table
@@ -18,7 +19,7 @@ KINDS = {"figure": "stated figures", "trend": "trends", "number": "stray numbers
 
 def totals_table(cube: xr.Dataset) -> Markdown:
     """Verdicts by chapter and kind; what is judged by rendered recordings stands apart."""
-    found = ledger.from_cube(cube)
+    found = from_cube(cube)
     rows = []
     for chapter in ledger.CHAPTERS:
         for kind, words in KINDS.items():
@@ -53,10 +54,10 @@ def rules() -> Markdown:
          "single runs or of the resamples"],
         ["falls, rises", "last below (above) first, and more pairs of settings in this order than "
          "in the other; in every mode and error that is named"],
-        ["flat, no significant variation", f"largest at most {trends.FLAT:g} times the least: the "
-         "thesis calls 7 → 3.5 % significant and 8–18 % not"],
-        ["alike, similar", f"geometric means within a factor of {trends.ALIKE:g}: the thesis calls "
-         "modes within 10–15 % alike"],
+        ["flat, no significant variation", f"largest at most {trend_tests.FLAT:g} times the least: "
+         "the thesis calls 7 → 3.5 % significant and 8–18 % not"],
+        ["alike, similar", f"geometric means within a factor of {trend_tests.ALIKE:g}: the "
+         "thesis calls modes within 10–15 % alike"],
         ["no trend", "neither falls nor rises, or flat"],
         ["a stray number *agrees*", "within half a unit of its last printed digit"],
     ]  # fmt: skip
@@ -65,7 +66,7 @@ def rules() -> Markdown:
 
 def differing_table(cube: xr.Dataset, kind: str) -> Markdown:
     """The claims of a kind that differ or are undefined."""
-    found = [e for e in ledger.from_cube(cube) if e.kind == kind]
+    found = [e for e in from_cube(cube) if e.kind == kind]
     rows = []
     for entry in found:
         if entry.verdict in ("differs", "undefined"):
@@ -80,12 +81,12 @@ def differing_table(cube: xr.Dataset, kind: str) -> Markdown:
 
 def ledger_table(cube: xr.Dataset) -> LedgerTable:
     """All claims, to filter and search."""
-    return LedgerTable(data={"rows": [entry.row for entry in ledger.from_cube(cube)]})
+    return LedgerTable(data={"rows": [entry.row for entry in from_cube(cube)]})
 
 
 def chapter_picture(cube: xr.Dataset, chapter: int) -> SVG:
     """Stated against reproduced, of one chapter."""
-    drawing = ledger_figures.chapter_figure(ledger.from_cube(cube), chapter)
+    drawing = ledger_figures.chapter_figure(from_cube(cube), chapter)
     return SVG(figures.svg(drawing))
 
 

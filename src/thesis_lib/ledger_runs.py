@@ -208,7 +208,6 @@ def _own(structure: str) -> dict[str, Source]:
             tuple(aperture({"distance_mm": d}) for d in distances), partial(_across, distances)
         ),
         f"{structure}-elevation": Source(tuple(low), partial(_across, elevations)),
-        f"{structure}-corners": _corners(structure),
     }
 
 
@@ -238,7 +237,7 @@ def _askew(study: CameraStudy) -> list[Series]:
 
 def own() -> dict[str, Source]:
     """The ledger's own runs, by name, beside ``ASKEW_PLATE``."""
-    return {**_own("beam"), **_own("plate")}
+    return {**_own("beam"), **_own("plate"), "beam-corners": _corners("beam")}
 
 
 def run(study: OwnRuns) -> xr.Dataset:

@@ -103,7 +103,7 @@ def _computed(request: Study) -> xr.Dataset:
 
 def ledger_of(request: Claims) -> xr.Dataset:
     """The ledger's cube, from the book's cubes; one that is missing or outdated is made here."""
-    from thesis_lib import ledger, ledger_runs, readings
+    from thesis_lib import ledger, ledger_cube, ledger_runs, readings
 
     def open_cube(study: Study) -> xr.Dataset:
         made = ledger.built(study)
@@ -113,7 +113,7 @@ def ledger_of(request: Claims) -> xr.Dataset:
 
     own = cubes.cached(request.own_runs, ledger_runs.run)
     other = cubes.cached(request.other_readings, readings.run)
-    return ledger.as_cube(ledger.entries(open_cube, ledger_runs.read_own(own)), other)
+    return ledger_cube.as_cube(ledger.entries(open_cube, ledger_runs.read_own(own)), other)
 
 
 def sound_of(request: CameraStudy) -> xr.Dataset:

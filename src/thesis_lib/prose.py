@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thesis_lib import claims, cubes, figures, files, ledger, planes, radiation, setups, sound
 from thesis_lib.claims import VERDICTS
+from thesis_lib.ledger_cube import from_cube
 from thesis_lib.markdown import table
 from thesis_lib.parameters import CHAPTERS, STUDIES, camera_study, describe
 from thesis_lib.structures import (
@@ -75,7 +76,7 @@ def _sound_results(opened: dict[str, xr.Dataset]) -> str:
 
 def _ledger_totals(opened: dict[str, xr.Dataset]) -> str:
     """Verdicts by kind of claim, without what is judged by rendered recordings."""
-    counted = [entry for entry in ledger.from_cube(opened["claims"]) if entry.counted]
+    counted = [entry for entry in from_cube(opened["claims"]) if entry.counted]
     words = {"figure": "stated errors", "trend": "trends", "number": "other numbers"}
     parts = {words[kind]: [e for e in counted if e.kind == kind] for kind in words}
     rows = [

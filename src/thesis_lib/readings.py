@@ -8,6 +8,7 @@ verdicts included, stays.
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -90,13 +91,16 @@ def run(study: OtherReadings) -> xr.Dataset:
     counts = np.zeros((*shape, len(claims.VERDICTS)), int)
     inside, residual = np.zeros(shape, int), np.full(shape, np.nan)
     gained, lost = np.zeros(len(chosen), int), np.zeros(len(chosen), int)
+    stated = Counter(claim.chapter for claim in claims.read_claims())
     met = [{check.claim.id: check.inside for check in of_reading} for of_reading in made]
     for r, of_reading in enumerate(made):
-        gained[r] = sum(now and not met[0][name] for name, now in met[r].items())
-        lost[r] = sum(met[0][name] and not now for name, now in met[r].items())
+        both = met[r].keys() & met[0].keys()
+        gained[r] = sum(met[r][name] and not met[0][name] for name in both)
+        lost[r] = sum(met[0][name] and not met[r][name] for name in both)
         for c, chapter in enumerate(chapters):
             part = [check for check in of_reading if check.claim.chapter == chapter]
             counts[r, c] = [sum(check.verdict == v for check in part) for v in claims.VERDICTS]
+            counts[r, c, -1] = stated[chapter] - len(part)  # undefined: that setting is not run
             inside[r, c] = sum(check.inside for check in part)
             residual[r, c] = log_residual(part)
     return xr.Dataset(
