@@ -33,7 +33,8 @@ pytestmark = [
 needs_book = pytest.mark.skipif(not PAGES, reason="no book in build/html: render it first")
 
 PICTURES = """() => [...document.querySelectorAll('.cell_output svg, .cell_output canvas')]
-    .map(one => one.tagName === 'CANVAS' ? one.toDataURL() : one.innerHTML).join()"""
+    .map(one => one.tagName === 'CANVAS' ? one.toDataURL() : one.innerHTML).join()
+    + (document.querySelector('.tl-ledger-count')?.textContent ?? '')"""
 FACTS = """async () => {
     const all = (css, of) => [...document.querySelectorAll(css)].map(of);
     const images = [...document.querySelectorAll('.bd-article img')];

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thesis_lib import setups
+from thesis_lib.parameters import camera_study
 from thesis_lib.structures import (
     deflection_shape,
     drive_point_mobility,
@@ -177,10 +178,10 @@ def test_markers_are_cell_centres_and_x_runs_fastest(grid):
     np.testing.assert_allclose(plate.markers.T, expected, rtol=1e-14)
 
 
-def test_grid_is_the_readings_unless_another_is_given():
+def test_grid_is_the_printed_one_unless_another_is_given():
     assert PLATE.grid == (15, 10)
     assert PLATE.markers.shape == (2, 150)
-    assert setups.reading("plate") == {"amplitude_mm": 10.0, "grid": [15, 10]}
+    assert camera_study("plate-distance").structure == PLATE
     other = setups.plate((7, 3))
     assert other.grid == (7, 3)
     assert replace(other, grid=PLATE.grid) == PLATE

@@ -134,7 +134,7 @@ def entries(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entr
     open_cube : callable
         Gives the cube of a study, or in one line why there is none.
     own : mapping
-        Series of the own runs, by name (:func:`thesis_lib.ledger_runs.read_own`).
+        Series of the own runs, by name (:func:`~thesis_lib.ledger_runs.read_own`).
     """
     opened: dict[str, xr.Dataset | str] = {}
 
