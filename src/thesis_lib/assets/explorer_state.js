@@ -1,0 +1,101 @@
+// What the explorer shows, as a state: s structure, m mode, w [width, height] in px, f focal length, d distance and a
+// amplitude in mm, r rest position, c [azimuth, elevation] of each camera in degrees, t the thesis's setup last chosen.
+import model from "./explorer_model.js";
+
+export default (() => {
+  const FIRST = "4a-4", MOST = 24, TRIALS = 100;
+  const radians = (pair) => pair.map((angle) => (angle * Math.PI) / 180);
+  const toward = (pair) => model.hemisphereDirection(...radians(pair)); // unit vector from the origin to a camera
+  const apart = (one, two) => Math.hypot(...toward(one).map((c, i) => c - toward(two)[i]));
+  const within = (value, [low, high]) => Math.max(low, Math.min(high, value));
+  const sixteenToNine = (width) => [width, model.rint((width * 9) / 16)];
+
+  // What is allowed, here and by `thesis run`: the structure is in front of the cameras, no two of which are in one place.
+  const limits = ({ a }, { length, width }) =>
+    ({ d: [Math.floor(500 * Math.hypot(length, width) + a) + 1, 10000], f: [1, 1000], a: [0.01, 100], w: [16, 8192] });
+  const isLayout = (cameras) => cameras.length >= 2 && cameras.length <= MOST &&
+    cameras.every(([azimuth, elevation]) => Math.abs(azimuth) <= 360 && elevation > 0 && elevation <= 90) &&
+    cameras.every((one, i) => cameras.slice(0, i).every((two) => apart(one, two) > 1e-5));
+
+  function setupOf(state, { setups, reading }) { // the setup of the thesis that a state is, if it is one
+    const fits = (one) => ["d", "w", "c"].every((key) => `${one[key]}` === `${state[key]}`);
+    const same = Object.keys(reading).every((key) => state[key] === reading[key]) ? setups.filter(fits) : [];
+    return same.find(({ id }) => id === state.t) ?? same[0];
+  }
+
+  // --- as text: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, and ?s=beam&m=1&t=4a-6 for a setup of the thesis
+  const KEYS = ["s", "m", "t", "w", "f", "d", "a", "r", "c"];
+  function fromAddress(query, structures) { // what is unknown or makes no sense is ignored
+    const given = new URLSearchParams(query), has = (key, allowed) => allowed.includes(given.get(key));
+    const number = (words) => (/^-?\d+(\.\d+)?$/.test(words) ? Math.round(1000 * words) / 1000 : NaN);
+    const s = has("s", Object.keys(structures)) ? given.get("s") : "beam", { setups, reading } = structures[s];
+    const named = (name) => setups.find(({ id }) => id === name);
+    const { id: t, d, w, c } = named(given.get("t")?.replace("′", "'")) ?? named(FIRST);
+    const state = { s, m: has("m", ["1", "2", "3"]) ? Number(given.get("m")) : 1, d, w, c, ...reading, t };
+    if (has("r", ["rebuilt", "known"])) state.r = given.get("r");
+    for (const key of ["a", "f", "d"]) {
+      const value = number(given.get(key)), range = limits(state, structures[s])[key];
+      state[key] = value === within(value, range) ? value : within(state[key], range);
+    }
+    const size = (given.get("w") ?? "").split("x").map(number), range = limits(state, structures[s]).w;
+    if (size.length < 3 && size.every((n) => Number.isInteger(n) && n === within(n, range)))
+      state.w = size.length === 2 ? size : sixteenToNine(size[0]);
+    const cameras = (given.get("c") ?? "").split(";").map((pair) => pair.split(",").map(number));
+    if (cameras.every((pair) => pair.length === 2 && pair.every(Number.isFinite)) && isLayout(cameras)) state.c = cameras;
+    return state;
+  }
+  function toAddress(state, structure) {
+    const { s, m, w, f, d, a, r, c } = state, { reading } = structure, setup = setupOf(state, structure);
+    if (setup) return `s=${s}&m=${m}&t=${setup.id}`;
+    const size = `${w}` === `${sixteenToNine(w[0])}` ? w[0] : w.join("x");
+    const rare = (a === reading.a ? "" : `&a=${a}`) + (r === reading.r ? "" : `&r=${r}`);
+    return `s=${s}&m=${m}&w=${size}&f=${f}&d=${d}${rare}&c=${c.join(";")}`;
+  }
+  function toCommand({ s, w, f, d, a, r, c }, { reading }) {
+    const values = { cases: [], layouts: { mine: [c] }, distance_mm: d, resolution_px: w };
+    if (f !== reading.f) values.focal_length_mm = f;
+    if (a !== reading.a) values.amplitude_mm = a;
+    if (r !== reading.r) values.rest = r;
+    const words = Object.entries(values).map(([key, v]) => `${key}=${typeof v === "string" ? v : JSON.stringify(v)}`);
+    return `thesis run ${s}-arrays ${words.map((one) => `-p ${/^[\w=.]+$/.test(one) ? one : `'${one}'`}`).join(" ")}`;
+  }
+
+  // --- what the cameras measure: the literal run and the prediction, then one trial after the other
+  // Shifts of the pixel grids in ±½ px, by trial and camera alone, so that results follow a drag smoothly (mulberry32).
+  const SHIFTS = Array.from({ length: TRIALS }, (_, trial) => Float64Array.from({ length: 2 * MOST }, (__, i) => {
+    let z = Math.imul(trial * 2 * MOST + i + 1, 0x6d2b79f5);
+    z = Math.imul(z ^ (z >>> 15), z | 1);
+    z ^= z + Math.imul(z ^ (z >>> 7), z | 61);
+    return ((z ^ (z >>> 14)) >>> 0) / 2 ** 32 - 0.5;
+  }));
+  function compute({ m, w, f, d, a, r, c }, structure, sensorWidth) {
+    const focalPx = (f * w[0]) / sensorWidth, P = model.hemisphereCameras(d / 1000, c.map(radians), focalPx, w);
+    const reference = model.deflectionShape(structure, m, a / 1000), known = r === "known", means = [], peaks = [];
+    const rest = model.worldPoints(structure, reference.map(() => 0)), before = model.project(P, rest);
+    const deflected = model.worldPoints(structure, reference), images = model.project(P, deflected);
+    const variance = model.deflectionVariance(P, rest, deflected, known);
+    const measured = model.measure(P, rest, deflected, null, known), largest = Math.max(...reference.map(Math.abs));
+    return {
+      reference, measured, variance, means, peaks, errors: model.percentErrors(measured, reference),
+      predicted: (100 / largest) * Math.sqrt(variance.reduce((sum, v) => sum + v, 0) / variance.length),
+      inView: model.inView(images, w, c.length), groundSampleDistance: d / 1000 / focalPx,
+      moved: images.reduce((most, value, i) => Math.max(most, Math.abs(value - before[i])), 0),
+      tryOne() {
+        const shifts = SHIFTS[means.length].subarray(0, 2 * c.length);
+        const errors = model.percentErrors(model.measure(P, rest, deflected, shifts, known), reference);
+        means.push(errors.mean);
+        peaks.push(errors.largest);
+      },
+    };
+  }
+  function band(values) { // median, 5 % and 95 %
+    const sorted = [...values].sort((a, b) => a - b);
+    return [0.5, 0.05, 0.95].map((q) => {
+      const at = q * (sorted.length - 1), low = Math.floor(at), next = sorted[low + 1] ?? sorted[low];
+      return sorted[low] + (at - low) * (next - sorted[low]);
+    });
+  }
+
+  return { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, radians, setupOf, sixteenToNine,
+    toAddress, toCommand, toward, within };
+})();
