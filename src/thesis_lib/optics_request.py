@@ -120,7 +120,7 @@ class Cameras(Study):
         "a number above 0, at most 100000",
     )
     baselines_mm: list[Positive] = field(
-        lambda: [50.0, 100.0, 200.0, 400.0],
+        lambda: [50.0, 150.0, 450.0],
         "distances between two parallel cameras",
         SOME,
         min_length=1,

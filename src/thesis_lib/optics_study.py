@@ -42,6 +42,10 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
         "largest difference of a marker's depth from the mean one, over the mean one"),
     "image": (
         ("shown_distance", "projection", "axis", "point"), "px", "images of the markers"),
+    "vanishing_point": (
+        ("shown_distance", "axis"), "px", "where the images of the beam's long edges meet"),
+    "edge_angle": (
+        ("shown_distance",), "degree", "angle between the images of the beam's long edges"),
     "pixelated": (
         ("width", "row", "column"), "1",
         "grey value from 0 to 255 of the part of the picture with the beam"),
@@ -99,7 +103,7 @@ def run(study: Cameras) -> xr.Dataset:
         others; ``quantity``, ``value`` and ``unit`` are what runs are compared by.
     """
     cube = xr.Dataset(coords=_coordinates(study))
-    for part in (_views, _projections, _pictures, _sharpness, _stereo, _summary):
+    for part in (_views, _projections, _horizons, _pictures, _sharpness, _stereo, _summary):
         for name, values in part(cube, study).items():
             dims, units, words = VARIABLES[name]
             cube[name] = (dims, np.asarray(values), {"units": units, "long_name": words})
@@ -178,6 +182,23 @@ def _projections(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
         "depth_range": 100 * np.abs(depth / depth.mean(axis=1, keepdims=True) - 1).max(axis=1),
         "image": image[shown],
     }
+
+
+def _horizons(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """Where parallel edges meet in the picture, by homogeneous coordinates (Appendix C)."""
+    length, width = setups.beam().extent
+    corners = np.array([[[-1, 1], [-1, 1]], [[-1, -1], [1, 1]], [[0, 0], [0, 0]]]) / 2
+    corners = corners * np.array([length, width, 0])[:, None, None]  # coordinate, edge, end
+    theta, phi = np.radians([[study.azimuth_deg], [study.elevation_deg]])
+    points, angles = [], []
+    for distance in cube["shown_distance"].values:
+        camera = hemisphere_cameras(distance, theta, phi, focal_px(study), study.resolution_px)
+        ends = optics.homogeneous(np.moveaxis(project(camera.P, corners)[0], 0, -1))
+        lines = optics.join(ends[:, 0], ends[:, 1])
+        points.append(optics.from_homogeneous(optics.join(lines[0], lines[1])))
+        normals = lines[:, :2] / np.linalg.norm(lines[:, :2], axis=1, keepdims=True)
+        angles.append(np.degrees(np.arcsin(abs(np.linalg.det(normals)))))
+    return {"vanishing_point": points, "edge_angle": angles}
 
 
 def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
