@@ -86,10 +86,10 @@ def sensors(cube: xr.Dataset) -> str:
         width, height, diagonal = one["sensor_size"].values * 1000
         crop = float(one["crop_factor"])
         angle = float(one["angle_of_view"].sel(side="width")[at])
-        rows.append([escape(str(sensor)), f"{width:g} × {height:g}", f"{diagonal:.1f}",
+        rows.append([escape(str(sensor)), f"{width:g}×{height:g}", f"{diagonal:.1f}",
                      f"{crop:.2f}", f"{angle:.1f}", f"{crop * focal:.0f}"])  # fmt: skip
     header = ["sensor", "size, mm", "diagonal, mm", "crop factor",
-              f"{focal:g} mm sees across, °", "acts like, mm"]  # fmt: skip
+              f"{focal:g} mm sees, °", "acts like, mm"]  # fmt: skip
     return table(header, rows)
 
 
@@ -152,8 +152,7 @@ def pixels(cube: xr.Dataset) -> str:
         ]
         for part in (cube.isel(width=i) for i in range(cube.sizes["width"]))
     ]  # fmt: skip
-    header = ["pixels across", "a pixel on the beam, mm", "pixels across a marker",
-              "contrast of the markers, %", "variance of the picture kept, %"]  # fmt: skip
+    header = ["pixels across", "pixel, mm", "across a marker", "contrast, %", "variance kept, %"]
     return table(header, rows)
 
 
