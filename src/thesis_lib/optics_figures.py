@@ -183,7 +183,8 @@ def _distances(axes: Axes, d: Array, label: str = "distance d in mm") -> None:
 
 def _logarithmic(axis: Axis, ticks: list[float]) -> None:
     """A logarithmic axis with plain numbers at its ticks."""
-    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    axes = axis.axes
+    (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
     axis.set_major_locator(FixedLocator(ticks))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -251,5 +252,5 @@ SHORT: Sequence[Callable[..., str]] = (projections, focus, stereo)
 PIECES: dict[str, Callable[[xr.Dataset], str]] = {
     "flow": flow, "formats": formats, "sensors": sensors, "lens": normal_lens, "pixels": pixels,
     "colours": colours, "horizons": horizons,
-    **{made.__name__: (lambda cube, made=made: made(cube, short=True)) for made in SHORT},
+    **{made.__name__: partial(made, short=True) for made in SHORT},
 }  # fmt: skip
