@@ -20,11 +20,11 @@ from thesis_lib.measuring.feasibility import (
     THRESHOLDS,
     alias,
     assess,
-    depth_of_field,
     describe,
     noise_errors,
     rounding_errors,
 )
+from thesis_lib.optics import depth_of_field
 from thesis_lib.triangulation import triangulate
 
 LINE = {"kind": "flat", "markers": {"rows": 1, "columns": 1}}

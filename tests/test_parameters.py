@@ -349,6 +349,17 @@ CHANGES = {
 }
 
 OWN_CHANGES = {
+    "cameras": {
+        "sensors_mm": {"one": [4, 3]},
+        "focal_lengths_mm": [24],
+        "format_widths_px": [640],
+        "marker_mm": 4,
+        "bayer_pattern": "GRBG",
+        "f_numbers": [8],
+        "circle_mm": 0.02,
+        "baselines_mm": [100],
+        "disparity_error_px": 0.2,
+    },
     "lab-elevation": {
         "distance_mm": 571,
         "periods": 2,

@@ -16,6 +16,7 @@ from thesis_lib import (
     ledger_cube,
     ledger_runs,
     notebook,
+    optics_study,
     prose,
     readings,
     sound,
@@ -54,6 +55,8 @@ def opened():
         elif name == "lab-plate":
             request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
             cube = lab_plate_study.run(request, films(request, sigma=0.02))
+        elif name == "cameras":
+            cube = optics_study.run(request)
         elif name == "claims":
             cube = ledgered(made)
         else:

@@ -12,7 +12,8 @@ import pytest
 from scipy.optimize import brentq
 
 from thesis_lib import setups, stated_numbers
-from thesis_lib.stated_numbers import VALUES, angle_of_view, read_numbers
+from thesis_lib.optics import angle_of_view
+from thesis_lib.stated_numbers import VALUES, read_numbers
 
 NUMBERS = read_numbers()
 BY_ID = {number.id: number for number in NUMBERS}
@@ -146,11 +147,11 @@ def test_these_and_no_others_differ_from_what_is_printed():
 
 def test_angles_of_view():
     for size in (24, 36, 43):  # half the side subtends half the angle
-        assert tan(radians(angle_of_view(size, 50)) / 2) * 100 == pytest.approx(size)
-    assert angle_of_view(2, 1) == pytest.approx(90)
+        assert tan(angle_of_view(size, 50) / 2) * 100 == pytest.approx(size)
+    assert angle_of_view(2, 1) == pytest.approx(pi / 2)
     assert value("view-diagonal") == pytest.approx(degrees(2 * atan(sqrt(36**2 + 24**2) / 100)))
-    assert angle_of_view(36, value("view-lens")) == pytest.approx(39.6)
-    assert angle_of_view(24, 17.14) == pytest.approx(70, abs=0.01)  # what 70° would need
+    assert degrees(angle_of_view(36, value("view-lens"))) == pytest.approx(39.6)
+    assert degrees(angle_of_view(24, 17.14)) == pytest.approx(70, abs=0.01)  # what 70° would need
 
 
 def test_heights_are_in_proportion_within_a_pixel():

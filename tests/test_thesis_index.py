@@ -12,7 +12,7 @@ import pytest
 import yaml
 from laboratory_scene import recordings
 
-from thesis_lib import files, setups, sound, studies, thesis_index
+from thesis_lib import files, optics_study, setups, sound, studies, thesis_index
 from thesis_lib.experiment import study as experiment_study
 from thesis_lib.parameters import STUDIES, validate
 
@@ -137,6 +137,8 @@ def cube_of(subject):
     if subject == "experiment":
         request = validate("experiment-resolution", {"trials": 1})
         return experiment_study.run(request, recordings(request.recordings, sigma=0.02))
+    if subject == "cameras":
+        return optics_study.run(validate("cameras", {"trials": 2}))
     request = validate(f"{subject}-distance", {"trials": 1})
     if subject == "sound":
         plate = studies.run(validate("plate-distance", request.plate_request))

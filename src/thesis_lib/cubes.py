@@ -31,8 +31,9 @@ ERRORS = {  # name in the tables: variable, and plane if it has one
 }
 SHORT = {"mean_error": "mean", "max_point_error": "peak",
          "plane_error_xz": "XZ", "plane_error_yz": "YZ", "power_error": "power"}  # fmt: skip
-SECTIONS = {"beam": "section 3.3", "plate": "section 4.2", "experiment": "section 5.2",
-            "lab": "section 5.3", "sound": "section 6.2", "claims": "all chapters"}  # fmt: skip
+SECTIONS = {"cameras": "chapter 2, appendices A, B", "beam": "section 3.3", "plate": "section 4.2",
+            "experiment": "section 5.2", "lab": "section 5.3", "sound": "section 6.2",
+            "claims": "all chapters"}  # fmt: skip
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
 _HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at once
@@ -126,8 +127,9 @@ def read(path: Path) -> xr.Dataset:
     """
     cube = opened(path)
     missing = {"figure_set", "parameters"} - set(cube.attrs)
-    if cube.attrs.get("figure_set") == "claims":
-        missing |= {"claim", "verdict"} - set(cube.variables)
+    own = {"claims": {"claim", "verdict"}, "cameras": {"quantity", "value", "unit"}}
+    if (name := str(cube.attrs.get("figure_set"))) in own:
+        missing |= own[name] - set(cube.variables)
     else:
         missing |= set(KEYS) - set(cube.variables)
         errors_ = {variable for variable, _ in ERRORS.values()}
@@ -170,10 +172,12 @@ def predicted(cube: xr.Dataset, error: str) -> xr.DataArray:
 def summary(cube: xr.Dataset) -> pd.DataFrame:
     """Each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
 
-    Without other trials the latter three are NaN. Of the ledger: the verdict on every claim.
+    Without other trials the latter three are NaN. Of the ledger: the verdict on every claim; of
+    ``cameras``: every quantity with its value and unit.
     """
-    if cube.attrs["figure_set"] == "claims":
-        return pd.DataFrame({name: cube[name].values for name in ("claim", "verdict")})
+    own = {"claims": ("claim", "verdict"), "cameras": ("quantity", "value", "unit")}
+    if cube.attrs["figure_set"] in own:
+        return pd.DataFrame({name: cube[name].values for name in own[cube.attrs["figure_set"]]})
     rows: list[dict[str, Any]] = []
     for quantity, values in errors(cube).items():
         literal = values.transpose("setting", "mode", "trial").values
@@ -221,7 +225,7 @@ def published_path(name: str) -> Path:
 def read_published(name: str) -> pd.DataFrame | None:
     """The published summary of a figure set, if there is one."""
     path = published_path(name)
-    text = {"case": str, "label": str, "pair_order": str, "claim": str}
+    text = dict.fromkeys(("case", "label", "pair_order", "claim", "quantity", "unit"), str)
     return (
         pd.read_csv(path, dtype=text, keep_default_na=False, na_values=["nan"])
         if path.is_file()
@@ -245,8 +249,9 @@ def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
     Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
     and ``apart`` tells whether the 5–95 % bands do not meet.
     """
-    if "claim" in new:
-        return new.merge(old, on="claim", suffixes=("", "_old"), validate="one_to_one")
+    for key in ("claim", "quantity"):
+        if key in new:
+            return new.merge(old, on=key, suffixes=("", "_old"), validate="one_to_one")
     keys = [*KEYS, "error"]
     table = new.merge(old, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
@@ -262,6 +267,13 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
         return lines or [f"no difference from {old_name} ({len(table)} claims compared)"]
     if table.empty:
         return [f"no setting in common with {old_name}"]
+    if "quantity" in table:
+        same = np.isclose(table["value"], table["value_old"], rtol=1e-4, equal_nan=True)
+        lines = [
+            f"{r.quantity}: {r.value_old:.5g} → {r.value:.5g}" + f" {r.unit}" * (r.unit != "1")
+            for r in table[~same].itertuples()
+        ]
+        return lines or [f"no difference from {old_name} ({len(table)} quantities compared)"]
     old = table[[f"{name}_old" for name in STATISTICS]]
     changed = ~np.isclose(table[STATISTICS], old, rtol=1e-4, equal_nan=True)
     if not changed.any():

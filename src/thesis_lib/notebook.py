@@ -14,13 +14,14 @@ import numpy as np
 import xarray as xr
 from IPython.display import HTML, SVG, Markdown, display
 
-from thesis_lib import claims, cubes, figures, files, sound, studies
+from thesis_lib import claims, cubes, figures, files, optics_study, sound, studies
 from thesis_lib.experiment.lab_layouts import Layouts
 from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
 from thesis_lib.experiment.requests import Experiment
 from thesis_lib.ledger_requests import Claims
 from thesis_lib.markdown import escape, markdown_table
+from thesis_lib.optics_request import Cameras
 from thesis_lib.parameters import STUDIES, CameraStudy, Study, camera_study, validate
 from thesis_lib.viewer_data import viewer_data
 from thesis_lib.widgets import Viewer
@@ -97,6 +98,8 @@ def _computed(request: Study) -> xr.Dataset:
         return lab_plate_study.run(request, data)
     if isinstance(request, Claims):
         return ledger_of(request)
+    if isinstance(request, Cameras):
+        return optics_study.run(request)
     assert isinstance(request, CameraStudy)
     return sound_of(request) if request.subject == "sound" else studies.run(request)
 

@@ -41,6 +41,7 @@ from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
 from thesis_lib.experiment.requests import ExperimentCameras, ExperimentResolution
 from thesis_lib.ledger_requests import Claims
+from thesis_lib.optics_request import Cameras
 from thesis_lib.setups import Setting
 from thesis_lib.sound_planes import PlateMarkers, SoundPlanes
 from thesis_lib.structures import Structure
@@ -268,10 +269,10 @@ CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     for subject, extra in _EXTRA.items()
     for study in (_figure_set(subject, kind, *extra) for kind in _KINDS)
 }
-_SUBJECTS = {"ch3": "beam", "ch4": "plate", "ch5": "experiment", "lab": "lab", "ch6": "sound",
-             "": "claims"}  # fmt: skip
+_SUBJECTS = {"ch2": "cameras", "ch3": "beam", "ch4": "plate", "ch5": "experiment", "lab": "lab",
+             "ch6": "sound", "": "claims"}  # fmt: skip
 _ALL: list[type[Study]] = [
-    *CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras,
+    Cameras, *CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras,
     LabElevation, LabLayout, LabModes, LabPlate, Claims,
 ]  # fmt: skip
 STUDIES: dict[str, type[Study]] = {

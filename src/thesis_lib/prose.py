@@ -10,7 +10,18 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from thesis_lib import claims, cubes, figures, files, ledger, planes, radiation, setups, sound
+from thesis_lib import (
+    claims,
+    cubes,
+    figures,
+    files,
+    ledger,
+    optics_tables,
+    planes,
+    radiation,
+    setups,
+    sound,
+)
 from thesis_lib.claims import VERDICTS
 from thesis_lib.ledger_cube import from_cube
 from thesis_lib.markdown import table
@@ -315,6 +326,11 @@ def _layout(name: str, cube: xr.Dataset) -> str:
     return lab_layout_tables.RESULTS[name](cube)
 
 
+def _optics(name: str, opened: dict[str, xr.Dataset]) -> str:
+    """A table of chapter 2 or its appendices, from the cube of ``cameras``."""
+    return optics_tables.PIECES[name](opened["cameras"])
+
+
 def _parameters(opened: dict[str, xr.Dataset]) -> str:
     parts = []
     for name in [name for chapter in CHAPTERS.values() for name in chapter]:
@@ -328,6 +344,7 @@ def _parameters(opened: dict[str, xr.Dataset]) -> str:
 
 
 PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
+    **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
     "beam-model": lambda _: _model(setups.beam(), "mm", 1e3),
     "beam-results": _beam_results,
     "plate-model": lambda _: _model(setups.plate(), "nm", 1e9),

@@ -17,6 +17,7 @@ import numpy as np
 
 from thesis_lib import setups, structures
 from thesis_lib.cameras import hemisphere_directions, pixelate, project
+from thesis_lib.optics import angle_of_view, picture_height
 from thesis_lib.radiation import outgoing_wave
 from thesis_lib.setups import Direction, data_folder, pairs
 
@@ -110,9 +111,8 @@ def _interval(text: str) -> tuple[float, float]:
     return float(number - half), float(number + half)
 
 
-def angle_of_view(size: float, focal_length: float) -> float:
-    """Angle 2 arctan(d / 2f) in degrees that a lens sees across a side of the sensor (eq. 2.19)."""
-    return math.degrees(2 * math.atan(size / (2 * focal_length)))
+def _angle_of_view(size: float, focal_length: float) -> float:
+    return math.degrees(angle_of_view(size, focal_length))
 
 
 def _axes_angle(one: Direction, other: Direction) -> float:
@@ -153,8 +153,8 @@ def _cameras(case: str) -> set[Direction]:
 
 ARITHMETIC: dict[str, float] = {
     "chapters": 6 + 1, "battery_voltage": 2 * 1.5, "sensor_cells": 4000 * 4000,
-    **{f"height_{w}_4_3": w * 3 // 4 for w in (800, 1024, 1280, 1600)},
-    **{f"height_{w}_36_24": w * 24 // 36 for w in (800, 1024, 1280, 1600)},
+    **{f"height_{w}_{a}_{b}": picture_height(w, a, b)
+       for w in (800, 1024, 1280, 1600) for a, b in ((4, 3), (36, 24))},
     **{f"aperture_2a_{half}": half - -half for half in (8, 30, 55, 80)},
     "film_diagonal": math.hypot(36, 24), "lens_of_view": 18 / math.tan(math.radians(39.6 / 2)),
     "zero_column": 3, "apart_pair": 30 - -30, "caption_2c": 2 * abs(-90 + 8),
@@ -164,9 +164,9 @@ ARITHMETIC: dict[str, float] = {
 }  # fmt: skip
 VALUES: dict[str, Callable[[], float]] = {
     **{name: partial(float, value) for name, value in ARITHMETIC.items()},
-    "view_across": partial(angle_of_view, 36, 50), "view_up": partial(angle_of_view, 24, 50),
-    "view_diagonal_43": partial(angle_of_view, 43, 50),
-    "view_diagonal": partial(angle_of_view, math.hypot(36, 24), 50),
+    "view_across": partial(_angle_of_view, 36, 50), "view_up": partial(_angle_of_view, 24, 50),
+    "view_diagonal_43": partial(_angle_of_view, 43, 50),
+    "view_diagonal": partial(_angle_of_view, math.hypot(36, 24), 50),
     **{f"root_{n}": partial(lambda n: structures.cantilever_roots(n)[-1], n) for n in range(1, 7)},
     "sine_factor": _sine_factor, "mixed_term": _mixed_term,
     "instant": lambda: abs(math.cos(np.angle(_at_resonance()))),

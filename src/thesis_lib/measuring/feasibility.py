@@ -32,11 +32,10 @@ from thesis_lib.measuring.outlook import (
     sight_of,
     steady_seconds,
 )
-from thesis_lib.measuring.predictions import alias, depth_of_field, noise_errors, rounding_errors
+from thesis_lib.measuring.predictions import alias, noise_errors, rounding_errors
 
 __all__ = ["CENTRE_NOISE_PX", "THRESHOLDS", "Assessment", "CameraOutlook", "RigOutlook", "Warning",
-           "alias", "assess", "depth_of_field", "describe", "noise_errors",
-           "rounding_errors"]  # fmt: skip
+           "alias", "assess", "describe", "noise_errors", "rounding_errors"]  # fmt: skip
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -11,7 +11,8 @@ from thesis_lib.markdown import table
 from thesis_lib.measuring.example import example_manifest, example_rig
 from thesis_lib.measuring.feasibility import CENTRE_NOISE_PX, Assessment, assess, describe
 from thesis_lib.measuring.limits import LIMIT
-from thesis_lib.measuring.predictions import alias, depth_of_field
+from thesis_lib.measuring.predictions import alias
+from thesis_lib.optics import depth_of_field
 
 LAYOUTS = {
     "two on one side, 20° apart": (-10, 10),

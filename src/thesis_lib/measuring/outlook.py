@@ -21,7 +21,8 @@ from thesis_lib.cameras import (
     project,
 )
 from thesis_lib.experiment.manifest_model import Manifest
-from thesis_lib.measuring.predictions import alias, depth_of_field, noise_errors, rounding_errors
+from thesis_lib.measuring.predictions import alias, noise_errors, rounding_errors
+from thesis_lib.optics import blur_circle, depth_of_field
 from thesis_lib.triangulation import jacobian
 
 Array = NDArray[np.float64]
@@ -189,12 +190,12 @@ def outlook(manifest: Manifest, sight: Sight, i: int, amplitude: float) -> Camer
     pitch, stop = sensor / camera.width_px, float(camera.f_number or np.nan)
     sample = distance * pitch / focal
     ends = 1000 * np.array([sight.depths[i].min(), sight.depths[i].max()])
-    circle = focal**2 / (stop * (distance - focal)) * np.abs(1 - distance / ends).max() / pitch
+    circle = blur_circle(focal, stop, distance, ends).max() / pitch
     swept = min(2 * np.pi * f * exposure, 2.0) * amplitude
     step = 2 * amplitude * abs(np.sin(np.pi * f / camera.frame_rate_hz))
     lift = np.fmax.reduce(np.linalg.norm(sight.J[i, :, 2], axis=0))
     places = manifest.structure.marker_points
-    near, far = depth_of_field(focal, stop, distance, CIRCLE_PX * pitch)
+    near, far = map(float, depth_of_field(focal, stop, distance, CIRCLE_PX * pitch))
     spacing = cKDTree(places.T).query(places.T, k=2)[0][:, 1].min()  # infinite for one marker
     return CameraOutlook(
         camera.name, sample, markers.diameter_mm / sample,

@@ -1,4 +1,4 @@
-"""Closed forms for what cameras can show: alias, depth of field, errors of deflections."""
+"""Closed forms for what cameras can show: alias, errors of deflections."""
 
 from __future__ import annotations
 
@@ -17,28 +17,6 @@ Bools = NDArray[np.bool_]
 def alias(frequency: float, rate: float) -> float:
     """Frequency |f − r round(f/r)| in Hz at which frames of rate r show f."""
     return float(abs(frequency - rate * np.rint(frequency / rate)))
-
-
-def depth_of_field(
-    focal: float, f_number: float, distance: float, circle: float
-) -> tuple[float, float]:
-    """Nearest and farthest sharp depth of a thin lens, all lengths in one unit.
-
-    With the hyperfocal distance H = f²/(Nc) + f, near is d(H − f)/(H + d − 2f), and far is
-    d(H − f)/(H − d), or infinite from d = H on. NaN unless d > f.
-
-    Parameters
-    ----------
-    focal, f_number : float
-        Focal length f, and N.
-    distance, circle : float
-        Focused distance d, and largest circle of confusion c on the sensor.
-    """
-    if not distance > focal or np.isnan(f_number * circle):
-        return np.nan, np.nan
-    H = focal**2 / (f_number * circle) + focal
-    far = distance * (H - focal) / (H - distance) if distance < H else np.inf
-    return distance * (H - focal) / (H + distance - 2 * focal), far
 
 
 def noise_errors(
