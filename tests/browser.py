@@ -8,8 +8,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from playwright.sync_api import Browser, Page, sync_playwright
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 LOCAL = ("file:", "data:", "blob:", "about:")
 FLAGS = [
@@ -39,6 +41,8 @@ def find_browser() -> str | None:
 @contextmanager
 def browser() -> Iterator[Browser]:
     """A headless browser for as long as the context lasts."""
+    from playwright.sync_api import sync_playwright  # others read this file without the package
+
     with sync_playwright() as playwright:
         running = playwright.chromium.launch(executable_path=find_browser(), args=FLAGS)
         try:

@@ -9,9 +9,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import nbformat
 import pytest
+from browser import browser, find_browser
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 PROJECT = Path(__file__).parents[1]
 PARTS = ["src", "notebooks", "data", "requirements.lock", "pyproject.toml"]
@@ -106,6 +111,16 @@ def checkout(tmp_path_factory: pytest.TempPathFactory) -> Checkout:
 def own_checkout(tmp_path: Path) -> Checkout:
     """A fresh copy that one test may change."""
     return Checkout(tmp_path / "project")
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    """A headless browser for the tests of one file, which are skipped where there is none."""
+    pytest.importorskip("playwright", reason="the browser tests need the playwright package")
+    if find_browser() is None:
+        pytest.skip("no Chromium or Chrome on this machine")
+    with browser() as running:
+        yield running
 
 
 @pytest.fixture

@@ -7,13 +7,12 @@ import math
 import os
 import re
 import shlex
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from browser import Opened, open_offline
 from numpy.typing import NDArray
 
 from thesis_lib import claims, cubes, rounding, studies
@@ -30,7 +29,6 @@ from thesis_lib.parameters import CAMERA_STUDIES, STUDIES, CameraStudy, validate
 from thesis_lib.structures import deflection_shape
 
 if TYPE_CHECKING:
-    from browser import Opened
     from playwright.sync_api import Browser, Locator
 
 pytestmark = pytest.mark.xdist_group("browser")
@@ -125,23 +123,6 @@ def test_bundle_has_view_page_and_line() -> None:
 
 
 # --- in a browser
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    pytest.importorskip("playwright", reason="the browser tests need the playwright package")
-    from browser import browser, find_browser
-
-    if find_browser() is None:
-        pytest.skip("no Chromium or Chrome on this machine")
-    with browser() as running:
-        yield running
-
-
-def open_offline(*arguments: Any, **options: Any) -> AbstractContextManager[Opened]:
-    from browser import open_offline
-
-    return open_offline(*arguments, **options)
 
 
 @pytest.fixture(scope="module")

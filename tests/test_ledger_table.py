@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import re
 import statistics
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 import traitlets
+from browser import Opened, open_offline
 
 from thesis_lib.ledger_table import VERDICTS, LedgerTable
 
 if TYPE_CHECKING:
-    from browser import Opened
     from playwright.sync_api import Browser, Locator
 
 pytestmark = pytest.mark.xdist_group("browser")
@@ -92,23 +90,6 @@ def test_numbers_that_do_not_exist_travel_as_null() -> None:
 
 
 # --- in a browser
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    pytest.importorskip("playwright", reason="the browser tests need the playwright package")
-    from browser import browser, find_browser
-
-    if find_browser() is None:
-        pytest.skip("no Chromium or Chrome on this machine")
-    with browser() as running:
-        yield running
-
-
-def open_offline(*arguments: Any, **options: Any) -> AbstractContextManager[Opened]:
-    from browser import open_offline
-
-    return open_offline(*arguments, **options)
 
 
 @pytest.fixture(scope="module")

@@ -6,19 +6,18 @@ import base64
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from browser import Opened, open_offline
 
 from thesis_lib import widgets
 from thesis_lib.widgets import Viewer, static_html
 
 if TYPE_CHECKING:
-    from browser import Opened
     from playwright.sync_api import Browser, Locator
 
 pytestmark = pytest.mark.xdist_group("browser")
@@ -333,23 +332,6 @@ def test_a_page_carries_the_panels_of_its_kind_only(kind: str) -> None:
 
 PATHS = """e => [...e.querySelectorAll('path, rect')].map(p => ['d', 'x', 'y', 'width', 'height']
     .map(name => p.getAttribute(name)).join()).join('\\n')"""
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    pytest.importorskip("playwright", reason="the browser tests need the playwright package")
-    from browser import browser, find_browser
-
-    if find_browser() is None:
-        pytest.skip("no Chromium or Chrome on this machine")
-    with browser() as running:
-        yield running
-
-
-def open_offline(*arguments: Any, **options: Any) -> AbstractContextManager[Opened]:
-    from browser import open_offline
-
-    return open_offline(*arguments, **options)
 
 
 @pytest.fixture(scope="module")
