@@ -276,38 +276,37 @@ def _gap(claim: Claim, low: float, high: float) -> float:
 
 def check(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
     """Hold claims against a cube; those whose settings or modes it lacks are left out."""
-    checks = []
-    for claim in claims:
-        if undefined(cube, claim):
-            continue
-        values = errors(cube, claim).transpose("setting", "trial").values
-        drawn = values[:, 1:]
-        band = np.quantile(drawn, BAND, axis=1)
-        gaps = [_gap(claim, low, high) for low, high in band.T]
-        worst = int(np.argmax(gaps))
-        low, high = (float(end) for end in band[:, worst])
-        first = values[:, 0]
-        exact = all(_exact(claim, float(value)) for value in first)
-        median = float(np.median(drawn[worst]))
-        inside = meets(claim, low, high)
-        checks.append(Check(claim, float(first[worst]), median, low, high, inside, exact))
-    return checks
+    return [found for claim in claims if isinstance(found := judge(cube, claim), Check)]
 
 
 def undefined(cube: xr.Dataset, claim: Claim) -> str:
     """Why a claim cannot be held against a cube, in a few words, or empty if it can."""
+    found = judge(cube, claim)
+    return found if isinstance(found, str) else ""
+
+
+def judge(cube: xr.Dataset, claim: Claim) -> Check | str:
+    """Hold one claim against a cube, or say in a few words why that cannot be done."""
     if claim.mode not in cube["mode"]:
         return f"mode {claim.mode} was not run"
-    values = errors(cube, claim)
-    found = set(values["value"].values.tolist())
+    here = errors(cube, claim)
+    found = set(here["value"].values.tolist())
     missing = [f"{value:g}" for value in claim.values if value not in found]
     if missing or not found:
         return f"case {claim.case} was not run" + (f" at {', '.join(missing)}" if missing else "")
     if cube.sizes["trial"] < 2:
         return "the cube has no random trials"
+    values = here.transpose("setting", "trial").values
     if not np.isfinite(values).all():
         return "the reference is zero: a nodal plane"
-    return ""
+    first, drawn = values[:, 0], values[:, 1:]
+    band = np.quantile(drawn, BAND, axis=1)
+    worst = int(np.argmax([_gap(claim, low, high) for low, high in band.T]))
+    low, high = (float(end) for end in band[:, worst])
+    exact = all(_exact(claim, float(value)) for value in first)
+    median = float(np.median(drawn[worst]))
+    inside = meets(claim, low, high)
+    return Check(claim, float(first[worst]), median, low, high, inside, exact)
 
 
 def claims_of(name: str) -> list[Claim]:

@@ -167,11 +167,11 @@ def entries(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entr
 def _figure(claim: Claim, cube: xr.Dataset | str) -> Entry:
     """A stated figure beside a cube."""
     subject, _, study = claim.figure_set.partition("-")
-    reason = cube if isinstance(cube, str) else claims.undefined(cube, claim)
-    check = None if isinstance(cube, str) or reason else claims.check(cube, [claim])[0]
+    found = cube if isinstance(cube, str) else claims.judge(cube, claim)
+    check = None if isinstance(found, str) else found
     setting = _setting_words(claim)
     excepted = " but one" if claim.excepted else ""
-    note = reason
+    note = found if isinstance(found, str) else ""
     if claim.conflicts:
         others = ", ".join(claim.conflicts)
         note = f"{note + '; ' if note else ''}excluded by {others}: {claim.conflict_why}"
