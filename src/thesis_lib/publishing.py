@@ -6,7 +6,17 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from thesis_lib import assumptions, book, cubes, figures, files, prose, runs, thesis_index
+from thesis_lib import (
+    assumptions,
+    book,
+    cubes,
+    figures,
+    files,
+    prose,
+    rerun_form,
+    runs,
+    thesis_index,
+)
 from thesis_lib.experiment import filmed, pictures
 from thesis_lib.experiment import numbers as walk_numbers
 from thesis_lib.experiment.requests import ExperimentResolution
@@ -47,6 +57,7 @@ def build(publish: bool = False) -> Path:
     walk += [executed / f"{name}.md" for name in walk_numbers.PIECES]
     told = [executed / f"{name}.md" for name in reference.PIECES]
     own_words = [executed / f"{n}.md" for n in (*thesis_index.PIECES, *assumptions.PIECES)]
+    own_words += [executed / f"{name}.html" for name in rerun_form.PIECES]
     index = root / "build" / "html" / "index.html"
     tasks = [
         *runs.job_tasks(jobs),
@@ -69,7 +80,7 @@ def build(publish: bool = False) -> Path:
             told,
         ),
         runs.task(
-            "index and assumptions",
+            "index, assumptions, form",
             lambda: _tell(executed),
             [*files.library_files(), *(root / "book").glob("*.md")],
             own_words,
@@ -95,6 +106,7 @@ def _tell(executed: Path) -> None:
     """What the pages include that depends on the library alone."""
     thesis_index.write(executed)
     assumptions.write(executed)
+    rerun_form.write(executed)
 
 
 def _walk_through(executed: Path) -> None:
