@@ -1,6 +1,5 @@
 // The rerun form: a figure set or chapter, its parameters, and the command that runs it with them.
-// Front end of thesis_lib.rerun_form, whose data it reads; static_html runs it without a kernel. One expression, so
-// that its names stay apart from those of other widgets on a page.
+// Front end of thesis_lib.rerun_form; one expression, so that its names stay apart from those of other widgets.
 export default (() => {
   // --- Python's JSON. What is typed means what it means after `-p name=`: JSON, or else text. Numbers with a point are
   // Number and others BigInt, for a whole number is asked for as such; objects are Maps, which keep the order of names.
@@ -16,7 +15,7 @@ export default (() => {
   }
   function float(value) { // as Python writes it
     const [digits, power] = value.toExponential().split("e");
-    if (Number.isFinite(value) && (power < -4 || power >= 16)) return `${digits}e${power.replace(/^([+-])(\d)$/, "$10$2")}`;
+    if (power < -4 || power >= 16) return `${digits}e${power.replace(/^(.)(\d)$/, "$10$2")}`;
     const text = Object.is(value, -0) ? "-0" : String(value);
     return Number.isInteger(value) ? `${text}.0` : text;
   }
@@ -43,7 +42,8 @@ export default (() => {
 
   // --- checking, by the JSON schema of the parameter's model; what is refused first is what pydantic names first
   const TYPES = {
-    integer: (value) => typeof value === "bigint", number: (value) => typeof value === "bigint" || Number.isFinite(value),
+    integer: (value) => typeof value === "bigint",
+    number: (value) => typeof value === "bigint" || Number.isFinite(value),
     string: (value) => typeof value === "string", array: Array.isArray, object: (value) => value instanceof Map,
   };
   function read(schema, value, place) { // the value as the model holds it
@@ -57,8 +57,8 @@ export default (() => {
     if (schema.type === "array") return readList(schema, value, place, need);
     if (schema.type === "object") return readMap(schema, value, place, need);
     if (schema.type === "string") return value;
-    const { minimum = -Infinity, maximum = Infinity, exclusiveMinimum = -Infinity, exclusiveMaximum = Infinity } = schema;
-    need(value >= minimum && value <= maximum && value > exclusiveMinimum && value < exclusiveMaximum);
+    const { minimum = -Infinity, maximum = Infinity, exclusiveMinimum: above = -Infinity } = schema;
+    need(value >= minimum && value <= maximum && value > above && value < (schema.exclusiveMaximum ?? Infinity));
     return schema.type === "number" ? Number(value) : value;
   }
   function readList({ items, prefixItems, minItems = 0, maxItems = Infinity }, value, place, need) {
@@ -78,7 +78,7 @@ export default (() => {
     }));
   }
   function valueOf({ schema }, text) { // lists may be typed without their brackets
-    const typed = text.trim().replaceAll("4a′", "4a'"), value = parse(typed);
+    const typed = text.trim().replace(/4a(′|\\u2032)/g, "4a'"), value = parse(typed);
     const bare = schema.type === "array" ? !Array.isArray(value) : schema.anyOf && value === undefined && typed;
     return (bare ? parse(`[${typed}]`) : undefined) ?? (value === undefined ? typed : value);
   }
@@ -99,9 +99,10 @@ export default (() => {
   const command = (name, given) =>
     ["thesis run", name, ...given.map(([key, value]) => `-p ${quote(`${key}=${plain(value)}`)}`)].join(" ");
   const pointed = (value) => float(value).replace(/^(-?\d+)e/, "$1.0e"); // else YAML takes 1e-07 for a word
-  const papermill = (name, given) => ["papermill", `notebooks/${name}.ipynb`, `${name}-out.ipynb`, ...given.map(
-    ([key, value]) => (Array.isArray(value) || value instanceof Map ? `-y ${quote(`${key}: ${plain(value, asIs, pointed)}`)}`
-      : `-p ${key} ${quote(plain(value))}`))].join(" ");
+  const papermill = (name, given) =>
+    ["papermill", `notebooks/${name}.ipynb`, `${name}-out.ipynb`, ...given.map(([key, value]) =>
+      (Object(value) === value ? `-y ${quote(`${key}: ${plain(value, asIs, pointed)}`)}`
+        : `-p ${key} ${quote(plain(value))}`))].join(" ");
 
   // --- elements: attributes and text only, never markup
   function html(tag, attributes = {}, ...children) {
@@ -137,13 +138,11 @@ export default (() => {
       const labelled = { id, "aria-describedby": describedby };
       const choices = [schema.items ?? {}].flatMap((one) => one.enum ?? one.anyOf?.flatMap((part) => part.enum) ?? []);
       if (choices.length) {
-        const held = valueOf(fields[n], text), has = (one) => Array.isArray(held) && held.map(String).includes(String(one));
-        const boxes = choices.map((one) => {
-          const box = html("input", { type: "checkbox", value: JSON.stringify(one) });
-          box.checked = has(one);
-          return box;
-        });
-        const node = html("div", { ...labelled, role: "group", "aria-labelledby": `${id}-label`, class: "tl-rerun-boxes" },
+        const held = [valueOf(fields[n], text)].flat().map(String);
+        const boxes = choices.map((one) => html("input", { type: "checkbox", value: JSON.stringify(one),
+          checked: held.includes(String(one)) ? "" : null }));
+        const group = { role: "group", "aria-labelledby": `${id}-label`, class: "tl-rerun-boxes" };
+        const node = html("div", { ...labelled, ...group },
           ...boxes.map((box, i) => html("label", {}, box, `${choices[i]}`)));
         return [node, () => boxes.filter((box) => box.checked).map((box) => box.value).join(", ")];
       }
@@ -173,9 +172,11 @@ export default (() => {
     }
 
     // --- the form
+    const option = (name) => html("option", { value: name }, `${name}: ${sets[name].title}`);
+    const inChapters = Object.values(chapters).flatMap((one) => one.sets);
     const chooser = html("select", {}, ...Object.entries(chapters).map(([name, { title, sets: members }]) =>
       html("optgroup", { label: title }, html("option", { value: name }, `${name}: all its figure sets`),
-        ...members.map(option))), ...Object.keys(sets).filter((one) => !grouped(one)).map(option));
+        ...members.map(option))), ...Object.keys(sets).filter((one) => !inChapters.includes(one)).map(option));
     const note = html("p", { class: "tl-rerun-note" }), form = html("div", { class: "tl-rerun-rows" });
     const status = html("p", { class: "tl-rerun-status", "aria-live": "polite" });
     const code = html("code"), mill = html("code"), output = html("div", { class: "tl-rerun-output" },
@@ -184,10 +185,9 @@ export default (() => {
         html("div", { class: "tl-rerun-command" }, html("pre", {}, mill), copyButton("papermill's command", mill))));
     const reset = html("button", { type: "button" }, "Reset");
     const root = html("section", { class: "tl-rerun", "aria-label": "A rerun with your parameters" },
-      html("div", { class: "tl-rerun-head" }, html("label", {}, html("span", {}, "Figure set or chapter"), chooser), reset),
+      html("div", { class: "tl-rerun-head" },
+        html("label", {}, html("span", {}, "Figure set or chapter"), chooser), reset),
       note, form, html("div", { class: "tl-rerun-result" }, status, output));
-    function option(name) { return html("option", { value: name }, `${name}: ${sets[name].title}`); }
-    function grouped(name) { return Object.values(chapters).some((one) => one.sets.includes(name)); }
     const chosen = () => chapters[chooser.value] ?? { ...sets[chooser.value], sets: [chooser.value], differ: [] };
 
     function build() {
@@ -243,7 +243,6 @@ export default (() => {
     reset.addEventListener("click", () => { texts.clear(); build(); writeAddress(); });
     el.replaceChildren(root);
     build();
-    return () => {};
   }
 
   return { render };
