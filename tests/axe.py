@@ -54,7 +54,7 @@ def findings(page: Page, *rules: str, without: tuple[str, ...] = ()) -> list[str
     without : tuple of str
         Selectors of parts to leave out.
     """
-    options: dict[str, Any] = {"resultTypes": ["violations"]}
+    options: dict[str, Any] = {"resultTypes": ["violations"], "preload": False}
     if rules:
         options["runOnly"] = {"type": "rule", "values": list(rules)}
     if not page.evaluate("() => 'axe' in window"):
