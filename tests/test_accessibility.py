@@ -29,7 +29,7 @@ PREPARE = """() => {
   style.textContent = '* { animation: none !important; transition: none !important; }';
   document.head.append(style);
   for (const one of document.querySelectorAll('details')) one.open = true;
-  const most = { SECTION: 12 };
+  const most = { SECTION: 8 };
   for (const tag of 'A DD DL DT EM LI P SPAN TBODY TR'.split(' ')) most[tag] = 3;
   for (const parent of document.querySelectorAll('.bd-article, .bd-article *')) {
     const seen = {};
