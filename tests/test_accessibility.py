@@ -60,8 +60,6 @@ def check(page: Page, path: Path, *, theme: bool = True, without: tuple[str, ...
     """Open a file and expect nothing serious, of any rule in the light, of contrast in the dark."""
     page.emulate_media(color_scheme="light")
     page.goto(path.resolve().as_uri())
-    page.wait_for_function("() => !document.querySelector('meta[http-equiv=Refresh]')")
-    page.wait_for_load_state("load")
     page.evaluate("() => window.MathJax?.startup?.promise")
     page.evaluate(PREPARE)
     assert axe.findings(page, without=without) == []
