@@ -193,7 +193,7 @@ def notebook(tmp_path: Path) -> Path:
     state = {"application/vnd.jupyter.widget-state+json": {"state": {"m": {"secret": 1}}}}
     cells = [
         new_markdown_cell("# Head\n\nSee {eq}`eq-a`, [x](some-label).\n\n$$\na^2\n$$ (eq-a)"),
-        new_code_cell("n = 1", metadata={"tags": ["injected-parameters"]}),
+        new_code_cell("n = 12345  # how many", metadata={"tags": ["injected-parameters"]}),
         new_code_cell("hidden_word()", metadata={"tags": ["remove-input"]}),
         new_code_cell(
             "print(1)", outputs=[new_output("stream", name="stdout", text="<1 & 2>" * 50)]

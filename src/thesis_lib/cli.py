@@ -80,7 +80,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
     Writes notebook, cube and one self-contained page of each set, and prints what changed against
     the published run.
     """
-    from thesis_lib.parameters import CHAPTERS
+    from thesis_lib.parameters import CHAPTERS, chapter_title
 
     studies = _requested(names, _values(assignments))
     folder = _folder(names, studies, out)
@@ -97,7 +97,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
         entries = [(job.study.title, f"{job.study.name}.html") for job in jobs]
         title = "Runs"
         if names[0] in CHAPTERS and len(names) == 1:
-            title = "Beyond chapter 5" if names[0] == "lab" else "Chapter " + names[0][2:]
+            title = chapter_title(names[0])
         html = index_page(title, entries)
         files.whole_file(folder / "index.html", lambda part: part.write_text(html, "utf-8"))
     for job in jobs:

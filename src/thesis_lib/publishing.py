@@ -14,6 +14,7 @@ from thesis_lib import (
     figures,
     files,
     prose,
+    rerun_form,
     runs,
     thesis_index,
 )
@@ -57,7 +58,7 @@ def build(publish: bool = False) -> Path:
     walk += [executed / f"{name}.md" for name in walk_numbers.PIECES]
     told = [executed / f"{name}.md" for name in reference.PIECES]
     own_words = [executed / f"{n}.md" for n in (*thesis_index.PIECES, *assumptions.PIECES)]
-    own_words.append(executed / "explorer.html")
+    own_words += [executed / f"{name}.html" for name in ("explorer", *rerun_form.PIECES)]
     published = sorted((root / "data" / "published").glob("*.csv"))
     index = root / "build" / "html" / "index.html"
     tasks = [
@@ -81,7 +82,7 @@ def build(publish: bool = False) -> Path:
             told,
         ),
         runs.task(
-            "index, assumptions, explorer",
+            "index, assumptions, explorer, form",
             lambda: _tell(executed),
             [*files.library_files(), *(root / "book").glob("*.md"), *published],
             own_words,
@@ -110,6 +111,7 @@ def _tell(executed: Path) -> None:
     page = explorer.explorer_html()
     whole = partial(Path.write_text, data=page, encoding="utf-8")
     files.whole_file(executed / "explorer.html", whole)
+    rerun_form.write(executed)
 
 
 def _walk_through(executed: Path) -> None:
