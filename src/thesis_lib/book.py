@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,7 @@ def install_assets(root: Path) -> Path:
     return assets
 
 
-def render(root: Path, out: Path) -> Path:
+def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) -> Path:
     """Render the book and publish it as a whole.
 
     The pages are built from nothing in a fresh folder, which takes a few seconds, so that no page
@@ -81,6 +82,8 @@ def render(root: Path, out: Path) -> Path:
         Folder of the project, with ``_config.yml``, ``book`` and its executed notebooks.
     out : pathlib.Path
         Folder that becomes the book. A former book there is replaced.
+    finish : callable, optional
+        What else is done to the new folder before it takes its place.
 
     Returns
     -------
@@ -110,6 +113,8 @@ def render(root: Path, out: Path) -> Path:
             file.write_text(_WIDGET_STATE.sub("", text), encoding="utf-8")
         for file in new.glob("_static/**/*.map"):
             file.unlink()
+        if finish is not None:
+            finish(new)
         _swap(new, out)
     return out / "index.html"
 
