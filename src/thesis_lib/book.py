@@ -130,18 +130,26 @@ def _keep_bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, l
     lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
 
 
-def _build(root: Path, work: Path) -> None:
+def in_one_page(root: Path, work: Path) -> Path:
+    """Render the whole book as one page into `work`; returns the page."""
+    _build(root, work, "singlehtml")
+    folder = work / "_build" / "singlehtml"
+    return max(folder.glob("*.html"), key=lambda page: page.stat().st_size)  # beside a redirect
+
+
+def _build(root: Path, work: Path, kind: str = "html") -> None:
     """Run Jupyter Book into `work`; raise with its warnings if it fails."""
     command = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()", "build"]
     command += [str(root / "book"), "--config", str(root / "_config.yml")]
     command += ["--path-output", str(work), "-W", "-n", "--keep-going"]
+    command += ["--builder", kind]
     path = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
     env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "NO_COLOR": "1"}
     done = subprocess.run(
         command, cwd=root, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, encoding="utf-8", errors="replace", check=False,
     )  # fmt: skip
-    if done.returncode == 0 and (work / "_build" / "html" / "index.html").is_file():
+    if done.returncode == 0 and (work / "_build" / kind / "index.html").is_file():
         return
     text = re.sub(r"\x1b\[[0-9;]*m", "", done.stdout).replace(f"{root}{os.sep}", "")
     found = [line.strip() for line in text.splitlines() if _WARNING.search(line)]

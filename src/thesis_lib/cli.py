@@ -127,6 +127,14 @@ def book(publish: bool) -> None:
 
 
 @cli.command()
+def pdf() -> None:
+    """Print the book that `thesis book` has made as one PDF; needs Chromium."""
+    from thesis_lib import files, printing
+
+    click.echo(f"Open {printing.build(files.project_root())}")
+
+
+@cli.command()
 @click.option("--json", "as_json", is_flag=True, help="Every entry, as one JSON document.")
 def claims(as_json: bool) -> None:
     """Hold every claim of the thesis against the cubes of the last `thesis book`.

@@ -78,9 +78,9 @@ def archive(book: Path, place: Path) -> Path:
 
     def pack(part: Path) -> None:
         with zipfile.ZipFile(part, "w") as packed:
-            for path in sorted(p for p in book.rglob("*") if p.is_file()):
-                name = f"{ARCHIVE}/{path.relative_to(book).as_posix()}"
-                entry = zipfile.ZipInfo(name, _DATE)
+            inside = {p.relative_to(book).as_posix(): p for p in book.rglob("*") if p.is_file()}
+            for name, path in sorted(inside.items()):
+                entry = zipfile.ZipInfo(f"{ARCHIVE}/{name}", _DATE)
                 entry.create_system, entry.external_attr = 3, 0o100644 << 16  # everywhere alike
                 kept = path.suffix in _PACKED
                 entry.compress_type = zipfile.ZIP_STORED if kept else zipfile.ZIP_DEFLATED

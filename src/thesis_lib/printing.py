@@ -1,0 +1,137 @@
+"""The whole book as one PDF: all pages in one, printed by the Chromium of this machine.
+
+What is interactive gives way to a line that says where it is; the figures below it show the same.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+from thesis_lib import book
+from thesis_lib.files import whole_file
+
+_WIDGET = re.compile(
+    r'<div class="tl-fragment" data-tl-fragment="(?P<id>\w+)">.*?</div>\s*'
+    r"(?:<style>.*?</style>\s*)?<script type=\"module\">.*?</script>",
+    re.DOTALL,
+)
+_PAGE = re.compile(r'id="document-([\w/.-]+)"')
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
+_STYLE = """
+html, body { background: #fff !important; font-size: 10pt; }
+.bd-sidebar-primary, .bd-sidebar-secondary, .bd-header, .bd-header-article, .bd-footer, footer,
+.bd-footer-content, .search-button__wrapper, #pst-skip-link, #print-main-content,
+.headerlink, .copybtn, .tl-under-figure, .tl-download, .toctree-wrapper > p.caption,
+.toctree-wrapper > ul { display: none !important; }
+.bd-main .bd-content .bd-article-container { max-width: 100% !important; padding: 0 !important; }
+.bd-content, .bd-article-container, .bd-article, main { display: block !important; }
+span[id^="document-"] { display: block; break-before: page; }
+h1, h2, h3, h4, h5 { break-after: avoid; }
+table { font-size: 7pt !important; }
+:is(th, td) { padding: .1rem .3rem !important; white-space: normal !important; }
+.bd-article img { max-height: 22cm; }
+pre { font-size: 7pt !important; }
+"""
+_LOOSE = """() => {
+  for (const a of document.querySelectorAll("a[href]"))
+    if (!/^(#|https?:|mailto:)/.test(a.getAttribute("href"))) a.removeAttribute("href");
+  for (const d of document.querySelectorAll("details")) d.open = true;
+  for (const i of document.querySelectorAll("img")) i.loading = "eager";
+}"""
+_FOOTER = (
+    '<div style="font: 8pt sans-serif; width: 100%; text-align: center; color: #666">'
+    '<span class="pageNumber"></span> / <span class="totalPages"></span></div>'
+)
+
+
+def without_widgets(text: str) -> str:
+    """A page without its widgets: a line in the place of each says on which page it is.
+
+    Parameters
+    ----------
+    text : str
+        HTML of the whole book in one page.
+    """
+
+    def line(match: re.Match[str]) -> str:
+        pages = _PAGE.findall(text, 0, match.start())
+        where = f"{pages[-1]}.html" if pages else "its page"
+        return f'<p class="tl-print-note"><em>Interactive, in the book: {where}</em></p>'
+
+    return _WIDGET.sub(line, text)
+
+
+def find_browser() -> str:
+    """Path of Chromium or Chrome.
+
+    Raises
+    ------
+    BookError
+        If there is none.
+    """
+    for name in filter(None, (os.environ.get("CHROME_BIN"), *_BROWSERS)):
+        path = shutil.which(name)
+        if path:
+            return path
+    raise book.BookError("to print the book install Chromium, for example `apt install chromium`")
+
+
+def build(root: Path) -> Path:
+    """Print the book as it was last executed.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+        Folder of the project, in which `thesis book` has run.
+
+    Returns
+    -------
+    pathlib.Path
+        ``build/vibration-by-many-cameras.pdf``.
+
+    Raises
+    ------
+    BookError
+        If the pages do not build, or there is no browser.
+    """
+    browser, pdf = find_browser(), root / "build" / "vibration-by-many-cameras.pdf"
+    if not (root / "build" / "html" / "index.html").is_file():
+        raise book.BookError("there is no book to print yet: run `thesis book` first")
+    book.install_assets(root)
+    with tempfile.TemporaryDirectory(dir=root / "build", prefix="print-") as work:
+        pages = book.in_one_page(root, Path(work))
+        text = pages.read_text(encoding="utf-8")
+        pages.write_text(without_widgets(text), encoding="utf-8")
+        whole_file(pdf, lambda part: print_page(browser, pages, part))
+    return pdf
+
+
+def print_page(browser: str, page: Path, pdf: Path) -> None:
+    """Print one local page on A4, with an outline and page numbers, without a network."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as running:
+        chromium = running.chromium.launch(executable_path=browser, args=_FLAGS)
+        try:
+            opened = chromium.new_context(offline=True, color_scheme="light").new_page()
+            opened.set_default_timeout(300_000)
+            opened.goto(page.resolve().as_uri(), wait_until="load")
+            opened.evaluate("() => window.MathJax?.startup?.promise")
+            opened.add_style_tag(content=_STYLE)
+            opened.evaluate(_LOOSE)
+            opened.evaluate(
+                "() => Promise.allSettled([...document.images].map(image => image.decode()))"
+            )
+            opened.pdf(
+                path=pdf, format="A4", print_background=True, tagged=True, outline=True,
+                display_header_footer=True, header_template="<span></span>",
+                footer_template=_FOOTER,
+                margin={"top": "16mm", "bottom": "18mm", "left": "16mm", "right": "16mm"},
+            )  # fmt: skip
+        finally:
+            chromium.close()
