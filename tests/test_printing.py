@@ -101,9 +101,17 @@ def test_captions_of_all_figures_are_printed(words):
     assert missing == []
 
 
+def outline(items):
+    """Titles of an outline, to all depths."""
+    for one in items:
+        yield from outline(one) if isinstance(one, list) else [one.title]
+
+
 @needs_pdf
 def test_pdf_has_an_outline_and_every_widget_is_named(printed, words):
-    assert len(printed.outline) > 15
+    titles = list(outline(printed.outline))
+    assert len(titles) > 200
+    assert not [title for title in titles if len(title) > 3 and re.fullmatch(r"(.+)\1", title)]
     assert plain("Interactive, in the book: executed/beam-distance.html") in words
     assert words.count(plain("Interactive, in the book")) >= len(STUDIES)
     assert "/StructTreeRoot" in printed.trailer["/Root"]

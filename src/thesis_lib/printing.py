@@ -14,6 +14,7 @@ from pathlib import Path
 from thesis_lib import book
 from thesis_lib.files import whole_file
 
+TITLE = "Vibration by many cameras"
 _WIDGET = re.compile(
     r'<div class="tl-fragment" data-tl-fragment="(?P<id>\w+)">.*?</div>\s*'
     r"(?:<style>.*?</style>\s*)?<script type=\"module\">.*?</script>",
@@ -34,7 +35,14 @@ span[id^="document-"] { display: block; break-before: page; }
 h1, h2, h3, h4, h5 { break-after: avoid; }
 table { font-size: 7pt !important; }
 :is(th, td) { padding: .1rem .3rem !important; white-space: normal !important; }
-.bd-article img { max-height: 22cm; }
+.bd-article img { max-height: 21cm; }
+.bd-article figure { margin: .4rem 0 !important; }
+.bd-article figure img { max-height: 10.6cm; width: auto !important; }
+.cell_output, .cell_output .output { white-space: normal !important; margin: 0 !important; }
+mjx-container[jax="SVG"] { overflow: visible !important; }
+mjx-container[jax="SVG"] > svg { max-width: 100% !important; }
+details > summary { display: none !important; }
+details.tl-provenance > summary { display: list-item !important; list-style: none; }
 pre { font-size: 7pt !important; }
 """
 _LOOSE = """() => {
@@ -107,8 +115,34 @@ def build(root: Path) -> Path:
         pages = book.in_one_page(root, Path(work))
         text = pages.read_text(encoding="utf-8")
         pages.write_text(without_widgets(text), encoding="utf-8")
-        whole_file(pdf, lambda part: print_page(browser, pages, part))
+
+        def fill(part: Path) -> None:
+            print_page(browser, pages, part)
+            mend_outline(part)
+
+        whole_file(pdf, fill)
     return pdf
+
+
+def mend_outline(pdf: Path) -> None:
+    """Write titles of the outline once: Chromium doubles that of a heading moved to a new page."""
+    from pypdf import PdfWriter
+    from pypdf.generic import NameObject, TextStringObject
+
+    writer = PdfWriter(clone_from=pdf)
+    writer.add_metadata({"/Title": TITLE})
+    left = [writer.root_object.get("/Outlines")]
+    while left:
+        item = left.pop()
+        if item is None:
+            continue
+        item = item.get_object()
+        left += [item.get("/First"), item.get("/Next")]
+        title = str(item.get("/Title", ""))
+        half = len(title) // 2
+        if half > 1 and title == 2 * title[:half]:
+            item[NameObject("/Title")] = TextStringObject(title[:half])
+    writer.write(pdf)
 
 
 def print_page(browser: str, page: Path, pdf: Path) -> None:

@@ -27,7 +27,7 @@ from doit.doit_cmd import DoitMain
 from doit.exceptions import TaskFailed, UnmetDependency
 from doit.tools import config_changed
 
-from thesis_lib import cubes, effort
+from thesis_lib import cubes, effort, executed_notebook
 from thesis_lib.commands import given
 from thesis_lib.files import library_files, project_root, staging, sweep
 from thesis_lib.pages import BookError
@@ -137,7 +137,7 @@ def execute(job: Job) -> None:
                 f"the traceback is in {log}; mend the cause and run the same command again"
             ) from None
         notebook = nbformat.read(executed, as_version=4)
-        _hide_staging(notebook, name)
+        executed_notebook.hide_staging(notebook, name)
         said = notebook.cells.pop().outputs[0]["text"]
         cost = effort.heard(said, notebook.metadata["papermill"]["duration"], cube)
         result = cubes.read(cube)
@@ -152,9 +152,9 @@ def execute(job: Job) -> None:
             cell = nbformat.v4.new_markdown_cell(text, id=f"{name}-difference")
             notebook.cells.insert(-1, cell)
             if job.study.subject != "claims" and not as_in_the_thesis(result):
-                _disown_captions(notebook)
+                executed_notebook.disown_captions(notebook)
             if job.study.subject == "claims":
-                _cut_links(notebook)
+                executed_notebook.cut_links(notebook)
         nbformat.write(notebook, executed)
         ready = [(executed, job.notebook), (cube, job.cube)]
         if job.page:
@@ -168,41 +168,12 @@ def execute(job: Job) -> None:
             made.replace(place)
 
 
-def _hide_staging(notebook: Any, name: str) -> None:
-    """Leave the reader's parameters in the notebook, not where we let it write."""
-    recorded = notebook.metadata["papermill"]
-    recorded.update(input_path=f"notebooks/{name}.ipynb", output_path=f"{name}.ipynb")
-    recorded["parameters"].pop("cube")
-    for cell in notebook.cells:
-        if "injected-parameters" in cell.metadata.get("tags", []):
-            lines = [line for line in cell.source.splitlines() if not line.startswith("cube = ")]
-            cell.source = "\n".join(lines)
-    notebook.cells = [cell for cell in notebook.cells if cell.source != "# Parameters"]
-
-
-def _cut_links(notebook: Any) -> None:
-    """Let the ledger's rows lead nowhere: their pages are the book's, not beside this one."""
-    for cell in notebook.cells:
-        for output in cell.get("outputs", []):
-            data = output.get("data", {})
-            if "text/html" in data:
-                data["text/html"] = re.sub(r'"href":"[^"]*"', '"href":""', data["text/html"])
-
-
 def _log(name: str, text: str) -> Path:
     """Keep a traceback for whoever mends its cause."""
     path = project_root() / "build" / "logs" / f"{name}.txt"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def _disown_captions(notebook: Any) -> None:
-    """Say under each figure that it is the thesis's only in kind."""
-    for cell in notebook.cells:
-        caption = cell.metadata.get("mystnb", {}).get("figure", {})
-        if "caption" in caption:
-            caption["caption"] = "With the parameters of this run, after: " + caption["caption"]
 
 
 def job_tasks(jobs: Sequence[Job]) -> list[dict[str, Any]]:
