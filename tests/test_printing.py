@@ -80,7 +80,7 @@ def test_titles_of_all_pages_are_printed(words):
     missing = []
     for name in pages_of_book():
         text = (ROOT / "build" / "html" / f"{name}.html").read_text(encoding="utf-8")
-        title = re.search(r"<h1>(.*?)<a class=\"headerlink", text, re.DOTALL)
+        title = re.search(r"<h1>((?:(?!<h1>).)*?)<a class=\"headerlink", text, re.DOTALL)
         heading = html.unescape(re.sub(r"<[^>]+>", "", title[1]))
         missing += [heading] if plain(heading) not in words else []
     assert missing == []

@@ -5,6 +5,7 @@ What is interactive gives way to a line that says where it is; the figures below
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import shutil
@@ -41,6 +42,8 @@ table { font-size: 7pt !important; }
 .cell_output, .cell_output .output { white-space: normal !important; margin: 0 !important; }
 mjx-container[jax="SVG"] { overflow: visible !important; }
 mjx-container[jax="SVG"] > svg { max-width: 100% !important; }
+mjx-container[jax="SVG"] path[data-c] { stroke-width: 0 !important; }
+.bd-article details.tl-provenance > dl { display: grid !important; }
 details > summary { display: none !important; }
 details.tl-provenance > summary { display: list-item !important; list-style: none; }
 pre { font-size: 7pt !important; }
@@ -129,6 +132,7 @@ def mend_outline(pdf: Path) -> None:
     from pypdf import PdfWriter
     from pypdf.generic import NameObject, TextStringObject
 
+    logging.getLogger("pypdf").setLevel(logging.ERROR)  # it counts objects in another way
     writer = PdfWriter(clone_from=pdf)
     writer.add_metadata({"/Title": TITLE})
     left = [writer.root_object.get("/Outlines")]
