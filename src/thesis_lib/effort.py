@@ -48,7 +48,7 @@ class Effort:
 
         Examples
         --------
-        >>> Effort(7.4, 300, 1).time, Effort(150, 300, 1).time
+        >>> Effort(7.4, 300, 1).time, Effort(170, 300, 1).time
         ('7 s', '3 min')
         """
         value = round(self.seconds / MINUTE) if self.seconds >= MINUTE else round(self.seconds)
