@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ def install_assets(root: Path) -> Path:
     return assets
 
 
-def render(root: Path, out: Path) -> Path:
+def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) -> Path:
     """Render the book and publish it as a whole.
 
     The pages are built from nothing in a fresh folder, which takes a few seconds, so that no page
@@ -82,6 +83,8 @@ def render(root: Path, out: Path) -> Path:
         Folder of the project, with ``_config.yml``, ``book`` and its executed notebooks.
     out : pathlib.Path
         Folder that becomes the book. A former book there is replaced.
+    finish : callable, optional
+        What else is done to the new folder before it takes its place.
 
     Returns
     -------
@@ -111,6 +114,8 @@ def render(root: Path, out: Path) -> Path:
             file.write_text(mend(_WIDGET_STATE.sub("", text)), encoding="utf-8")
         for file in new.glob("_static/**/*.map"):
             file.unlink()
+        if finish is not None:
+            finish(new)
         _swap(new, out)
     return out / "index.html"
 
@@ -126,18 +131,26 @@ def _keep_bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, l
     lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
 
 
-def _build(root: Path, work: Path) -> None:
+def in_one_page(root: Path, work: Path) -> Path:
+    """Render the whole book as one page into `work`; returns the page."""
+    _build(root, work, "singlehtml")
+    folder = work / "_build" / "singlehtml"
+    return max(folder.glob("*.html"), key=lambda page: page.stat().st_size)  # beside a redirect
+
+
+def _build(root: Path, work: Path, kind: str = "html") -> None:
     """Run Jupyter Book into `work`; raise with its warnings if it fails."""
     command = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()", "build"]
     command += [str(root / "book"), "--config", str(root / "_config.yml")]
     command += ["--path-output", str(work), "-W", "-n", "--keep-going"]
+    command += ["--builder", kind]
     path = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
     env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "NO_COLOR": "1"}
     done = subprocess.run(
         command, cwd=root, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, encoding="utf-8", errors="replace", check=False,
     )  # fmt: skip
-    if done.returncode == 0 and (work / "_build" / "html" / "index.html").is_file():
+    if done.returncode == 0 and (work / "_build" / kind / "index.html").is_file():
         return
     text = re.sub(r"\x1b\[[0-9;]*m", "", done.stdout).replace(f"{root}{os.sep}", "")
     found = [line.strip() for line in text.splitlines() if _WARNING.search(line)]

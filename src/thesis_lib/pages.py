@@ -58,6 +58,9 @@ th, td { border-bottom: 1px solid var(--line); padding: .25rem .6rem; text-align
 aside { border-left: 3px solid var(--link); padding: .1rem 1rem; background: var(--soft); }
 details { border-left: 3px solid var(--line); margin: .5rem 0; padding-left: .6rem; }
 summary { cursor: pointer; font-size: .8rem; opacity: .75; }
+.tl-under-figure { font-size: .82rem; margin-top: -1rem; }
+.tl-provenance :is(dd, code) { overflow-wrap: anywhere; }
+.tl-provenance .tl-download { border: 1px solid; border-radius: 4px; padding: .2rem .7rem; }
 mjx-container[jax="SVG"] { max-width: 100%; overflow: auto hidden; vertical-align: bottom; }
 mjx-container[jax="SVG"] > svg { max-width: none; }
 @media (prefers-color-scheme: dark) {
