@@ -232,7 +232,9 @@ FILL = """all => {
       const boxes = [...row.querySelectorAll('[type=checkbox]')];
       const box = boxes.length ? null : row.querySelector('input, select, textarea');
       if (box) box.value = text;
-      const held = box ? [] : [text].flat().flatMap(one => boxes[0].value[0] === '"' ? one : JSON.parse(`[${one}]`).flat());
+      const named = boxes[0]?.value[0] === '"';
+      const held = box ? [] : [text].flat().flatMap(
+        one => named ? one : JSON.parse(`[${one}]`).flat());
       boxes.forEach(one => { one.checked = held.includes(JSON.parse(one.value)); });
       happen(box ?? boxes[0], 'input', 'change');
     }

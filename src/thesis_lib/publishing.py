@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -31,7 +31,7 @@ from thesis_lib.files import project_root
 from thesis_lib.measuring import reference
 from thesis_lib.parameters import STUDIES
 
-PAGES = {
+PAGES: dict[str, Callable[[], str]] = {
     "explorer": explorer.explorer_html,
     "explorer-home": partial(explorer.explorer_html, "s=beam&m=3&t=4a-6", compact=True),
     "rerun-form": rerun_form.page,
