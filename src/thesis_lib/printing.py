@@ -46,6 +46,10 @@ mjx-container[jax="SVG"] > svg { max-width: 100% !important; }
 mjx-container[jax="SVG"] path[data-c] { stroke-width: 0 !important; }
 .tl-viewer .tl-ex-hint, .tl-ex-export, .tl-ex-camera button, .tl-ex-cameras > button,
 .tl-ledger button { display: none !important; }
+.tl-explorer { break-inside: avoid; }
+.tl-viewer.tl-explorer .tl-ex-columns {
+  grid-template-columns: minmax(0, 1fr) minmax(0, 1fr) !important; }
+.tl-viewer.tl-explorer .tl-ex-columns .tl-ex-view { height: 260px !important; }
 .bd-article details.tl-provenance > dl { display: grid !important; }
 details > summary { display: none !important; }
 details.tl-provenance > summary { display: list-item !important; list-style: none; }
