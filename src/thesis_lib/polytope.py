@@ -30,8 +30,9 @@ Array = NDArray[np.float64]
 
 _BLOCK_VALUES = 36000  # camera × point values per block: intermediate results stay in cache
 _STEPS = 60  # Newton steps after which a polytope counts as empty
-_MARGIN = 0.2  # slack in px that the start is given where it has less
+_MARGIN = 0.1  # share of a slab that the start is away from its faces, or is made to be
 _CENTRED = 1e-5  # Newton decrement below which the step is the last: its error is the square
+_FINISHED = 0.25  # share of points that are done before they are put aside: moving costs, too
 _QUADRATIC = 0.25  # Newton decrement below which full steps converge
 
 
@@ -143,14 +144,13 @@ class _Slabs:
         self.hessian = np.concatenate(parts).T.copy()
         self.gradient = np.concatenate([a[:, 0], a[:, 1], -a[:, 2]]).T.copy()
 
-    def slacks(self, edges: Array, x: Array) -> tuple[Array, Array]:
-        """s (lo and hi, u and v, cameras, points) in px·m at points (3, points), and the depth."""
+    def slacks(self, edges: Array, x: Array) -> Array:
+        """Slacks s (lo and hi, u and v, cameras, points) in px·m at points (3, points)."""
         n = len(self.rows) // 3
         image = self.rows[:, :3] @ x + self.rows[:, 3:]
-        uv, depth = image[: 2 * n].reshape(2, n, -1), image[2 * n :]
-        s = uv - edges * depth
+        s: Array = image[: 2 * n].reshape(2, n, -1) - edges * image[2 * n :]
         np.negative(s[1], out=s[1])
-        return s, depth
+        return s
 
     def newton(self, edges: Array, s: Array, wanted: Array) -> tuple[Array, Array]:
         """Hessian (6, points) of −Σ log s, and Σ ∇s (2 − wanted/s)/s: the step's right side.
@@ -181,16 +181,16 @@ class _Slabs:
         x[:2] = x[:2].mean(axis=1, keepdims=True)
         uv = pixels[..., active].reshape(len(pixels), 2, -1).swapaxes(0, 1) - self.middle
         edges = np.stack([uv - self.half_width, uv + self.half_width])
-        s, depth = self.slacks(edges, x.reshape(3, -1))
-        widened = np.maximum(_MARGIN * self.half_width * np.abs(depth) - s, 0)
-        tau = np.any(widened > 0, axis=(0, 1, 2)).reshape(frames, -1).any(axis=0).astype(float)
-        for _ in range(_STEPS):
+        s = self.slacks(edges, x.reshape(3, -1))
+        widened = np.maximum(_MARGIN * np.abs(s[0] + s[1]) - s, 0)
+        tau = 1.0 - _all(widened == 0, frames)
+        for number in range(_STEPS):
             each = np.tile(tau, frames)
-            wanted, _depth = self.slacks(edges, x.reshape(3, -1))
+            wanted = self.slacks(edges, x.reshape(3, -1))
             s = wanted + each * widened
             hessian, right = self.newton(edges, s, wanted)
             step = _solve_arrow(hessian.reshape(6, frames, -1), right.reshape(3, frames, -1))
-            after, _depth = self.slacks(edges, (x + step).reshape(3, -1))
+            after = self.slacks(edges, (x + step).reshape(3, -1))
             shrink = np.max(1 - after / s, axis=(0, 1, 2)).reshape(frames, -1).max(axis=0)
             decrement = np.sqrt(np.sum(step * right.reshape(3, frames, -1), axis=(0, 1)))
             inside = tau == 0
@@ -202,16 +202,22 @@ class _Slabs:
             x += length * step
             tau *= 1 - length
             done = inside & (decrement < _CENTRED)
-            if np.count_nonzero(done) > 0.25 * len(done):
+            done &= _all(wanted > 0, frames)  # slacks of an empty polytope can drown in rounding
+            last = number == _STEPS - 1
+            if last or np.count_nonzero(done) > _FINISHED * len(done):
                 points[:, :, active[done]] = x[:, :, done]
                 feasible[active[done]] = True
                 left, every = ~done, np.tile(~done, frames)
                 active, x, tau = active[left], x[:, :, left], tau[left]
                 edges, widened = edges[..., every], widened[..., every]
-                if not len(active):
-                    return
-        points[:, :, active[done]] = x[:, :, done]
-        feasible[active[done]] = True
+            if not len(active):
+                return
+
+
+def _all(holds: NDArray[np.bool_], frames: int) -> NDArray[np.bool_]:
+    """Whether what holds of slacks (2, 2, cameras, frames × m) does of all of a marker's, (m,)."""
+    every: NDArray[np.bool_] = holds.all(axis=(0, 1, 2)).reshape(frames, -1).all(axis=0)
+    return every
 
 
 def _solve_arrow(matrix: Array, right: Array) -> Array:
