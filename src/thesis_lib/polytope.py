@@ -9,7 +9,8 @@ All slabs together are a convex polytope. Least squares ignores it, and may leav
 point is its analytic centre, arg max Σ log s, by Newton's method on all points at once. The start
 is the least-squares point: a slack that is too small there is widened by τe, and a step of length
 α leaves (1 − α) τ (infeasible-start Newton; Boyd and Vandenberghe, *Convex Optimization*, 10.3).
-The errors of N cameras fall as about 1/N, those of least squares as 1/√N.
+The errors of N cameras fall as about 1/N, those of least squares as 1/√N. A camera that is listed
+twice leaves the polytope as it is, but pulls its centre twice.
 
 Several images of one marker that moves along the world's Z share x and y. Each adds its slabs, and
 one z: the Hessian is an arrow, solved by eliminating every z first.
@@ -24,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.triangulation import UPPER, centred, triangulate
+from thesis_lib.triangulation import UPPER, centred, checked, triangulate
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> 
     ValueError
         If fewer than two cameras are given, the shapes do not match, or the width is not positive.
     """
-    uv = np.asarray(uv, float)
+    P, uv = checked(P, uv)
     found = joint_centre(P, uv[:, :, None], half_width_px)
     return Centres(found.points[:, 0], found.feasible)
 
@@ -106,10 +107,12 @@ def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Cen
     ValueError
         If fewer than two cameras are given, the shapes do not match, or the width is not positive.
     """
-    P, uv = np.asarray(P, float), np.asarray(uv, float)
+    P, uv = checked(P, uv)
+    if uv.ndim < 3 or uv.shape[2] < 1:
+        raise ValueError(f"uv: given shape {uv.shape}, needs (cameras, 2, frames, ...)")
     if not 0 < half_width_px < np.inf:
         raise ValueError(f"half_width_px: given {half_width_px}, allowed: a number above 0, in px")
-    start = triangulate(P, uv)  # checks the shapes
+    start = triangulate(P, uv)
     n, frames = len(P), uv.shape[2]
     slabs = _Slabs(P, half_width_px)
     pixels = uv.reshape(n, 2, frames, -1)
@@ -185,6 +188,8 @@ class _Slabs:
         widened = np.maximum(_MARGIN * np.abs(s[0] + s[1]) - s, 0)
         tau = 1.0 - _all(widened == 0, frames)
         for number in range(_STEPS):
+            if not len(active):
+                return
             each = np.tile(tau, frames)
             wanted = self.slacks(edges, x.reshape(3, -1))
             s = wanted + each * widened
@@ -210,14 +215,12 @@ class _Slabs:
                 left, every = ~done, np.tile(~done, frames)
                 active, x, tau = active[left], x[:, :, left], tau[left]
                 edges, widened = edges[..., every], widened[..., every]
-            if not len(active):
-                return
 
 
 def _all(holds: NDArray[np.bool_], frames: int) -> NDArray[np.bool_]:
     """Whether what holds of slacks (2, 2, cameras, frames × m) does of all of a marker's, (m,)."""
-    every: NDArray[np.bool_] = holds.all(axis=(0, 1, 2)).reshape(frames, -1).all(axis=0)
-    return every
+    each = np.all(holds, axis=(0, 1, 2))
+    return np.asarray(np.all(each.reshape(frames, -1), axis=0), bool)
 
 
 def _solve_arrow(matrix: Array, right: Array) -> Array:

@@ -48,11 +48,7 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
     ValueError
         If fewer than two cameras are given, or the shapes do not match.
     """
-    P, uv = np.asarray(P, float), np.asarray(uv, float)
-    if P.ndim != 3 or P.shape[1:] != (3, 4) or len(P) < 2:
-        raise ValueError(f"P: given shape {P.shape}, needs (cameras, 3, 4) with 2 or more cameras")
-    if uv.shape[:2] != (len(P), 2):
-        raise ValueError(f"uv: given shape {uv.shape}, needs ({len(P)}, 2, ...) to match P")
+    P, uv = checked(P, uv)
     n = len(P)
     pixels = uv.reshape(n, 2, -1)
     points = np.empty((3, pixels.shape[2]))
@@ -63,6 +59,16 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
             part = slice(start, start + block)
             points[:, part] = solver.solve(pixels[:, :, part], steps)
     return points.reshape((3,) + uv.shape[2:])
+
+
+def checked(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
+    """Both as arrays of numbers; a shape that is wrong is a ValueError."""
+    P, uv = np.asarray(P, float), np.asarray(uv, float)
+    if P.ndim != 3 or P.shape[1:] != (3, 4) or len(P) < 2:
+        raise ValueError(f"P: given shape {P.shape}, needs (cameras, 3, 4) with 2 or more cameras")
+    if uv.shape[:2] != (len(P), 2):
+        raise ValueError(f"uv: given shape {uv.shape}, needs ({len(P)}, 2, ...) to match P")
+    return P, uv
 
 
 def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
