@@ -96,7 +96,7 @@ def deflection_errors(
     Returns
     -------
     ndarray, shape (layouts, estimators)
-        Root mean square over the markers in m, estimators as in :data:`ESTIMATORS`.
+        Root mean square over the markers in m, estimators as in ``ESTIMATORS``.
     """
     errors = np.empty((layouts, len(ESTIMATORS)))
     for layout in range(layouts):
