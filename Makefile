@@ -3,10 +3,13 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: book test check bench photographs lock clean
+.PHONY: book pdf test check bench photographs lock clean
 
 book: $(READY)  ## the executed book, in build/html
 	$(BIN)/thesis book
+
+pdf: book  ## the book as one PDF, in build; needs Chromium
+	$(BIN)/thesis pdf
 
 test: check  ## all tests, notebooks included
 	$(BIN)/python -m pytest -n 2 --dist loadfile

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from thesis_lib import effort
 from thesis_lib.parameters import CHAPTERS, STUDIES, describe, validate
 
 RUN = ["run", "beam-distance", "-p", "trials=3", "-p", "distances_mm=[500,800]"]
@@ -61,8 +62,10 @@ def files(folder: Path) -> list[str]:
 def test_list_names_sets_and_chapters(checkout, tmp_path):
     done = checkout.thesis("list", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
+    costs = effort.read()
     for name, model in STUDIES.items():
         line = next(line for line in done.stdout.splitlines() if line.startswith(name))
+        assert re.search(rf" {costs[name].kind} +{costs[name].time} +{costs[name].memory} ", line)
         number = len(model().settings())
         assert (f" {number} settings" in line) == (number > 0)
         assert line.endswith(model.title)

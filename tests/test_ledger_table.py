@@ -367,7 +367,7 @@ def test_copying_the_command(chromium: Browser, path: Path, allowed: bool) -> No
                 "() => Object.defineProperty(navigator, 'clipboard', { value: undefined })"
             )
         one = claim(opened, 0)
-        toggle = one.get_by_role("button", name="More about figure 2.1: mean error at d = 0 mm")
+        toggle = one.get_by_role("button", name="note about figure 2.1: mean error at d = 0 mm")
         assert toggle.get_attribute("aria-expanded") == "false"
         assert one.locator(".tl-ledger-second").count() == 0
         toggle.click()

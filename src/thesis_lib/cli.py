@@ -36,16 +36,25 @@ def cli() -> None:
 @click.argument("name", required=False)
 def list_(name: str | None) -> None:
     """List the figure sets, or the parameters of the set or chapter NAME."""
+    from thesis_lib import effort
     from thesis_lib.parameters import CHAPTERS, STUDIES, ParameterError, describe, validate
 
+    costs = effort.read()
     if name is None:
         for study in STUDIES.values():
             number = len(study().settings())
             settings = f"{number:>3} settings" if number else ""
-            click.echo(f"{study.name:<22} {settings:<12}   {study.title}")
+            cost = costs.get(study.name)
+            takes = f"{cost.time:>6}  {cost.memory:>7}" if cost else ""
+            kind = cost.kind if cost else ""
+            click.echo(f"{study.name:<22} {settings:<12} {kind:<7} {takes:<15}   {study.title}")
         for chapter, names in CHAPTERS.items():
-            click.echo(f"{chapter:<22} {'':>12}   {', '.join(names)}")
-        click.echo("\n`thesis list NAME` shows a set's parameters, `thesis run NAME` runs it.")
+            click.echo(f"{chapter:<22} {'':>36}   {', '.join(names)}")
+        click.echo(
+            "\nReading the book takes no run. Time and memory are those of making a set from "
+            "nothing on two cores."
+        )
+        click.echo("`thesis list NAME` shows a set's parameters, `thesis run NAME` runs it.")
         return
     try:
         chosen = [type(validate(set_, {})) for set_ in CHAPTERS.get(name, [name])]
@@ -80,7 +89,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
     Writes notebook, cube and one self-contained page of each set, and prints what changed against
     the published run.
     """
-    from thesis_lib.parameters import CHAPTERS
+    from thesis_lib.parameters import CHAPTERS, chapter_title
 
     studies = _requested(names, _values(assignments))
     folder = _folder(names, studies, out)
@@ -97,7 +106,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
         entries = [(job.study.title, f"{job.study.name}.html") for job in jobs]
         title = "Runs"
         if names[0] in CHAPTERS and len(names) == 1:
-            title = "Beyond chapter 5" if names[0] == "lab" else "Chapter " + names[0][2:]
+            title = chapter_title(names[0])
         html = index_page(title, entries)
         files.whole_file(folder / "index.html", lambda part: part.write_text(html, "utf-8"))
     for job in jobs:
@@ -115,6 +124,14 @@ def book(publish: bool) -> None:
     from thesis_lib import publishing
 
     click.echo(f"Open {publishing.build(publish)}")
+
+
+@cli.command()
+def pdf() -> None:
+    """Print the book that `thesis book` has made as one PDF; needs Chromium."""
+    from thesis_lib import files, printing
+
+    click.echo(f"Open {printing.build(files.project_root())}")
 
 
 @cli.command()

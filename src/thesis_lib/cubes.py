@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from thesis_lib import __version__
+from thesis_lib import __version__, effort
 from thesis_lib.camera_study import LEAST_SQUARES
 from thesis_lib.files import library_digest, library_files, project_root, whole_file
 from thesis_lib.parameters import STUDIES, Study
@@ -37,8 +37,9 @@ SECTIONS = {"cameras": "chapter 2, appendices A, B", "beam": "section 3.3", "pla
             "claims": "all chapters"}  # fmt: skip
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
+DIGITS = 5
 _HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at once
-RUN_DEPENDENT = ("commit", "created", "run_time_s")
+RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
 
 
 class CubeError(ValueError):
@@ -57,12 +58,16 @@ def cached(
     for file in sorted(sources) or library_files():
         total.update(file.read_bytes())
     path = project_root() / "build" / "cache" / f"{study.name}-{total.hexdigest()[:16]}.nc"
-    if not path.is_file():
-        start = time.perf_counter()
-        cube = with_provenance(compute(study), study, 0.0)
-        write(cube.assign_attrs(run_time_s=time.perf_counter() - start), path)
-    cube = opened(path)
-    return with_provenance(cube, study, float(cube.attrs["run_time_s"]))  # of today's commit
+    start, before = time.perf_counter(), effort.loaded_seconds()
+    if path.is_file():
+        cube = opened(path)
+        spared = float(cube.attrs["run_time_s"])
+        effort.note_loaded(spared, float(cube.attrs.get("peak_memory_mb", 0)))
+        return with_provenance(cube, study, spared)  # of today's commit
+    cube = with_provenance(compute(study), study, 0.0)
+    seconds = time.perf_counter() - start + effort.loaded_seconds() - before
+    write(cube.assign_attrs(run_time_s=seconds), path)
+    return with_provenance(opened(path), study, seconds)
 
 
 def predicts(cube: xr.Dataset) -> str:
@@ -87,8 +92,8 @@ def _commit() -> str:
 def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Dataset:
     """The cube with attributes that say what it is and how it was made.
 
-    `commit`, `created` and `run_time_s` differ from run to run; all else is a function of the
-    parameters, the library and the versions of the packages it computes with.
+    `commit`, `created`, `run_time_s` and `peak_memory_mb` differ from run to run; all else is a
+    function of the parameters, the library and the versions of the packages it computes with.
     """
     cube = cube.assign_attrs(
         title=study.title,
@@ -100,6 +105,7 @@ def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Datase
         seed=np.int64(study.seed),
         run_dependent=" ".join(RUN_DEPENDENT),
         run_time_s=np.float64(seconds),
+        peak_memory_mb=np.float64(effort.peak_memory_mb()),
         library_sha256=library_digest(),
     )
     return with_origin(cube, f"simulation by thesis_lib {__version__}, figure set {study.name}")
@@ -119,10 +125,35 @@ def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:
     )
 
 
-def write(cube: xr.Dataset, path: Path) -> None:
-    """Write a cube as netCDF-4, whole or not at all."""
+def write(cube: xr.Dataset, path: Path, compact: bool = False) -> None:
+    """Write a cube as netCDF-4, whole or not at all.
+
+    Parameters
+    ----------
+    cube : xarray.Dataset
+        What to write.
+    path : pathlib.Path
+        Where to.
+    compact : bool
+        Whether to compress it. Single precision, which is for what is drawn, is then rounded to
+        ``DIGITS`` significant digits; the file says so itself.
+    """
+    encoding: dict[Any, dict[str, Any]] = {}
+    for name, values in cube.variables.items() if compact else ():
+        if values.dtype.kind == "f" and values.size > 1:
+            encoding[name] = {"zlib": True, "complevel": 4, "shuffle": True}
+            if values.dtype == np.float32:
+                encoding[name] |= {
+                    "quantize_mode": "GranularBitRound",
+                    "significant_digits": DIGITS,
+                }
     with _HDF5:
-        whole_file(path, lambda part: cube.to_netcdf(part, engine="netcdf4", format="NETCDF4"))
+        whole_file(
+            path,
+            lambda part: cube.to_netcdf(
+                part, engine="netcdf4", format="NETCDF4", encoding=encoding
+            ),
+        )
 
 
 def read(path: Path) -> xr.Dataset:

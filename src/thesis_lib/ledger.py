@@ -17,6 +17,7 @@ import xarray as xr
 
 from thesis_lib import claims, cubes, ledger_runs, setups, trends
 from thesis_lib.claims import VERDICTS, Check, Claim
+from thesis_lib.commands import command
 from thesis_lib.files import library_digest, project_root
 from thesis_lib.parameters import STUDIES, Study
 from thesis_lib.stated_numbers import StatedNumber, read_numbers
@@ -157,7 +158,7 @@ def entries(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entr
     found = [_figure(claim, cube_of(claim.figure_set)) for claim in claims.read_claims()]
     for trend in trends.read_trends():
         made = [command for name in trend.source for command in commands.get(name, [])]
-        made += [ledger_runs.command(STUDIES[name]()) for name in trend.source if name in STUDIES]
+        made += [command(STUDIES[name]()) for name in trend.source if name in STUDIES]
         found.append(_trend(trend, [series_of(name) for name in trend.source], made))
     found += [_number(number) for number in read_numbers()]
     order = {"figure": 0, "trend": 1, "number": 2}

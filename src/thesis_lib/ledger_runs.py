@@ -8,8 +8,6 @@ near or far, low or high, wide or narrow, of few or many cameras.
 
 from __future__ import annotations
 
-import json
-import shlex
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,6 +20,7 @@ from numpy.typing import NDArray
 
 from thesis_lib import claims, cubes, rounding, setups, studies
 from thesis_lib.camera_study import CameraStudy
+from thesis_lib.commands import command
 from thesis_lib.ledger_requests import OwnRuns
 from thesis_lib.parameters import Study, camera_study
 from thesis_lib.structures import deflection_shape
@@ -55,23 +54,6 @@ class Source:
     def commands(self) -> list[str]:
         """What makes the same cubes by hand."""
         return [command(study) for study in self.requests]
-
-
-def command(study: Study) -> str:
-    """The command that runs a study.
-
-    Examples
-    --------
-    >>> command(camera_study("beam-distance", {"modes": [1]}))
-    "thesis run beam-distance -p 'modes=[1]'"
-    """
-    defaults = type(study)().request
-    given = {key: value for key, value in study.request.items() if value != defaults[key]}
-    words = [
-        f"-p {shlex.quote(f'{key}={value if isinstance(value, str) else json.dumps(value)}')}"
-        for key, value in given.items()
-    ]
-    return " ".join(["thesis run", study.name, *words])
 
 
 def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series]:

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from IPython.display import HTML, SVG, Markdown, display
 
-from thesis_lib import claims, cubes, figures, files, optics_study, sound, studies
+from thesis_lib import claims, cubes, effort, figures, files, optics_study, sound, studies
 from thesis_lib.experiment.lab_layouts import Layouts
 from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
@@ -56,11 +56,12 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
         assert isinstance(request, CameraStudy)
         result = cubes.cached(request, studies.run)
     else:
-        start = time.perf_counter()
+        start, before = time.perf_counter(), effort.loaded_seconds()
         result = _computed(request)
-        result = cubes.with_provenance(result, request, time.perf_counter() - start)
-    if request.cube:
-        cubes.write(result, files.project_root() / request.cube)  # an absolute path stands
+        seconds = time.perf_counter() - start + effort.loaded_seconds() - before
+        result = cubes.with_provenance(result, request, seconds)
+    if request.cube:  # an absolute path stands
+        cubes.write(result, files.project_root() / request.cube, compact=True)
     return result
 
 
@@ -283,7 +284,9 @@ def viewer(cube: xr.Dataset) -> Viewer:
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> SVG | None:
     """The four-panel figure of a case and mode, or nothing if it was not run."""
-    return SVG(figures.as_svg(cube, case, mode)) if figures.has(cube, case, mode) else None
+    if not figures.has(cube, case, mode):
+        return None
+    return SVG(figures.as_svg(cube, case, mode), metadata={"case": case, "mode": mode})
 
 
 def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] = (1, 2, 3)) -> None:
@@ -295,4 +298,5 @@ def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] =
                 display(Markdown(f"**{escape(case)}, mode {mode}**"))
                 picture = base64.b64encode(figures.as_svg(cube, case, mode).encode()).decode()
                 words = html.escape(f"The figure of {case} in mode {mode}, with the same panels")
-                display(HTML(f'<img alt="{words}" src="data:image/svg+xml;base64,{picture}">'))
+                picture = f'<img alt="{words}" src="data:image/svg+xml;base64,{picture}">'
+                display(HTML(picture, metadata={"case": case, "mode": mode}))

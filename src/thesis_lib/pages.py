@@ -58,6 +58,9 @@ th, td { border-bottom: 1px solid var(--line); padding: .25rem .6rem; text-align
 aside { border-left: 3px solid var(--link); padding: .1rem 1rem; background: var(--soft); }
 details { border-left: 3px solid var(--line); margin: .5rem 0; padding-left: .6rem; }
 summary { cursor: pointer; font-size: .8rem; opacity: .75; }
+.tl-under-figure { font-size: .82rem; margin-top: -1rem; }
+.tl-provenance :is(dd, code) { overflow-wrap: anywhere; }
+.tl-provenance .tl-download { border: 1px solid; border-radius: 4px; padding: .2rem .7rem; }
 mjx-container[jax="SVG"] { max-width: 100%; overflow: auto hidden; vertical-align: bottom; }
 mjx-container[jax="SVG"] > svg { max-width: none; }
 @media (prefers-color-scheme: dark) {
@@ -68,7 +71,7 @@ mjx-container[jax="SVG"] > svg { max-width: none; }
 """  # noqa: E501
 _CODE_CSS = "\n".join(
     (
-        HtmlFormatter(style="friendly", nobackground=True).get_style_defs(".highlight"),
+        HtmlFormatter(style="xcode", nobackground=True).get_style_defs(".highlight"),
         "@media (prefers-color-scheme: dark) {",
         HtmlFormatter(style="github-dark", nobackground=True).get_style_defs(".highlight"),
         "}",
@@ -155,7 +158,7 @@ class _Text:
         rules: dict[str, Any] = self.parser.renderer.rules  # type: ignore[attr-defined]
         rules["math_block_label"] = self._equation
         rules["colon_fence"] = self._aside
-        rules["table_open"] = lambda *_: '<div class="scroll"><table>\n'
+        rules["table_open"] = lambda *_: '<div class="scroll" tabindex="0"><table>\n'
         rules["table_close"] = lambda *_: "</table></div>\n"
 
     def html(self, source: str) -> str:
@@ -269,6 +272,7 @@ def _myst(cell: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 def shell(title: str, body: str, mathjax: str = "") -> str:
     """A whole HTML page around `body`, which loads nothing; with MathJax if that is given."""
+    body = body.replace("<pre>", '<pre tabindex="0">')  # wide ones scroll, also by keyboard
     scripts = ""
     if mathjax:
         setup = "window.MathJax = {options: {enableMenu: false}, svg: {fontCache: 'local'}};"

@@ -47,7 +47,7 @@ from thesis_lib.sound_planes import PlateMarkers, SoundPlanes
 from thesis_lib.structures import Structure
 
 __all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "Study", "camera_study",
-           "describe", "nearest", "unit", "validate"]  # fmt: skip
+           "chapter_title", "describe", "nearest", "unit", "validate"]  # fmt: skip
 
 ELEVATION = "a number above 0, at most 90"
 DISTANCE = field(
@@ -286,6 +286,17 @@ CHAPTERS = {
     for chapter, subject in _SUBJECTS.items()
     if chapter
 }
+
+
+def chapter_title(name: str) -> str:
+    """What a name of :data:`CHAPTERS` stands for.
+
+    Examples
+    --------
+    >>> chapter_title("ch3"), chapter_title("lab")
+    ('Chapter 3', 'Beyond chapter 5')
+    """
+    return "Beyond chapter 5" if name == "lab" else f"Chapter {name.removeprefix('ch')}"
 
 
 def validate(name: str, values: Mapping[str, Any]) -> Study:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from thesis_lib import (
     claims,
     cubes,
+    effort,
     figures,
     files,
     ledger,
+    missing,
     optics_tables,
     planes,
     radiation,
@@ -38,17 +40,43 @@ Array = NDArray[np.float64]
 GRAVITY = 9.80665
 
 
-def write(made: Sequence[Path], folder: Path) -> None:
-    """Write every piece of :data:`PIECES` from the cubes `made` into `folder`."""
-    opened = {path.stem: cubes.read(path) for path in made}
+class _Opened(dict[str, xr.Dataset]):
+    """Cubes by name, which remember the missing ones that a piece would have used."""
+
+    def __init__(self, cubes_: Mapping[str, xr.Dataset], without: Iterable[str]) -> None:
+        super().__init__(cubes_)
+        self.without = frozenset(without)
+        self.wanted: set[str] = set()
+
+    def __missing__(self, name: str) -> xr.Dataset:
+        self.wanted.add(name)
+        raise KeyError(name)
+
+
+def write(made: Sequence[Path], folder: Path, without: Iterable[str] = ()) -> None:
+    """Write every piece of :data:`PIECES` from the cubes `made` into `folder`.
+
+    Pieces that need the figure sets `without` a cube say that these are missing.
+    """
+    read = {path.stem: cubes.read(path) for path in made}
     for name, piece in PIECES.items():
-        text = piece(opened)
+        opened = _Opened(read, without)
+        try:
+            text = piece(opened)
+        except Exception:
+            if not opened.wanted:
+                raise
+            text = ""
+        if opened.wanted:
+            text = "\n\n".join(filter(None, [text, missing.sentence(opened.wanted)]))
         files.whole_file(
             folder / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8")
         )
 
 
 def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
+    if isinstance(opened, _Opened):
+        opened.wanted |= {name for name in opened.without if STUDIES[name].subject == subject}
     return [cube for name, cube in opened.items() if STUDIES[name].subject == subject]
 
 
@@ -331,6 +359,20 @@ def _optics(name: str, opened: dict[str, xr.Dataset]) -> str:
     return optics_tables.PIECES[name](opened["cameras"])
 
 
+def _effort(_: dict[str, xr.Dataset]) -> str:
+    """What each figure set costs, as measured in the published run."""
+    known = effort.read()
+    rows = [
+        [f"`{name}`", one.kind, one.time, one.memory, f"{one.cube_mb:.1f} MB"]
+        for name in STUDIES
+        for one in [known.get(name)]
+        if one is not None
+    ]
+    if not rows:
+        return "Nothing was measured yet; `thesis book --publish` does.\n"
+    return table(["figure set", "takes", "time", "memory", "cube"], rows)
+
+
 def _parameters(opened: dict[str, xr.Dataset]) -> str:
     parts = []
     for name in [name for chapter in CHAPTERS.values() for name in chapter]:
@@ -360,5 +402,6 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "sound-markers": _markers,
     "sound-levels": _levels,
     "parameters": _parameters,
+    "effort": _effort,
     "ledger-totals": _ledger_totals,
 }

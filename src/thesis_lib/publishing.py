@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from thesis_lib import (
     assumptions,
     book,
+    crate,
     cubes,
+    downloads,
+    effort,
     explorer,
     figures,
     files,
+    missing,
     prose,
+    rerun_form,
     runs,
     thesis_index,
 )
@@ -24,9 +31,48 @@ from thesis_lib.files import project_root
 from thesis_lib.measuring import reference
 from thesis_lib.parameters import STUDIES
 
+PAGES: dict[str, Callable[[], str]] = {
+    "explorer": explorer.explorer_html,
+    "explorer-home": partial(explorer.explorer_html, "s=beam&m=3&t=4a-6", compact=True),
+    "rerun-form": rerun_form.page,
+}
+"""Pieces of pages that depend on the library, and what is published, alone."""
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """The places of a book, and what has failed so far, by the name of the step."""
+
+    root: Path
+    jobs: list[runs.Job]
+    publish: bool
+    failed: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def ran(self) -> list[runs.Job]:
+        """The figure sets that did not fail."""
+        return [job for job in self.jobs if job.study.name not in self.failed]
+
+    @property
+    def executed(self) -> Path:
+        """Folder of what pages include."""
+        return self.root / "book" / "executed"
+
+    @property
+    def index(self) -> Path:
+        """The page to open."""
+        return self.root / "build" / "html" / "index.html"
+
+    @property
+    def archive(self) -> Path:
+        """The book as one file."""
+        return self.root / "build" / f"{downloads.ARCHIVE}.zip"
+
 
 def build(publish: bool = False) -> Path:
     """Bring the book up to date.
+
+    What fails is told in its place in the book, and everything else is made all the same.
 
     Parameters
     ----------
@@ -38,6 +84,11 @@ def build(publish: bool = False) -> Path:
     -------
     Path
         The page to open.
+
+    Raises
+    ------
+    RunError
+        If anything failed; the message names all of it.
     """
     root = project_root()
     executed, results = root / "book" / "executed", root / "data" / "results"
@@ -47,25 +98,69 @@ def build(publish: bool = False) -> Path:
     ]
     filmed = ("experiment", "lab")  # what takes longest comes first
     jobs.sort(key=lambda job: job.study.subject not in filmed)
-    made = [job.cube for job in jobs]
+    plan = _Plan(root, jobs, publish)
+    while True:  # each time round without what failed before
+        steps = _tasks(plan)
+        try:
+            runs.run(steps, root / "build" / "state.sqlite")
+            break
+        except runs.RunError as error:
+            new = {name: text for name, text in error.failed.items() if name not in error.unmet}
+            if not new or "pages" in new:
+                raise runs.RunError("\n".join([*plan.failed.values(), str(error)])) from None
+            plan.failed.update(new)
+            _stand_in(plan, steps, new)
+    if plan.failed:
+        lines = [*plan.failed.values(), f"the book without these is {plan.index}"]
+        raise runs.RunError("\n".join(lines))
+    return plan.index
+
+
+def _stand_in(plan: _Plan, steps: Sequence[dict[str, Any]], failed: Mapping[str, str]) -> None:
+    """Let what is missing say so where it would be."""
+    jobs = {job.study.name: job for job in plan.jobs}
+    made = {step["name"]: step["targets"] for step in steps}
+    for name, reason in failed.items():
+        if name in jobs:
+            missing.write_page(runs.source(name), name, reason, jobs[name].notebook)
+            continue
+        for target in made[name]:
+            if Path(target).parent == plan.executed:
+                missing.write_placeholder(Path(target), name)
+
+
+def _tasks(plan: _Plan) -> list[dict[str, Any]]:
+    """All steps of the book that have not failed."""
+    root, executed = plan.root, plan.executed
+    made = [job.cube for job in plan.ran]
     numbers = [executed / f"{name}.md" for name in prose.PIECES]
     pages = [p for p in (root / "book").rglob("*") if p.is_file() and executed not in p.parents]
     pages = list({*pages, root / "book" / "assets" / "overview.svg"})
     pages += [root / "_config.yml", root / "package-lock.json"]
-    sources = [*pages, *(job.notebook for job in jobs), *numbers, *files.library_files()]
+    sources = [*pages, *(job.notebook for job in plan.jobs), *made, *numbers]
     walk = [executed / pictures.file_name(name) for name in pictures.PICTURES]
     walk += [executed / f"{name}.md" for name in walk_numbers.PIECES]
     told = [executed / f"{name}.md" for name in reference.PIECES]
     own_words = [executed / f"{n}.md" for n in (*thesis_index.PIECES, *assumptions.PIECES)]
-    own_words.append(executed / "explorer.html")
+    own_words += [executed / f"{name}.html" for name in PAGES]
     published = sorted((root / "data" / "published").glob("*.csv"))
-    index = root / "build" / "html" / "index.html"
+    costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
+    without = [job.study.name for job in plan.jobs if job not in plan.ran]
+    publishing = []
+    if plan.publish and not plan.failed:
+        picture = root / "book" / "assets" / "overview.svg"
+        made_known = [picture, effort.published_path()]
+        publishing = [
+            runs.task("published run", lambda: _publish(plan.jobs, picture), made, made_known)
+        ]
+        publishing[0]["uptodate"] = [False]  # asked for, so done
     tasks = [
-        *runs.job_tasks(jobs),
+        *runs.job_tasks(plan.ran),
+        *publishing,
         runs.task(
             "numbers",
-            lambda: prose.write(made, executed),
-            [*made, *files.library_files()],
+            lambda: prose.write(made, executed, without),
+            [*made, *costs, *files.library_files()],
             numbers,
         ),
         runs.task(
@@ -81,35 +176,40 @@ def build(publish: bool = False) -> Path:
             told,
         ),
         runs.task(
-            "index, assumptions, explorer",
+            "index, assumptions, explorer, form",
             lambda: _tell(executed),
             [*files.library_files(), *(root / "book").glob("*.md"), *published],
             own_words,
         ),
         runs.task(
             "pages",
-            lambda: book.render(root, index.parent),
-            [*sources, *walk, *told, *own_words],
-            [index],
+            lambda: _render(plan),
+            [*sources, *walk, *told, *own_words, *files.library_files()],
+            [plan.index, plan.archive],
         ),
     ]
-    if publish:
-        picture = root / "book" / "assets" / "overview.svg"
-        tasks.insert(
-            -1, runs.task("published run", lambda: _publish(jobs, picture), made, [picture])
-        )
-        tasks[-2]["uptodate"] = [False]  # asked for, so done
-    runs.run(tasks, root / "build" / "state.sqlite")
-    return index
+    return [task for task in tasks if task["name"] not in plan.failed]
+
+
+def _render(plan: _Plan) -> None:
+    """Pages, downloads, their description, and all of it as one file."""
+
+    def finish(html: Path) -> None:
+        downloads.slim_sources(html)
+        downloads.fill(html, [job.cube for job in plan.ran])
+        crate.write(html, [(job.notebook, job.cube) for job in plan.ran])
+
+    book.render(plan.root, plan.index.parent, finish)
+    downloads.archive(plan.index.parent, plan.archive)
 
 
 def _tell(executed: Path) -> None:
     """What the pages include that depends on the library alone."""
     thesis_index.write(executed)
     assumptions.write(executed)
-    page = explorer.explorer_html()
-    whole = partial(Path.write_text, data=page, encoding="utf-8")
-    files.whole_file(executed / "explorer.html", whole)
+    for name, page in PAGES.items():
+        whole = partial(Path.write_text, data=page(), encoding="utf-8")
+        files.whole_file(executed / f"{name}.html", whole)
 
 
 def _walk_through(executed: Path) -> None:
@@ -127,6 +227,8 @@ def _publish(jobs: Sequence[runs.Job], picture: Path) -> None:
     for job in jobs:
         cubes.publish(cubes.read(job.cube))
         keep_outputs(runs.source(job.study.name), job.notebook)
+    costs = {job.study.name: effort.of(job.notebook) for job in jobs}
+    effort.write((name, costs[name]) for name in STUDIES)
     arrays = next(job for job in jobs if job.study.name == "beam-arrays")
     text = figures.as_svg(cubes.read(arrays.cube), "4a", 3)
     files.whole_file(picture, partial(Path.write_text, data=text, encoding="utf-8"))

@@ -18,8 +18,8 @@ import xarray as xr
 from thesis_lib import claims, sound, studies
 from thesis_lib.abreast import abreast
 from thesis_lib.claims import Check
+from thesis_lib.commands import command
 from thesis_lib.ledger_requests import ADOPTED, READINGS, OtherReadings, Reading
-from thesis_lib.ledger_runs import command
 from thesis_lib.parameters import CAMERA_STUDIES, camera_study
 
 CHAPTERS = {"beam": 3, "plate": 4, "sound": 6}

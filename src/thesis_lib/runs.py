@@ -14,8 +14,8 @@ import re
 import sys
 import time
 import traceback
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,14 +27,33 @@ from doit.doit_cmd import DoitMain
 from doit.exceptions import TaskFailed, UnmetDependency
 from doit.tools import config_changed
 
-from thesis_lib import cubes
+from thesis_lib import cubes, effort, executed_notebook
+from thesis_lib.commands import given
 from thesis_lib.files import library_files, project_root, staging, sweep
 from thesis_lib.pages import BookError
 from thesis_lib.parameters import STUDIES, Study
 
+_LAST_WORDS = "import thesis_lib.effort\n\nprint(thesis_lib.effort.told())"
+
 
 class RunError(RuntimeError):
-    """A run that failed; the message says what, where, and how to go on."""
+    """A run that failed; the message says what, where, and how to go on.
+
+    Parameters
+    ----------
+    message : str
+        All of it.
+    failed : mapping, optional
+        What failed, by name.
+    unmet : iterable of str, optional
+        Names of those that were not run since others failed.
+    """
+
+    def __init__(
+        self, message: str, failed: Mapping[str, str] | None = None, unmet: Iterable[str] = ()
+    ) -> None:
+        super().__init__(message)
+        self.failed, self.unmet = dict(failed or {}), frozenset(unmet)
 
 
 @dataclass(frozen=True)
@@ -93,16 +112,19 @@ def execute(job: Job) -> None:
     import nbformat  # papermill and nbconvert take a second to import
     import papermill
 
+    from thesis_lib import provenance
+
     name = job.study.name
-    defaults = type(job.study)().request
-    given = {key: value for key, value in job.study.request.items() if value != defaults[key]}
     with staging(job.notebook.parent) as folder:
         executed, cube = folder / f"{name}.ipynb", folder / f"{name}.nc"
+        asked = nbformat.read(source(name), as_version=4)
+        asked.cells.append(nbformat.v4.new_code_cell(_LAST_WORDS, id="last-words"))
+        nbformat.write(asked, folder / "asked.ipynb")
         try:
             papermill.execute_notebook(
-                str(source(name)),
+                str(folder / "asked.ipynb"),
                 str(executed),
-                parameters={**given, "cube": str(cube)},
+                parameters={**given(job.study), "cube": str(cube)},
                 kernel_name="python3",
                 progress_bar=False,
                 store_widget_state=False,
@@ -115,18 +137,24 @@ def execute(job: Job) -> None:
                 f"the traceback is in {log}; mend the cause and run the same command again"
             ) from None
         notebook = nbformat.read(executed, as_version=4)
-        _hide_staging(notebook, name)
+        executed_notebook.hide_staging(notebook, name)
+        said = notebook.cells.pop().outputs[0]["text"]
+        cost = effort.heard(said, notebook.metadata["papermill"]["duration"], cube)
+        result = cubes.read(cube)
+        about = provenance.record(job.study, result, cube, cost)
+        notebook.metadata["thesis_lib"] = {"cube_sha256": about.sha256, **asdict(cost)}
+        provenance.add(notebook, about, result, in_book=job.page is None)
         if job.page:
             from thesis_lib.viewer_data import as_in_the_thesis
 
-            result = cubes.read(cube)
             text = "\n".join(cubes.difference_lines(result))
             text = f"## Difference from the published run\n\n```text\n{text}\n```"
-            notebook.cells.append(nbformat.v4.new_markdown_cell(text, id=f"{name}-difference"))
+            cell = nbformat.v4.new_markdown_cell(text, id=f"{name}-difference")
+            notebook.cells.insert(-1, cell)
             if job.study.subject != "claims" and not as_in_the_thesis(result):
-                _disown_captions(notebook)
+                executed_notebook.disown_captions(notebook)
             if job.study.subject == "claims":
-                _cut_links(notebook)
+                executed_notebook.cut_links(notebook)
         nbformat.write(notebook, executed)
         ready = [(executed, job.notebook), (cube, job.cube)]
         if job.page:
@@ -140,41 +168,12 @@ def execute(job: Job) -> None:
             made.replace(place)
 
 
-def _hide_staging(notebook: Any, name: str) -> None:
-    """Leave the reader's parameters in the notebook, not where we let it write."""
-    recorded = notebook.metadata["papermill"]
-    recorded.update(input_path=f"notebooks/{name}.ipynb", output_path=f"{name}.ipynb")
-    recorded["parameters"].pop("cube")
-    for cell in notebook.cells:
-        if "injected-parameters" in cell.metadata.get("tags", []):
-            lines = [line for line in cell.source.splitlines() if not line.startswith("cube = ")]
-            cell.source = "\n".join(lines)
-    notebook.cells = [cell for cell in notebook.cells if cell.source != "# Parameters"]
-
-
-def _cut_links(notebook: Any) -> None:
-    """Let the ledger's rows lead nowhere: their pages are the book's, not beside this one."""
-    for cell in notebook.cells:
-        for output in cell.get("outputs", []):
-            data = output.get("data", {})
-            if "text/html" in data:
-                data["text/html"] = re.sub(r'"href":"[^"]*"', '"href":""', data["text/html"])
-
-
 def _log(name: str, text: str) -> Path:
     """Keep a traceback for whoever mends its cause."""
     path = project_root() / "build" / "logs" / f"{name}.txt"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def _disown_captions(notebook: Any) -> None:
-    """Say under each figure that it is the thesis's only in kind."""
-    for cell in notebook.cells:
-        caption = cell.metadata.get("mystnb", {}).get("figure", {})
-        if "caption" in caption:
-            caption["caption"] = "With the parameters of this run, after: " + caption["caption"]
 
 
 def job_tasks(jobs: Sequence[Job]) -> list[dict[str, Any]]:
@@ -186,6 +185,7 @@ def job_tasks(jobs: Sequence[Job]) -> list[dict[str, Any]]:
         # while a notebook runs makes it stale.
         needs = _judged(jobs) if job.study.subject == "claims" else []
         made = task(job.study.name, partial(execute, job), needs, job.targets, digest(job))
+        made["uptodate"].append(partial(_cube_is_whole, job))
         first = job.study.name.replace("sound-", "plate-")
         first = first.replace("experiment-cameras", "experiment-resolution")
         if first != job.study.name and first in names:
@@ -241,6 +241,17 @@ def _cubes_open(made: Sequence[Path]) -> bool:
     return True
 
 
+def _cube_is_whole(job: Job) -> bool:
+    """Whether the cube is the one that the executed notebook tells of; else it is made anew."""
+    from thesis_lib.provenance import sha256
+
+    try:
+        kept = json.loads(job.notebook.read_text(encoding="utf-8"))["metadata"]
+        return bool(kept["thesis_lib"]["cube_sha256"] == sha256(job.cube))
+    except (OSError, ValueError, KeyError):
+        return False
+
+
 class _Journal(SqliteDB):  # type: ignore[misc]
     """doit's database, kept up to date at once: what was done survives a pulled plug."""
 
@@ -262,7 +273,8 @@ class _Progress:
     def __init__(self, total: int) -> None:
         self.total, self.done = total, 0
         self.started: dict[str, float] = {}
-        self.failures: list[str] = []
+        self.failures: dict[str, str] = {}
+        self.unmet: set[str] = set()
         self.begin = time.monotonic()
 
     def _say(self, task: Any, text: str) -> None:
@@ -298,13 +310,14 @@ class _Progress:
         title, message = _title(task), str(fail.message).strip()
         if isinstance(fail, UnmetDependency):
             message = f"not run, since {message.replace('thesis:', '')} failed"
-        self.failures.append(message if message.startswith(title) else f"{title}: {message}")
+            self.unmet.add(title)
+        self.failures[title] = message if message.startswith(title) else f"{title}: {message}"
 
     def runtime_error(self, message: str) -> None:
-        self.failures.append(message)
+        self.failures[""] = message
 
     def cleanup_error(self, error: Any) -> None:
-        self.failures.append(str(error))
+        self.failures[""] = str(error)
 
     def __getattr__(self, name: str) -> Any:  # the events that need no words
         if name in {"initialize", "get_status", "skip_ignore", "teardown_task", "complete_run"}:
@@ -352,4 +365,5 @@ def run(tasks: Sequence[dict[str, Any]], state: Path, workers: int = 2) -> None:
     loader = ModuleTaskLoader({"task_thesis": lambda: (dict(task) for task in tasks)})
     status = DoitMain(loader, config_filenames=(), extra_config=config).run(["run"])
     if progress.failures or status:
-        raise RunError("\n".join(progress.failures) or f"the task runner stopped ({status})")
+        text = "\n".join(progress.failures.values()) or f"the task runner stopped ({status})"
+        raise RunError(text, progress.failures, progress.unmet)

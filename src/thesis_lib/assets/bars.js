@@ -21,8 +21,10 @@ export function createBars(panel, study, uid, highlight) { // returns what draws
     const wide = count > 1 ? Math.min(34, slotWidth / 2 - gap) : Math.min(44, slotWidth * 0.46);
     const stub = count > 1 ? gap / 2 + 4 : Math.min(14, slotWidth / 4);
 
+    const middleOf = (i, n) => x(i + 0.5) + (n - (count - 1) / 2) * (wide + gap);
+
     function column(setting, i, r, n) { // one bar with its band, median, prediction and statement
-      const middle = x(i + 0.5) + (n - (count - 1) / 2) * (wide + gap), left = middle - wide / 2;
+      const middle = middleOf(i, n), left = middle - wide / 2;
       if (!isNumber(r.mean) && r.name) return [svg("g", { class: "tl-nodal" },
         svg("title", {}, `${r.name}: ${data.nodal_note}`), path("tl-band", `M${middle - 5} ${y(0) - 6}h10`))];
       const box = { x: left, y: y(r.mean ?? 0), width: wide, height: y(0) - y(r.mean ?? 0) };
@@ -37,9 +39,12 @@ export function createBars(panel, study, uid, highlight) { // returns what draws
       add([r.predicted], "tl-predicted", (at) => `M${left + wide - 5} ${at}h${stub}`);
       if (r.stated) add([r.stated[0] ?? 0, r.stated[1] ?? most], "tl-stated",
         (low, high) => (low === high ? mark(3, left - 5, low, 4) : `M${left - 1} ${low}h-4V${high}h4`));
-      parts.push(text(middle, y(Math.max(...[0, r.mean, r.high].filter(isNumber))) - 6, show(r.mean)));
       return parts;
     }
+    // Beside the buttons, not in them: a button's own text is its setting, and its name begins with it.
+    const values = settings.map((_, i) => svg("g", { class: "tl-value", "data-setting": i, "aria-hidden": "true" },
+      ...every[i].map((r, n) => (isNumber(r.mean) || !r.name ? text(middleOf(i, n),
+        y(Math.max(...[0, r.mean, r.high].filter(isNumber))) - 6, show(r.mean)) : ""))));
     const bars = settings.map((setting, i) => {
       const drop = staggered && i % 2 ? 15 : 0;
       const height = bottom - MARGIN.top + 36 + drop;
@@ -51,7 +56,7 @@ export function createBars(panel, study, uid, highlight) { // returns what draws
       listen(bar, i, () => bars);
       return bar;
     });
-    panel.canvas.append(...bars);
+    panel.canvas.append(...bars, ...values);
     if (had !== null) bars[had]?.focus();
     drawKey(settings, errors);
   }

@@ -90,8 +90,9 @@ export default (() => {
   };
   function claimOf(row, widest) {
     const body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
-    const toggle = button({ "aria-expanded": false, "aria-label": `More about ${row.place}: ${row.what}` },
-      row.note ? "note" : "more", () => {
+    const word = row.note ? "note" : "more"; // in the name, too, for those who speak to the browser
+    const toggle = button({ "aria-expanded": false, "aria-label": `${word} about ${row.place}: ${row.what}` },
+      word, () => {
         const open = toggle.getAttribute("aria-expanded") === "true";
         const second = body.rows[1] ?? body.appendChild(secondLine(row));
         second.hidden = open;

@@ -1,0 +1,71 @@
+"""axe-core, the accessibility checker: installed for the tests alone, and asked about a page."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Page
+
+from thesis_lib.book import npm_ci
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "build" / "axe"
+WORST = ("serious", "critical")
+
+
+@cache
+def source() -> str:
+    """The checker's program, installed from ``package-lock.json`` unless it is there.
+
+    Raises
+    ------
+    thesis_lib.book.BookError
+        If there is no npm, or no network the first time.
+    """
+    lock = ROOT / "package-lock.json"
+    stamp, file = FOLDER / ".lock-sha256", FOLDER / "axe.min.js"
+    digest = hashlib.sha256(lock.read_bytes()).hexdigest()
+    if not (file.is_file() and stamp.is_file() and stamp.read_text() == digest):
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=FOLDER.parent, prefix="npm-") as name:
+            for one in (lock, ROOT / "package.json"):
+                shutil.copy(one, name)
+            npm_ci(Path(name), "axe-core for the tests")
+            package = Path(name) / "node_modules" / "axe-core"
+            for part in ("LICENSE", "axe.min.js"):
+                shutil.copy(package / part, FOLDER)
+        stamp.write_text(digest)
+    return file.read_text(encoding="utf-8")
+
+
+def findings(page: Page, *rules: str, without: tuple[str, ...] = ()) -> list[str]:
+    """What is seriously wrong with a page, one line per element.
+
+    Parameters
+    ----------
+    page : Page
+    *rules : str
+        Those to check; all, if none is named.
+    without : tuple of str
+        Selectors of parts to leave out.
+    """
+    options: dict[str, Any] = {"resultTypes": ["violations"], "preload": False}
+    if rules:
+        options["runOnly"] = {"type": "rule", "values": list(rules)}
+    if not page.evaluate("() => 'axe' in window"):
+        page.evaluate(source())
+    found = page.evaluate(
+        "([without, options]) => axe.run({ exclude: without }, options)",
+        [[[one] for one in without], options],
+    )
+    return [
+        f"{rule['id']}: {' '.join(map(str, node['target']))}: {node['html'][:200]}"
+        for rule in found["violations"]
+        if rule["impact"] in WORST
+        for node in rule["nodes"]
+    ]

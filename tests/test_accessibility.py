@@ -1,0 +1,129 @@
+"""Names, roles, alternatives and contrast of every page, as axe-core sees them, light and dark."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("playwright", reason="the browser tests need the playwright package")
+
+import axe
+from browser import browser, find_browser
+from playwright.sync_api import Page
+from test_book_pages import BOOK, PAGES, needs_book, notebook  # noqa: F401
+
+from thesis_lib import book, rerun_form
+from thesis_lib.accessible import mend
+
+pytestmark = [
+    pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome on this machine"),
+    pytest.mark.xdist_group("browser"),
+]
+
+# What folds is opened at once; of many rows, entries and words of code that are alike, some stand
+# for all.
+PREPARE = """() => {
+  const style = document.createElement('style');
+  style.textContent = '* { animation: none !important; transition: none !important; }';
+  document.head.append(style);
+  for (const one of document.querySelectorAll('details')) one.open = true;
+  const most = { SECTION: 8 };
+  for (const tag of 'A DD DL DT EM LI P SPAN TBODY TR'.split(' ')) most[tag] = 3;
+  for (const parent of document.querySelectorAll('.bd-article, .bd-article *')) {
+    const seen = {};
+    for (const child of [...parent.children]) {
+      const kind = `${child.tagName}.${child.getAttribute('class')}.${child.getAttribute('style')}`;
+      seen[kind] = (seen[kind] ?? 0) + 1;
+      if (seen[kind] > (most[child.tagName] ?? Infinity)) child.remove();
+    }
+  }
+}"""
+SAME = (".bd-sidebar-primary", ".bd-header-article", ".bd-footer")  # on every page
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Page]:
+    """A tab that all tests share; skipped where the checker cannot be installed."""
+    try:
+        axe.source()
+    except book.BookError as error:
+        pytest.skip(f"no axe-core: {error}")
+    with browser() as running:
+        context = running.new_context(viewport={"width": 1280, "height": 900}, offline=True)
+        context.set_default_timeout(120_000)
+        yield context.new_page()
+
+
+def check(page: Page, path: Path, *, theme: bool = True, without: tuple[str, ...] = ()) -> None:
+    """Open a file and expect nothing serious, of any rule in the light, of contrast in the dark."""
+    page.emulate_media(color_scheme="light")
+    page.goto(path.resolve().as_uri())
+    page.evaluate("() => window.MathJax?.startup?.promise")
+    page.evaluate(PREPARE)
+    assert axe.findings(page, without=without) == []
+    page.emulate_media(color_scheme="dark")
+    if theme:
+        page.wait_for_function("() => document.documentElement.dataset.theme === 'dark'")
+    assert axe.findings(page, "color-contrast", without=without) == []
+
+
+@needs_book
+@pytest.mark.parametrize("name", [name for name in PAGES if name != "index.html"])  # it is intro
+def test_nothing_serious_on_a_page_of_the_book(page: Page, name: str) -> None:
+    check(page, BOOK / name, without=() if name == "intro.html" else SAME)
+
+
+def test_nothing_serious_on_a_page_of_a_run(
+    page: Page,
+    notebook: Path,  # noqa: F811
+) -> None:
+    html = notebook.with_suffix(".html")
+    html.write_text(book.page(notebook, "Run"), encoding="utf-8")
+    check(page, html, theme=False)
+    html.write_text(book.index_page("Runs", [("A", "a.html")]), encoding="utf-8")
+    check(page, html, theme=False)
+
+
+def test_nothing_serious_in_the_form(page: Page, tmp_path: Path) -> None:
+    """Filled, refused, and with every kind of control."""
+    html = tmp_path / "form.html"
+    head = "<!doctype html><html lang='en'><meta charset='utf-8'><title>Form</title>"
+    html.write_text(f"{head}<main><h1>Form</h1>{rerun_form.page()}</main>", encoding="utf-8")
+    for dark in (False, True):
+        page.emulate_media(color_scheme="dark" if dark else "light")
+        for query in ("set=beam-arrays&modes=1", "set=lab-plate&frames=x", "set=ch3&seed=-1"):
+            page.goto(f"{html.as_uri()}?{query}")
+            page.evaluate(PREPARE)
+            assert axe.findings(page) == []
+
+
+def test_the_checker_sees_what_is_wrong(page: Page, tmp_path: Path) -> None:
+    html = tmp_path / "wrong.html"
+    html.write_text(
+        "<!doctype html><html lang='en'><title>Wrong</title><main><h1>Wrong</h1>"
+        "<img src='data:,'><button></button><input><p style='color: #999'>Too pale.</p>"
+        "<details><summary><i></i></summary>More</details></main>",
+        encoding="utf-8",
+    )
+    page.emulate_media(color_scheme="light")
+    page.goto(html.as_uri())
+    found = [line.split(":")[0] for line in axe.findings(page)]
+    assert sorted(found) == ["button-name", "color-contrast", "image-alt", "label", "summary-name"]
+
+
+def test_mends_fit_the_markup_that_they_are_for() -> None:
+    """Written as theme and extensions write it today: a new version that differs is noticed."""
+    toc = '<a class="reference internal" href="b.html">The <em>b</em></a>'
+    assert mend(toc) == toc
+    toc = '<a class="current reference internal" href="#">\n A &amp; b\n </a>'
+    toc += '<details open="open"><summary><span class="toctree-toggle">'
+    assert '<summary aria-label="Pages below: A &amp; b"><span' in mend(toc)
+    assert mend('<i class="theme-switch fa-solid  fa-lg" data-mode="light" title="Light"></i>') == (
+        '<i class="theme-switch fa-solid  fa-lg" data-mode="light"></i>'
+    )
+    item = '<div class="citation" id="id3" role="doc-biblioentry">'
+    assert mend(item) == '<div class="citation" id="id3" role="listitem">'
+    same = '<button class="btn search-button" aria-label="Search"><summary>Show</summary>'
+    assert mend(same) == same
