@@ -78,7 +78,7 @@ KNOBS: dict[str, Knob] = {
          *_filmed_plate("distance")),
     ),
     "wider": Knob(
-        "aperture at one elevation, °", "α", 1,
+        "aperture, °", "α", 1,
         (*_simulated("aperture", "2a", "2c"), ("beam, filmed", "lab-layout", ("aperture",), MEAN),
          *_filmed_plate("aperture")),
     ),
@@ -236,8 +236,8 @@ class Strength:
 
     Parameters
     ----------
-    group, cases : str
-        Whose error, and of which cases.
+    group : str
+        Whose error.
     ends : tuple of float
         The knob's value where it should measure worst and best.
     factors, stated : ndarray
@@ -254,7 +254,6 @@ class Strength:
     """
 
     group: str
-    cases: str
     ends: tuple[float, float]
     factors: Array
     stated: Array
@@ -282,7 +281,6 @@ def _strength(group: str, found: list[Curve], knob: Knob) -> Strength:
     stated = np.array([step(c.stated, knob.better) for c in found])
     return Strength(
         group=group,
-        cases=", ".join(dict.fromkeys(c.case for c in found)),
         ends=(low, high) if knob.better > 0 else (high, low),
         factors=np.array([step(c.rms, knob.better) for c in found]),
         stated=stated[np.isfinite(stated)],
@@ -324,13 +322,14 @@ def spread(values: Iterable[float], digits: int = 2) -> str:
     Examples
     --------
     >>> spread([0.5, 0.4, 0.9]), spread([2.0])
-    ('0.50 (0.40 to 0.90)', '2.00')
+    ('0.50 (0.40–0.90)', '2.00')
     """
     kept = np.array([value for value in values if np.isfinite(value)])
     if not kept.size:
         return "—"
     middle, low, high = (signed(v, digits) for v in (np.median(kept), kept.min(), kept.max()))
-    return middle if low == high else f"{middle} ({low} to {high})"
+    to = " to " if "−" in low else "–"
+    return middle if low == high else f"{middle} ({low}{to}{high})"
 
 
 def signed(value: float, digits: int = 2) -> str:

@@ -32,6 +32,7 @@ from thesis_lib.markdown import table
 from thesis_lib.parameters import STUDIES
 from thesis_lib.trends import read_trends
 
+TOGETHER = str.maketrans({" ": "\N{NO-BREAK SPACE}", "–": "\N{WORD JOINER}–\N{WORD JOINER}"})
 TURNED = {  # what the ledger calls the parameter of a trend, and what this page calls it
     "closer": "distance d", "wider": "aperture alpha", "lower": "elevation phi",
     "finer": "resolution", "more": "number of cameras",
@@ -45,22 +46,19 @@ def _knob(name: str, opened: Cubes) -> str:
     knob = KNOBS[name]
     rows = []
     for one in strengths(opened, knob):
-        number = len(one.factors)
-        against = f", the opposite in {one.opposite}" if one.opposite else ""
-        rows.append(
-            [
-                one.group,
-                one.cases,
-                f"{one.ends[0]:g} → {one.ends[1]:g}",
-                f"×{spread(one.factors)}",
-                f"×{spread(one.stated)}" if one.stated.size else "—",
-                spread(one.exponents),
-                spread(one.predicted),
-                f"{one.confident} of {number}{against}",
-                f"{one.single:.0%}",
-            ]
-        )
-    header = ["error of", "cases", knob.label, "error changes by", "as stated",
+        against = f" ({one.opposite} opposite)" if one.opposite else ""
+        row = [
+            one.group,
+            f"{one.ends[0]:g} → {one.ends[1]:g}",
+            f"×{spread(one.factors)}",
+            f"×{spread(one.stated)}" if one.stated.size else "—",
+            spread(one.exponents),
+            signed(float(np.median(one.predicted))),
+            f"{one.confident} of {len(one.factors)}{against}",
+            f"{one.single:.0%}",
+        ]
+        rows.append([cell.translate(TOGETHER) for cell in row])
+    header = ["error of", knob.label, "error changes by", "as stated",
               f"exponent of {knob.symbol}", "by the law", "holds in", "single runs"]  # fmt: skip
     more = {"lower": _optimum, "wider": _pair}
     return table(header, rows) + (more[name](opened) if name in more else "")
