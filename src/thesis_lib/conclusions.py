@@ -12,7 +12,7 @@ cube carries (for simulations the first-order law of rounding).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
@@ -36,20 +36,20 @@ class Knob:
     Parameters
     ----------
     label, symbol : str
-        What it is, with its unit, and what it is called in a table.
+        What it is, with its unit, and what the error is taken to be a power of.
     better : int
         1 if more of it should measure better, else -1.
     sources : tuple
         Who measured it: name of the group, figure set, cases (none means all) and errors.
     exponent_of : callable
-        What the error is taken to be a power of, from the values; and its name.
+        What the error is taken to be a power of, from the values.
     """
 
     label: str
     symbol: str
     better: int
     sources: tuple[Source, ...]
-    exponent_of: Callable[[Array], Array] = np.asarray
+    exponent_of: Callable[[Array], Array] = field(default=lambda values: values)
 
 
 def _cosine(degrees: Array) -> Array:

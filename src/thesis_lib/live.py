@@ -23,7 +23,7 @@ from thesis_lib.commands import command
 from thesis_lib.parameters import STUDIES, describe, validate
 from thesis_lib.rerun_form import whole_numbers
 
-WIDE = ipywidgets.Layout(width="26rem", max_width="100%")
+WIDE = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
 EXACT = 2**53  # largest whole number that a browser keeps
 SLIDER = 720  # widest range that a slider can set
 WITHOUT_VIEWER = ("cameras", "claims")  # subjects whose cubes hold no settings
