@@ -57,7 +57,7 @@ def _knob(name: str, opened: Cubes) -> str:
             f"{one.confident} of {len(one.factors)}{against}",
             f"{one.single:.0%}",
         ]
-        rows.append([cell.translate(TOGETHER) for cell in row])
+        rows.append([cell.translate(TOGETHER) if cell != row[-2] else cell for cell in row])
     header = ["error of", knob.label, "error changes by", "as stated",
               f"exponent of {knob.symbol}", "by the law", "holds in", "single runs"]  # fmt: skip
     more = {"lower": _optimum, "wider": _pair}
@@ -130,7 +130,11 @@ def _counted(opened: Cubes) -> str:
         + [str(number) for number in ledger.totals(part).values()]
         for name, part in parts.items()
     ]
-    return table(["trends that the thesis states", *VERDICTS], rows)
+    differing = [e for e in entries.values() if e.verdict == "differs"]
+    of_sound = sum(e.chapter == 6 for e in differing)
+    return table(["trends that the thesis states", *VERDICTS], rows) + (
+        f"\nOf the {len(differing)} that differ, {of_sound} are of chapter 6.\n"
+    )
 
 
 def _sound(opened: Cubes) -> str:
