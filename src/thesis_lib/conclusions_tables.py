@@ -32,6 +32,7 @@ from thesis_lib.markdown import table
 from thesis_lib.parameters import STUDIES
 from thesis_lib.trends import read_trends
 
+# Numbers of one cell stay on one line.
 TOGETHER = str.maketrans({" ": "\N{NO-BREAK SPACE}", "–": "\N{WORD JOINER}–\N{WORD JOINER}"})
 TURNED = {  # what the ledger calls the parameter of a trend, and what this page calls it
     "closer": "distance d", "wider": "aperture alpha", "lower": "elevation phi",
@@ -57,7 +58,7 @@ def _knob(name: str, opened: Cubes) -> str:
             f"{one.confident} of {len(one.factors)}{against}",
             f"{one.single:.0%}",
         ]
-        rows.append([cell.translate(TOGETHER) if cell != row[-2] else cell for cell in row])
+        rows.append([*(cell.translate(TOGETHER) for cell in row[:-2]), *row[-2:]])
     header = ["error of", knob.label, "error changes by", "as stated",
               f"exponent of {knob.symbol}", "by the law", "holds in", "single runs"]  # fmt: skip
     more = {"lower": _optimum, "wider": _pair}
