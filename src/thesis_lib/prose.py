@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thesis_lib import (
     claims,
+    conclusions_tables,
     cubes,
     effort,
     figures,
@@ -401,6 +402,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "sound-layouts": _layouts,
     "sound-markers": _markers,
     "sound-levels": _levels,
+    **conclusions_tables.PIECES,
     "parameters": _parameters,
     "effort": _effort,
     "ledger-totals": _ledger_totals,
