@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -75,6 +79,25 @@ class Opened:
 
 
 @contextmanager
+def server(folder: Path) -> Iterator[str]:
+    """Serve a folder on this machine alone, for as long as the context lasts."""
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            pass
+
+    handler = partial(Quiet, directory=str(folder))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as running:
+        thread = threading.Thread(target=running.serve_forever, daemon=True)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{running.server_address[1]}"
+        finally:
+            running.shutdown()
+            thread.join()
+
+
+@contextmanager
 def open_offline(
     running: Browser,
     path: Path,
@@ -82,22 +105,31 @@ def open_offline(
     height: int = 900,
     dark: bool = False,
     query: str = "",
+    served: str = "",
 ) -> Iterator[Opened]:
-    """Open the file `path` with no network, and wait until it and its equations are there."""
+    """Open the file `path` with no network, and wait until it and its equations are there.
+
+    With `served`, the address at which a server on this machine has the file, only that server is
+    reached.
+    """
+    server = re.match(r"http://127\.0\.0\.1:\d+/", served)
+    local = (*LOCAL, server[0]) if server else LOCAL
     context = running.new_context(
         viewport={"width": width, "height": height},
         color_scheme="dark" if dark else "light",
-        offline=True,
+        offline=not served,
         has_touch=width < 600,
     )
     try:
+        if served:
+            context.route(lambda url: not url.startswith(local), lambda route: route.abort())
         page = context.new_page()
         opened = Opened(page)
         page.on(
             "request",
             lambda request: (
                 None
-                if request.url.startswith(LOCAL)
+                if request.url.startswith(local)
                 else opened.external.append(f"external request: {request.url}")
             ),
         )
@@ -113,8 +145,17 @@ def open_offline(
                 else None
             ),
         )
+        page.on(
+            "response",
+            lambda response: (
+                opened.failed.append(f"{response.status}: {response.url}")
+                if response.status >= 400
+                else None
+            ),
+        )
         page.on("pageerror", lambda error: opened.console.append(f"page error: {error}"))
-        page.goto(path.resolve().as_uri() + (f"?{query}" if query else ""), wait_until="load")
+        address = served or path.resolve().as_uri()
+        page.goto(address + (f"?{query}" if query else ""), wait_until="load")
         page.wait_for_function("() => !document.querySelector('meta[http-equiv=Refresh]')")
         page.wait_for_load_state("load")
         page.evaluate("() => window.MathJax?.startup?.promise")

@@ -30,7 +30,7 @@ from thesis_lib import publishing as p, prose, runs
 p.STUDIES = {{name: p.STUDIES[name] for name in ("{GOOD}", "{BAD}")}}
 prose.PIECES = {{"beam-results": prose.PIECES["beam-results"]}}
 p.pictures.PICTURES = p.walk_numbers.PIECES = {{}}
-p.reference.PIECES = p.thesis_index.PIECES = p.assumptions.PIECES = {{}}
+p.PAGES = p.reference.PIECES = p.thesis_index.PIECES = p.assumptions.PIECES = {{}}
 p.reference.write = p._walk_through = p._tell = lambda executed: None
 try:
     print(p.build())

@@ -60,6 +60,22 @@ class Effort:
         return f"{max(round(self.peak_memory_mb, -1), 10):.0f} MB"
 
 
+def together(efforts: Iterable[Effort]) -> Effort:
+    """The effort of figure sets that are run one after another.
+
+    Examples
+    --------
+    >>> together([Effort(40, 300, 1), Effort(50, 200, 2)])
+    Effort(seconds=90, peak_memory_mb=300, cube_mb=3)
+    """
+    every = list(efforts)
+    return Effort(
+        sum(one.seconds for one in every),
+        max(one.peak_memory_mb for one in every),
+        sum(one.cube_mb for one in every),
+    )
+
+
 @dataclass
 class _Loaded:
     """What came from caches in this process: the seconds it took, the memory it needed."""

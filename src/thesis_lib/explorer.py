@@ -185,16 +185,20 @@ class Explorer(anywidget.AnyWidget):
         return {**data, "text/plain": repr(self), "text/html": page}, metadata
 
 
-def _page(data: dict[str, Any], address: str) -> str:
-    return static_html(_ESM, _CSS, {"data": data, "address": address, "page": True}, WITHOUT)
+def _page(data: dict[str, Any], address: str, compact: bool = False) -> str:
+    traits = {"data": data, "address": address, "page": True, "compact": compact}
+    return static_html(_ESM, _CSS, traits, WITHOUT)
 
 
-def explorer_html(address: str = "") -> str:
+def explorer_html(address: str = "", compact: bool = False) -> str:
     """Write the explorer as a self-contained HTML fragment for a page without a kernel.
 
     Parameters
     ----------
     address : str, optional
         What to show first, as in :class:`Explorer`; a page's own address comes before it.
+    compact : bool, optional
+        Show the view, the shapes and the least controls, with a link to the page ``explorer.html``
+        that has them all.
     """
-    return _page(explorer_data(), address)
+    return _page(explorer_data(), address, compact)

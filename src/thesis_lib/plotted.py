@@ -19,7 +19,8 @@ _STATED = ("stated_low", "stated_high", "stated")
 def errors_table(cube: xr.Dataset) -> pd.DataFrame:
     """Every error of a cube in %: one row per setting, mode and kind of error.
 
-    Of the ledger: one row per claim, with all that the cube says of it.
+    Of the ledger: one row per claim, with all that the cube says of it; of a cube of single
+    quantities: each with its value and unit.
 
     Parameters
     ----------
@@ -37,6 +38,8 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
             {str(n): v.values for n, v in cube.variables.items() if v.dims == ("claim",)}
         )
     table = cubes.summary(cube)
+    if "case" not in cube:
+        return table
     table = table.rename(columns={"label": "setting", "low": "low_5", "high": "high_95"})
     extra: list[dict[str, Any]] = []
     number = {name: 0 for name in cubes.errors(cube)}
@@ -151,10 +154,11 @@ def as_csv(table: pd.DataFrame) -> str:
 def figure_names(cube: xr.Dataset) -> dict[tuple[str, int], str]:
     """A file name without suffix for the numbers of each figure, by case and mode.
 
-    Cases may have any name; a file's has plain letters, digits and hyphens alone.
+    Cases may have any name; a file's has plain letters, digits and hyphens alone. A cube without
+    cases has no such files: all that its figures draw is in its one table.
     """
     names: dict[tuple[str, int], str] = {}
-    if cube.attrs["figure_set"] == "claims":
+    if "case" not in cube or cube.attrs["figure_set"] == "claims":
         return names
     for case in dict.fromkeys(cube["case"].values.tolist()):
         plain = re.sub(r"[^A-Za-z0-9]+", "-", case.replace("'", "-prime")).strip("-") or "case"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -30,6 +30,13 @@ from thesis_lib.experiment.requests import ExperimentResolution
 from thesis_lib.files import project_root
 from thesis_lib.measuring import reference
 from thesis_lib.parameters import STUDIES
+
+PAGES: dict[str, Callable[[], str]] = {
+    "explorer": explorer.explorer_html,
+    "explorer-home": partial(explorer.explorer_html, "s=beam&m=3&t=4a-6", compact=True),
+    "rerun-form": rerun_form.page,
+}
+"""Pieces of pages that depend on the library, and what is published, alone."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +142,7 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
     walk += [executed / f"{name}.md" for name in walk_numbers.PIECES]
     told = [executed / f"{name}.md" for name in reference.PIECES]
     own_words = [executed / f"{n}.md" for n in (*thesis_index.PIECES, *assumptions.PIECES)]
-    own_words += [executed / f"{name}.html" for name in ("explorer", *rerun_form.PIECES)]
+    own_words += [executed / f"{name}.html" for name in PAGES]
     published = sorted((root / "data" / "published").glob("*.csv"))
     costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
     without = [job.study.name for job in plan.jobs if job not in plan.ran]
@@ -200,10 +207,9 @@ def _tell(executed: Path) -> None:
     """What the pages include that depends on the library alone."""
     thesis_index.write(executed)
     assumptions.write(executed)
-    page = explorer.explorer_html()
-    whole = partial(Path.write_text, data=page, encoding="utf-8")
-    files.whole_file(executed / "explorer.html", whole)
-    rerun_form.write(executed)
+    for name, page in PAGES.items():
+        whole = partial(Path.write_text, data=page(), encoding="utf-8")
+        files.whole_file(executed / f"{name}.html", whole)
 
 
 def _walk_through(executed: Path) -> None:

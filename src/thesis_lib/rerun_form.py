@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
+from thesis_lib import effort
 from thesis_lib.camera_study import Study, permitted
-from thesis_lib.files import whole_file
 from thesis_lib.parameters import CHAPTERS, STUDIES, chapter_title, describe
 from thesis_lib.widgets import static_html
 
@@ -34,8 +32,9 @@ def form_data() -> dict[str, Any]:
         ``fields``, a list of parameters that differ in anything: name, meaning, unit, what is
         allowed in words and as JSON schema, how a refusal ends, the default as it would be typed,
         and the choices of a list of names. ``sets`` and ``chapters``, by name: title, and numbers
-        of fields in the order to show; a set also in the order in which they are checked, a
-        chapter its sets and the names of the parameters in which they differ.
+        of fields in the order to show, and a sentence on what the published run takes; a set also
+        numbers in the order in which they are checked, a chapter its sets and the names of the
+        parameters in which they differ.
     """
     fields: list[dict[str, Any]] = []
     sets: dict[str, dict[str, Any]] = {}
@@ -50,7 +49,8 @@ def form_data() -> dict[str, Any]:
                 fields.append(field)
             numbers[row["name"]] = fields.index(field)
         checked = [numbers[key] for key in study.model_fields if key in numbers]
-        sets[name] = {"title": study.title, "shown": list(numbers.values()), "checked": checked}
+        sets[name] = {"title": study.title, "shown": list(numbers.values()), "checked": checked,
+                      "takes": _takes([name])}  # fmt: skip
     chapters = {name: _chapter(name, fields, sets) for name in CHAPTERS}
     return {"fields": fields, "sets": sets, "chapters": chapters}
 
@@ -103,19 +103,19 @@ def _chapter(
         "sets": members,
         "shown": [n for n in numbers if names.count(fields[n]["name"]) == 1],
         "differ": [one for one in dict.fromkeys(names) if names.count(one) > 1],
+        "takes": _takes(members),
     }
+
+
+def _takes(names: list[str]) -> str:
+    """What running figure sets one after another takes, as measured; "" if that is not known."""
+    known = effort.read()
+    if not set(names) <= set(known):
+        return ""
+    total = effort.together(known[name] for name in names)
+    return f"With the defaults it takes {total.time} and {total.memory}, from nothing on two cores."
 
 
 def page() -> str:
     """The form as a piece of HTML that needs no kernel, server or network."""
     return static_html(_ESM, _CSS, {"data": form_data(), "page": True}, WITHOUT)
-
-
-PIECES: dict[str, Callable[[], str]] = {"rerun-form": page}
-
-
-def write(folder: Path) -> None:
-    """Write every piece of :data:`PIECES` into a folder, as ``NAME.html``."""
-    for name, piece in PIECES.items():
-        text = piece()
-        whole_file(folder / f"{name}.html", partial(Path.write_text, data=text, encoding="utf-8"))

@@ -68,7 +68,12 @@ export default (() => {
       bottom.append(node);
     }
     copier("Copy command", () => toCommand(app.state, app.structure));
-    if (onPage) copier("Copy link", () => { settle(); return location.href; });
+    if (traits.get("compact")) {
+      root.classList.add("tl-ex-compact");
+      const whole = html("a", {}, "All its controls and numbers");
+      bottom.replaceChildren(whole);
+      fields.push(() => { whole.href = `explorer.html?${toAddress(app.state, app.structure)}`; });
+    } else if (onPage) copier("Copy link", () => { settle(); return location.href; });
 
     // --- controls
     const field = (label, node, cls = "") =>
@@ -83,10 +88,10 @@ export default (() => {
       fields.push(() => { group.querySelector(`[value="${app.state[key]}"]`).checked = true; });
       return group;
     }
-    function select(label, options, read, write) {
+    function select(label, options, read, write, cls) {
       const box = html("select", {}, ...options.map(([value, words]) => html("option", { value }, words)));
       box.addEventListener("change", () => write(box.value));
-      field(label, box);
+      field(label, box, cls);
       fields.push(() => { box.value = read(); });
       return box;
     }
@@ -122,8 +127,8 @@ export default (() => {
     ["Width (px)", "Height (px)"].forEach((label, i) => number(label, () => app.state.w[i], "w",
       (value) => update({ w: app.state.w.map((old, n) => (n === i ? Math.round(value) : old)) }), "tl-ex-size"));
     for (const [label, key] of [["Focal length", "f"], ["Distance", "d"], ["Amplitude", "a"]])
-      number(`${label} (mm)`, () => app.state[key], key, (value) => update({ [key]: value }));
-    select("Rest position", [["rebuilt", "rebuilt too"], ["known", "known"]], () => app.state.r, (r) => update({ r }));
+      number(`${label} (mm)`, () => app.state[key], key, (value) => update({ [key]: value }), "tl-ex-more");
+    select("Rest position", [["rebuilt", "rebuilt too"], ["known", "known"]], () => app.state.r, (r) => update({ r }), "tl-ex-more");
 
     // --- cameras by number
     function buildList() {

@@ -133,10 +133,11 @@ export default (() => {
     let rows = [];
 
     // --- one parameter: a control, what is allowed, and what is wrong with it
+    const choicesOf = ({ items = {} }) => items.enum ?? items.anyOf?.flatMap((part) => part.enum) ?? []; // of a list
     function control(n, id, describedby) {
       const { schema, name, typed } = fields[n], text = texts.get(n) ?? typed;
       const labelled = { id, "aria-describedby": describedby };
-      const choices = [schema.items ?? {}].flatMap((one) => one.enum ?? one.anyOf?.flatMap((part) => part.enum) ?? []);
+      const choices = choicesOf(schema);
       if (choices.length) {
         const held = [valueOf(fields[n], text)].flat().map(String);
         const boxes = choices.map((one) => html("input", { type: "checkbox", value: JSON.stringify(one),
@@ -158,8 +159,9 @@ export default (() => {
     function row(n, run) {
       const { name, meaning, unit, allowed, typed, schema } = fields[n], id = `${uid}-${name}`;
       const [node, now] = control(n, id, `${id}-hint ${id}-problem`), boxes = node.matches("div");
+      const usual = read(schema, valueOf(fields[n], typed), name);
       const holders = run.sets.filter((one) => sets[one].shown.includes(n));
-      const hints = [`Allowed: ${allowed}.`, boxes ? "Default: all." : `Default: ${typed}.`];
+      const hints = [`Allowed: ${allowed}.`, `Default: ${boxes && usual.length === choicesOf(schema).length ? "all" : typed}.`];
       if (holders.length < run.sets.length) hints.push(`Only in ${holders.join(", ")}.`);
       const problem = html("p", { id: `${id}-problem`, class: "tl-rerun-problem" });
       const body = html("div", { class: "tl-rerun-row", "data-parameter": name },
@@ -168,7 +170,7 @@ export default (() => {
         html("div", { class: "tl-rerun-value" }, node, ...(unit ? [html("span", {}, unit)] : [])),
         html("p", { id: `${id}-hint`, class: "tl-rerun-hint" }, hints.join(" ")), problem);
       body.addEventListener("input", () => { texts.set(n, now()); update(); });
-      return { n, name, body, node, problem, now, usual: read(schema, valueOf(fields[n], typed), name) };
+      return { n, name, body, node, problem, now, usual };
     }
 
     // --- the form
@@ -192,8 +194,9 @@ export default (() => {
 
     function build() {
       const run = chosen();
-      note.textContent = !run.differ.length ? "" : "Each set takes the parameters that it has. The sets differ in " +
-        `${run.differ.join(", ")}: choose one set to change these.`;
+      const differ = run.differ.join(", "), said = [run.takes, differ && "Each set takes the parameters that it has. " +
+        `The sets differ in ${differ}: choose one set to change these.`];
+      note.textContent = said.filter(Boolean).join(" ");
       rows = run.shown.map((n) => row(n, run));
       form.replaceChildren(...rows.map(({ body }) => body));
       update();
