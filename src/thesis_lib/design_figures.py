@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -15,6 +16,7 @@ from thesis_lib.figures import COLORS, HIGHLIGHT, INK, REFERENCE, STYLE, color, 
 
 SIZE = (7.2, 3.3)  # inches
 SPACING_PX = 4.0  # below which images of neighbouring markers can hardly be told apart
+EVERY = 5  # of the drawn angles, so that dots stand apart
 PERCENT = [0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 
 
@@ -37,12 +39,12 @@ def motion(cube: xr.Dataset) -> Figure:
         axes.plot(delta, scale * MOTION_PX, "--", color=COLORS[4], linewidth=1.2,
                   label="two independent roundings")  # fmt: skip
     left.set(title="(a) error of a motion", xlabel="motion of the image in px",
-             ylabel="rms error in px", xlim=(0, 3), ylim=(0, 0.62))  # fmt: skip
+             ylabel="rms error in px", xlim=(0, 3), ylim=(0, 0.75))  # fmt: skip
     left.legend(loc="upper right")
     small = delta < 0.2
     right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=INK, linewidth=1.2)
-    right.annotate("1/√δ", (0.03, 650), color=INK)
-    right.annotate("1/δ", (0.03, 1700), color=COLORS[4])
+    right.annotate("1/√δ", (0.013, 480), color=INK)
+    right.annotate("1/δ", (0.04, 1300), color=COLORS[4])
     logarithmic(right.xaxis, [0.01, 0.1, 1, 5])
     logarithmic(right.yaxis, [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
     right.set(title="(b) in % of the motion", xlabel="motion of the image in px", ylim=(4, 3000))
@@ -71,7 +73,7 @@ def settings(cube: xr.Dataset) -> Figure:
     words = "rms error over the trials in %"
     left.set(title="(a) predicted against simulated", xlabel=words, ylabel="predicted error in %",
              xlim=ends, ylim=ends)  # fmt: skip
-    right.set(title="(b) predicted over simulated", xlabel=words, ylim=(0.8, None))
+    right.set(title="(b) predicted over simulated", xlabel=words, ylim=(0.8, 2.7))
     left.legend(loc="upper left")
     right.legend(loc="upper left", fontsize=7)
     return drawing
@@ -81,18 +83,22 @@ def cone(cube: xr.Dataset) -> Figure:
     """Errors along and across the normal against the angle of the cone."""
     drawing, axes = plt.subplots(figsize=(6.0, 3.4), layout="constrained")
     angle = cube["angle"].values
-    for number, (axis, words) in enumerate((("Z", "along the normal, z"), ("X", "across it, x = y"))):
+    for number, (axis, words) in enumerate(
+        (("Z", "along the normal, z"), ("X", "across it, x = y"))
+    ):
         closed, drawn = (1000 * cube[f"cone{k}_error"].sel(axis=axis) for k in ("", "_drawn"))
         axes.plot(angle, closed, color=color(number), linewidth=1.6, label=words)
-        axes.plot(angle, drawn, "o", color=color(number), markersize=3.5)
-    axes.plot(angle, 1000 * cube["cone_drawn_error"].sel(axis="Y"), "o", color=COLORS[1],
-              markersize=3.5, markerfacecolor="none")  # fmt: skip
+        axes.plot(angle[::EVERY], drawn[::EVERY], "o", color=color(number), markersize=3.5)
+    other = 1000 * cube["cone_drawn_error"].sel(axis="Y")[::EVERY]
+    axes.plot(angle[::EVERY], other, "o", color=COLORS[1], markersize=3.5, markerfacecolor="none")
     axes.axvline(np.degrees(ISOTROPIC), color=HIGHLIGHT, linewidth=1)
     axes.annotate(f" {np.degrees(ISOTROPIC):.1f}°: the same\n in all directions",
                   (np.degrees(ISOTROPIC), 0.72), xycoords=("data", "axes fraction"),
                   color=HIGHLIGHT)  # fmt: skip
     axes.plot([], [], "o", color=INK, markersize=3.5, label="drawn with whole pixels")
-    axes.set(xlabel="angle θ of the cone from the normal in °", ylabel="rms error in mm", xlim=(0, 90))
+    axes.set(
+        xlabel="angle θ of the cone from the normal in °", ylabel="rms error in mm", xlim=(0, 90)
+    )
     logarithmic(axes.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20])
     axes.legend(loc="upper right")
     return drawing
@@ -124,7 +130,11 @@ def findings(cube: xr.Dataset) -> Figure:
         row[0].set_ylabel("error in % of the peak")
     axes["distance"].legend(loc="upper left")
     _arrays(grid[1, 2], cube)
-    for style, words in ((("-", 1.8), "averaged"), (("-", 0.6), "modes 1–3"), ((":", 1.3), "centre")):
+    for style, words in (
+        (("-", 1.8), "averaged"),
+        (("-", 0.6), "modes 1–3"),
+        ((":", 1.3), "centre"),
+    ):
         axes["resolution"].plot([], [], style[0], linewidth=style[1], color=INK, label=words)
     axes["resolution"].legend(loc="lower left")
     return drawing
@@ -154,8 +164,13 @@ def shares(cube: xr.Dataset) -> Figure:
         frame.plot(n[order], part["average_error"], "--", linewidth=0.9, **style)
         film.plot(n[order], part["fit_error"], linewidth=1.5, **style)
         for e, name in enumerate(cube["estimator"].values):
-            dots = {"marker": "osD^"[e % 4], "linestyle": "none" if e == 0 else ":",
-                    "markersize": 3.5, "markerfacecolor": "none" if e else None, **style}  # fmt: skip
+            dots: Any = {
+                "marker": "osD^"[e % 4],
+                "linestyle": "none" if e == 0 else ":",
+                "markersize": 3.5,
+                **({"markerfacecolor": "none"} if e else {}),
+                **style,
+            }
             frame.plot(n[order], part["drawn_frame_error"].sel(estimator=name), **dots)
             film.plot(n[order], part["drawn_fit_error"].sel(estimator=name), **dots)
         width = part["width_px"].values
@@ -176,8 +191,8 @@ def shares(cube: xr.Dataset) -> Figure:
     for e, name in enumerate(cube["estimator"].values):
         grid[1].plot([], [], linestyle="none", marker="osD^"[e % 4], color=INK, markersize=3.5,
                      markerfacecolor="none" if e else None, label=name)  # fmt: skip
-    for style, words in (("-", "the law"), ("--", "independent, averaged")):
-        grid[1].plot([], [], style, color=INK, linewidth=1, label=words)
+    for line, words in (("-", "the law"), ("--", "independent, averaged")):
+        grid[1].plot([], [], line, color=INK, linewidth=1, label=words)
     grid[2].plot([], [], "x", color=INK, markersize=4.5, label=f"markers < {SPACING_PX:g} px apart")
     grid[0].legend(loc="upper center", ncols=3, columnspacing=0.8, handlelength=1.2, fontsize=7)
     grid[1].legend(loc="upper left", fontsize=7)

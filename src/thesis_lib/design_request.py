@@ -113,7 +113,8 @@ class DesignLaw(Study):
     @model_validator(mode="after")
     def _check_together(self) -> DesignLaw:
         reach = max(
-            1000 * math.hypot(*structure.extent) / 2 for structure in (setups.beam(), setups.plate())
+            1000 * math.hypot(*structure.extent) / 2
+            for structure in (setups.beam(), setups.plate())
         )
         peaks = ("amplitude_mm", "small_amplitude_mm")
         farther = reach + max(getattr(self, name) for name in peaks)
