@@ -108,14 +108,14 @@ def findings(cube: xr.Dataset) -> Figure:
     """Distance, resolution, number, elevation, aperture; and the thesis's growing arrays."""
     drawing, grid = plt.subplots(2, 3, figsize=(7.6, 5.0), layout="constrained")
     axes = dict(zip(cube["finding"].values, grid.flat, strict=False))
-    labels = {"distance": ("distance d in mm", 1000), "resolution": ("pixels across", 1),
-              "number": ("number of cameras N", 1), "elevation": ("elevation φ in °", 1),
-              "aperture": ("aperture α in °", 1)}  # fmt: skip
-    for number, (name, (words, scale)) in enumerate(labels.items()):
+    labels = {"distance": "distance d in mm", "resolution": "pixels across",
+              "number": "number of cameras N", "elevation": "elevation φ in °",
+              "aperture": "aperture α in °"}  # fmt: skip
+    for number, (name, words) in enumerate(labels.items()):
         axis = axes[name]
         for s, one in enumerate(cube["structure"].values):
             part = cube.sel(finding=name, structure=one)
-            x = scale * part["swept"].values
+            x = part["swept"].values
             axis.plot(x, part["exact_error"], color=color(2 * s), linewidth=0.6, alpha=0.7)
             axis.plot(x, part["expected_error"], color=color(2 * s), linewidth=1.8, label=one)
             axis.plot(x, part["centre_error"], ":", color=color(2 * s), linewidth=1.3)

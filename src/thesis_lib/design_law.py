@@ -25,6 +25,12 @@ ISOTROPIC = np.arcsin(np.sqrt(2 / 3))  # angle of the cone on which all directio
 _TERMS = 400  # of the series of a rounding error
 
 
+def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
+    """Azimuths and elevations in rad of cameras at equal steps on a cone, from +Y on."""
+    azimuth = 2 * np.pi * np.arange(n_cameras) / n_cameras
+    return azimuth, np.full(n_cameras, np.pi / 2 - angle)
+
+
 def cone_cameras(
     distance: float, angle: float, n_cameras: int, focal_px: float, size: tuple[int, int]
 ) -> CameraArray:
@@ -43,9 +49,7 @@ def cone_cameras(
     size : tuple of int
         Sensor width and height in px.
     """
-    azimuth = 2 * np.pi * np.arange(n_cameras) / n_cameras
-    elevation = np.full(n_cameras, np.pi / 2 - angle)
-    return hemisphere_cameras(distance, azimuth, elevation, focal_px, size)
+    return hemisphere_cameras(distance, *cone_directions(angle, n_cameras), focal_px, size)
 
 
 def cone_deflection_error(

@@ -6,11 +6,12 @@ import math
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from thesis_lib import setups
 from thesis_lib.camera_study import Positive, Resolution, Study, field, refuse
-from thesis_lib.design_law import equal_pixel_rate
+from thesis_lib.design_law import cone_directions, equal_pixel_rate
 from thesis_lib.setups import Setting
 
 LEAST_PX = 16  # width of a sensor
@@ -106,9 +107,30 @@ class DesignLaw(Study):
         le=10_000,
     )
 
+    @property
+    def shared(self) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.float64]]:
+        """Widths, heights and frame rates (counts, rates) of cameras that share the pixels."""
+        counts = np.array(self.counts)[:, None]
+        return equal_pixel_rate(self.pixels_per_second, counts, self.frame_rates_hz)
+
     def settings(self) -> list[Setting]:
-        """None: the settings of chapters 3 and 4 are run by their own studies."""
-        return []
+        """The cameras that share the pixels: for each number of them, each of the frame rates."""
+        width, height, rate = self.shared
+        made = []
+        for i, k in np.ndindex(width.shape):
+            count = self.counts[i]
+            angles = np.degrees(cone_directions(np.radians(self.cone_deg), count)).T.tolist()
+            made.append(
+                Setting(
+                    f"{rate[i, k]:.4g} Hz",
+                    count,
+                    f"{count} cameras",
+                    self.cone_distance_mm,
+                    tuple((azimuth, elevation) for azimuth, elevation in angles),
+                    (int(width[i, k]), int(height[i, k])),
+                )
+            )
+        return made
 
     @model_validator(mode="after")
     def _check_together(self) -> DesignLaw:
@@ -121,9 +143,7 @@ class DesignLaw(Study):
         if self.cone_distance_mm <= farther:
             refuse("cone_distance_mm", self.cone_distance_mm, f"allowed: more than {farther:.4g} "
                    "mm, the reach of beam and plate and the amplitude")  # fmt: skip
-        width, _, _ = equal_pixel_rate(
-            self.pixels_per_second, np.array(self.counts)[:, None], self.frame_rates_hz
-        )
+        width = self.shared[0]
         if width.min() < LEAST_PX or width.max() > 20_000:
             self.refuse("frame_rates_hz")
         if self.duration_s * max(self.frame_rates_hz) > MOST_FRAMES:

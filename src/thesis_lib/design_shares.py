@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib import design_law, rounding, setups
 from thesis_lib.cameras import CameraArray, on_sensor, pixelate, project
-from thesis_lib.design_law import cone_cameras
 from thesis_lib.design_request import DesignLaw
 from thesis_lib.design_sweeps import exact, shapes
 from thesis_lib.triangulation import gain, triangulate
@@ -33,27 +32,24 @@ _FILM_VALUES = 3_000_000  # camera × point values at a time
 
 def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
     """Cameras on the cone that share a number of pixels per second, around the beam."""
-    counts, rates = np.array(study.counts)[:, None], np.array(study.frame_rates_hz)
-    widths, heights, frame_rate = design_law.equal_pixel_rate(
-        study.pixels_per_second, counts, rates
-    )
+    widths, heights, frame_rate = study.shared
     focal = study.focal_length_mm / study.sensor_width_mm * widths
     angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
     peak, beam = study.amplitude_mm / 1000, setups.beam()
     points = shapes(beam, peak)
     law, view, fitted = (np.empty(widths.shape) for _ in range(3))
     drawn, drawn_fit = (np.empty((len(ESTIMATORS), *widths.shape)) for _ in range(2))
-    for at in np.ndindex(widths.shape):
-        size = int(widths[at]), int(heights[at])
-        rig = cone_cameras(distance, angle, study.counts[at[0]], float(focal[at]), size)
+    for at, setting in zip(np.ndindex(widths.shape), study.settings(), strict=True):
+        rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         filmed = film(float(frame_rate[at]), study)
         law[at] = exact(rig, points)
         fitted[at] = fitted_by_law(rig, filmed)
-        view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), size))
+        view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), rig.size))
         for e, estimate in enumerate(ESTIMATORS.values()):
             drawn[e, *at] = one_frame(rig, points, study, estimate)
             drawn_fit[e, *at] = filmed_amplitude(rig, filmed, study.seed, estimate)
     percent = 100 / peak
+    counts = np.array(study.counts)[:, None]
     centre = percent * design_law.cone_deflection_error(distance, focal, counts, angle)
     motion = peak * np.sin(angle) * focal / distance
     return {

@@ -20,7 +20,7 @@ from thesis_lib.triangulation import covariance, gain, triangulate
 Array = NDArray[np.float64]
 
 PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 3 and 4
-MOTIONS = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(1, 5, 81)], 9))  # px
+MOTIONS = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px
 ANGLES = np.arange(5.0, 86.0)  # degrees, of the cone
 DRAWS = 20  # for each trial, where one costs little
 SWING_PX = 4.0  # range of random motions on the cone: many enough for every fraction alike

@@ -94,6 +94,22 @@ def _range(values: xr.DataArray) -> str:
     return " to ".join(f"{end:.2f}".replace("-", "−") for end in (values.max(), values.min()))
 
 
+def exponents(cube: xr.Dataset) -> str:
+    """Exponents of the findings at the centre, over all markers, and far below a pixel."""
+    rows = [
+        [finding, *(_both(cube[f"{kind}_exponent"].sel(finding=finding).values)
+                    for kind in ("centre", "expected", "small"))]
+        for finding in cube["finding"].values
+        if np.isfinite(cube["centre_exponent"].sel(finding=finding)).all()
+    ]  # fmt: skip
+    header = ["", "at the centre", "over all markers", "far below a pixel"]
+    return table(header, rows) + (
+        f"\nExponents for {' / '.join(_structures(cube))}, that of elevation of cos φ. The least "
+        f"error has an aperture of {_both(cube['best_aperture'].values, 1)}°; at 60° it is "
+        f"{_both(cube['wide_gain'].values, 3)} times as large.\n"
+    )
+
+
 def findings(cube: xr.Dataset) -> str:
     """The thesis's five findings: what it says, the law, what is measured, where it ends."""
     spread = _range(cube["array_exponent"].transpose("array", "structure"))
@@ -151,9 +167,9 @@ def _share(cube: xr.Dataset, counts: Iterable[int]) -> str:
                  percent_text(float(at["fit_error"])), *fitted,
                  f"{float(at['useful_frames']):.0f}"]
             )  # fmt: skip
-    header = ["frames/s", "cameras", "pixels", "motion, px", "one frame: law, %",
-              *(f"{name}, %" for name in names), "all frames: law, %",
-              *(f"{name}, %" for name in names), "frames that tell"]  # fmt: skip
+    header = ["Hz", "cameras", "pixels", "motion, px", "frame: law",
+              *(f"frame: {name}" for name in names), "film: law",
+              *(f"film: {name}" for name in names), "frames that tell"]  # fmt: skip
     return table(header, rows)
 
 
@@ -163,18 +179,18 @@ def shares(cube: xr.Dataset) -> str:
     return _share(cube, cube["count"].values) + (
         f"\nAll have {_asked(cube, 'pixels_per_second') / 1e6:.0f} million pixels per second "
         f"together, at {_asked(cube, 'cone_distance_mm'):g} mm, {_asked(cube, 'cone_deg'):g}° "
-        "from the normal. *One frame*: rms error of the beam's markers in modes 1 to 3, in % of "
-        f"the peak of {peak:g} mm. *All frames*: rms error of an amplitude fitted to "
+        "from the normal. *Frame*: rms error of the beam's markers in modes 1 to 3, in % of "
+        f"the peak of {peak:g} mm. *Film*: rms error of an amplitude fitted to "
         f"{_asked(cube, 'duration_s'):g} s of a vibration with {_asked(cube, 'frequency_hz'):g} Hz "
         "at the centre. *Frames that tell*: about how many frames are worth fitting.\n"
     )
 
 
 def few_shares(cube: xr.Dataset) -> str:
-    """The same for the least, a middle and the largest number of cameras."""
+    """The same for the least, a middle and the largest number of cameras, and what it says."""
     counts = np.sort(cube["count"].values)
     chosen = dict.fromkeys(int(counts[i]) for i in (0, len(counts) // 2, -1))
-    return _share(cube, chosen)
+    return f"{_share(cube, chosen)}\n{claim(cube)}"
 
 
 def claim(cube: xr.Dataset) -> str:
@@ -203,8 +219,8 @@ def claim(cube: xr.Dataset) -> str:
 
 
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
-    "motion": motion, "settings": settings, "cone": cone, "findings": findings, "shares": shares,
+    "motion": motion, "settings": settings, "cone": cone, "exponents": exponents, "shares": shares,
 }  # fmt: skip
 PIECES: dict[str, Callable[[xr.Dataset], str]] = {
-    "settings": settings, "findings": findings, "shares": few_shares, "claim": claim,
+    "settings": settings, "findings": findings, "shares": few_shares,
 }  # fmt: skip
