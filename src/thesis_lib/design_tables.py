@@ -181,7 +181,7 @@ def shares(cube: xr.Dataset) -> str:
         f"together, at {_asked(cube, 'cone_distance_mm'):g} mm, {_asked(cube, 'cone_deg'):g}° "
         "from the normal. *Frame*: rms error of the beam's markers in modes 1 to 3, in % of "
         f"the peak of {peak:g} mm. *Film*: rms error of an amplitude fitted to "
-        f"{_asked(cube, 'duration_s'):g} s of a vibration with {_asked(cube, 'frequency_hz'):g} Hz "
+        f"{_asked(cube, 'duration_s'):g} seconds of a vibration with {_asked(cube, 'frequency_hz'):g} Hz "
         "at the centre. *Frames that tell*: about how many frames are worth fitting.\n"
     )
 
@@ -210,7 +210,7 @@ def claim(cube: xr.Dataset) -> str:
         f"same pixels give {each['frame_error', few, fast]:.1f} % to {few} cameras and "
         f"{each['frame_error', many, fast]:.1f} % to {many}, whose images move by "
         f"{each['motion_px', many, fast]:.2f} px. An amplitude fitted to all frames of "
-        f"{_asked(cube, 'duration_s'):g} s is wrong by {each['fit_error', few, slow]:.2f} % with "
+        f"{_asked(cube, 'duration_s'):g} seconds is wrong by {each['fit_error', few, slow]:.2f} % with "
         f"{few} cameras at {slow:g} frames per second, by {each['fit_error', many, slow]:.2f} % "
         f"with {many}, and by {each['fit_error', few, fast]:.2f} % with {few} cameras at "
         f"{fast:g}, for all its frames. Were frames independent, it would be "
