@@ -181,8 +181,8 @@ def shares(cube: xr.Dataset) -> str:
         f"together, at {_asked(cube, 'cone_distance_mm'):g} mm, {_asked(cube, 'cone_deg'):g}° "
         "from the normal. *Frame*: rms error of the beam's markers in modes 1 to 3, in % of "
         f"the peak of {peak:g} mm. *Film*: rms error of an amplitude fitted to "
-        f"{_asked(cube, 'duration_s'):g} seconds of a vibration with {_asked(cube, 'frequency_hz'):g} Hz "
-        "at the centre. *Frames that tell*: about how many frames are worth fitting.\n"
+        f"{_asked(cube, 'duration_s'):g} seconds of a vibration with "
+        f"{_asked(cube, 'frequency_hz'):g} Hz at the centre. *Frames that tell*: about how many frames are worth fitting.\n"
     )
 
 
@@ -194,28 +194,37 @@ def few_shares(cube: xr.Dataset) -> str:
 
 
 def claim(cube: xr.Dataset) -> str:
-    """The thesis's central claim in numbers, by least squares."""
+    """The thesis's central claim in numbers: the law of least squares, then other estimators."""
     few, many = int(cube["count"].min()), int(cube["count"].max())
     slow, fast = float(cube["rate"].min()), float(cube["rate"].max())
     frames = cube["frame_error"].sel(rate=slow)
-    each = {
-        (name, count, rate): float(cube[name].sel(count=count, rate=rate))
-        for name in ("frame_error", "fit_error", "motion_px", "independent_fit_error")
-        for count in (few, many)
-        for rate in (slow, fast)
-    }
-    return (
+
+    def at(name: str, count: int, rate: float) -> float:
+        return float(cube[name].sel(count=count, rate=rate))
+
+    text = (
         f"At {slow:g} frames per second the error of one frame is {float(frames.min()):.1f} to "
         f"{float(frames.max()):.1f} % for {few} to {many} cameras, in no order. At {fast:g} the "
-        f"same pixels give {each['frame_error', few, fast]:.1f} % to {few} cameras and "
-        f"{each['frame_error', many, fast]:.1f} % to {many}, whose images move by "
-        f"{each['motion_px', many, fast]:.2f} px. An amplitude fitted to all frames of "
-        f"{_asked(cube, 'duration_s'):g} seconds is wrong by {each['fit_error', few, slow]:.2f} % with "
-        f"{few} cameras at {slow:g} frames per second, by {each['fit_error', many, slow]:.2f} % "
-        f"with {many}, and by {each['fit_error', few, fast]:.2f} % with {few} cameras at "
+        f"same pixels give {at('frame_error', few, fast):.1f} % to {few} cameras and "
+        f"{at('frame_error', many, fast):.1f} % to {many}, whose images move by "
+        f"{at('motion_px', many, fast):.2f} px. An amplitude fitted to all frames of "
+        f"{_asked(cube, 'duration_s'):g} seconds is wrong by {at('fit_error', few, slow):.2f} % "
+        f"with {few} cameras at {slow:g} frames per second, by {at('fit_error', many, slow):.2f} "
+        f"% with {many}, and by {at('fit_error', few, fast):.2f} % with {few} cameras at "
         f"{fast:g}, for all its frames. Were frames independent, it would be "
-        f"{each['independent_fit_error', few, slow]:.2f} % for every one of them.\n"
+        f"{at('independent_fit_error', few, slow):.2f} % for every one of them."
     )
+    for name in cube["estimator"].values[1:]:
+        frame, film = (
+            [percent_text(float(cube[kind].sel(estimator=name, count=count, rate=slow)))
+             for count in (few, many)]
+            for kind in ("drawn_frame_error", "drawn_fit_error")
+        )  # fmt: skip
+        text += (
+            f" By {name}, {slow:g} frames per second give {frame[0]} % to {few} cameras and "
+            f"{frame[1]} % to {many} from one frame, {film[0]} and {film[1]} % from all."
+        )
+    return text + "\n"
 
 
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
