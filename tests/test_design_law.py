@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import zeta
 
@@ -48,6 +48,7 @@ def cube(study):
 # Closed forms.
 
 
+@settings(deadline=None)
 @given(distances, focals, st.integers(3, 64), angles)
 def test_cone_covariance_is_that_of_the_jacobian(distance, focal, n, angle):
     closed = design_law.cone_covariance(distance, focal, n, angle, 0.3)
@@ -56,6 +57,7 @@ def test_cone_covariance_is_that_of_the_jacobian(distance, focal, n, angle):
     np.testing.assert_allclose(covariance(P, np.zeros(3), 0.3) / scale, np.eye(3), atol=1e-12)
 
 
+@settings(deadline=None)
 @given(distances, focals, st.integers(2, 64), angles)
 def test_deflection_error_of_a_cone_holds_from_two_cameras_on(distance, focal, n, angle):
     P = cone_cameras(distance, angle, n, focal, SIZE).P
@@ -64,6 +66,7 @@ def test_deflection_error_of_a_cone_holds_from_two_cameras_on(distance, focal, n
     np.testing.assert_allclose(closed, exact, rtol=1e-12)
 
 
+@settings(deadline=None)
 @given(distances, focals, st.floats(0.05, 3.1), st.floats(0.02, 1.4), st.floats(-3, 3))
 def test_pair_error_is_that_of_the_jacobian_wherever_the_pair_looks_from(d, f, alpha, phi, turn):
     P = hemisphere_cameras(d, [turn + alpha / 2, turn - alpha / 2], [phi, phi], f, SIZE).P
@@ -143,6 +146,7 @@ def test_weighted_error_is_the_quadratic_form_of_the_covariance():
     assert design_law.weighted_error([0.3, 5.3], [1, -1]) == pytest.approx(0, abs=1e-9)
 
 
+@settings(deadline=None)
 @given(st.floats(1e6, 1e10), st.integers(2, 64), st.floats(1, 1000))
 def test_pixels_per_second_are_shared_out_to_the_last(total, n, rate):
     width, height, frames = design_law.equal_pixel_rate(total, n, rate)

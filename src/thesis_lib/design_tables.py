@@ -182,7 +182,8 @@ def shares(cube: xr.Dataset) -> str:
         "from the normal. *Frame*: rms error of the beam's markers in modes 1 to 3, in % of "
         f"the peak of {peak:g} mm. *Film*: rms error of an amplitude fitted to "
         f"{_asked(cube, 'duration_s'):g} seconds of a vibration with "
-        f"{_asked(cube, 'frequency_hz'):g} Hz at the centre. *Frames that tell*: about how many frames are worth fitting.\n"
+        f"{_asked(cube, 'frequency_hz'):g} Hz at the centre. *Frames that tell*: about how many "
+        "frames are worth fitting.\n"
     )
 
 
