@@ -30,6 +30,11 @@ def _asked(cube: xr.Dataset, name: str) -> Any:
     return json.loads(cube.attrs["parameters"])[name]
 
 
+def _duration(cube: xr.Dataset) -> str:
+    seconds = _asked(cube, "duration_s")
+    return "one second" if seconds == 1 else f"{seconds:g} seconds"
+
+
 def _structures(cube: xr.Dataset) -> list[str]:
     return [str(one) for one in cube["structure"].values]
 
@@ -181,7 +186,7 @@ def shares(cube: xr.Dataset) -> str:
         f"together, at {_asked(cube, 'cone_distance_mm'):g} mm, {_asked(cube, 'cone_deg'):g}° "
         "from the normal. *Frame*: rms error of the beam's markers in modes 1 to 3, in % of "
         f"the peak of {peak:g} mm. *Film*: rms error of an amplitude fitted to "
-        f"{_asked(cube, 'duration_s'):g} seconds of a vibration with "
+        f"{_duration(cube)} of a vibration with "
         f"{_asked(cube, 'frequency_hz'):g} Hz at the centre. *Frames that tell*: about how many "
         "frames are worth fitting.\n"
     )
@@ -209,7 +214,7 @@ def claim(cube: xr.Dataset) -> str:
         f"same pixels give {at('frame_error', few, fast):.1f} % to {few} cameras and "
         f"{at('frame_error', many, fast):.1f} % to {many}, whose images move by "
         f"{at('motion_px', many, fast):.2f} px. An amplitude fitted to all frames of "
-        f"{_asked(cube, 'duration_s'):g} seconds is wrong by {at('fit_error', few, slow):.2f} % "
+        f"{_duration(cube)} is wrong by {at('fit_error', few, slow):.2f} % "
         f"with {few} cameras at {slow:g} frames per second, by {at('fit_error', many, slow):.2f} "
         f"% with {many}, and by {at('fit_error', few, fast):.2f} % with {few} cameras at "
         f"{fast:g}, for all its frames. Were frames independent, it would be "
