@@ -17,7 +17,7 @@ from thesis_lib.figures import COLORS, HIGHLIGHT, INK, REFERENCE, STYLE, color, 
 SIZE = (7.2, 3.3)  # inches
 SPACING_PX = 4.0  # below which images of neighbouring markers can hardly be told apart
 EVERY = 5  # of the drawn angles, so that dots stand apart
-PERCENT = [0.5, 1, 2, 5, 10, 20, 50, 100, 200]
+PERCENT = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 
 
 def figure(cube: xr.Dataset, name: str) -> Figure:
@@ -184,9 +184,10 @@ def shares(cube: xr.Dataset) -> Figure:
                                   "(c) pixels across each sensor"), strict=True):  # fmt: skip
         logarithmic(axes.xaxis, [2, 4, 8, 16, 32, 64])
         axes.set(title=title, xlabel="number of cameras N")
+    least = min(float(cube[f"{k}fit_error"].min()) for k in ("", "drawn_", "independent_"))
     for axes in grid[:2]:
         logarithmic(axes.yaxis, PERCENT)
-        axes.set_ylim(0.5, 60)
+        axes.set_ylim(0.75 * least, 60)
     logarithmic(grid[2].yaxis, [100, 200, 500, 1000, 2000])
     for e, name in enumerate(cube["estimator"].values):
         grid[1].plot([], [], linestyle="none", marker="osD^"[e % 4], color=INK, markersize=3.5,
