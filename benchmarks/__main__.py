@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import laboratory, measure, recording
+from benchmarks import centre, laboratory, measure, recording
 
 FIGURE = Path(__file__).parents[1] / "build" / "benchmarks" / "growth.svg"
 
@@ -28,6 +28,18 @@ def print_triangulation(n_points: int = 100_000) -> None:
         print(f"{c.n_cameras:>8} {c.rate:>8.2f} {c.rate_svd:>7.3f} {c.rate_thin:>7.3f} "
               f"{c.ratio_svd:>7.1f} {c.ratio_thin:>8.1f} {c.difference:>8.0e} m "
               f"{c.memory:>5.1f} MiB")  # fmt: skip
+
+
+def print_centres() -> None:
+    """Table of times beside the reference."""
+    print("\nAnalytic centre of 20000 points; joint: pairs of images with common x and y")
+    print("microseconds a point (joint: a pair), medians; ratio: median over interleaved pairs")
+    print(f"{'cameras':>8} {'centre':>8} {'joint':>8} {'triangulate':>12} {'svd':>7} "
+          f"{'to svd':>7} {'memory':>9}")  # fmt: skip
+    for n_cameras in (2, 4, 12, 64):
+        c = centre.compare(n_cameras)
+        print(f"{c.n_cameras:>8} {c.centre:>8.1f} {c.joint:>8.1f} {c.least_squares:>12.2f} "
+              f"{c.svd:>7.1f} {c.ratio_svd:>7.2f} {c.memory:>5.1f} MiB")  # fmt: skip
 
 
 def print_studies(trials: int = 200) -> None:
@@ -124,6 +136,7 @@ def main() -> None:
     print(f"Python {platform.python_version()}, NumPy {np.__version__}, "
           f"{os.cpu_count()} processors, one BLAS thread (OPENBLAS_NUM_THREADS=1)")  # fmt: skip
     print_triangulation()
+    print_centres()
     print_studies()
     print_plane_errors()
     print_field()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
+import xarray as xr
 import yaml
 
 from thesis_lib import book, printing, widgets
@@ -22,10 +23,12 @@ needs_pdf = pytest.mark.skipif(not PDF.is_file(), reason="no PDF in build: `make
 
 def test_widgets_give_way_to_a_line_that_says_where_they_are():
     one, two = (widgets.static_html(ESM, "p { margin: 0 }", {"n": n}) for n in (1, 2))
+    stays = widgets.static_html(ESM, "", {"n": 3}, prints=True)
     text = (
         f'<span id="document-how-to"></span><p>first</p>{one}<p>between</p>'
         f'<span id="document-executed/beam-distance"></span>{two}<p>last</p>'
     )
+    assert printing.without_widgets(stays) == stays
     printed = printing.without_widgets(text)
     assert "<script" not in printed
     assert "<style" not in printed
@@ -101,6 +104,17 @@ def test_captions_of_all_figures_are_printed(words):
     assert missing == []
 
 
+@needs_pdf
+def test_pdf_has_the_explorer_and_every_row_of_the_ledger(printed, words):
+    key = "measured, literal run expected: ± 2 σ by the law of rounding"
+    assert words.count(plain(key)) == 2  # at home and on the explorer's page
+    cube = xr.open_dataset(ROOT / "data" / "results" / "claims.nc")
+    rows = cube["claim"].size
+    assert rows > 400
+    found = sum(words.count(plain(f" {v} ")) for v in ("agrees", "within scatter", "differs"))
+    assert found >= rows
+
+
 def outline(items):
     """Titles of an outline, to all depths."""
     for one in items:
@@ -113,7 +127,8 @@ def test_pdf_has_an_outline_and_every_widget_is_named(printed, words):
     assert len(titles) > 200
     assert not [title for title in titles if len(title) > 3 and re.fullmatch(r"(.+)\1", title)]
     assert plain("Interactive, in the book: executed/beam-distance.html") in words
-    assert words.count(plain("Interactive, in the book")) >= len(STUDIES)
+    viewers = [name for name in STUDIES if name not in ("cameras", "claims")]
+    assert words.count(plain("Interactive, in the book")) >= len(viewers)
     assert "/StructTreeRoot" in printed.trailer["/Root"]
     assert "file:" not in "".join(
         str(note.get_object().get("/A", {}).get("/URI", ""))

@@ -93,6 +93,19 @@ def test_checksum_is_that_of_the_plates_deflections(study):
     assert sound.checksum(other) != sound.checksum(plate)
 
 
+def test_sound_takes_the_deflections_of_its_estimator():
+    (_, squares, plain), (_, centres, cube) = (
+        both("arrays", cases=("4c",), estimator=name)
+        for name in ("least-squares", "analytic-centre")
+    )
+    assert sound.checksum(squares) != sound.checksum(centres) == cube.attrs["deflections_sha256"]
+    many = {"setting": -1, "trial": slice(1, None)}
+    assert cube["deflection_error"].isel(many).mean() < plain["deflection_error"].isel(many).mean()
+    xr.testing.assert_equal(plain["predicted_error"], cube["predicted_error"])
+    assert cube["predicted_error"].attrs["long_name"].endswith("of least squares")
+    assert "least squares" not in plain["predicted_error"].attrs["long_name"]
+
+
 @pytest.mark.parametrize("study", STUDIES)
 def test_a_plane_has_no_error_exactly_where_it_is_nodal(study):
     _, _, cube = both(study)

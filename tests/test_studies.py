@@ -1,5 +1,6 @@
 """Camera studies end to end: the cubes, their files, and the thesis's stated errors."""
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,8 +11,10 @@ import pytest
 import xarray as xr
 
 from benchmarks.reference import svd_triangulate
-from thesis_lib import claims, cubes, rounding, setups, studies
+from thesis_lib import claims, cubes, notebook, rounding, setups, studies
+from thesis_lib.cameras import project
 from thesis_lib.parameters import validate
+from thesis_lib.polytope import analytic_centre
 
 NAMES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
 PLATES = [name.replace("beam", "plate") for name in NAMES]
@@ -256,6 +259,43 @@ def test_shifting_the_pixel_grid_is_shifting_the_principal_point(known):
         np.testing.assert_allclose(measured[:, trial], alone[:, 0], atol=1e-11)
 
 
+@pytest.mark.parametrize("known", [False, True])
+def test_analytic_centre_takes_the_slabs_that_a_shifted_grid_leaves(known):
+    study = validate("beam-aperture", {})
+    cameras = study.settings()[1].cameras(24, 36)
+    shape = studies.deflection_shape(study.structure, 2, study.structure.markers, 5.5e-3)
+    points = studies.world_points(study.structure, np.array([np.zeros(25), shape]))
+    shifts = rounding.grid_shifts(4, 3, 2)
+    measured = studies.measure(cameras, points, shifts, known, "analytic-centre")
+    plain = studies.measure(cameras, points, shifts, known)
+    assert not np.allclose(measured, plain)
+    for trial, shift in enumerate(shifts):
+        slabs = np.rint(project(cameras.P, points) + shift[:, :, None, None])
+        slabs -= shift[:, :, None, None]
+        centre = analytic_centre(cameras.P, slabs)
+        assert centre.feasible.all()
+        rest = points[2, 0] if known else centre.points[2, 0]
+        np.testing.assert_allclose(measured[0, trial], centre.points[2, 1] - rest, atol=1e-12)
+
+
+def test_prediction_of_the_analytic_centre_is_said_to_be_that_of_least_squares():
+    plain = cube_of("beam-distance", trials=2)
+    centre = cube_of("beam-distance", trials=2, estimator="analytic-centre")
+    xr.testing.assert_equal(plain["predicted_error"], centre["predicted_error"])
+    law = "rms error over the trials by the law of rounding"
+    assert plain["predicted_error"].attrs["long_name"] == law
+    assert centre["predicted_error"].attrs["long_name"] == f"{law}, of least squares"
+    assert not np.allclose(plain["mean_error"], centre["mean_error"])
+    words = []
+    for cube, estimator in ((plain, "least-squares"), (centre, "analytic-centre")):
+        study = validate("beam-distance", {"trials": 2, "estimator": estimator})
+        whole = cubes.with_provenance(cube, study, 0.0)
+        assert json.loads(whole.attrs["parameters"])["estimator"] == estimator
+        words.append(cubes.predicts(whole))
+        assert words[-1] in notebook.error_table(whole).data
+    assert words == ["law of rounding", "law of rounding of least squares"]
+
+
 def same(one, other):
     for variable in ("measured_deflection", "mean_error", "mac", "predicted_error"):
         xr.testing.assert_allclose(
@@ -387,7 +427,7 @@ def test_physics_needs_neither_labels_nor_figures():
     forbidden = ["xarray", "matplotlib", "ipywidgets", "pandas", "pydantic", "netCDF4"]
     code = (
         "import sys; from thesis_lib import structures, cameras, triangulation, rounding, "
-        "radiation, planes, optics, design_law; "
+        "polytope, estimators, dither, radiation, planes, optics, design_law; "
         f"print([m for m in {forbidden} if m in sys.modules], 'numpy' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

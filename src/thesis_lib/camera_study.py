@@ -24,6 +24,7 @@ Resolution = tuple[Width, Width]
 Mode = Annotated[int, Field(ge=1, le=30)]
 Order = Literal["printed", "reversed"]
 Layout = list[Annotated[list[tuple[Azimuth, Elevation]], Field(min_length=2, max_length=100)]]
+LEAST_SQUARES = "least-squares"
 Name = Annotated[str, Field(pattern=r"^\S(.{0,38}\S)?$")]
 
 
@@ -135,6 +136,11 @@ class CameraStudy(Study):
         "how far right and down of the sensor's middle the principal point is",
         "a number from -0.5 to 0.5",
     )
+    estimator: Literal["least-squares", "analytic-centre"] = field(
+        "least-squares",
+        "how points are estimated from rounded pixels; the thesis takes least squares",
+        '"least-squares" or "analytic-centre"',
+    )
     modes: list[Mode] = field(
         lambda: [1, 2, 3],
         "modes to measure",
@@ -149,6 +155,12 @@ class CameraStudy(Study):
     def settings(self) -> list[Setting]:
         """The study's settings in the order of the thesis's tables, azimuths measured from +Y."""
         return [s.turned() if self.azimuth_zero == "X" else s for s in self.printed()]
+
+    @property
+    def law(self) -> str:
+        """Long name of `predicted_error`, which is a law of least squares for every estimator."""
+        law = "rms error over the trials by the law of rounding"
+        return law if self.estimator == LEAST_SQUARES else f"{law}, of least squares"
 
     @property
     def peaks_m(self) -> list[float]:

@@ -98,17 +98,17 @@ def hemisphere_rotations(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
 
 
 def hemisphere_cameras(
-    distance: float,
+    distance: ArrayLike,
     azimuth: ArrayLike,
     elevation: ArrayLike,
     focal_px: float,
     size: tuple[int, int],
 ) -> CameraArray:
-    """Equal cameras at one distance from the origin, all looking at it.
+    """Equal cameras at one or several distances from the origin, all looking at it.
 
     Parameters
     ----------
-    distance : float
+    distance : array_like, shape () or (cameras,)
         Distance of the centres of projection from the origin in m.
     azimuth, elevation : array_like, shape (cameras,)
         Angles in rad.
@@ -119,7 +119,8 @@ def hemisphere_cameras(
     """
     R = hemisphere_rotations(azimuth, elevation)
     K = np.broadcast_to(intrinsics(focal_px, size), R.shape)
-    return CameraArray(K, R, distance * hemisphere_directions(azimuth, elevation), size)
+    centres = np.asarray(distance, float)[..., None] * hemisphere_directions(azimuth, elevation)
+    return CameraArray(K, R, centres, size)
 
 
 def project(P: ArrayLike, points: ArrayLike) -> Array:

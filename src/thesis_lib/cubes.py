@@ -19,6 +19,7 @@ import pandas as pd
 import xarray as xr
 
 from thesis_lib import __version__, effort
+from thesis_lib.camera_study import LEAST_SQUARES
 from thesis_lib.files import library_digest, library_files, project_root, whole_file
 from thesis_lib.parameters import STUDIES, Study
 
@@ -71,6 +72,13 @@ def cached(
     seconds = time.perf_counter() - start + effort.loaded_seconds() - before
     write(cube.assign_attrs(run_time_s=seconds), path)
     return with_provenance(opened(path), study, seconds)
+
+
+def predicts(cube: xr.Dataset) -> str:
+    """What `predicted_error` stands for, as legends say it."""
+    words = STUDIES[cube.attrs["figure_set"]].predicts
+    estimator = json.loads(cube.attrs["parameters"]).get("estimator", LEAST_SQUARES)
+    return words if estimator == LEAST_SQUARES else f"{words} of least squares"
 
 
 def _commit() -> str:

@@ -187,7 +187,7 @@ class Explorer(anywidget.AnyWidget):
 
 def _page(data: dict[str, Any], address: str, compact: bool = False) -> str:
     traits = {"data": data, "address": address, "page": True, "compact": compact}
-    return static_html(_ESM, _CSS, traits, WITHOUT)
+    return static_html(_ESM, _CSS, traits, WITHOUT, prints=True)
 
 
 def explorer_html(address: str = "", compact: bool = False) -> str:

@@ -221,7 +221,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             axes.plot(position, median, "o", color="#222222", markersize=4,
                       label=hidden + "median")  # fmt: skip
         axes.plot(position, bars.predicted, "_", color="#222222", markersize=18 / len(groups),
-                  label=hidden + study.predicts)  # fmt: skip
+                  label=hidden + cubes.predicts(part))  # fmt: skip
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
         for number, (i, claim) in enumerate(given):
             at, name = position[i] + 0.54 * width, "thesis" if first and not number else None

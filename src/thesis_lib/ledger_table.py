@@ -85,5 +85,5 @@ class LedgerTable(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
-        page = static_html(_ESM, _CSS, {"data": self.data, "page": True}, WITHOUT)
+        page = static_html(_ESM, _CSS, {"data": self.data, "page": True}, WITHOUT, prints=True)
         return {**data, "text/plain": repr(self), "text/html": page}, metadata

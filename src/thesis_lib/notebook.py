@@ -164,8 +164,8 @@ def error_table(cube: xr.Dataset) -> Markdown:
     study = STUDIES[cube.attrs["figure_set"]]
     reference = "pressure of the plane" if "plane_error" in cube else "deflection"
     notes = [
-        f"Each cell: {study.first} · median (5–95 %) of the trials · {study.predicts}, in % of the "
-        f"largest reference {reference}."
+        f"Each cell: {study.first} · median (5–95 %) of the trials · {cubes.predicts(cube)}, in % "
+        f"of the largest reference {reference}."
     ]
     if "plane_error" in cube:
         notes.append(

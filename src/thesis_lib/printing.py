@@ -1,6 +1,7 @@
 """The whole book as one PDF: all pages in one, printed by the Chromium of this machine.
 
-What is interactive gives way to a line that says where it is; the figures below it show the same.
+The explorer and the ledger are printed as they first stand. The viewers of results give way to a
+line that says where they are: the figures below them show the same, case by case and mode by mode.
 """
 
 from __future__ import annotations
@@ -43,6 +44,12 @@ table { font-size: 7pt !important; }
 mjx-container[jax="SVG"] { overflow: visible !important; }
 mjx-container[jax="SVG"] > svg { max-width: 100% !important; }
 mjx-container[jax="SVG"] path[data-c] { stroke-width: 0 !important; }
+.tl-viewer .tl-ex-hint, .tl-ex-export, .tl-ex-camera button, .tl-ex-cameras > button,
+.tl-ledger button { display: none !important; }
+.tl-explorer { break-inside: avoid; }
+.tl-viewer.tl-explorer .tl-ex-columns {
+  grid-template-columns: minmax(0, 1fr) minmax(0, 1fr) !important; }
+.tl-viewer.tl-explorer .tl-ex-columns .tl-ex-view { height: 260px !important; }
 .bd-article details.tl-provenance > dl { display: grid !important; }
 details > summary { display: none !important; }
 details.tl-provenance > summary { display: list-item !important; list-style: none; }
@@ -61,7 +68,7 @@ _FOOTER = (
 
 
 def without_widgets(text: str) -> str:
-    """A page without its widgets: a line in the place of each says on which page it is.
+    """A page without the widgets that are not to be printed: a line says on which page each is.
 
     Parameters
     ----------

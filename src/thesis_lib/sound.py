@@ -113,7 +113,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
         ("plane_error_of_larger", trial, 100 * rms / greater[:, None], "percent",
          "rms pressure error over a plane, of the largest reference pressure of both planes"),
         ("predicted_error", ("setting", "mode", "plane"), 100 * predicted / usable, "percent",
-         "rms error over the trials by the law of rounding"),
+         study.law),
         ("independent_ratio", ("mode", "plane"), independent * amplitude / usable, "1",
          "plane error over mean deflection error for errors of equal size, marker by marker"),
         ("largest_pressure", ("mode", "plane"), largest, "Pa", "largest reference pressure"),

@@ -16,6 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib import rounding
+from thesis_lib.camera_study import LEAST_SQUARES
 from thesis_lib.cameras import (
     CameraArray,
     ground_sample_distance,
@@ -24,6 +25,7 @@ from thesis_lib.cameras import (
     project,
 )
 from thesis_lib.parameters import CameraStudy, Study
+from thesis_lib.polytope import analytic_centre
 from thesis_lib.setups import Setting
 from thesis_lib.structures import Structure, deflection_shape
 from thesis_lib.triangulation import triangulate
@@ -38,8 +40,19 @@ def world_points(structure: Structure, deflections: Array) -> Array:
     return np.stack(np.broadcast_arrays(x, y, deflections))
 
 
+def heights(P: Array, uv: Array, estimator: str) -> Array:
+    """Heights Z in m of points from rounded images (cameras, 2, ...), by one of the estimators."""
+    if estimator == "analytic-centre":
+        return analytic_centre(P, uv).points[2]
+    return triangulate(P, uv)[2]
+
+
 def measure(
-    cameras: CameraArray, points: Array, shifts: Array, rest_is_known: bool = False
+    cameras: CameraArray,
+    points: Array,
+    shifts: Array,
+    rest_is_known: bool = False,
+    estimator: str = LEAST_SQUARES,
 ) -> Array:
     """Deflections that cameras with whole pixels measure.
 
@@ -53,6 +66,9 @@ def measure(
         Shift of each camera's pixel grid in px.
     rest_is_known : bool
         Subtract the true rest position instead of the rebuilt one.
+    estimator : str
+        ``least-squares`` or ``analytic-centre``: the centre of the slabs that the rounded images
+        leave, which a shifted grid moves along.
 
     Returns
     -------
@@ -63,9 +79,9 @@ def measure(
     shift = np.moveaxis(shifts, 0, 2)[:, :, None, :, None]
     if rest_is_known:
         images = project(P, points[:, 1:])[:, :, :, None] + shift
-        return triangulate(P, pixelate(images) - shift)[2] - points[2, 0]
+        return heights(P, pixelate(images) - shift, estimator) - points[2, 0]
     images = project(P, points)[:, :, :, None] + shift
-    height = triangulate(P, pixelate(images) - shift)[2]
+    height = heights(P, pixelate(images) - shift, estimator)
     return height[1:] - height[0]
 
 
@@ -94,7 +110,7 @@ def _setting_results(study: CameraStudy, setting: Setting, points: Array) -> dic
     shifts = rounding.grid_shifts(study.seed, study.trials, len(cameras))
     shifts += study.principal_offset_px
     reference = points[2, 1:]
-    measured = measure(cameras, points, shifts, known)
+    measured = measure(cameras, points, shifts, known, study.estimator)
     point, mean, largest = percent_errors(measured, reference)
     variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:], known)
     scale = 100 / np.max(np.abs(reference), axis=-1)
@@ -159,6 +175,7 @@ def run(study: CameraStudy) -> xr.Dataset:
     for name, (dims, dtype, units, long_name) in VARIABLES.items():
         values = np.array([result[name] for result in results]).astype(dtype)
         cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
+    cube["predicted_error"].attrs["long_name"] = study.law
     add_cameras(cube, settings)
     return cube
 

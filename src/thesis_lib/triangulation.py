@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-_UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
+UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Points per block: intermediate results stay in cache, and the allocator reuses their memory.
 _BLOCK_POINTS, _BLOCK_VALUES = 6000, 72000  # the latter: camera × point values, for many cameras
 _MOVED = 1e-5  # motion over depth in a step below which JᵀJ is kept: its change is of second order
@@ -48,11 +48,7 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
     ValueError
         If fewer than two cameras are given, or the shapes do not match.
     """
-    P, uv = np.asarray(P, float), np.asarray(uv, float)
-    if P.ndim != 3 or P.shape[1:] != (3, 4) or len(P) < 2:
-        raise ValueError(f"P: given shape {P.shape}, needs (cameras, 3, 4) with 2 or more cameras")
-    if uv.shape[:2] != (len(P), 2):
-        raise ValueError(f"uv: given shape {uv.shape}, needs ({len(P)}, 2, ...) to match P")
+    P, uv = checked(P, uv)
     n = len(P)
     pixels = uv.reshape(n, 2, -1)
     points = np.empty((3, pixels.shape[2]))
@@ -63,6 +59,16 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
             part = slice(start, start + block)
             points[:, part] = solver.solve(pixels[:, :, part], steps)
     return points.reshape((3,) + uv.shape[2:])
+
+
+def checked(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
+    """Both as arrays of numbers; a shape that is wrong is a ValueError."""
+    P, uv = np.asarray(P, float), np.asarray(uv, float)
+    if P.ndim != 3 or P.shape[1:] != (3, 4) or len(P) < 2:
+        raise ValueError(f"P: given shape {P.shape}, needs (cameras, 3, 4) with 2 or more cameras")
+    if uv.shape[:2] != (len(P), 2):
+        raise ValueError(f"uv: given shape {uv.shape}, needs ({len(P)}, 2, ...) to match P")
+    return P, uv
 
 
 def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
@@ -135,7 +141,7 @@ def covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
     return result
 
 
-def _centre(P: Array) -> tuple[Array, Array]:
+def centred(P: Array) -> tuple[Array, Array]:
     """Projection matrices for pixels counted from the principal point, and that point.
 
     The point is in px, shape (2, cameras, 1).
@@ -150,9 +156,9 @@ class _NormalEquations:
 
     def __init__(self, P: Array, block: int) -> None:
         n = len(P)
-        P, self.middle = _centre(P)
+        P, self.middle = centred(P)
         a, b = P[:, :, :3], P[:, :, 3:]
-        outer = np.einsum("nik,njl->nijkl", a, a)[..., _UPPER[0], _UPPER[1]]
+        outer = np.einsum("nik,njl->nijkl", a, a)[..., UPPER[0], UPPER[1]]
         constant = outer[:, 0, 0] + outer[:, 1, 1]
         varying = [
             -(outer[:, 0, 2] + outer[:, 2, 0]),

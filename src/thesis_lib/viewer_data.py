@@ -42,7 +42,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
             {"mode": mode, "frequency_hz": round(float(cube["frequency"].sel(mode=mode)), 3)}
             for mode in modes
         ],
-        "words": {"draws": study.draws, "predicts": study.predicts},
+        "words": {"draws": study.draws, "predicts": cubes.predicts(cube)},
         "colors": list(COLORS),
         "cases": [
             {

@@ -25,7 +25,7 @@ _IMPORT = re.compile(r'^import (?:\{[^}]*\} from )?"\./(\w+)\.js";\n', re.MULTIL
 
 WITHOUT = "This viewer needs JavaScript; the figures below show the same results."
 _FRAGMENT = """\
-<div class="tl-fragment" data-tl-fragment="%(id)s">
+<div class="tl-fragment" data-tl-fragment="%(id)s"%(prints)s>
 <noscript>%(without)s</noscript>
 </div>
 <style>%(css)s</style>
@@ -86,7 +86,13 @@ def plain(value: object) -> Any:
     return value
 
 
-def static_html(esm: str, css: str, state: Mapping[str, object], without: str = WITHOUT) -> str:
+def static_html(
+    esm: str,
+    css: str,
+    state: Mapping[str, object],
+    without: str = WITHOUT,
+    prints: bool = False,
+) -> str:
     """Write a widget as a self-contained HTML fragment that needs no kernel, server or network.
 
     Parameters
@@ -97,6 +103,8 @@ def static_html(esm: str, css: str, state: Mapping[str, object], without: str = 
         The traits it reads. Floats are written with 6 digits, NaN and infinities as null.
     without : str
         What is said where there is no JavaScript.
+    prints : bool
+        Whether it is worth printing as it first stands; else the printed book has a line instead.
 
     Returns
     -------
@@ -119,7 +127,8 @@ def static_html(esm: str, css: str, state: Mapping[str, object], without: str = 
     text = re.sub("[<>&]", lambda match: f"\\u{ord(match[0]):04x}", text)  # no tag can begin or end
     key = hashlib.sha256("\0".join((esm, css, text)).encode()).hexdigest()[:16]
     parts = {"id": key, "css": css.strip(), "esm": body.strip(), "state": text}
-    return _FRAGMENT % {**parts, "without": html.escape(without)}
+    printed = " data-tl-print" if prints else ""
+    return _FRAGMENT % {**parts, "without": html.escape(without), "prints": printed}
 
 
 class Viewer(anywidget.AnyWidget):
