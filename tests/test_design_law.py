@@ -22,7 +22,8 @@ from thesis_lib import (
     studies,
 )
 from thesis_lib.cameras import hemisphere_cameras, pixelate, project
-from thesis_lib.design_law import ISOTROPIC, MOTION_PX, cone_cameras, exponent
+from thesis_lib.design_law import ISOTROPIC, MOTION_PX, cone_cameras
+from thesis_lib.estimators import exponent
 from thesis_lib.figures import svg
 from thesis_lib.parameters import validate
 from thesis_lib.triangulation import covariance, triangulate
@@ -341,6 +342,18 @@ def test_frames_repeat_their_errors(cube):
     assert many > few
 
 
+def test_many_coarse_cameras_win_with_an_estimator_that_knows_of_pixels(cube):
+    frame, film = (
+        cube[name].sel(estimator="analytic centre").values
+        for name in ("drawn_frame_error", "drawn_fit_error")
+    )
+    squares = cube["drawn_frame_error"].sel(estimator="least squares").values
+    np.testing.assert_allclose(frame[0], squares[0], rtol=0.05)  # two cameras gain nothing
+    assert np.all(frame[-1] < 0.7 * squares[-1])
+    assert np.all(frame[-1] < 0.7 * frame[0])
+    assert np.all(film[-1] < 0.9 * film[0])
+
+
 def test_film_is_fitted_exactly_without_rounding(study):
     filmed = design_shares.film(60.0, study)
     waves = (filmed.fit @ filmed.points[2][..., None])[..., 0]
@@ -373,8 +386,8 @@ def test_a_further_estimator_is_drawn_beside_least_squares(monkeypatch):
     monkeypatch.setitem(design_shares.ESTIMATORS, "linear", linear)
     request = validate("design-law", {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]})
     both = cubes.with_provenance(design_study.run(request), request, 0.0)
-    assert both["estimator"].values.tolist() == ["least squares", "linear"]
-    assert np.all(both["drawn_frame_error"][0] != both["drawn_frame_error"][1])
+    assert both["estimator"].values.tolist() == ["least squares", "analytic centre", "linear"]
+    assert np.all(both["drawn_frame_error"][0] != both["drawn_frame_error"][2])
     assert "linear" in design_tables.shares(both)
     assert "linear" in svg(design_figures.figure(both, "shares")).replace("<!-- ", "")
 

@@ -180,11 +180,6 @@ def weighted_error(positions_px: ArrayLike, weights: ArrayLike) -> Array:
     return np.asarray(np.sqrt(total / 2) / np.pi)
 
 
-def exponent(x: ArrayLike, y: ArrayLike) -> float:
-    """Exponent p of y ∝ xᵖ, by least squares of the logarithms."""
-    return float(np.polyfit(np.log(np.asarray(x, float)), np.log(np.asarray(y, float)), 1)[0])
-
-
 def equal_pixel_rate(
     pixels_per_second: float, n_cameras: ArrayLike, frame_rate: ArrayLike
 ) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:

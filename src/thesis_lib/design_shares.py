@@ -18,15 +18,19 @@ from thesis_lib import design_law, rounding, setups
 from thesis_lib.cameras import CameraArray, on_sensor, pixelate, project
 from thesis_lib.design_request import DesignLaw
 from thesis_lib.design_sweeps import exact, shapes
+from thesis_lib.polytope import analytic_centre
 from thesis_lib.triangulation import gain, triangulate
 
 Array = NDArray[np.float64]
 Estimator = Callable[[Array, Array], Array]
 
 # What everything is drawn with: projection matrices and rounded images to points (3, ...).
-ESTIMATORS: dict[str, Estimator] = {"least squares": triangulate}
+ESTIMATORS: dict[str, Estimator] = {
+    "least squares": triangulate,
+    "analytic centre": lambda P, uv: analytic_centre(P, uv).points,
+}
 
-FITTED = 200  # trials of films at most
+FITTED = 100  # trials of films at most: they take longest
 _FILM_VALUES = 3_000_000  # camera × point values at a time
 
 

@@ -12,8 +12,9 @@ from scipy.optimize import minimize_scalar
 
 from thesis_lib import design_law, rounding, setups
 from thesis_lib.cameras import CameraArray, hemisphere_cameras
-from thesis_lib.design_law import MOTION_PX, exponent
+from thesis_lib.design_law import MOTION_PX
 from thesis_lib.design_request import DesignLaw
+from thesis_lib.estimators import exponent
 from thesis_lib.parameters import camera_study
 from thesis_lib.structures import Structure, deflection_shape
 from thesis_lib.studies import world_points

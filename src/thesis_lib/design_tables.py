@@ -227,8 +227,8 @@ def claim(cube: xr.Dataset) -> str:
             for kind in ("drawn_frame_error", "drawn_fit_error")
         )  # fmt: skip
         text += (
-            f" By {name}, {slow:g} frames per second give {frame[0]} % to {few} cameras and "
-            f"{frame[1]} % to {many} from one frame, {film[0]} and {film[1]} % from all."
+            f" The *{name}* gives, at {slow:g} frames per second, {frame[0]} % to {few} cameras "
+            f"and {frame[1]} % to {many} from one frame, {film[0]} and {film[1]} % from all."
         )
     return text + "\n"
 
