@@ -36,6 +36,7 @@ from thesis_lib.camera_study import (
     shown,
     unit,
 )
+from thesis_lib.design_request import DesignLaw
 from thesis_lib.experiment.lab_layouts import LabElevation, LabLayout
 from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
@@ -270,10 +271,10 @@ CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     for study in (_figure_set(subject, kind, *extra) for kind in _KINDS)
 }
 _SUBJECTS = {"ch2": "cameras", "ch3": "beam", "ch4": "plate", "ch5": "experiment", "lab": "lab",
-             "ch6": "sound", "": "claims"}  # fmt: skip
+             "ch6": "sound", "beyond": "design", "": "claims"}  # fmt: skip
 _ALL: list[type[Study]] = [
     Cameras, *CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras,
-    LabElevation, LabLayout, LabModes, LabPlate, Claims,
+    LabElevation, LabLayout, LabModes, LabPlate, DesignLaw, Claims,
 ]  # fmt: skip
 STUDIES: dict[str, type[Study]] = {
     study.name: study
@@ -296,7 +297,8 @@ def chapter_title(name: str) -> str:
     >>> chapter_title("ch3"), chapter_title("lab")
     ('Chapter 3', 'Beyond chapter 5')
     """
-    return "Beyond chapter 5" if name == "lab" else f"Chapter {name.removeprefix('ch')}"
+    titles = {"lab": "Beyond chapter 5", "beyond": "Beyond the thesis"}
+    return titles.get(name, f"Chapter {name.removeprefix('ch')}")
 
 
 def validate(name: str, values: Mapping[str, Any]) -> Study:

@@ -14,6 +14,7 @@ from thesis_lib import (
     claims,
     conclusions_tables,
     cubes,
+    design_tables,
     effort,
     figures,
     files,
@@ -360,6 +361,11 @@ def _optics(name: str, opened: dict[str, xr.Dataset]) -> str:
     return optics_tables.PIECES[name](opened["cameras"])
 
 
+def _design(name: str, opened: dict[str, xr.Dataset]) -> str:
+    """What is said of the law of rounding for design, from the cube of ``design-law``."""
+    return design_tables.PIECES[name](opened["design-law"])
+
+
 def _effort(_: dict[str, xr.Dataset]) -> str:
     """What each figure set costs, as measured in the published run."""
     known = effort.read()
@@ -388,6 +394,7 @@ def _parameters(opened: dict[str, xr.Dataset]) -> str:
 
 PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
+    **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},
     "beam-model": lambda _: _model(setups.beam(), "mm", 1e3),
     "beam-results": _beam_results,
     "plate-model": lambda _: _model(setups.plate(), "nm", 1e9),
