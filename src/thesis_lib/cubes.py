@@ -145,7 +145,7 @@ def write(cube: xr.Dataset, path: Path, compact: bool = False) -> None:
     encoding: dict[Any, dict[str, Any]] = {}
     for name, values in cube.variables.items() if compact else ():
         if values.dtype.kind == "f" and values.size > 1:
-            encoding[name] = {"zlib": True, "complevel": 4, "shuffle": True}
+            encoding[name] = {"zlib": True, "complevel": 9, "shuffle": True}
             if values.dtype == np.float32:
                 encoding[name] |= {
                     "quantize_mode": "GranularBitRound",
