@@ -11,6 +11,7 @@ from scipy.special import zeta
 
 from thesis_lib import (
     cubes,
+    design_dither,
     design_figures,
     design_law,
     design_shares,
@@ -23,6 +24,7 @@ from thesis_lib import (
 )
 from thesis_lib.cameras import hemisphere_cameras, pixelate, project
 from thesis_lib.design_law import ISOTROPIC, MOTION_PX, cone_cameras
+from thesis_lib.design_request import DesignLaw
 from thesis_lib.estimators import exponent
 from thesis_lib.figures import svg
 from thesis_lib.parameters import validate
@@ -440,7 +442,9 @@ def test_figures_are_drawn_from_the_cube_alone(cube, name):
 
 
 FROM = {"motion": "motion_error", "settings": "law_error", "cone": "cone_error",
-        "exponents": "small_exponent", "shares": "frame_error"}  # fmt: skip
+        "exponents": "small_exponent", "shares": "frame_error",
+    "estimators": "crowd_error", "refined": "stand_error", "dither": "swing_error",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", design_tables.TABLES)
@@ -474,3 +478,31 @@ def test_closed_form_of_the_page_meets_a_study_of_chapter_three():
     other = studies.run(validate("beam-resolution", values))
     rms = [np.sqrt(np.mean(c["mean_error"].values[0, 0, 1:] ** 2)) for c in (one, other)]
     assert rms[0] / rms[1] == pytest.approx(1, abs=0.1)
+
+
+def test_estimators_and_dither_stand_in_the_cube() -> None:
+    study = DesignLaw.model_validate({"trials": 12})
+    made = design_dither.estimated(study) | design_dither.dithered(study)
+    crowd = np.asarray(made["crowd_error"])
+    linear, least, centre, joint = crowd.T
+    assert np.allclose(linear, least, rtol=0.02)  # equal distances: nothing to refine
+    assert (joint < centre).all()
+    assert (centre[2:] < 0.85 * least[2:]).all()
+    noisy = np.asarray(made["noise_error"])
+    assert noisy[0, 2] < 0.85 * noisy[0, 1]
+    assert noisy[-1, 2] > 0.97 * noisy[-1, 1]  # noise takes the gain away
+    stand = np.asarray(made["stand_error"])
+    assert abs(stand[0, 0] / stand[0, 1] - 1) < 0.02
+    assert (stand[1:, 0] > 1.5 * stand[1:, 1]).all()
+    for name in ("swing", "shake", "disc"):
+        drawn, closed = (np.asarray(made[f"{k}{name}_error"]) for k in ("drawn_", ""))
+        assert np.sqrt(np.mean((drawn / closed) ** 2)) == pytest.approx(1, abs=0.25)
+    assert (np.asarray(made["endless_shake_error"]) <= made["shake_error"]).all()
+
+
+def test_shake_leaves_its_closed_form_and_small_motions_are_lost() -> None:
+    made = design_dither.dithered(DesignLaw.model_validate({"trials": 2}))
+    shake = design_dither.SHAKES
+    left = np.exp(-2 * np.pi**2 * shake**2) / (np.sqrt(2) * np.pi)
+    late = (shake > 0.3) & (shake < 0.8)
+    assert np.allclose(np.asarray(made["endless_shake_error"])[late], left[late], rtol=0.01)

@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from thesis_lib import design_dither, dither
 from thesis_lib.design_law import ISOTROPIC, MOTION_PX
 from thesis_lib.figures import COLORS, HIGHLIGHT, INK, REFERENCE, STYLE, color, logarithmic
 
@@ -201,6 +202,52 @@ def shares(cube: xr.Dataset) -> Figure:
     return drawing
 
 
+def estimated(cube: xr.Dataset) -> Figure:
+    """Errors of the estimators against the number of cameras and the noise of pixels."""
+    drawing, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
+    n = cube["crowd"].values
+    for k, name in enumerate(cube["rule"].values):
+        part, style = cube.sel(rule=name), {"color": color(k), "marker": "osD^"[k % 4]}
+        left.plot(n, 1e6 * part["crowd_error"], markersize=4, linewidth=1.3, label=name, **style)
+        right.plot(cube["noise"], 1e6 * part["noise_error"], markersize=4, linewidth=1.3, **style)
+    first = 1e6 * float(cube["crowd_error"].isel(crowd=0).min())
+    for power, words in ((-0.5, "1/√N"), (-1.0, "1/N")):
+        line = first * (n / n[0]) ** power
+        left.plot(n, line, ":", color=INK, linewidth=1)
+        left.annotate(words, (n[-1], line[-1]), color=INK, ha="right", va="top")
+    logarithmic(left.xaxis, [4, 8, 16, 32, 64])
+    logarithmic(left.yaxis, [50, 100, 200, 500, 1000])
+    left.set(title="(a) error of a deflection, µm", xlabel="number of cameras N")
+    left.legend(loc="lower left", fontsize=7)
+    right.set(title=f"(b) {design_dither.NOISY} cameras, µm", ylim=(0, None),
+              xlabel="noise of the images before rounding, px")  # fmt: skip
+    return drawing
+
+
+def dithered(cube: xr.Dataset) -> Figure:
+    """What is left of the rounding error by motion, shake, and size of the markers."""
+    drawing, grid = plt.subplots(1, 3, figsize=(7.6, 3.1), layout="constrained")
+    panels = (("swing", "(a) fitted amplitude, px", "amplitude of the image, px"),
+              ("shake", "(b) mean of frames, px", "camera shake, px"),
+              ("disc", "(c) centroid of a disc, px", "diameter of the marker, px"))  # fmt: skip
+    for axes, (name, title, words) in zip(grid, panels, strict=True):
+        x = cube[name].values
+        axes.axhline(dither.ONE_FRAME**0.5, color=COLORS[4], linestyle="--", linewidth=1.2,
+                     label="one coordinate, one frame")  # fmt: skip
+        axes.plot(x, cube[f"{name}_error"], color=COLORS[0], linewidth=1.6, label="closed form")
+        axes.plot(x, cube[f"drawn_{name}_error"], "o", color=INK, markersize=2.4, label="drawn")
+        axes.set(title=title, xlabel=words)
+        logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
+    grid[1].plot(cube["shake"], cube["endless_shake_error"], ":", color=COLORS[0],
+                 linewidth=1.4, label="endless frames")  # fmt: skip
+    grid[1].set_ylim(0.01, 0.5)
+    logarithmic(grid[0].xaxis, [0.1, 0.3, 1, 3, 10])
+    for axes in grid[:2]:
+        axes.legend(loc="lower left", fontsize=7)
+    return drawing
+
+
 FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
     "motion": motion, "settings": settings, "cone": cone, "findings": findings, "shares": shares,
+    "estimators": estimated, "dither": dithered,
 }  # fmt: skip

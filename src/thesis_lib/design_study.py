@@ -1,4 +1,4 @@
-"""The cube of ``design-law``: the law against simulation, closed forms, findings, equal pixels."""
+"""The cube of ``design-law``: the law, simulations, findings, equal pixels, estimators, dither."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib import design_law, rounding, setups, studies
+from thesis_lib import design_dither, design_law, estimators, rounding, setups, studies
 from thesis_lib.cameras import pixelate, project
 from thesis_lib.design_law import MOTION_PX, cone_cameras
 from thesis_lib.design_request import DesignLaw
@@ -79,6 +79,19 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("count", "rate"), "1", "frames after which more of them tell nothing new"),
     "drawn_fit_error": (
         ("estimator", "count", "rate"), "percent", "rms error of the fitted amplitude, drawn"),
+    "crowd_error": (
+        ("crowd", "rule"), "m", "rms error of a deflection, cameras at equal distances"),
+    "noise_error": (
+        ("noise", "rule"), "m", "rms error of a deflection, pixels with noise before rounding"),
+    "stand_error": (
+        ("stand", "rule"), "m", "error of a deflection, cameras at unequal distances, median"),
+    "swing_error": (("swing",), "px", "error of an amplitude fitted to endless frames"),
+    "drawn_swing_error": (("swing",), "px", "rms error of an amplitude fitted to frames, drawn"),
+    "shake_error": (("shake",), "px", "error of the mean of some frames with shake"),
+    "endless_shake_error": (("shake",), "px", "error of the mean of endless frames with shake"),
+    "drawn_shake_error": (("shake",), "px", "rms error of the mean of some frames, drawn"),
+    "disc_error": (("disc",), "px", "error of the centroid of a disc of black pixels"),
+    "drawn_disc_error": (("disc",), "px", "rms error of the centroid of a disc, drawn"),
     "quantity": (("quantity",), "1", "what a value is"),
     "value": (("quantity",), "1", "value, in the unit beside it"),
     "unit": (("quantity",), "1", "unit of the value"),
@@ -97,11 +110,14 @@ def run(study: DesignLaw) -> xr.Dataset:
     -------
     xarray.Dataset
         (a) along ``motion`` and ``setting``, (b) along ``angle``, (c) along ``finding``,
-        (d) along ``count`` and ``rate``; ``quantity``, ``value`` and ``unit`` are what runs are
-        compared by.
+        (d) along ``count`` and ``rate``, (e) estimators along ``crowd``, ``noise`` and ``stand``,
+        (f) dither along ``swing``, ``shake`` and ``disc``; ``quantity``, ``value`` and ``unit``
+        are what runs are compared by.
     """
     cube = xr.Dataset(coords=_coordinates(study))
-    for part in (_motions, _settings, _cone, findings, arrays, equal_pixels):
+    parts = (_motions, _settings, _cone, findings, arrays, equal_pixels,
+             design_dither.estimated, design_dither.dithered)  # fmt: skip
+    for part in parts:
         _add(cube, part(study))
     _add(cube, _summary(cube, study))
     return cube
@@ -131,6 +147,14 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "count": ("count", study.counts, "1", "number of cameras"),
         "rate": ("rate", study.frame_rates_hz, "Hz", "frames per second, about"),
         "estimator": ("estimator", list(ESTIMATORS), "1", "how points are estimated"),
+        "rule": ("rule", list(estimators.ESTIMATORS), "1", "how points are estimated"),
+        "crowd": ("crowd", list(design_dither.CROWDS), "1", "number of cameras"),
+        "noise": ("noise", list(design_dither.NOISES), "px", "noise of an image before rounding"),
+        "stand": ("stand", [", ".join(f"{d:g}" for d in one) for one in design_dither.STANDS],
+                  "m", "distances of four cameras"),
+        "swing": ("swing", design_dither.SWINGS, "px", "amplitude of an image"),
+        "shake": ("shake", design_dither.SHAKES, "px", "standard deviation of camera shake"),
+        "disc": ("disc", design_dither.DISCS, "px", "diameter of a marker's image"),
     }  # fmt: skip
     return {
         name: (dim, np.array(values), {"units": units, "long_name": words})
@@ -246,5 +270,15 @@ def _summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
                 drawn = part.sel(estimator=name)
                 of(f"error of one frame, {name}, {here}", drawn["drawn_frame_error"], "percent")
                 of(f"error of the fit, {name}, {here}", drawn["drawn_fit_error"], "percent")
+    for name in estimators.ESTIMATORS:
+        part = cube.sel(rule=name)
+        power = estimators.exponent(cube["crowd"].values, part["crowd_error"].values)
+        of(f"exponent of number, random layouts, {name}", power)
+        for along, unit in (("crowd", "cameras"), ("noise", "px noise"), ("stand", "m")):
+            for value, error in zip(cube[along].values, part[f"{along}_error"].values, strict=True):
+                of(f"error, {name}, {value} {unit}", 1e6 * error, "um")
+    for along, unit in (("swing", "amplitude"), ("shake", "shake"), ("disc", "diameter")):
+        ratio = cube[f"drawn_{along}_error"] / cube[f"{along}_error"]
+        of(f"dither by {unit}, drawn over closed form", np.sqrt(np.mean(ratio**2)))
     names, numbers, units = (list(column) for column in zip(*rows, strict=True))
     return {"quantity": names, "value": numbers, "unit": units}

@@ -10,9 +10,12 @@ import numpy as np
 import xarray as xr
 from IPython.display import SVG, Markdown
 
-from thesis_lib import design_figures, figures
+from thesis_lib import design_dither, design_figures, dither, figures
 from thesis_lib.cubes import percent_text
+from thesis_lib.estimators import exponent
 from thesis_lib.markdown import table
+
+REFINED = ("linear", "least-squares")
 
 
 def show(cube: xr.Dataset, name: str) -> Markdown:
@@ -233,9 +236,55 @@ def claim(cube: xr.Dataset) -> str:
     return text + "\n"
 
 
+def estimated(cube: xr.Dataset) -> str:
+    """Errors of the estimators by number of cameras, and their exponents."""
+    names = [str(one) for one in cube["rule"].values]
+    rows = [
+        [str(int(n)), *(f"{1e6 * float(e):.0f}" for e in cube["crowd_error"].sel(crowd=n))]
+        for n in cube["crowd"].values
+    ]
+    powers = [exponent(cube["crowd"], cube["crowd_error"].sel(rule=name)) for name in names]
+    rows.append(["exponent", *(f"{float(p):.2f}".replace("-", "−") for p in powers)])
+    return table(["cameras", *names], rows) + (
+        f"\nRms errors of deflections in µm, {design_dither.DISTANCE:g} m away, 320×180 px, in "
+        "directions drawn evenly over the hemisphere.\n"
+    )
+
+
+def refined(cube: xr.Dataset) -> str:
+    """Where refinement pays: equal and unequal distances."""
+    linear, least = (1e6 * cube["stand_error"].sel(rule=name) for name in REFINED)
+    rows = [
+        [str(one), f"{float(a):.0f}", f"{float(b):.0f}", f"{float(a / b):.2f}"]
+        for one, a, b in zip(cube["stand"].values, linear, least, strict=True)
+    ]
+    return table(["distances, m", "linear, µm", "refined, µm", "ratio"], rows)
+
+
+def dithered(cube: xr.Dataset) -> str:
+    """What is left of one rounded coordinate's error, at a few motions, shakes and sizes."""
+    whole = dither.ONE_FRAME**0.5
+    picks = {"swing": ("amplitude", (0.25, 0.5, 1, 2, 5)), "shake": ("shake", (0.1, 0.2, 0.3, 0.5)),
+             "disc": ("diameter", (3, 5, 10))}  # fmt: skip
+    rows = []
+    for name, (words, values) in picks.items():
+        for value in values:
+            at = cube.sel({name: value}, method="nearest")
+            left, drawn = float(at[f"{name}_error"]), float(at[f"drawn_{name}_error"])
+            rows.append([f"{words} {float(at[name]):.2g} px", f"{left:.3f}", f"{drawn:.3f}",
+                         f"{whole / left:.1f}"])  # fmt: skip
+    return table(["", "error, px", "drawn, px", "times better"], rows) + (
+        f"\n*Amplitude*: fitted to endless frames. *Shake*: mean of {design_dither.FRAMES} frames. "
+        f"*Diameter*: centroid of black pixels. One coordinate in one frame is off by {whole:.3f} "
+        "px.\n"
+    )
+
+
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
     "motion": motion, "settings": settings, "cone": cone, "exponents": exponents, "shares": shares,
+    "estimators": estimated, "refined": refined, "dither": dithered,
 }  # fmt: skip
 PIECES: dict[str, Callable[[xr.Dataset], str]] = {
     "settings": settings, "findings": findings, "shares": few_shares,
+    "estimators": estimated, "refined": refined, "dither": dithered,
 }  # fmt: skip
