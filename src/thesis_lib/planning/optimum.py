@@ -93,6 +93,12 @@ def allowed(scene: Scene, places: Array) -> bool:
     return alone and bool(np.all(gap >= scene.rules.separation * (1 - SLACK)))
 
 
+def too_near(scene: Scene, grid: Array) -> NDArray[np.bool_]:
+    """Which candidates may not stand in one layout; each of them with itself."""
+    where = centres(scene, grid)
+    return np.asarray(cdist(where, where) < max(scene.rules.separation * (1 - SLACK), 1e-9))
+
+
 def exchange(
     known: Array, near: NDArray[np.bool_], start: Sequence[int], objective: str
 ) -> tuple[list[int], float]:
@@ -103,7 +109,7 @@ def exchange(
     known : ndarray, shape (6, candidates, markers)
         Information of the candidates.
     near : ndarray of bool, shape (candidates, candidates)
-        Which of them may not stand in one layout; each of them with itself.
+        Which of them are :func:`too_near` each other.
     start : sequence of int
         Layout to begin with; -1 for a camera that is still to be placed.
     objective : str
@@ -155,7 +161,7 @@ def lower_bound(known: Array, n_cameras: int, weights: Array) -> float:
     bound = 0.0
     for _ in range(_ROUNDS):
         total = np.einsum("kcm,c->km", known, share)
-        xx, xy, xz, yy, yz, zz = total
+        xx, xy, xz, yy, yz, _ = total
         variance = variances(total)
         if not np.all(np.isfinite(variance)):
             break
@@ -185,7 +191,6 @@ def polish(scene: Scene, places: Array, objective: str) -> Array:
     shift = places[:, 0] if full else np.zeros(n)  # a full turn has no bounds
     bounds = [(None, None) if full else scene.rules.azimuths, scene.rules.elevations,
               (np.log(least), np.log(most))] * n  # fmt: skip
-    fixed = np.ptp(bounds[2]) == 0
 
     def moved(x: Array) -> Array:
         rows = x.reshape(-1, 3)
@@ -266,7 +271,7 @@ def polish(scene: Scene, places: Array, objective: str) -> Array:
         return places
     result = np.column_stack([moved(found.x), places[:, 3]])
     result[:, 1] = np.clip(result[:, 1], *scene.rules.elevations)
-    result[:, 2] = least if fixed else np.clip(result[:, 2], least, most)
+    result[:, 2] = np.clip(result[:, 2], least, most)
     better = layout_cost(scene, result, objective) < scale * (1 - 1e-9)
     return result if better and allowed(scene, result) else places
 
@@ -301,8 +306,7 @@ def best_layouts(
         One for each number; None where so many cameras do not find room, or leave a marker unseen.
     """
     known = information(scene, grid)
-    where = centres(scene, grid)
-    near = cdist(where, where) < max(scene.rules.separation * (1 - SLACK), 1e-9)
+    near = too_near(scene, grid)
     rng = np.random.default_rng(seed)
     found: list[Array | None] = []
     smaller: list[int] = []

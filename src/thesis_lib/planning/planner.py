@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
 
 from thesis_lib.camera_study import ParameterError
 from thesis_lib.planning import errors
@@ -21,6 +21,7 @@ from thesis_lib.planning.optimum import (
     information,
     layout_cost,
     lower_bound,
+    too_near,
     variances,
 )
 from thesis_lib.planning.places import FIELDS, Scene, binding, candidates, sees_enough, without
@@ -120,7 +121,7 @@ class Plan:
     candidates: int
 
 
-class Impossible(ParameterError):
+class ImpossibleError(ParameterError):
     """A plan that cannot be; the message is one line and names the binding limit."""
 
 
@@ -139,20 +140,16 @@ def plan(request: PlanRequest, body: Body | None = None,
 
     Raises
     ------
-    Impossible
+    ImpossibleError
         If no camera may stand anywhere, markers are never seen, or the target is out of reach.
     ParameterError
         If the request does not go with the body.
     """
-    body = body or request.body()
+    body = body or request.measured
     try:
         request.check_with(body)
-    except ValidationError as error:  # pragma: no cover - check_with raises the plain kind
-        raise ParameterError(str(error)) from None
-    except Exception as error:
-        if type(error).__name__ != "PydanticCustomError":
-            raise
-        raise ParameterError(f"plan: {error}") from None
+    except PydanticCustomError as error:
+        raise ParameterError(f"plan: {error.message()}") from None
     rate = request.frame_rate(body)
     options: list[Option] = []
     total = 0
@@ -209,7 +206,8 @@ def _options(
     counts, start = sorted(request.counts), time.monotonic()
     tell(f"{len(grid)} places to choose from; looking for the best of {counts} cameras")
     made = best_layouts(scene, grid, counts, request.objective, request.starts, request.seed,
-                        lambda n: tell(f"{n} cameras placed, {time.monotonic() - start:.0f} s"))  # fmt: skip
+                        lambda n: tell(f"{n} cameras placed, {time.monotonic() - start:.0f} s")
+                        )  # fmt: skip
     if all(layout is None for layout in made):
         raise _no_room(scene, grid, counts[0], request)
     known = information(scene, grid)
@@ -260,7 +258,7 @@ def _text(request: PlanRequest, field: str) -> str:
     return f"{field}={list(value) if isinstance(value, tuple) else value}"
 
 
-def _nowhere(scene: Scene, request: PlanRequest) -> Impossible:
+def _nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     """No place is allowed: because of which limits."""
     step = np.radians(request.step_deg)
     found = binding(scene, step)
@@ -270,7 +268,7 @@ def _nowhere(scene: Scene, request: PlanRequest) -> Impossible:
             found = ["focal_lengths_mm"]
     if found:
         text = " or ".join(_text(request, field) for field in found)
-        return Impossible(f"plan: no camera may stand anywhere; binding: {text} (any of these "
+        return ImpossibleError(f"plan: no camera may stand anywhere; binding: {text} (any of these "
                           "eased alone leaves places)")  # fmt: skip
     bare = scene
     for field in FIELDS:
@@ -278,36 +276,37 @@ def _nowhere(scene: Scene, request: PlanRequest) -> Impossible:
             reach = scene.body.reach + max(scene.peaks)
             bare = replace(bare, rules=without(bare.rules, field, reach))
     if not np.any(sees_enough(bare, candidates(bare, step))):
-        return Impossible(f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} "
+        return ImpossibleError(f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} "
                           f"and {_text(request, 'in_view')}")  # fmt: skip
-    return Impossible("plan: no camera may stand anywhere; binding: several limits together, no "
+    return ImpossibleError("plan: no camera may stand anywhere; binding: several limits together, no "
                       "one of which is enough eased alone")  # fmt: skip
 
 
-def _no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> Impossible:
+def _no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> ImpossibleError:
     """Places there are, but no layout: cameras too close, or a marker that two do not see."""
     seen = (information(scene, grid)[0] > 0).sum(axis=0)
     if seen.min() < 2:
         worst = int(np.argmin(seen))
-        return Impossible(
+        return ImpossibleError(
             f"plan: marker {worst + 1} of {len(seen)} is in view of {seen[worst]} of {len(grid)} "
             f"places, and two cameras must see it; binding: {_text(request, 'tilt_deg')}, "
             f"{_text(request, 'elevations_deg')}, {_text(request, 'azimuths_deg')}"
         )
     open_ = replace(scene, rules=without(scene.rules, "separation_mm", 0))
-    near = np.eye(len(grid), dtype=bool)
-    layout, _ = exchange(information(open_, grid), near, [-1] * count, request.objective)
+    layout, _ = exchange(
+        information(open_, grid), too_near(open_, grid), [-1] * count, request.objective
+    )
     if -1 not in layout and np.isfinite(layout_cost(open_, grid[layout], request.objective)):
-        return Impossible(
+        return ImpossibleError(
             f"plan: {count} cameras find no room; binding: {_text(request, 'separation_mm')}"
         )
-    return Impossible(
+    return ImpossibleError(
         f"plan: {count} cameras cannot see every marker twice; binding: {_text(request, 'counts')} "
         f"and {_text(request, 'in_view')}"
     )
 
 
-def _unreached(best: Option, request: PlanRequest) -> Impossible:
+def _unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     """The target is out of reach: what would be needed, and which limit on places costs most."""
     target, n, scene = request.target_percent, len(best.layout), best.scene
     assert target is not None
@@ -330,7 +329,7 @@ def _unreached(best: Option, request: PlanRequest) -> Impossible:
     if most and eased[most] < 0.99 * best.error:
         text += f"; of the limits on places {_text(request, most)} costs most (without it about " \
                 f"{eased[most]:.3g})"  # fmt: skip
-    return Impossible(text)
+    return ImpossibleError(text)
 
 
 def _same(one: Scene, other: Scene) -> bool:
@@ -341,13 +340,12 @@ def _same(one: Scene, other: Scene) -> bool:
 
 
 def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
-    """Cost of the best layout on a coarse grid, sharing places where there is no separation."""
+    """Cost of the best layout on a coarse grid; infinite if there is no room."""
     grid = candidates(scene, np.radians(max(request.step_deg, 15.0)))
     if not len(grid):
         return np.inf
     known = information(scene, grid)
-    return float(min(
-        cost(variances(known[:, chosen].sum(axis=1)), request.objective)
-        for chosen in [exchange(known, np.zeros((len(grid),) * 2, bool), [-1] * n,
-                                request.objective)[0]]
-    ))  # fmt: skip
+    chosen, _ = exchange(known, too_near(scene, grid), [-1] * n, request.objective)
+    if -1 in chosen:
+        return np.inf
+    return float(cost(variances(known[:, chosen].sum(axis=1)), request.objective))

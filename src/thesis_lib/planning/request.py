@@ -14,6 +14,7 @@ from thesis_lib.camera_study import Mode, Positive, Resolution, Study, field, re
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.places import Rules
 from thesis_lib.setups import Setting
+from thesis_lib.structures import Structure
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 Turn = Annotated[float, Field(ge=-360, le=360)]
@@ -35,10 +36,10 @@ class PlanRequest(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    structure: Literal["beam", "plate"] = field(
+    body: Literal["beam", "plate"] = field(
         "beam",
         "what is measured, unless a file tells it",
-        '"beam" or "plate"; or give --structure FILE',
+        '"beam" or "plate"; for anything else give --structure FILE',
     )
     modes: list[Mode] = field(
         lambda: [1, 2, 3],
@@ -164,10 +165,15 @@ class PlanRequest(Study):
         """None: layouts are found, not given."""
         return []
 
-    def body(self) -> Body:
+    @property
+    def structure(self) -> Structure:
         """The beam or the plate of the thesis."""
-        given = setups.beam() if self.structure == "beam" else setups.plate()
-        return body_of(given, self.structure, self.modes)
+        return setups.beam() if self.body == "beam" else setups.plate()
+
+    @property
+    def measured(self) -> Body:
+        """The same as a body with the modes asked for."""
+        return body_of(self.structure, self.body, self.modes)
 
     @property
     def peaks_m(self) -> tuple[float, ...]:
@@ -237,8 +243,8 @@ def command(request: PlanRequest, file: str = "") -> str:
 
     Examples
     --------
-    >>> command(PlanRequest(structure="plate", target_percent=2.0))
-    'thesis plan -p structure=plate -p target_percent=2.0'
+    >>> command(PlanRequest(body="plate", target_percent=2.0))
+    'thesis plan -p body=plate -p target_percent=2.0'
     """
     import shlex
 
@@ -272,4 +278,4 @@ def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> 
         "sensor_width_mm": request.sensor_width_mm, "trials": request.trials,
     }  # fmt: skip
     words = [f"-p {shlex.quote(f'{k}={json.dumps(v)}')}" for k, v in values.items()]
-    return " ".join([f"thesis run {request.structure}-arrays", *words])
+    return " ".join([f"thesis run {request.body}-arrays", *words])
