@@ -23,6 +23,7 @@ INF, NAN = math.inf, math.nan
 DISTANCE, APERTURE = "beam-distance", "beam-aperture"
 RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
 PLATE, SOUND, LEDGER = "plate-distance", "sound-aperture", "claims"
+PLANNER = "planner"
 PAIR = [[80, 10], [-80, 10]]
 
 
@@ -363,6 +364,17 @@ OWN_CHANGES = {
         "baselines_mm": [100],
         "disparity_error_px": 0.2,
     },
+    "planner": {
+        "counts": [2, 3],
+        "resolutions_px": [[640, 360]],
+        "beam_amplitude_mm": 5,
+        "plate_amplitude_mm": 9,
+        "tilt_deg": 70,
+        "separation_mm": 60,
+        "target_percent": 4,
+        "step_deg": 15,
+        "starts": 1,
+    },
     "lab-elevation": {
         "distance_mm": 571,
         "periods": 2,
@@ -542,7 +554,7 @@ def test_junk_is_refused_in_one_line_or_valid(name, values):
         assert message.isprintable()
         assert len(message) < 500
     else:
-        assert study.settings() or name == LEDGER
+        assert study.settings() or name in (LEDGER, PLANNER)
         assert validate(name, study.request).digest == study.digest
 
 
@@ -562,4 +574,4 @@ def test_junk_in_one_known_field_is_refused_in_one_line_or_valid(data):
         assert message.startswith(tuple(f"{name}: {field}" for field in fields))
         assert message.isprintable()
     else:
-        assert study.settings() or name == LEDGER
+        assert study.settings() or name in (LEDGER, PLANNER)

@@ -23,6 +23,7 @@ Mask = NDArray[np.bool_]
 SLACK = 1e-9  # relative: what stands on a limit is allowed
 _LADDER = 8  # distances tried from the nearest that sees enough outwards
 _HALVINGS = 30  # of the bracket of that distance
+_NEVER = 10.0  # rad: as far inside as no angle is
 _VALUES = 2_000_000  # images at a time, which bounds the memory
 
 
@@ -131,7 +132,11 @@ def clearances(scene: Scene, places: Array) -> Array:
     for low, high, bottom, top in rules.sectors:
         middle, half = (low + high) / 2, (high - low) / 2
         aside = np.abs(np.mod(places[:, 0] - middle + np.pi, 2 * np.pi) - np.pi) - half
-        rows.append(np.maximum(aside, np.maximum(bottom - places[:, 1], places[:, 1] - top)))
+        # a whole turn has no way out to the side, nor one that holds a pole beyond the pole
+        sides = [aside if half < np.pi - SLACK else np.full(len(places), -_NEVER)]
+        sides += [bottom - places[:, 1]] if bottom > SLACK - np.pi / 2 else []
+        sides += [places[:, 1] - top] if top < np.pi / 2 - SLACK else []
+        rows.append(np.max(sides, axis=0))
     return np.array(rows).reshape(-1, len(places))
 
 
@@ -227,7 +232,7 @@ def without(rules: Rules, field: str, reach: float) -> Rules:
     """The rules without the limit that a parameter sets; distances keep clear of the body."""
     full: dict[str, dict[str, object]] = {
         "tilt_deg": {"tilt": np.pi / 2},
-        "in_view": {"in_view": 0.0},
+        "in_view": {"in_view": 1e-6},  # one marker
         "elevations_deg": {"elevations": (-np.pi / 2, np.pi / 2)},
         "azimuths_deg": {"azimuths": (-np.pi, np.pi)},
         "distances_mm": {"distances": (1.05 * reach, 100 * max(reach, rules.distances[1]))},
@@ -243,4 +248,5 @@ def binding(scene: Scene, step: float) -> list[str]:
     """Parameters each of which alone leaves no place: without its limit there are some."""
     reach = scene.body.reach + max(scene.peaks)
     eased = {f: replace(scene, rules=without(scene.rules, f, reach)) for f in FIELDS}
+    eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
     return [field for field, one in eased.items() if len(candidates(one, step))]

@@ -262,10 +262,6 @@ def _nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     """No place is allowed: because of which limits."""
     step = np.radians(request.step_deg)
     found = binding(scene, step)
-    if len(scene.focals) and not found:
-        wide = replace(scene, focals=(min(scene.focals) / 100,))
-        if len(candidates(wide, step)):
-            found = ["focal_lengths_mm"]
     if found:
         text = " or ".join(_text(request, field) for field in found)
         return ImpossibleError(f"plan: no camera may stand anywhere; binding: {text} (any of these "
@@ -276,10 +272,14 @@ def _nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
             reach = scene.body.reach + max(scene.peaks)
             bare = replace(bare, rules=without(bare.rules, field, reach))
     if not np.any(sees_enough(bare, candidates(bare, step))):
-        return ImpossibleError(f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} "
-                          f"and {_text(request, 'in_view')}")  # fmt: skip
-    return ImpossibleError("plan: no camera may stand anywhere; binding: several limits together, no "
-                      "one of which is enough eased alone")  # fmt: skip
+        return ImpossibleError(
+            f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} and "
+            f"{_text(request, 'in_view')}"
+        )
+    return ImpossibleError(
+        "plan: no camera may stand anywhere; binding: several limits together, of which to ease "
+        "one alone is not enough"
+    )
 
 
 def _no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> ImpossibleError:

@@ -104,11 +104,9 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
         point = errors.predicted(scene, layout, width)
         drawn = errors.simulated(scene, layout, width, study.trials, study.seed, "least-squares")
         best = np.argmax(point, axis=1)
-        found[at] = (factor * np.sqrt(cost), errors.counted(point, "mean").max(),
-                     drawn.error("mean", best).max())  # fmt: skip
-    values: dict[str, Any] = {
-        name: (("case", "count"), values) for name, values in zip(_THESIS, found, strict=True)
-    }
+        found[at] = (factor * np.sqrt(cost), np.max(errors.counted(point, "mean")),
+                     np.max(drawn.error("mean", best)))  # fmt: skip
+    values = {name: (("case", "count"), row) for name, row in zip(_THESIS, found, strict=True)}
     return xr.Dataset(values, coords={"case": cases})
 
 

@@ -84,7 +84,7 @@ def camera_table(cube: xr.Dataset, option: int) -> str:
         angles = [float(camera["camera_azimuth"]), float(camera["camera_elevation"])]
         lens = [1000 * float(camera["camera_distance"]), 1000 * float(camera["focal_length"])]
         writer.writerow([
-            i + 1, *(f"{value + 0.0:.3f}" for value in (*lengths, *angles)),
+            i + 1, *(f"{round(value, 3) + 0.0:.3f}" for value in (*lengths, *angles)),
             f"{lens[0]:.3f}", f"{lens[1]:g}", int(one["width_px"]), int(one["height_px"]),
             f"{float(one['frame_rate']):g}",
         ])  # fmt: skip

@@ -137,10 +137,10 @@ class PlanRequest(Study):
         "largest angle between a marker's normal and the line of sight at which it is read",
         "a number above 0, at most 90",
     )
-    in_view: Annotated[float, Field(ge=0, le=1)] = field(
+    in_view: Annotated[float, Field(gt=0, le=1)] = field(
         1.0,
         "share of the markers that each camera must see and read; it counts for those alone",
-        "a number from 0 to 1",
+        "a number above 0, at most 1",
     )
     separation_mm: Annotated[float, Field(ge=0, le=1e5)] = field(
         100.0, "least distance between two cameras", "a number from 0 to 100000"
