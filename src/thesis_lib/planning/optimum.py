@@ -282,8 +282,8 @@ def best_layouts(
 ) -> list[Array | None]:  # fmt: skip
     """The best layout of each number of cameras from a grid of candidates.
 
-    Every number is begun from random layouts and from the best smaller one, each exchanged until
-    nothing helps; the two best are polished.
+    Every number is begun from the best smaller one, and from random layouts of half of the
+    candidates, each exchanged until nothing helps and polished.
 
     Parameters
     ----------
@@ -311,15 +311,18 @@ def best_layouts(
     found: list[Array | None] = []
     smaller: list[int] = []
     for count in counts:
-        first = smaller + [-1] * (count - len(smaller))
-        tried = [exchange(known, near, first, objective)]
-        tried += [
-            exchange(known, near, _random(rng, near, count), objective) for _ in range(starts)
-        ]
-        whole = sorted((c, t) for t, c in tried if -1 not in t)
-        layouts = [grid[one] for _, one in whole[:2]]
+        tried = [exchange(known, near, smaller + [-1] * (count - len(smaller)), objective)]
+        for _ in range(starts):
+            # half of the places lead to another layout than all of them, which polishing may favour
+            half = np.sort(rng.permutation(len(grid))[: max(len(grid) // 2, count)])
+            part = near[np.ix_(half, half)]
+            chosen, least = exchange(known[:, half], part, _random(rng, part, count), objective)
+            tried.append(([int(half[i]) if i >= 0 else -1 for i in chosen], least))
+            tried.append(exchange(known, near, tried[-1][0], objective))
+        whole = {tuple(sorted(one)): least for one, least in tried if -1 not in one}
+        layouts = [grid[list(one)] for one in whole]
         if whole:
-            smaller = whole[0][1]
+            smaller = list(min(whole.items(), key=lambda item: item[1])[0])
         before = next((f for f in reversed(found) if f is not None), None)
         if before is not None:  # the polished smaller one and what adds most to it
             added = before

@@ -37,8 +37,8 @@ def run(study: Planner) -> xr.Dataset:
     -------
     xarray.Dataset
         Variables of a plan's cube along ``question``; of the thesis's layouts, at the first of the
-        resolutions, along ``case`` and ``count``; ``quantity``, ``value`` and ``unit`` are what
-        runs are compared by.
+        resolutions, along ``thesis_case`` and ``count``; ``quantity``, ``value`` and ``unit`` are
+        what runs are compared by.
     """
     plans = {name: plan(request) for name, request in study.questions.items()}
     cube = xr.concat(
@@ -54,7 +54,7 @@ def run(study: Planner) -> xr.Dataset:
     cube = cube.assign(xr.concat(own, xr.Variable("structure", list(THESIS), {
         "units": "1", "long_name": "structure"})).data_vars)  # fmt: skip
     cube["structure"].attrs = {"units": "1", "long_name": "structure"}
-    cube["case"].attrs = {"units": "1", "long_name": "case of the thesis"}
+    cube["thesis_case"].attrs = {"units": "1", "long_name": "case of the thesis"}
     for name, words in _THESIS.items():
         cube[name].attrs = {"units": "percent", "long_name": words}
     return cube.assign(_summary(cube, study))
@@ -106,16 +106,18 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
         best = np.argmax(point, axis=1)
         found[at] = (factor * np.sqrt(cost), np.max(errors.counted(point, "mean")),
                      np.max(drawn.error("mean", best)))  # fmt: skip
-    values = {name: (("case", "count"), row) for name, row in zip(_THESIS, found, strict=True)}
-    return xr.Dataset(values, coords={"case": cases})
+    values = {
+        name: (("thesis_case", "count"), row) for name, row in zip(_THESIS, found, strict=True)
+    }
+    return xr.Dataset(values, coords={"thesis_case": cases})
 
 
 def cheapest(one: xr.Dataset, target: float) -> int | None:
     """The cheapest option of a question that reaches a target, predicted and simulated."""
-    worst = np.maximum(one["predicted_error"].max("mode"), one["simulated_error"].max("mode"))
-    good = np.flatnonzero(worst.values <= target)
-    return int(min(good, key=lambda i: (one["cost"].values[i], worst.values[i]))) \
-        if len(good) else None  # fmt: skip
+    kinds = [one[name].max("mode").values for name in ("predicted_error", "simulated_error")]
+    worst, cost = np.max(kinds, axis=0), one["cost"].values
+    good = [i for i in range(len(worst)) if worst[i] <= target]
+    return min(good, key=lambda i: (cost[i], worst[i]), default=None)
 
 
 def _summary(cube: xr.Dataset, study: Planner) -> dict[str, Any]:

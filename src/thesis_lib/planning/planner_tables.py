@@ -48,7 +48,7 @@ def _best_of_thesis(cube: xr.Dataset, body: str) -> list[tuple[str, float, float
             found.append(("—", np.nan, np.nan))
             continue
         best = int(np.nanargmin(expected))
-        found.append((str(cube["case"].values[best]), float(expected[best]),
+        found.append((str(cube["thesis_case"].values[best]), float(expected[best]),
                       float(part["thesis_simulated"].values[best, i])))  # fmt: skip
     return found
 
@@ -156,9 +156,9 @@ def gain_figure(cube: xr.Dataset) -> Figure:
     n = cube["count"].values
     for panel, (body, question) in zip(axes, THESIS.items(), strict=True):
         own = cube.sel(structure=body)["thesis_expected"]
-        for i, case in enumerate(cube["case"].values):
-            panel.plot(n, own.sel(case=case), "o--", color=color(i), markersize=3.5, linewidth=0.8,
-                       label=f"case {case}")  # fmt: skip
+        for i, case in enumerate(cube["thesis_case"].values):
+            panel.plot(n, own.sel(thesis_case=case), "o--", color=color(i), markersize=3.5,
+                       linewidth=0.8, label=f"case {case}")  # fmt: skip
         one = _coarse(cube, question)
         panel.plot(n, one["expected_error"], "o-", color="#222222", linewidth=2, label="planned")
         panel.plot(n, one["bound"], "_", color="#222222", markersize=12, label="bound")
