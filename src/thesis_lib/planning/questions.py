@@ -38,7 +38,7 @@ class Planner(Study):
     """Planned layouts of beam and plate beside those of the thesis, and what limits cost."""
 
     name = "planner"
-    title = "Planned layouts"
+    title = "Planned cameras"
     subject = "design"
     study = "planner"
     varied = "n_cameras"
