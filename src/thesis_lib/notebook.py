@@ -14,7 +14,18 @@ import numpy as np
 import xarray as xr
 from IPython.display import HTML, SVG, Markdown, display
 
-from thesis_lib import claims, cubes, effort, figures, files, optics_study, sound, studies
+from thesis_lib import (
+    claims,
+    cubes,
+    design_study,
+    effort,
+    figures,
+    files,
+    optics_study,
+    sound,
+    studies,
+)
+from thesis_lib.design_request import DesignLaw
 from thesis_lib.experiment.lab_layouts import Layouts
 from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
@@ -103,6 +114,8 @@ def _computed(request: Study) -> xr.Dataset:
         return ledger_of(request)
     if isinstance(request, Cameras):
         return optics_study.run(request)
+    if isinstance(request, DesignLaw):
+        return design_study.run(request)
     if isinstance(request, Planner):
         return planner_study.run(request)
     assert isinstance(request, CameraStudy)

@@ -36,6 +36,7 @@ from thesis_lib.camera_study import (
     shown,
     unit,
 )
+from thesis_lib.design_request import DesignLaw
 from thesis_lib.experiment.lab_layouts import LabElevation, LabLayout
 from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
@@ -275,7 +276,7 @@ _SUBJECTS = {"ch2": "cameras", "ch3": "beam", "ch4": "plate", "ch5": "experiment
              "ch6": "sound", "beyond": "design", "": "claims"}  # fmt: skip
 _ALL: list[type[Study]] = [
     Cameras, *CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras,
-    LabElevation, LabLayout, LabModes, LabPlate, Planner, Claims,
+    LabElevation, LabLayout, LabModes, LabPlate, DesignLaw, Planner, Claims,
 ]  # fmt: skip
 STUDIES: dict[str, type[Study]] = {
     study.name: study

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from thesis_lib import (
     claims,
+    conclusions_tables,
     cubes,
+    design_tables,
     effort,
     figures,
     files,
@@ -361,6 +363,11 @@ def _optics(name: str, opened: dict[str, xr.Dataset]) -> str:
     return optics_tables.PIECES[name](opened["cameras"])
 
 
+def _design(name: str, opened: dict[str, xr.Dataset]) -> str:
+    """What is said of the law of rounding for design, from the cube of ``design-law``."""
+    return design_tables.PIECES[name](opened["design-law"])
+
+
 def _planner(name: str, opened: dict[str, xr.Dataset]) -> str:
     """What is said of planned layouts, from the cube of ``planner``."""
     return planner_tables.PIECES[name](opened["planner"])
@@ -399,6 +406,7 @@ def _parameter_table(model: type[Study], without: Sequence[str] = ()) -> str:
 
 PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
+    **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},
     **{f"planner-{name}": partial(_planner, name) for name in planner_tables.PIECES},
     "planner-parameters": lambda _: _parameter_table(PlanRequest, ["cube"]),
     "beam-model": lambda _: _model(setups.beam(), "mm", 1e3),
@@ -415,6 +423,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "sound-layouts": _layouts,
     "sound-markers": _markers,
     "sound-levels": _levels,
+    **conclusions_tables.PIECES,
     "parameters": _parameters,
     "effort": _effort,
     "ledger-totals": _ledger_totals,

@@ -11,6 +11,7 @@ from typing import Any
 from thesis_lib import (
     assumptions,
     book,
+    conclusions_figure,
     crate,
     cubes,
     downloads,
@@ -140,6 +141,7 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
     sources = [*pages, *(job.notebook for job in plan.jobs), *made, *numbers]
     walk = [executed / pictures.file_name(name) for name in pictures.PICTURES]
     walk += [executed / f"{name}.md" for name in walk_numbers.PIECES]
+    picture_of_all = executed / conclusions_figure.NAME
     told = [executed / f"{name}.md" for name in reference.PIECES]
     own_words = [executed / f"{n}.md" for n in (*thesis_index.PIECES, *assumptions.PIECES)]
     own_words += [executed / f"{name}.html" for name in PAGES]
@@ -164,6 +166,12 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
             numbers,
         ),
         runs.task(
+            "figure of the conclusions",
+            lambda: conclusions_figure.write(made, executed),
+            [*made, *files.library_files()],
+            [picture_of_all],
+        ),
+        runs.task(
             "walk through chapter 5",
             lambda: _walk_through(executed),
             [*made, *files.library_files()],
@@ -184,7 +192,7 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
         runs.task(
             "pages",
             lambda: _render(plan),
-            [*sources, *walk, *told, *own_words, *files.library_files()],
+            [*sources, picture_of_all, *walk, *told, *own_words, *files.library_files()],
             [plan.index, plan.archive],
         ),
     ]

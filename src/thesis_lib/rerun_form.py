@@ -78,15 +78,15 @@ def _typed(value: Any) -> str:
     """
     if isinstance(value, str):
         return value
-    text = json.dumps(_whole(value), ensure_ascii=False)
+    text = json.dumps(whole_numbers(value), ensure_ascii=False)
     flat = isinstance(value, list) and not any(isinstance(one, list) for one in value)
     return text[1:-1] if flat else text
 
 
-def _whole(value: Any) -> Any:
+def whole_numbers(value: Any) -> Any:
     """The same with whole numbers written without a point."""
     if isinstance(value, list):
-        return [_whole(one) for one in value]
+        return [whole_numbers(one) for one in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 

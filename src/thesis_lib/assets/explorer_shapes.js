@@ -40,8 +40,8 @@ export default (app) => {
         path("tl-reference", lines(trace(reference))),
         svg("g", { style: app.tint(0) }, path("tl-line", lines(trace(measured))),
           path("tl-mark", trace(measured).map(([x, y]) => mark(0, x, y, 2.6)).join(""))));
-      const top = above(Math.max(...point), PERCENT), title = "error of each marker (%)";
-      const { x, y } = chart(bars, 130, [0, top], title, "distance from the clamp (mm)");
+      const top = above(Math.max(...point), PERCENT), along = `${width < 360 ? "" : "distance "}from the clamp (mm)`;
+      const { x, y } = chart(bars, 130, [0, top], "error of each marker (%)", along);
       const columns = at.map((v, i) => `M${x(v)} ${y(0)}V${y(point[i])}`).join("");
       bars.append(path("tl-ex-bars", columns, { style: app.tint(0) }));
     };

@@ -91,7 +91,8 @@ def limits(cube: xr.Dataset) -> str:
     tilt = _asked(cube, "tilt_deg")
     return table(["", *(f"{n} cameras" for n in counts)], rows) + (
         "\nAveraged errors in %, and how much more than in the first row of the structure. But for "
-        f"that row markers are read up to {tilt:g}° from their normals.\n"
+        f"that row markers are read up to {tilt:g}° from their normals. With a wall or a machine "
+        "cameras may stand nearer or farther, too.\n"
     )
 
 

@@ -111,8 +111,8 @@ def summary(plan_: Plan, file: str = "") -> list[str]:
         f"{which}: {_cost(plan_, best.cost)}",
         f"{kind} error predicted (simulated) in %: {modes}; simulated over predicted "
         f"{np.min(found / best.predicted):.3f} to {np.max(found / best.predicted):.3f}",
-        f"averaged over amplitudes {best.expected:.3g} %; no layout on the grid of the search is "
-        f"below {best.bound:.3g} %",
+        f"averaged over amplitudes {best.expected:.3g} %; bound for all layouts on the grid of the "
+        f"search {best.bound:.3g} %",
     ]
     study = "" if file else study_of(request, best.layout, best.resolution)
     if study:

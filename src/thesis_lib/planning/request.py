@@ -269,8 +269,9 @@ def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> 
     low = np.degrees(layout[:, 1].min())
     if np.ptp(distance) > 0.01 or np.ptp(focal) > 1e-9 or low <= 0:
         return ""
-    angles = np.round(np.degrees(layout[:, :2]), 3)
+    angles = np.degrees(layout[:, :2])
     angles[:, 0] = np.mod(angles[:, 0] + 180, 360) - 180
+    angles = np.round(angles, 3)
     values: dict[str, Any] = {
         "cases": [], "layouts": {"plan": [angles.tolist()]}, "modes": request.modes,
         "distance_mm": round(float(distance[0]), 3), "resolution_px": list(resolution),

@@ -1,0 +1,55 @@
+"""Pictures of pages: loaded when needed, with sizes that their files tell."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import pytest
+
+from thesis_lib.lazy_images import lazy, size_px
+
+SVG = '<?xml version="1.0"?>\n<svg xmlns="x" width="72pt" height="36.75pt" viewBox="0 0 1 1"/>'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "a b.svg").write_text(SVG, encoding="utf-8")
+    head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 640, 360)
+    (tmp_path / "c.png").write_bytes(head)
+    (tmp_path / "d.svg").write_text('<svg viewBox="0 0 4 3"/>', encoding="utf-8")
+    return tmp_path
+
+
+def test_sizes_are_those_of_the_files(folder: Path) -> None:
+    assert size_px(folder / "a b.svg") == (96, 49)
+    assert size_px(folder / "c.png") == (640, 360)
+    assert size_px(folder / "d.svg") is None
+    assert size_px(folder / "none.png") is None
+    assert size_px(folder) is None
+
+
+def test_pictures_wait_with_their_size(folder: Path) -> None:
+    page = '<p><img alt="a &gt; b" src="a%20b.svg" /></p><img src="c.png" alt="">'
+    assert lazy(page, folder) == (
+        '<p><img alt="a &gt; b" src="a%20b.svg" width="96" height="49" loading="lazy" /></p>'
+        '<img src="c.png" alt="" width="640" height="360" loading="lazy">'
+    )
+    assert lazy(lazy(page, folder), folder) == lazy(page, folder)
+
+
+@pytest.mark.parametrize(
+    "image", ['<img src="d.svg">', '<img src="none.svg">', '<img src="data:image/png;base64,a">',
+              '<img src="c.png" loading="eager">']
+)  # fmt: skip
+def test_what_is_not_known_stays(folder: Path, image: str) -> None:
+    assert lazy(image, folder) == image
+
+
+def test_a_width_of_the_page_stays(folder: Path) -> None:
+    page = '<img src="c.png" style="width: 100%;" />'
+    styled = lazy(page, folder)
+    assert 'style="width: 100%;"' in styled
+    assert (
+        lazy('<img src="c.png" width="9">', folder) == '<img src="c.png" width="9" loading="lazy">'
+    )
