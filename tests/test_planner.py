@@ -6,9 +6,11 @@ import csv
 import itertools
 import json
 import math
+import re
 import signal
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -402,6 +404,16 @@ def test_file_gives_unit_normals_and_shapes_with_a_peak_of_one(tmp_path):
     assert np.array_equal(flat.normals[2], np.ones(9))
     numbered = strip().assign_coords(mode=[3, 7])
     assert mesh_file.read_body(written(tmp_path, numbered), [7]).frequencies.tolist() == [55.0]
+
+
+def test_the_pages_example_of_a_file_can_be_planned_for(tmp_path, monkeypatch):
+    page = Path(__file__).parents[1] / "book" / "planner.md"
+    (code,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    exec(code, {})
+    body = mesh_file.read_body(tmp_path / "strip.nc", [1])
+    made = plan(plan_request({**QUICK, "modes": [1], "target_percent": None}), body)
+    assert len(made.options) == 8
 
 
 def test_a_file_with_the_beam_gives_the_plan_of_the_beam(tmp_path):

@@ -39,7 +39,7 @@ class PlanRequest(Study):
     body: Literal["beam", "plate"] = field(
         "beam",
         "what is measured, unless a file tells it",
-        '"beam" or "plate"; for anything else give --structure FILE',
+        '"beam" or "plate"; anything else comes from a file',
     )
     modes: list[Mode] = field(
         lambda: [1, 2, 3],
