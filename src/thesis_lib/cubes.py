@@ -38,6 +38,7 @@ SECTIONS = {"cameras": "chapter 2, appendices A, B", "beam": "section 3.3", "pla
 _QUANTITIES = ("quantity", "value", "unit")
 OWN = {  # what is compared of figure sets without settings of the thesis
     "claims": ("claim", "verdict"), "cameras": _QUANTITIES, "design-law": _QUANTITIES,
+    "planner": _QUANTITIES,
 }  # fmt: skip
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
@@ -215,7 +216,7 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
     """Each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
 
     Without other trials the latter three are NaN. Of the ledger: the verdict on every claim; of
-    ``cameras`` and ``design-law``: every quantity with its value and unit.
+    ``cameras``, ``design-law`` and ``planner``: every quantity with its value and unit.
     """
     if (name := cube.attrs["figure_set"]) in OWN:
         return pd.DataFrame({column: cube[column].values for column in OWN[name]})
