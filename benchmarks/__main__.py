@@ -55,8 +55,7 @@ def print_peers(keep: bool, counts: Sequence[int] = (2, 4, 12)) -> None:
         timed = [timed for n in counts for timed in peers.compare(n)]
         fields = rayleigh.compare()
     data = publish.run(limits.measure(), timed, fields)
-    print(benchmark_tables.machine(data))
-    for part in ("targets", "comparison", "needs", "rayleigh", "plan"):
+    for part in ("machine", "targets", "comparison", "needs", "rayleigh", "plan"):
         print_columns(*getattr(benchmark_tables, part)(data))
         print()
     if keep:

@@ -111,11 +111,11 @@ def test_a_run_is_written_and_told(timed, tmp_path):
     path = tmp_path / "benchmarks.json"
     publish.write(data, path)
     assert benchmark_tables.read(path) == data == json.loads(path.read_text(encoding="utf-8"))
-    for part in ("targets", "comparison", "needs", "rayleigh", "plan"):
+    for part in ("machine", "targets", "comparison", "needs", "rayleigh", "plan"):
         header, rows = getattr(benchmark_tables, part)(data)
         assert rows
         assert {len(row) for row in rows} == {len(header)}
-    assert data["machine"]["processor"] in benchmark_tables.machine(data)
+    assert data["machine"]["processor"] in dict(benchmark_tables.machine(data)[1])["machine"]
     rates = dict(zip((t.name + str(t.cameras) + str(t.refined) for t in every),
                      (t.rate for t in every), strict=True))  # fmt: skip
     row = benchmark_tables.comparison(data)[1][0]

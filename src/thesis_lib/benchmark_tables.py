@@ -125,18 +125,20 @@ def targets(data: Row) -> tuple[list[str], list[list[str]]]:
     return ["", "aim", *(f"{n} cameras" for n in counts)], cells
 
 
-def machine(data: Row) -> str:
+def machine(data: Row) -> tuple[list[str], list[list[str]]]:
     """Where, when and with what was measured."""
     place, limits = data["machine"], data["limits"]
-    versions = ", ".join(f"{name} {number}" for name, number in data["versions"].items())
-    lacking = ", ".join(data["missing"]) or "none"
-    load = ", ".join(f"{x:.1f}" for x in place["load"]) or "unknown"
-    return (
-        f"{data['date']}: {place['processor']}, {place['cores']} cores, {place['system']}, "
-        f"load {load} over 1, 5 and 15 minutes; Python {data['python']}, {versions}; not "
-        f"installed: {lacking}. One core reached {limits['peak']:.0f} Gflop/s "
-        f"({limits['by']}) and read {limits['bandwidth']:.0f} GB/s.\n"
-    )
+    told = {
+        "date": data["date"],
+        "machine": f"{place['processor']}, {place['cores']} cores, {place['system']}",
+        "load over 1, 5 and 15 minutes": ", ".join(f"{x:.1f}" for x in place["load"]) or "unknown",
+        "Python": data["python"],
+        "packages": ", ".join(f"{name} {number}" for name, number in data["versions"].items()),
+        "not installed": ", ".join(data["missing"]) or "none",
+        "one core computes": f"{limits['peak']:.0f} Gflop/s: {limits['by']}",
+        "one core reads": f"{limits['bandwidth']:.0f} GB/s",
+    }
+    return ["", ""], [list(pair) for pair in told.items()]
 
 
 def needs(data: Row) -> tuple[list[str], list[list[str]]]:
@@ -198,13 +200,8 @@ def _piece(make: Callable[[Row], tuple[list[str], list[list[str]]]]) -> str:
     return table(*make(data)) if data else NOT_YET
 
 
-def _machine() -> str:
-    data = read()
-    return machine(data) if data else NOT_YET
-
-
 PIECES: dict[str, Callable[[], str]] = {
-    "benchmarks-machine": _machine,
+    "benchmarks-machine": partial(_piece, machine),
     "benchmarks-targets": partial(_piece, targets),
     "benchmarks-comparison": partial(_piece, comparison),
     "benchmarks-needs": partial(_piece, needs),
