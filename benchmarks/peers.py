@@ -308,7 +308,7 @@ def compare(
 def _seconds(call: Callable[[], object]) -> float:
     """Processor time of one call, or the median of several that are short."""
     times: list[float] = []
-    while len(times) < 5 and sum(times) < 0.1:
+    while len(times) < 5 and sum(times) < 0.4:
         getattr(call, "restart", lambda: None)()
         times.append(processor_seconds(call))
     return statistics.median(times)
