@@ -11,6 +11,7 @@ from thesis_lib import (
     assumptions,
     claims,
     cubes,
+    design_study,
     files,
     ledger,
     ledger_cube,
@@ -26,6 +27,7 @@ from thesis_lib import (
 from thesis_lib.experiment import lab_layout_study, lab_modes_study, lab_plate_study, numbers, study
 from thesis_lib.measuring import reference
 from thesis_lib.parameters import STUDIES, validate
+from thesis_lib.planning import planner_study
 
 
 def ledgered(made):
@@ -57,6 +59,11 @@ def opened():
             cube = lab_plate_study.run(request, films(request, sigma=0.02))
         elif name == "cameras":
             cube = optics_study.run(request)
+        elif name == "design-law":
+            cube = design_study.run(validate(name, {"trials": 3, "counts": [2, 6]}))
+        elif name == "planner":
+            quick = {"trials": 3, "counts": [2, 4], "starts": 0, "step_deg": 30}
+            cube = planner_study.run(validate(name, quick))
         elif name == "claims":
             cube = ledgered(made)
         else:

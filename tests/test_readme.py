@@ -2,13 +2,18 @@
 
 import re
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thesis_lib import cameras, triangulation
 
 ROOT = Path(__file__).parents[1]
 
 
 def test_library_example_runs_and_its_prediction_is_the_law(capsys):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    code, _ = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     assert len([line for line in code.splitlines() if line.strip()]) <= 10
     names: dict[str, object] = {}
     exec(code, names)
@@ -16,11 +21,27 @@ def test_library_example_runs_and_its_prediction_is_the_law(capsys):
     assert abs(measured - 2) < 5 * expected
 
 
+def test_law_of_the_readme_holds_for_drawn_motions(capsys):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    _, code = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    assert len([line for line in code.splitlines() if line.strip()]) <= 10
+    names: dict[str, Any] = {}
+    exec(code, names)
+    stated = np.array(re.findall(r"\d\.\d\d", capsys.readouterr().out), float) / 1000
+    random, P = np.random.default_rng(1), names["rig"].P
+    moved = random.uniform(-0.01, 0.01, (3, 4000))
+    shift = random.uniform(-0.5, 0.5, (6, 2, 1, 4000))
+    images = cameras.project(P, np.stack([0 * moved, moved], axis=1)) + shift
+    found = triangulation.triangulate(P, cameras.pixelate(images) - shift)
+    error = found[:, 1] - found[:, 0] - moved
+    np.testing.assert_allclose(np.sqrt(np.mean(error**2, axis=1)), stated, rtol=0.05)
+
+
 def test_commands_of_the_readme_exist():
     from thesis_lib.cli import cli
 
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    commands = set(re.findall(r"thesis (list|run|book|claims|pdf|measure|compare)\b", text))
+    commands = set(re.findall(r"thesis (list|run|book|claims|pdf|plan|measure|compare)\b", text))
     assert commands == set(cli.commands)
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"make (\w+)", text):

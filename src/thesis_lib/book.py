@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib.accessible import mend
-from thesis_lib.lazy_images import lazy
+from thesis_lib.page_images import lazy, squeeze
 from thesis_lib.pages import MATHJAX, BookError, index_page, page
 
 __all__ = ["BookError", "index_page", "install_assets", "page", "render"]
@@ -114,6 +114,8 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
             text = file.read_text(encoding="utf-8")
             text = lazy(mend(_WIDGET_STATE.sub("", text)), file.parent)
             file.write_text(text, encoding="utf-8")
+        for file in new.glob("_images/*.svg"):
+            file.write_text(squeeze(file.read_text(encoding="utf-8")), encoding="utf-8")
         for file in new.glob("_static/**/*.map"):
             file.unlink()
         if finish is not None:

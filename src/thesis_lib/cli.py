@@ -62,9 +62,7 @@ def list_(name: str | None) -> None:
         raise Refused(str(error)) from None
     for study in chosen:
         click.echo(f"{study.name}: {study.title}\n")
-        for row in describe(study):
-            with_unit = f"{row['default']} {row['unit']}".strip()
-            click.echo(f"{row['name']} = {with_unit}\n    {row['meaning']}: {row['allowed']}")
+        click.echo("\n".join(_parameter_lines(describe(study))))
         if study is not chosen[-1]:
             click.echo()
 
@@ -115,6 +113,71 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
     click.echo(
         f"\nOpen {folder / ('index.html' if len(jobs) > 1 else f'{jobs[0].study.name}.html')}"
     )
+
+
+@cli.command()
+@click.option(
+    "-p",
+    "assignments",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="A parameter; lists and objects as JSON.",
+)
+@click.option(
+    "--structure",
+    type=click.Path(path_type=Path),
+    metavar="FILE.nc",
+    help="Markers and mode shapes to measure, in place of beam or plate.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder to write to.  [default: runs/plan-HASH]",
+)
+@click.option("--parameters", is_flag=True, help="Only list the parameters.")
+def plan(
+    assignments: Sequence[str], structure: Path | None, out: Path | None, parameters: bool
+) -> None:
+    """Find where cameras should stand, how many of which kind, and what they reach.
+
+    Writes the cube, a table of the cameras, a picture and one self-contained page, and says what
+    was found. A plan that cannot be is answered with the limit that binds.
+    """
+    from thesis_lib.parameters import ParameterError, describe, plan_request
+    from thesis_lib.planning.request import PlanRequest
+
+    if parameters:
+        click.echo("\n".join(_parameter_lines(describe(PlanRequest))))
+        return
+    try:
+        request = plan_request(_values(assignments))
+        if structure is not None and "body" in request.model_fields_set:
+            raise ParameterError("plan: body is given beside --structure, allowed: one of them")
+        folder = _folder([f"plan-{structure.stem}" if structure else "plan"], [request], out)
+        from thesis_lib.planning.report import write_plan
+
+        lines = write_plan(request, folder, structure, lambda line: click.echo(line, err=True))
+    except ParameterError as error:
+        raise Refused(str(error)) from None
+    except OSError as error:
+        raise click.ClickException(
+            f"{error.filename or folder}: {error.strerror or error}; put that right, and run the "
+            "same command again"
+        ) from None
+    click.echo("\n".join(lines))
+    click.echo(f"Open {folder / 'plan.html'}")
+
+
+def _parameter_lines(rows: Sequence[dict[str, str]]) -> list[str]:
+    """Parameters with defaults, units, meanings and bounds, two lines each."""
+    return [
+        line
+        for row in rows
+        for line in (
+            f"{row['name']} = {row['default']} {row['unit']}".strip(),
+            f"    {row['meaning']}: {row['allowed']}",
+        )
+    ]
 
 
 @cli.command()

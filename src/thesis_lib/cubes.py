@@ -34,7 +34,12 @@ SHORT = {"mean_error": "mean", "max_point_error": "peak",
          "plane_error_xz": "XZ", "plane_error_yz": "YZ", "power_error": "power"}  # fmt: skip
 SECTIONS = {"cameras": "chapter 2, appendices A, B", "beam": "section 3.3", "plate": "section 4.2",
             "experiment": "section 5.2", "lab": "section 5.3", "sound": "section 6.2",
-            "claims": "all chapters"}  # fmt: skip
+            "design": "sections 1.2, 3.4, 4.3", "claims": "all chapters"}  # fmt: skip
+_QUANTITIES = ("quantity", "value", "unit")
+OWN = {  # what is compared of figure sets without settings of the thesis
+    "claims": ("claim", "verdict"), "cameras": _QUANTITIES, "design-law": _QUANTITIES,
+    "planner": _QUANTITIES,
+}  # fmt: skip
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
 DIGITS = 5
@@ -141,7 +146,7 @@ def write(cube: xr.Dataset, path: Path, compact: bool = False) -> None:
     encoding: dict[Any, dict[str, Any]] = {}
     for name, values in cube.variables.items() if compact else ():
         if values.dtype.kind == "f" and values.size > 1:
-            encoding[name] = {"zlib": True, "complevel": 4, "shuffle": True}
+            encoding[name] = {"zlib": True, "complevel": 9, "shuffle": True}
             if values.dtype == np.float32:
                 encoding[name] |= {
                     "quantize_mode": "GranularBitRound",
@@ -166,9 +171,8 @@ def read(path: Path) -> xr.Dataset:
     """
     cube = opened(path)
     missing = {"figure_set", "parameters"} - set(cube.attrs)
-    own = {"claims": {"claim", "verdict"}, "cameras": {"quantity", "value", "unit"}}
-    if (name := str(cube.attrs.get("figure_set"))) in own:
-        missing |= own[name] - set(cube.variables)
+    if (name := str(cube.attrs.get("figure_set"))) in OWN:
+        missing |= set(OWN[name]) - set(cube.variables)
     else:
         missing |= set(KEYS) - set(cube.variables)
         errors_ = {variable for variable, _ in ERRORS.values()}
@@ -212,11 +216,10 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
     """Each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
 
     Without other trials the latter three are NaN. Of the ledger: the verdict on every claim; of
-    ``cameras``: every quantity with its value and unit.
+    ``cameras``, ``design-law`` and ``planner``: every quantity with its value and unit.
     """
-    own = {"claims": ("claim", "verdict"), "cameras": ("quantity", "value", "unit")}
-    if cube.attrs["figure_set"] in own:
-        return pd.DataFrame({name: cube[name].values for name in own[cube.attrs["figure_set"]]})
+    if (name := cube.attrs["figure_set"]) in OWN:
+        return pd.DataFrame({column: cube[column].values for column in OWN[name]})
     rows: list[dict[str, Any]] = []
     for quantity, values in errors(cube).items():
         literal = values.transpose("setting", "mode", "trial").values

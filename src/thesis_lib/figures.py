@@ -16,7 +16,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib import cubes
@@ -30,6 +32,7 @@ Array = NDArray[np.float64]
 COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
 REFERENCE = "#8a8a8a"
 HIGHLIGHT = "#B22222"
+INK = "#444444"
 STYLE: Any = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -346,3 +349,13 @@ def _draw(axes: Axes, points: Array, **style: Any) -> None:
 def _write(axes: Axes, place: Array, text: str, **style: Any) -> None:
     u, v = _view(place)
     axes.text(u, v, text, ha="center", va="center", **style)
+
+
+def logarithmic(axis: Axis, ticks: Sequence[float]) -> None:
+    """A logarithmic axis with plain numbers at its ticks."""
+    axes = axis.axes
+    (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
+    axis.set_minor_formatter(NullFormatter())

@@ -14,7 +14,18 @@ import numpy as np
 import xarray as xr
 from IPython.display import HTML, SVG, Markdown, display
 
-from thesis_lib import claims, cubes, effort, figures, files, optics_study, sound, studies
+from thesis_lib import (
+    claims,
+    cubes,
+    design_study,
+    effort,
+    figures,
+    files,
+    optics_study,
+    sound,
+    studies,
+)
+from thesis_lib.design_request import DesignLaw
 from thesis_lib.experiment.lab_layouts import Layouts
 from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
@@ -23,6 +34,8 @@ from thesis_lib.ledger_requests import Claims
 from thesis_lib.markdown import escape, markdown_table
 from thesis_lib.optics_request import Cameras
 from thesis_lib.parameters import STUDIES, CameraStudy, Study, camera_study, validate
+from thesis_lib.planning import planner_study
+from thesis_lib.planning.questions import Planner
 from thesis_lib.viewer_data import viewer_data
 from thesis_lib.widgets import Viewer
 
@@ -101,6 +114,10 @@ def _computed(request: Study) -> xr.Dataset:
         return ledger_of(request)
     if isinstance(request, Cameras):
         return optics_study.run(request)
+    if isinstance(request, DesignLaw):
+        return design_study.run(request)
+    if isinstance(request, Planner):
+        return planner_study.run(request)
     assert isinstance(request, CameraStudy)
     return sound_of(request) if request.subject == "sound" else studies.run(request)
 

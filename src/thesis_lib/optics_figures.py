@@ -8,17 +8,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
-from thesis_lib.figures import COLORS, REFERENCE, STYLE, color
+from thesis_lib.figures import COLORS, INK, REFERENCE, STYLE, color, logarithmic
 
 Array = NDArray[np.float64]
 
 SIZE = (7.2, 3.3)  # inches
-INK = "#444444"
 EVERY = 6  # of the drawn depths, so that dots stand apart
 
 
@@ -43,8 +40,8 @@ def view(cube: xr.Dataset) -> Figure:
         across, diagonal = (one["angle_of_view"].sel(side=s).values for s in ("width", "diagonal"))
         left.plot(f[order], across[order], label=name, **style)
         right.plot(f[order] * float(one["crop_factor"]), diagonal[order], **style)
-    _logarithmic(left.xaxis, [10, 20, 50, 100])
-    _logarithmic(right.xaxis, [10, 20, 50, 100, 200, 500])
+    logarithmic(left.xaxis, [10, 20, 50, 100])
+    logarithmic(right.xaxis, [10, 20, 50, 100, 200, 500])
     left.set(title="(a) across", xlabel="focal length f in mm", ylabel="angle of view in °",
              ylim=(0, None))  # fmt: skip
     right.set(title="(b) diagonally: one curve for all", xlabel="f times crop factor in mm")
@@ -81,7 +78,7 @@ def projection(cube: xr.Dataset) -> Figure:
         right.plot(d, values, label=words, linewidth=1.5, **style)
         right.plot(d[asked], values[asked], "o", color=style["color"], markersize=3.5)
     _distances(right, d)
-    _logarithmic(right.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20, 50])
+    logarithmic(right.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20, 50])
     right.set(title="(b) the error of one depth")
     right.legend(loc="lower left")
     return drawing
@@ -145,7 +142,7 @@ def sharpness(cube: xr.Dataset) -> Figure:
         axes.plot(d, cube[name].values * 1000, color=INK, linewidth=1, linestyle="--",
                   label=word or "_")  # fmt: skip
     _distances(axes, d, "focused distance d in mm")
-    _logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
+    logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
     axes.set(ylabel="sharp depths in mm", ylim=(0.8 * least, top))
     axes.legend(loc="upper left")
     return drawing
@@ -170,25 +167,15 @@ def stereo(cube: xr.Dataset) -> Figure:
     ):  # fmt: skip
         axes.plot([], [], color=INK, linewidth=1, label=word, **style)
     _distances(axes, d)
-    _logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
+    logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
     axes.set(ylabel="error of the depth in mm")
     axes.legend(ncols=2, columnspacing=1)
     return drawing
 
 
 def _distances(axes: Axes, d: Array, label: str = "distance d in mm") -> None:
-    _logarithmic(axes.xaxis, [500, 1000, 2000, 5000, 10000])
+    logarithmic(axes.xaxis, [500, 1000, 2000, 5000, 10000])
     axes.set(xlim=(d.min(), d.max()), xlabel=label)
-
-
-def _logarithmic(axis: Axis, ticks: list[float]) -> None:
-    """A logarithmic axis with plain numbers at its ticks."""
-    axes = axis.axes
-    (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
-    axis.set_major_locator(FixedLocator(ticks))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())
-    axis.set_minor_formatter(NullFormatter())
 
 
 FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {

@@ -36,18 +36,21 @@ from thesis_lib.camera_study import (
     shown,
     unit,
 )
+from thesis_lib.design_request import DesignLaw
 from thesis_lib.experiment.lab_layouts import LabElevation, LabLayout
 from thesis_lib.experiment.lab_motions import LabModes
 from thesis_lib.experiment.lab_plates import LabPlate
 from thesis_lib.experiment.requests import ExperimentCameras, ExperimentResolution
 from thesis_lib.ledger_requests import Claims
 from thesis_lib.optics_request import Cameras
+from thesis_lib.planning.questions import Planner
+from thesis_lib.planning.request import PlanRequest
 from thesis_lib.setups import Setting
 from thesis_lib.sound_planes import PlateMarkers, SoundPlanes
 from thesis_lib.structures import Structure
 
 __all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "Study", "camera_study",
-           "chapter_title", "describe", "nearest", "unit", "validate"]  # fmt: skip
+           "chapter_title", "describe", "nearest", "plan_request", "unit", "validate"]  # fmt: skip
 
 ELEVATION = "a number above 0, at most 90"
 DISTANCE = field(
@@ -270,10 +273,10 @@ CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     for study in (_figure_set(subject, kind, *extra) for kind in _KINDS)
 }
 _SUBJECTS = {"ch2": "cameras", "ch3": "beam", "ch4": "plate", "ch5": "experiment", "lab": "lab",
-             "ch6": "sound", "": "claims"}  # fmt: skip
+             "ch6": "sound", "beyond": "design", "": "claims"}  # fmt: skip
 _ALL: list[type[Study]] = [
     Cameras, *CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras,
-    LabElevation, LabLayout, LabModes, LabPlate, Claims,
+    LabElevation, LabLayout, LabModes, LabPlate, DesignLaw, Planner, Claims,
 ]  # fmt: skip
 STUDIES: dict[str, type[Study]] = {
     study.name: study
@@ -296,7 +299,8 @@ def chapter_title(name: str) -> str:
     >>> chapter_title("ch3"), chapter_title("lab")
     ('Chapter 3', 'Beyond chapter 5')
     """
-    return "Beyond chapter 5" if name == "lab" else f"Chapter {name.removeprefix('ch')}"
+    titles = {"lab": "Beyond chapter 5", "beyond": "Beyond the thesis"}
+    return titles.get(name, f"Chapter {name.removeprefix('ch')}")
 
 
 def validate(name: str, values: Mapping[str, Any]) -> Study:
@@ -312,7 +316,19 @@ def validate(name: str, values: Mapping[str, Any]) -> Study:
             f"{one_line(name)}: no such figure set{_hint(name, [*STUDIES, *CHAPTERS])}; "
             f"there are {', '.join([*STUDIES, *CHAPTERS])}"
         )
-    model = STUDIES[name]
+    return _validated(STUDIES[name], values)
+
+
+def plan_request(values: Mapping[str, Any]) -> PlanRequest:
+    """Parameters of ``thesis plan`` from plain values; errors as :func:`validate`."""
+    request = _validated(PlanRequest, values)
+    assert isinstance(request, PlanRequest)
+    return request
+
+
+def _validated(model: type[Study], values: Mapping[str, Any]) -> Study:
+    """A model's parameters from plain values, refused in one line."""
+    name = model.name
     parts = []
     for key, value in values.items():
         if key not in model.model_fields:

@@ -15,6 +15,7 @@ from thesis_lib import (
     claims,
     conclusions_tables,
     cubes,
+    design_tables,
     effort,
     figures,
     files,
@@ -29,7 +30,9 @@ from thesis_lib import (
 from thesis_lib.claims import VERDICTS
 from thesis_lib.ledger_cube import from_cube
 from thesis_lib.markdown import table
-from thesis_lib.parameters import CHAPTERS, STUDIES, camera_study, describe
+from thesis_lib.parameters import CHAPTERS, STUDIES, Study, camera_study, describe
+from thesis_lib.planning import planner_tables
+from thesis_lib.planning.request import PlanRequest
 from thesis_lib.structures import (
     Structure,
     modal_overlap,
@@ -366,6 +369,16 @@ def _benchmark(name: str, _: dict[str, xr.Dataset]) -> str:
     return benchmark_tables.PIECES[name]()
 
 
+def _design(name: str, opened: dict[str, xr.Dataset]) -> str:
+    """What is said of the law of rounding for design, from the cube of ``design-law``."""
+    return design_tables.PIECES[name](opened["design-law"])
+
+
+def _planner(name: str, opened: dict[str, xr.Dataset]) -> str:
+    """What is said of planned layouts, from the cube of ``planner``."""
+    return planner_tables.PIECES[name](opened["planner"])
+
+
 def _effort(_: dict[str, xr.Dataset]) -> str:
     """What each figure set costs, as measured in the published run."""
     known = effort.read()
@@ -383,17 +396,25 @@ def _effort(_: dict[str, xr.Dataset]) -> str:
 def _parameters(opened: dict[str, xr.Dataset]) -> str:
     parts = []
     for name in [name for chapter in CHAPTERS.values() for name in chapter]:
-        rows = [
-            [f"`{row['name']}`", f"`{row['default']}`", row["unit"], row["meaning"], row["allowed"]]
-            for row in describe(STUDIES[name])
-        ]
-        header = ["parameter", "default", "unit", "meaning", "allowed"]
-        parts.append(f":::{{dropdown}} `{name}`\n{table(header, rows)}:::\n")
+        parts.append(f":::{{dropdown}} `{name}`\n{_parameter_table(STUDIES[name])}:::\n")
     return "\n".join(parts)
+
+
+def _parameter_table(model: type[Study], without: Sequence[str] = ()) -> str:
+    """Every parameter of a request with its default, unit, meaning and bounds."""
+    rows = [
+        [f"`{row['name']}`", f"`{row['default']}`", row["unit"], row["meaning"], row["allowed"]]
+        for row in describe(model)
+        if row["name"] not in without
+    ]
+    return table(["parameter", "default", "unit", "meaning", "allowed"], rows)
 
 
 PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
+    **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},
+    **{f"planner-{name}": partial(_planner, name) for name in planner_tables.PIECES},
+    "planner-parameters": lambda _: _parameter_table(PlanRequest, ["cube"]),
     "beam-model": lambda _: _model(setups.beam(), "mm", 1e3),
     "beam-results": _beam_results,
     "plate-model": lambda _: _model(setups.plate(), "nm", 1e9),

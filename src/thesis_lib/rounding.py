@@ -42,7 +42,11 @@ def difference_variance(displacement_px: ArrayLike) -> Array:
 
 
 def deflection_variance(
-    P: ArrayLike, rest: ArrayLike, deflected: ArrayLike, rest_is_known: bool = False
+    P: ArrayLike,
+    rest: ArrayLike,
+    deflected: ArrayLike,
+    rest_is_known: bool = False,
+    normals: ArrayLike | None = None,
 ) -> Array:
     """First-order variance of the measured deflection Z − Z_rest over random grid shifts.
 
@@ -58,18 +62,27 @@ def deflection_variance(
         World points in m.
     rest_is_known : bool
         Whether the rest position is known rather than rebuilt from rounded pixels.
+    normals : array_like, shape (3, ...), optional
+        Unit vectors along which deflections are measured, in place of Z.
 
     Returns
     -------
     ndarray, shape (...)
         Variance in m².
     """
-    g_d = gain(P, deflected)[2]
+    g_d = _along(gain(P, deflected), normals)
     if rest_is_known:
         return np.asarray(np.sum(g_d**2, axis=(0, 1)) / 12)
-    g_r = gain(P, rest)[2]
+    g_r = _along(gain(P, rest), normals)
     f = difference_variance(project(P, deflected) - project(P, rest))
     return np.asarray(np.sum((g_d - g_r) ** 2 / 12 + g_d * g_r * f, axis=(0, 1)))
+
+
+def _along(gains: Array, normals: ArrayLike | None) -> Array:
+    """Gains (3, cameras, 2, ...) of points as those of their component along Z or along normals."""
+    if normals is None:
+        return np.asarray(gains[2])
+    return np.asarray(np.sum(gains * np.asarray(normals, float)[:, None, None], axis=0))
 
 
 def error_covariance(distance_px: ArrayLike) -> Array:

@@ -40,11 +40,14 @@ def world_points(structure: Structure, deflections: Array) -> Array:
     return np.stack(np.broadcast_arrays(x, y, deflections))
 
 
-def heights(P: Array, uv: Array, estimator: str) -> Array:
-    """Heights Z in m of points from rounded images (cameras, 2, ...), by one of the estimators."""
-    if estimator == "analytic-centre":
-        return analytic_centre(P, uv).points[2]
-    return triangulate(P, uv)[2]
+def heights(P: Array, uv: Array, estimator: str, normals: Array | None = None) -> Array:
+    """Heights in m of points from rounded images (cameras, 2, ...), by one of the estimators.
+
+    They are Z, or what points (3, ..., markers) have along the markers' normals (3, markers).
+    """
+    centre = estimator == "analytic-centre"
+    points = analytic_centre(P, uv).points if centre else triangulate(P, uv)
+    return points[2] if normals is None else np.einsum("k...m,km->...m", points, normals)
 
 
 def measure(
@@ -53,6 +56,7 @@ def measure(
     shifts: Array,
     rest_is_known: bool = False,
     estimator: str = LEAST_SQUARES,
+    normals: Array | None = None,
 ) -> Array:
     """Deflections that cameras with whole pixels measure.
 
@@ -69,6 +73,8 @@ def measure(
     estimator : str
         ``least-squares`` or ``analytic-centre``: the centre of the slabs that the rounded images
         leave, which a shifted grid moves along.
+    normals : ndarray, shape (3, markers), optional
+        Unit vectors along which deflections are measured, in place of Z.
 
     Returns
     -------
@@ -79,9 +85,10 @@ def measure(
     shift = np.moveaxis(shifts, 0, 2)[:, :, None, :, None]
     if rest_is_known:
         images = project(P, points[:, 1:])[:, :, :, None] + shift
-        return heights(P, pixelate(images) - shift, estimator) - points[2, 0]
+        rest = points[2, 0] if normals is None else np.sum(points[:, 0] * normals, axis=0)
+        return heights(P, pixelate(images) - shift, estimator, normals) - rest
     images = project(P, points)[:, :, :, None] + shift
-    height = heights(P, pixelate(images) - shift, estimator)
+    height = heights(P, pixelate(images) - shift, estimator, normals)
     return height[1:] - height[0]
 
 

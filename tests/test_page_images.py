@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib.lazy_images import lazy, size_px
+from thesis_lib.page_images import lazy, size_px, squeeze
 
 SVG = '<?xml version="1.0"?>\n<svg xmlns="x" width="72pt" height="36.75pt" viewBox="0 0 1 1"/>'
 
@@ -53,3 +53,21 @@ def test_a_width_of_the_page_stays(folder: Path) -> None:
     assert (
         lazy('<img src="c.png" width="9">', folder) == '<img src="c.png" width="9" loading="lazy">'
     )
+
+
+def test_a_drawing_is_the_same_in_fewer_letters() -> None:
+    drawn = (
+        '<svg>\n  <metadata>\n when </metadata>\n <g style="stroke-width: 0.123456"\n'
+        ' transform="scale(0.015625)">\n <path d="M 1234567.891 -0.004 \nL 2 0.126" x="1.005"/>'
+        "</g></svg>"
+    )
+    assert squeeze(drawn) == (
+        '<svg><g style="stroke-width: 0.123456"\n transform="scale(0.015625)">'
+        '<path d="M 1234567.89 0 \nL 2 0.13" x="1"/></g></svg>'
+    )
+    assert squeeze(squeeze(drawn)) == squeeze(drawn)
+
+
+def test_words_in_a_drawing_keep_their_spaces() -> None:
+    drawn = "<svg>\n <text>a <tspan>b</tspan>\n <tspan>c</tspan></text></svg>"
+    assert squeeze(drawn) == drawn

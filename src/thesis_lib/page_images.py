@@ -1,6 +1,7 @@
-"""Pictures that a page loads only when they come near the screen, with their sizes known before.
+"""Pictures of the rendered book: loaded when they come near the screen, and no larger than needed.
 
-A page with many figures is so painted at once, and does not move while they arrive.
+A page with many figures is so painted at once, and does not move while they arrive, since their
+sizes are known before.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ _IMAGE = re.compile(r'<img (?P<rest>[^>]*?src="(?P<source>[^":]+)"[^>]*?)(?P<end
 _SVG = re.compile(r"<svg\b[^>]*>")
 _LENGTH = re.compile(r'\s(width|height)="([\d.]+)(pt|px|)"')
 _PX = {"pt": 4 / 3, "px": 1.0, "": 1.0}
+_PLACES = re.compile(r'(\s(?:d|x|y|x1|x2|y1|y2|points)=")([^"]*)"')
+_LONG = re.compile(r"-?\d+\.\d{3,}(?![\de])")
+_IDLE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)", re.DOTALL)
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -52,3 +56,22 @@ def size_px(picture: Path) -> tuple[int, int] | None:
     found = _LENGTH.findall(tag[0]) if tag else []
     sides = {name: round(float(value) * _PX[unit]) for name, value, unit in found}
     return (sides["width"], sides["height"]) if len(sides) == 2 else None
+
+
+def squeeze(svg: str) -> str:
+    r"""The same drawing in fewer letters: places to a hundredth of its unit, nothing idle.
+
+    Examples
+    --------
+    >>> squeeze('<svg>\n <!-- a -->\n <path d="M 1.23456 -0.00012 L 20 3e-05"/>\n</svg>')
+    '<svg><path d="M 1.23 0 L 20 3e-05"/></svg>'
+    """
+
+    def short(match: re.Match[str]) -> str:
+        text = f"{float(match[0]):.2f}".rstrip("0").rstrip(".")
+        return "0" if text == "-0" else text
+
+    def places(match: re.Match[str]) -> str:
+        return f'{match[1]}{_LONG.sub(short, match[2])}"'
+
+    return _PLACES.sub(places, _IDLE.sub("", svg)) if "<text" not in svg else svg

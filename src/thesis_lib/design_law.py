@@ -1,0 +1,207 @@
+"""Closed forms for whoever must place cameras: what the law of rounding is on average.
+
+Averaged over amplitudes, the rounding error of a motion has variance 1/6 px², the mean of f(1 − f)
+of :mod:`thesis_lib.rounding`. With σ² in its place, cameras in unit directions e at distance R and
+focal length f (px) leave a point at their centre with the covariance
+
+    C = σ² (JᵀJ)⁻¹,  JᵀJ = (f/R)² Σ (I − e eᵀ).
+
+On a cone of angle θ about the normal, N ≥ 3 cameras at equal steps of azimuth have
+Σ e eᵀ = N diag(½ sin²θ, ½ sin²θ, cos²θ), so that everything is known in closed form.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import jv
+
+from thesis_lib.cameras import CameraArray, hemisphere_cameras
+
+Array = NDArray[np.float64]
+
+MOTION_PX = np.sqrt(1 / 6)  # rms rounding error of a motion, averaged over amplitudes
+ISOTROPIC = np.arcsin(np.sqrt(2 / 3))  # angle of the cone on which all directions are alike, rad
+_TERMS = 400  # of the series of a rounding error
+
+
+def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
+    """Azimuths and elevations in rad of cameras at equal steps on a cone, from +Y on."""
+    azimuth = 2 * np.pi * np.arange(n_cameras) / n_cameras
+    return azimuth, np.full(n_cameras, np.pi / 2 - angle)
+
+
+def cone_cameras(
+    distance: float, angle: float, n_cameras: int, focal_px: float, size: tuple[int, int]
+) -> CameraArray:
+    """Equal cameras on a cone about the normal, at equal steps of azimuth from +Y on.
+
+    Parameters
+    ----------
+    distance : float
+        Distance from the origin in m.
+    angle : float
+        Angle θ between optical axes and normal in rad, π/2 less the elevation.
+    n_cameras : int
+        How many.
+    focal_px : float
+        Focal length in px.
+    size : tuple of int
+        Sensor width and height in px.
+    """
+    return hemisphere_cameras(distance, *cone_directions(angle, n_cameras), focal_px, size)
+
+
+def cone_deflection_error(
+    distance: ArrayLike,
+    focal_px: ArrayLike,
+    n_cameras: ArrayLike,
+    angle: ArrayLike,
+    sigma_px: float = MOTION_PX,
+) -> Array:
+    """Standard deviation R σ / (f √N sin θ) along the normal, of 2 or more cameras on a cone, m."""
+    n = np.asarray(n_cameras, float)
+    if not np.all(n >= 2):
+        raise ValueError(f"n_cameras: given {np.min(n):g}, allowed: 2 or more")
+    scale = np.asarray(distance, float) * sigma_px / np.asarray(focal_px, float)
+    return np.asarray(scale / (np.sqrt(n) * np.sin(angle)))
+
+
+def cone_covariance(
+    distance: float, focal_px: float, n_cameras: int, angle: float, sigma_px: float = MOTION_PX
+) -> Array:
+    """Covariance of a point at the centre of a cone of 3 or more cameras.
+
+    σ_x = σ_y = R σ / (f √(N (1 − ½ sin²θ))), σ_z = R σ / (f √N sin θ): equal at sin²θ = ⅔.
+
+    Parameters
+    ----------
+    distance : float
+        Distance R in m.
+    focal_px : float
+        Focal length f in px.
+    n_cameras : int
+        Number N, at equal steps of azimuth.
+    angle : float
+        Angle θ from the normal in rad.
+    sigma_px : float
+        Standard deviation σ of an image coordinate in px.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Covariance in m².
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three cameras, which have no axis of symmetry.
+    """
+    if n_cameras < 3:
+        raise ValueError(f"n_cameras: given {n_cameras}, allowed: 3 or more")
+    sine2 = np.sin(angle) ** 2
+    across = 1 - sine2 / 2
+    information = n_cameras * np.array([across, across, sine2]) * (focal_px / distance) ** 2
+    return np.diag(sigma_px**2 / information)
+
+
+def pair_deflection_error(
+    distance: ArrayLike,
+    focal_px: ArrayLike,
+    aperture: ArrayLike,
+    elevation: ArrayLike,
+    sigma_px: float = MOTION_PX,
+) -> Array:
+    """Standard deviation along the normal, in m, of two cameras that share an elevation.
+
+    R σ / (f √2) · √(1 + tan²φ / sin²(α/2)), with the azimuths α apart. For opposite cameras
+    (α = 180°) this is R σ / (f √2 cos φ).
+    """
+    tilt = np.tan(elevation) / np.sin(np.asarray(aperture, float) / 2)
+    scale = np.asarray(distance, float) * sigma_px / np.asarray(focal_px, float)
+    return np.asarray(scale * np.sqrt((1 + tilt**2) / 2))
+
+
+def swing_error(amplitude_px: ArrayLike) -> Array:
+    """Rms error in px of an amplitude fitted to ever more rounded samples of a sinusoid.
+
+    One camera rounds all frames on one grid, so its errors repeat and do not average out. With
+    rint(x) − x = Σ (−1)ᵏ sin(2πkx) / (πk), the fundamental of a cos τ + s is wrong by
+    Σ (−1)ᵏ 2 J₁(2πka) cos(2πks) / (πk), and over random shifts s of the grid the mean square is
+
+        (2/π²) Σ J₁²(2πka) / k²,
+
+    which is near ζ(3) / (π⁴ a) for amplitudes a of some pixels, and 16 a / (3π²) for small ones.
+    """
+    a = np.asarray(amplitude_px, float)
+    k = np.arange(1, _TERMS + 1)
+    series = np.sum((jv(1, 2 * np.pi * k * a[..., None]) / k) ** 2, axis=-1)
+    return np.asarray(np.sqrt(2 * series) / np.pi)
+
+
+def useful_frames(amplitudes_px: ArrayLike) -> Array:
+    """How many frames of vibrations are worth taking: 1/6 px² over the mean square `swing_error`.
+
+    An amplitude fitted to n independent roundings has the variance 1/(6n) px². At this n it has
+    come down to what repeated roundings leave for any n: about π⁴ a / (6 ζ(3)), or 13.5 a.
+
+    Parameters
+    ----------
+    amplitudes_px : array_like, shape (..., vibrations)
+        Amplitudes in px, over which is averaged.
+    """
+    return np.asarray(1 / (6 * np.mean(swing_error(amplitudes_px) ** 2, axis=-1)))
+
+
+def weighted_error(positions_px: ArrayLike, weights: ArrayLike) -> Array:
+    """Rms of a weighted sum of rounding errors on one randomly shifted grid.
+
+    The square root of wᵀ C w with the covariance C of :func:`thesis_lib.rounding.error_covariance`,
+    as its Fourier series Σ |Σ_t w_t e^{2πik x_t}|² / (2π²k²): n numbers at a time, not n².
+
+    Parameters
+    ----------
+    positions_px : array_like, shape (..., n)
+        Exact coordinates x_t, in px.
+    weights : array_like, shape (..., n)
+        Weights w_t, such as a row of the pseudo-inverse of a fit.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        In px times the unit of the weights.
+    """
+    turn = np.exp(2j * np.pi * np.asarray(positions_px, float))
+    term = np.asarray(weights, float) * turn
+    total = np.zeros(term.shape[:-1])
+    for k in range(1, _TERMS + 1):
+        total += np.abs(term.sum(axis=-1)) ** 2 / k**2
+        term *= turn
+    return np.asarray(np.sqrt(total / 2) / np.pi)
+
+
+def equal_pixel_rate(
+    pixels_per_second: float, n_cameras: ArrayLike, frame_rate: ArrayLike
+) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
+    """Sensors 16:9 with which cameras share a number of pixels per second.
+
+    Sizes are whole pixels; the frame rate makes up for that, so that N W H r is the same for all.
+
+    Parameters
+    ----------
+    pixels_per_second : float
+        Of all cameras together.
+    n_cameras, frame_rate : array_like
+        How many, and about how many frames per second each takes; they broadcast.
+
+    Returns
+    -------
+    tuple of ndarray
+        Width and height in px, and frames per second.
+    """
+    n = np.asarray(n_cameras, float)
+    width = np.rint(np.sqrt(pixels_per_second * 16 / 9 / (n * np.asarray(frame_rate, float))))
+    height = np.rint(width * 9 / 16)
+    with np.errstate(divide="ignore"):  # of a sensor without pixels, which callers refuse
+        rate = pixels_per_second / (n * width * height)
+    return width.astype(int), height.astype(int), rate

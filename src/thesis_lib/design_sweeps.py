@@ -1,0 +1,201 @@
+"""Part (c) of ``design-law``: the thesis's findings in expectation, one parameter at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize_scalar
+
+from thesis_lib import design_law, rounding, setups
+from thesis_lib.cameras import CameraArray, hemisphere_cameras
+from thesis_lib.design_law import MOTION_PX
+from thesis_lib.design_request import DesignLaw
+from thesis_lib.estimators import exponent
+from thesis_lib.parameters import camera_study
+from thesis_lib.structures import Structure, deflection_shape
+from thesis_lib.studies import world_points
+from thesis_lib.triangulation import gain
+
+Array = NDArray[np.float64]
+
+MODES = (1, 2, 3)
+STRUCTURES: dict[str, Callable[[], Structure]] = {"beam": setups.beam, "plate": setups.plate}
+FINDINGS = ("distance", "resolution", "number", "elevation", "aperture")
+STEPS = 61  # of a sweep
+WIDE_DEG = 60.0  # aperture from which on the rest is counted
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Equal cameras at one distance: a pair that shares an elevation, or a cone of several.
+
+    Parameters
+    ----------
+    distance : float
+        Distance from the structure's centre in m.
+    size : tuple of int
+        Width and height of the sensors in px.
+    focal : float
+        Focal length over the width of the sensor.
+    aperture, elevation : float
+        Angles of a pair in rad: between the azimuths, and above the structure.
+    count, angle : int, float
+        Cameras on a cone, and its angle from the normal in rad; no cone if `count` is 0.
+    """
+
+    distance: float
+    size: tuple[int, int]
+    focal: float
+    aperture: float = 0.0
+    elevation: float = 0.0
+    count: int = 0
+    angle: float = 0.0
+
+    def cameras(self) -> CameraArray:
+        """The cameras."""
+        focal_px = self.focal * self.size[0]
+        if self.count:
+            return design_law.cone_cameras(
+                self.distance, self.angle, self.count, focal_px, self.size
+            )
+        azimuth = np.array([self.aperture, -self.aperture]) / 2
+        elevation = np.full(2, self.elevation)
+        return hemisphere_cameras(self.distance, azimuth, elevation, focal_px, self.size)
+
+    def centre_error(self) -> float:
+        """Error at the centre in m by the closed forms, averaged over amplitudes."""
+        focal_px = self.focal * self.size[0]
+        if self.count:
+            error = design_law.cone_deflection_error(
+                self.distance, focal_px, self.count, self.angle
+            )
+        else:
+            error = design_law.pair_deflection_error(
+                self.distance, focal_px, self.aperture, self.elevation
+            )
+        return float(error)
+
+
+def swept(structure: str, finding: str) -> Array:
+    """The values of a sweep over the range of the thesis: mm, px, cameras or degrees."""
+    if finding == "number":
+        return np.arange(3.0, STEPS + 3.0)
+    printed = setups.table(structure, "aperture" if finding == "elevation" else finding)
+    if finding == "aperture":
+        return np.linspace(2.0 * min(printed["half_apertures_deg"]), 180.0, STEPS)
+    if finding == "elevation":
+        return np.linspace(min(printed["elevations_deg"]), max(printed["elevations_deg"]), STEPS)
+    every = printed["distances_mm" if finding == "distance" else "widths_px"]
+    values: Array = np.geomspace(min(every), max(every), STEPS)
+    return np.rint(values) if finding == "resolution" else values
+
+
+def rig(study: DesignLaw, structure: str, finding: str, value: float) -> Rig:
+    """The cameras of one step: what is not swept is as in the thesis's study of it."""
+    focal, size = study.focal_length_mm / study.sensor_width_mm, study.resolution_px
+    if finding == "number":
+        angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
+        return Rig(distance, size, focal, count=int(value), angle=float(angle))
+    printed = setups.table(structure, "aperture" if finding == "elevation" else finding)
+    distance = (value if finding == "distance" else printed["distance_mm"]) / 1000
+    if finding == "resolution":
+        size = int(value), round(value * 9 / 16)
+    aperture, elevation = 2 * printed.get("azimuth_deg", 90.0), printed["elevation_deg"]
+    if finding == "aperture":
+        aperture = value
+    elif finding == "elevation":
+        elevation = value
+    return Rig(distance, size, focal, float(np.radians(aperture)), float(np.radians(elevation)))
+
+
+def shapes(structure: Structure, peak: float) -> Array:
+    """Markers (3, 1 + modes, m) in m at rest and in each mode with a peak in m."""
+    bent = [deflection_shape(structure, mode, structure.markers, peak) for mode in MODES]
+    return world_points(structure, np.array([np.zeros_like(bent[0]), *bent]))
+
+
+def expected(cameras: CameraArray, points: Array) -> float:
+    """Rms deflection error in m of markers (3, m), averaged over amplitudes."""
+    g = gain(cameras.P, points)[2]
+    return float(MOTION_PX * np.sqrt(np.mean(np.sum(g**2, axis=(0, 1)))))
+
+
+def exact(cameras: CameraArray, points: Array) -> float:
+    """Rms deflection error in m of markers (3, 1 + modes, m), the first of which are at rest."""
+    variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:])
+    return float(np.sqrt(np.mean(variance)))
+
+
+def findings(study: DesignLaw) -> dict[str, ArrayLike]:
+    """Distance, resolution, number, elevation and aperture, each by itself."""
+    shape = (len(FINDINGS), len(STRUCTURES), STEPS)
+    values, averaged, usual, small, centre = (np.empty(shape) for _ in range(5))
+    best, gained = [], []
+    for s, (name, make) in enumerate(STRUCTURES.items()):
+        peak = float(setups.reading(name)["amplitude_mm"]) / 1000
+        tiny_peak = study.small_amplitude_mm / 1000
+        points, tiny = shapes(make(), peak), shapes(make(), tiny_peak)
+        rest = points[:, 0]
+        for f, finding in enumerate(FINDINGS):
+            values[f, s] = swept(name, finding)
+            for i, value in enumerate(values[f, s]):
+                one = rig(study, name, finding, value)
+                cameras = one.cameras()
+                averaged[f, s, i] = 100 * expected(cameras, rest) / peak
+                usual[f, s, i] = 100 * exact(cameras, points) / peak
+                small[f, s, i] = 100 * exact(cameras, tiny) / tiny_peak
+                centre[f, s, i] = 100 * one.centre_error() / peak
+        least, wide = best_aperture(study, name, rest)
+        best.append(least)
+        gained.append(wide)
+    return {
+        "swept": values, "expected_error": averaged, "exact_error": usual, "centre_error": centre,
+        "expected_exponent": _exponents(values, averaged),
+        "centre_exponent": _exponents(values, centre), "small_exponent": _exponents(values, small),
+        "best_aperture": best, "wide_gain": gained,
+    }  # fmt: skip
+
+
+def best_aperture(study: DesignLaw, structure: str, markers: Array) -> tuple[float, float]:
+    """Aperture in degrees of the least error, and the error at `WIDE_DEG` over it."""
+
+    def error(aperture: float) -> float:
+        return expected(rig(study, structure, "aperture", aperture).cameras(), markers)
+
+    found = minimize_scalar(error, bounds=(10, 180), method="bounded", options={"xatol": 1e-3})
+    return float(found.x), error(WIDE_DEG) / float(found.fun)
+
+
+def _exponents(values: Array, errors: Array) -> Array:
+    """Exponents (findings, structures): of cos φ for elevations, NaN for the aperture's."""
+    found = np.full(values.shape[:2], np.nan)
+    for f, s in np.ndindex(found.shape):
+        if FINDINGS[f] != "aperture":
+            low = FINDINGS[f] == "elevation"
+            base = np.cos(np.radians(values[f, s])) if low else values[f, s]
+            found[f, s] = exponent(base, errors[f, s])
+    return found
+
+
+def thesis_study(study: DesignLaw, structure: str, part: str) -> Any:
+    """One of the studies of chapters 3 and 4, with this study's lens, trials and seed."""
+    names = ("focal_length_mm", "sensor_width_mm", "trials", "seed")
+    return camera_study(f"{structure}-{part}", {name: getattr(study, name) for name in names})
+
+
+def arrays(study: DesignLaw) -> dict[str, ArrayLike]:
+    """The exponent in the number of cameras of the thesis's growing arrays."""
+    found = np.empty((len(setups.pairs()), len(STRUCTURES)))
+    for s, (name, make) in enumerate(STRUCTURES.items()):
+        rest = shapes(make(), 1.0)[:, 0]
+        settings = thesis_study(study, name, "arrays").settings()
+        for c, case in enumerate(setups.pairs()):
+            grown = [setting for setting in settings if setting.case == case]
+            lens = study.focal_length_mm, study.sensor_width_mm
+            errors = [expected(one.cameras(*lens), rest) for one in grown]
+            found[c, s] = exponent([len(one.directions_deg) for one in grown], errors)
+    return {"array_exponent": found}

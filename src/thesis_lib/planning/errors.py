@@ -1,0 +1,108 @@
+"""Errors of a layout: by the law of rounding, and by the simulation of the studies.
+
+A camera counts for the markers that it sees. Markers seen by the same cameras are one group, which
+is predicted and simulated as in :mod:`thesis_lib.studies`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib import rounding, studies
+from thesis_lib.cameras import CameraArray
+from thesis_lib.planning.places import Scene, cameras, visible
+
+Array = NDArray[np.float64]
+
+MOTION = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What a simulation found of a layout, in % of each mode's largest deflection of a marker.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (modes, trials)
+        Rms errors over the markers.
+    point : ndarray, shape (modes, markers)
+        Rms errors over the trials.
+    """
+
+    mean: Array
+    point: Array
+
+    def error(self, objective: str, at: NDArray[np.int_]) -> Array:
+        """Rms over the trials of the error that counts, by mode.
+
+        Of the mean over the markers, or of the marker `at` (modes,) which is predicted worst: the
+        largest of many scattered errors would be too high.
+        """
+        if objective == "mean":
+            return np.asarray(np.sqrt(np.mean(self.mean**2, axis=1)))
+        return self.point[np.arange(len(at)), at]
+
+    def band(self, objective: str) -> Array:
+        """Quantiles 5 and 95 % over the trials of the mean error, (2, modes); NaN for the worst."""
+        if objective == "mean":
+            return np.asarray(np.quantile(self.mean, [0.05, 0.95], axis=1))
+        return np.full((2, len(self.mean)), np.nan)
+
+
+def percent(scene: Scene) -> Array:
+    """Factor (modes, 1) from m to % of the largest deflection of a marker in each mode."""
+    largest = np.max(np.abs(scene.body.shapes), axis=1) * np.array(scene.peaks)
+    return np.asarray(100 / largest[:, None])
+
+
+def counted(point: Array, objective: str) -> Array:
+    """The error that counts, of errors (modes, markers): rms or largest."""
+    return np.sqrt(np.mean(point**2, axis=-1)) if objective == "mean" else point.max(axis=-1)
+
+
+def _groups(
+    scene: Scene, layout: Array, width: int
+) -> Iterator[tuple[NDArray[np.int_], NDArray[np.int_], CameraArray]]:
+    """Cameras and markers that go together, and these cameras."""
+    rig, seen = cameras(scene, layout, width), visible(scene, layout)
+    patterns, which = np.unique(seen, axis=1, return_inverse=True)
+    for number, pattern in enumerate(patterns.T):
+        some = np.flatnonzero(pattern)
+        part = replace(rig, K=rig.K[some], R_camera_world=rig.R_camera_world[some],
+                       centres=rig.centres[some])  # fmt: skip
+        yield some, np.flatnonzero(which.ravel() == number), part
+
+
+def predicted(scene: Scene, layout: Array, width: int) -> Array:
+    """Rms error of every marker by the law of rounding, shape (modes, markers), in %."""
+    body, point = scene.body, np.empty(scene.body.shapes.shape)
+    deflected = body.deflected(scene.peaks)
+    for _, markers, part in _groups(scene, layout, width):
+        rest, normals = body.points[:, None, markers], body.normals[:, None, markers]
+        variance = rounding.deflection_variance(
+            part.P, rest, deflected[:, :, markers], normals=normals
+        )
+        point[:, markers] = np.sqrt(variance)
+    return point * percent(scene)
+
+
+def simulated(
+    scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str
+) -> Simulated:
+    """The studies' simulation of a layout: whole pixels on randomly shifted grids."""
+    body = scene.body
+    points = np.concatenate([body.points[:, None], body.deflected(scene.peaks)], axis=1)
+    shifts = rounding.grid_shifts(seed, trials, len(layout))[1:]
+    true = body.shapes * np.array(scene.peaks)[:, None]
+    wrong = np.empty((len(true), trials, true.shape[1]))
+    for some, markers, part in _groups(scene, layout, width):
+        found = studies.measure(
+            part, points[:, :, markers], shifts[:, some], estimator=estimator,
+            normals=body.normals[:, markers],
+        )  # fmt: skip
+        wrong[:, :, markers] = (found - true[:, None, markers]) * percent(scene)[:, None]
+    return Simulated(np.sqrt(np.mean(wrong**2, axis=2)), np.sqrt(np.mean(wrong**2, axis=1)))

@@ -1,0 +1,252 @@
+"""Where cameras may stand, what they see from there, and which limit leaves no place.
+
+A *place* is a row (azimuth, elevation, distance, focal length over sensor width): angles in rad
+about the body's centre, at which the camera looks, distance in m. Sensors have a width of 1 here
+and a height of `aspect`: which places are allowed, and which layout is best, does not depend on
+how many pixels share the width.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from thesis_lib.cameras import CameraArray, hemisphere_cameras, hemisphere_directions, project
+from thesis_lib.planning.bodies import Body
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SLACK = 1e-9  # relative: what stands on a limit is allowed
+_LADDER = 8  # distances tried from the nearest that sees enough outwards
+_HALVINGS = 30  # of the bracket of that distance
+_NEVER = 10.0  # rad: as far inside as no angle is
+_VALUES = 2_000_000  # images at a time, which bounds the memory
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Limits on places. Angles in rad, lengths in m, regions in the body's frame.
+
+    Parameters
+    ----------
+    distances, azimuths, elevations : tuple of float
+        Least and largest; azimuths may span more than a turn.
+    tilt : float
+        Largest angle between a marker's normal and the line of sight at which it is read.
+    in_view : float
+        Share of the markers that each camera must see and read.
+    separation : float
+        Least distance between two cameras.
+    boxes : ndarray, shape (boxes, 3, 2)
+        Forbidden boxes along the axes, least and largest coordinates.
+    spheres : ndarray, shape (spheres, 4)
+        Forbidden spheres: centre and radius.
+    sectors : ndarray, shape (sectors, 4)
+        Forbidden directions: least and largest azimuth, least and largest elevation.
+    """
+
+    distances: tuple[float, float]
+    azimuths: tuple[float, float]
+    elevations: tuple[float, float]
+    tilt: float
+    in_view: float
+    separation: float
+    boxes: Array
+    spheres: Array
+    sectors: Array
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A body, how far its markers move, the rules, and the shape of the sensors.
+
+    Parameters
+    ----------
+    body : Body
+        What is measured.
+    peaks : tuple of float
+        Peak deflection of each mode in m.
+    rules : Rules
+        Where cameras may stand.
+    focals : tuple of float
+        Focal lengths to choose from, over the sensor's width.
+    aspect : float
+        Height over width of the sensors.
+    """
+
+    body: Body
+    peaks: tuple[float, ...]
+    rules: Rules
+    focals: tuple[float, ...]
+    aspect: float
+
+
+def centres(scene: Scene, places: Array) -> Array:
+    """Camera centres in m in the body's frame, shape (places, 3)."""
+    out = hemisphere_directions(places[:, 0], places[:, 1]) * places[:, 2:3]
+    return out + scene.body.centre
+
+
+def cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArray:
+    """The cameras at places, each with its own lens and `width` pixels across."""
+    size = (width, scene.aspect * width)
+    if width != 1:
+        size = (round(size[0]), round(size[1]))
+    rig = hemisphere_cameras(places[:, 2], places[:, 0], places[:, 1], width, size)  # type: ignore[arg-type]
+    K = rig.K.copy()
+    K[:, [0, 1], [0, 1]] *= places[:, 3:4]
+    return replace(rig, K=K, centres=centres(scene, places))
+
+
+def margins(scene: Scene, places: Array) -> Array:
+    """How far inside the limits each place has each marker, shape (5, places, markers).
+
+    To the left, right, top and bottom edge of the sensor, in its widths, the least over both ends
+    of the marker's motion; and the cosine of the marker's tilt less that of the limit. Not below 0
+    where the marker is seen and can be read.
+    """
+    rig, ends = cameras(scene, places), scene.body.extremes(scene.peaks)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = np.moveaxis(project(rig.P, ends), 1, 0)
+    depth = np.einsum("nk,nkem->nem", rig.R_camera_world[:, 2],
+                      ends - rig.centres[:, :, None, None])  # fmt: skip
+    edges = np.stack([u, 1 - u, v, scene.aspect - v])
+    edges = np.where((depth > 0) & np.isfinite(edges), edges, -1.0).min(axis=2)
+    sight = rig.centres[:, :, None] - scene.body.points
+    cosine = np.einsum("nkm,km->nm", sight, scene.body.normals) / np.linalg.norm(sight, axis=1)
+    return np.concatenate([edges, (cosine - np.cos(scene.rules.tilt))[None]])
+
+
+def clearances(scene: Scene, places: Array) -> Array:
+    """How far each place is outside every forbidden region, shape (regions, places).
+
+    In m for boxes and spheres, in rad for sectors: below 0 inside.
+    """
+    rules, where = scene.rules, centres(scene, places)
+    rows = [np.linalg.norm(where - s[:3], axis=1) - s[3] for s in rules.spheres]
+    rows += [np.max(np.maximum(b[:, 0] - where, where - b[:, 1]), axis=1) for b in rules.boxes]
+    for low, high, bottom, top in rules.sectors:
+        middle, half = (low + high) / 2, (high - low) / 2
+        aside = np.abs(np.mod(places[:, 0] - middle + np.pi, 2 * np.pi) - np.pi) - half
+        # a whole turn has no way out to the side, nor one that holds a pole beyond the pole
+        sides = [aside if half < np.pi - SLACK else np.full(len(places), -_NEVER)]
+        sides += [bottom - places[:, 1]] if bottom > SLACK - np.pi / 2 else []
+        sides += [places[:, 1] - top] if top < np.pi / 2 - SLACK else []
+        rows.append(np.max(sides, axis=0))
+    return np.array(rows).reshape(-1, len(places))
+
+
+def visible(scene: Scene, places: Array) -> Mask:
+    """Which markers each place sees and can read, shape (places, markers)."""
+    step = max(1, _VALUES // (2 * scene.body.points.shape[1]))
+    parts = [
+        np.all(margins(scene, places[i : i + step]) >= -SLACK, axis=0)
+        for i in range(0, len(places), step)
+    ]
+    return np.concatenate(parts) if parts else np.zeros((0, scene.body.points.shape[1]), bool)
+
+
+def sees_enough(scene: Scene, places: Array) -> Mask:
+    """Whether places see the share of the markers that they must, shape (places,)."""
+    return visible(scene, places).mean(axis=1) >= scene.rules.in_view - SLACK
+
+
+def free(scene: Scene, places: Array) -> Mask:
+    """Whether places are inside the bounds and outside the forbidden regions, shape (places,)."""
+    azimuth, elevation, distance = places[:, 0], places[:, 1], places[:, 2]
+    low, high = scene.rules.azimuths
+    turned = np.mod(azimuth - low + SLACK, 2 * np.pi) <= high - low + 2 * SLACK
+    inside = (high - low >= 2 * np.pi - SLACK) | turned
+    for values, (least, most) in (
+        (elevation, scene.rules.elevations), (distance, scene.rules.distances),
+    ):  # fmt: skip
+        inside = inside & (values >= least * (1 - SLACK) - SLACK)
+        inside = inside & (values <= most * (1 + SLACK) + SLACK)
+    return np.asarray(inside & np.all(clearances(scene, places) >= -SLACK, axis=0))
+
+
+def apart(scene: Scene, places: Array, others: Array) -> Mask:
+    """Whether places are far enough from all others, shape (places,)."""
+    gap = cdist(centres(scene, places), centres(scene, others))
+    return np.asarray(np.all(gap >= scene.rules.separation * (1 - SLACK), axis=1))
+
+
+def directions(scene: Scene, step: float) -> Array:
+    """Grid of azimuths and elevations not more than `step` (rad) apart, shape (directions, 2)."""
+    (low, high), (bottom, top) = scene.rules.azimuths, scene.rules.elevations
+    turn = high - low >= 2 * np.pi - SLACK
+    count = int(np.ceil((2 * np.pi if turn else high - low) / step - 1e-6))
+    azimuth = np.linspace(low, low + 2 * np.pi if turn else high, count + 1)[: -1 if turn else None]
+    elevation = np.linspace(bottom, top, int(np.ceil((top - bottom) / step - 1e-6)) + 1)
+    return np.stack(np.meshgrid(azimuth, elevation, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def candidates(scene: Scene, step: float) -> Array:
+    """Allowed places to choose from, shape (candidates, 4).
+
+    For every direction of a grid and every lens, the two nearest allowed of some distances that
+    grow from the nearest one that sees enough.
+    """
+    grid = directions(scene, step)
+    found = []
+    for focal in scene.focals:
+        near = _nearest(scene, grid, focal)
+        far = np.full(len(grid), scene.rules.distances[1])
+        ladder = [near * (far / near) ** t for t in np.linspace(0, 1, _LADDER)]
+        every = np.stack([_at(grid, d, focal) for d in ladder])  # ladder, directions, 4
+        flat = every.reshape(-1, 4)
+        allowed = free(scene, flat)
+        allowed[allowed] = sees_enough(scene, flat[allowed])
+        allowed = allowed.reshape(len(ladder), -1)
+        if scene.rules.distances[0] == scene.rules.distances[1]:
+            allowed[1:] = False
+        found.append(every[allowed & (np.cumsum(allowed, axis=0) <= 2)])
+    return np.concatenate(found)
+
+
+def _at(grid: Array, distance: Array, focal: float) -> Array:
+    return np.column_stack([grid, distance, np.full(len(grid), focal)])
+
+
+def _nearest(scene: Scene, grid: Array, focal: float) -> Array:
+    """Least allowed distance in each direction that sees enough, by halving; else the largest."""
+    least, most = scene.rules.distances
+    low, high = np.full(len(grid), least), np.full(len(grid), most)
+    high[sees_enough(scene, _at(grid, low, focal))] = least
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        seen = sees_enough(scene, _at(grid, middle, focal))
+        high, low = np.where(seen, middle, high), np.where(seen, low, middle)
+    return high
+
+
+FIELDS = ("tilt_deg", "in_view", "elevations_deg", "azimuths_deg", "distances_mm",
+          "forbidden_boxes_mm", "forbidden_spheres_mm", "forbidden_sectors_deg")  # fmt: skip
+
+
+def without(rules: Rules, field: str, reach: float) -> Rules:
+    """The rules without the limit that a parameter sets; distances keep clear of the body."""
+    full: dict[str, dict[str, object]] = {
+        "tilt_deg": {"tilt": np.pi / 2},
+        "in_view": {"in_view": 1e-6},  # one marker
+        "elevations_deg": {"elevations": (-np.pi / 2, np.pi / 2)},
+        "azimuths_deg": {"azimuths": (-np.pi, np.pi)},
+        "distances_mm": {"distances": (1.05 * reach, 100 * max(reach, rules.distances[1]))},
+        "forbidden_boxes_mm": {"boxes": np.zeros((0, 3, 2))},
+        "forbidden_spheres_mm": {"spheres": np.zeros((0, 4))},
+        "forbidden_sectors_deg": {"sectors": np.zeros((0, 4))},
+        "separation_mm": {"separation": 0.0},
+    }
+    return replace(rules, **full[field])  # type: ignore[arg-type]
+
+
+def binding(scene: Scene, step: float) -> list[str]:
+    """Parameters each of which alone leaves no place: without its limit there are some."""
+    reach = scene.body.reach + max(scene.peaks)
+    eased = {f: replace(scene, rules=without(scene.rules, f, reach)) for f in FIELDS}
+    eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
+    return [field for field, one in eased.items() if len(candidates(one, step))]

@@ -1,0 +1,120 @@
+"""A plan as a labelled cube."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.planning.errors import predicted
+from thesis_lib.planning.places import centres
+from thesis_lib.planning.planner import Option, Plan
+
+XYZ = ("x", "y", "z")
+
+# Dimensions, units, long name.
+VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "n_cameras": (("option",), "1", "number of cameras"),
+    "width_px": (("option",), "1", "width of the pictures in pixels"),
+    "height_px": (("option",), "1", "height of the pictures in pixels"),
+    "frame_rate": (("option",), "Hz", "frame rate"),
+    "pixel_rate": (("option",), "s-1", "pixels per second of all cameras"),
+    "cost": (("option",), "1", "price of all cameras, or their pixels per second"),
+    "expected_error": (
+        ("option",), "percent", "largest error of a mode by the law, averaged over amplitudes"),
+    "bound": (
+        ("option",), "percent",
+        "what the averaged error of no layout on the grid of the search can be below"),
+    "predicted_error": (("option", "mode"), "percent", "error by the law of rounding"),
+    "simulated_error": (("option", "mode"), "percent", "rms error over the trials"),
+    "simulated_low": (("option", "mode"), "percent", "5 % quantile of the error of the trials"),
+    "simulated_high": (("option", "mode"), "percent", "95 % quantile of the error of the trials"),
+    "on_front": (("option",), "1", "1 if no other is cheaper or more accurate, else 0"),
+    "chosen": ((), "1", "the option that is proposed"),
+    "camera_azimuth": (("option", "camera"), "degree", "azimuth of a camera"),
+    "camera_elevation": (("option", "camera"), "degree", "elevation of a camera"),
+    "camera_distance": (("option", "camera"), "m", "distance of a camera from the centre"),
+    "camera_position": (("option", "camera", "axis"), "m", "position of a camera"),
+    "focal_length": (("option", "camera"), "m", "focal length of a camera"),
+    "point_error": (
+        ("mode", "point"), "percent", "error of each marker by the law, of the proposed option"),
+    "marker": (("point", "axis"), "m", "marker at rest"),
+    "normal": (("point", "axis"), "1", "unit vector along which a marker moves"),
+    "reference_deflection": (("mode", "point"), "m", "deflection of the markers"),
+    "outline": (("corner", "axis"), "m", "corner of the structure, or of the box around it"),
+    "frequency": (("mode",), "Hz", "natural frequency"),
+}  # fmt: skip
+
+
+def as_cube(plan: Plan) -> xr.Dataset:
+    """The cube of a plan: every option, the proposed one marker by marker."""
+    options, body = plan.options, plan.body
+    best = options[plan.chosen]
+    most = max(len(one.layout) for one in options)
+    places = np.full((len(options), most, 7), np.nan)
+    for row, one in zip(places, options, strict=True):
+        row[: len(one.layout)] = _camera_rows(one, plan)
+    verified = plan.verified
+    values: dict[str, Any] = {
+        "n_cameras": [len(one.layout) for one in options],
+        "width_px": [one.resolution[0] for one in options],
+        "height_px": [one.resolution[1] for one in options],
+        "frame_rate": [one.frame_rate for one in options],
+        "pixel_rate": [one.pixel_rate for one in options],
+        "cost": [one.cost for one in options],
+        "expected_error": [one.expected for one in options],
+        "bound": [one.bound for one in options],
+        "predicted_error": [one.predicted for one in options],
+        "simulated_error": [one.simulated for one in verified],
+        "simulated_low": [one.band[0] for one in verified],
+        "simulated_high": [one.band[1] for one in verified],
+        "on_front": [int(i in plan.front) for i in range(len(options))],
+        "chosen": plan.chosen,
+        "camera_azimuth": places[:, :, 0],
+        "camera_elevation": places[:, :, 1],
+        "camera_distance": places[:, :, 2],
+        "focal_length": places[:, :, 3],
+        "camera_position": places[:, :, 4:],
+        "point_error": predicted(best.scene, best.layout, best.resolution[0]),
+        "marker": body.points.T,
+        "normal": body.normals.T,
+        "reference_deflection": body.shapes * np.array(plan.request.peaks_m)[:, None],
+        "outline": _outline(plan).T,
+        "frequency": body.frequencies,
+    }
+    cube = xr.Dataset(
+        coords={
+            "mode": ("mode", list(body.modes), {"units": "1", "long_name": "mode number"}),
+            "axis": ("axis", list(XYZ), {"units": "1", "long_name": "axis"}),
+        },
+        attrs={"structure": body.name, "candidates": np.int64(plan.candidates),
+               "cost_is": "price" if plan.request.prices else "pixels per second",
+               "objective": plan.request.objective,
+               "target_percent": json.dumps(plan.request.target_percent)},
+    )  # fmt: skip
+    for name, (dims, units, words) in VARIABLES.items():
+        cube[name] = (dims, np.asarray(values[name]), {"units": units, "long_name": words})
+    return cube
+
+
+def _camera_rows(option: Option, plan: Plan) -> np.ndarray[Any, Any]:
+    """Azimuth and elevation in degrees, distance and focal length in m, position in m."""
+    layout = option.layout
+    azimuth = np.mod(np.degrees(layout[:, 0]) + 180, 360) - 180
+    focal = layout[:, 3] * plan.request.sensor_width_mm / 1000
+    return np.column_stack(
+        [azimuth, np.degrees(layout[:, 1]), layout[:, 2], focal, centres(option.scene, layout)]
+    )
+
+
+def _outline(plan: Plan) -> np.ndarray[Any, Any]:
+    """The structure's corners, or those of the box around its markers as one closed walk."""
+    if plan.body.outline.size:
+        return plan.body.outline
+    low, high = plan.body.points.min(axis=1), plan.body.points.max(axis=1)
+    walk = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0),
+            (1, 0, 1), (1, 1, 1), (1, 1, 0), (1, 1, 1), (0, 1, 1), (0, 1, 0), (0, 1, 1),
+            (0, 0, 1)]  # fmt: skip
+    return low[:, None] + np.array(walk).T * (high - low)[:, None]

@@ -1,0 +1,351 @@
+"""The planner: best layouts, what they cost, and the cheapest that reaches the target."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic_core import PydanticCustomError
+
+from thesis_lib.camera_study import ParameterError
+from thesis_lib.planning import errors
+from thesis_lib.planning.bodies import Body
+from thesis_lib.planning.optimum import (
+    best_layouts,
+    cost,
+    exchange,
+    information,
+    layout_cost,
+    lower_bound,
+    too_near,
+    variances,
+)
+from thesis_lib.planning.places import FIELDS, Scene, binding, candidates, sees_enough, without
+from thesis_lib.planning.request import PlanRequest
+
+Array = NDArray[np.float64]
+
+_SHARP = 40  # power of the variances that weigh markers in the bound of the largest
+
+
+@dataclass(frozen=True)
+class Option:
+    """A number of cameras of one kind, best placed.
+
+    Parameters
+    ----------
+    layout : ndarray, shape (cameras, 4)
+        Places: azimuth and elevation in rad, distance in m, focal length over sensor width.
+    resolution : tuple of int
+        Width and height in px.
+    kind : int
+        Which of the resolutions that is.
+    frame_rate : float
+        In Hz.
+    cost : float
+        Pixels per second of all cameras, or their price.
+    expected : float
+        Largest error of a mode in %, averaged over amplitudes.
+    point : ndarray, shape (modes, markers)
+        Error of every marker by the law of rounding, at the amplitude asked for, in %.
+    predicted : ndarray, shape (modes,)
+        The error that counts, of each mode.
+    bound : float
+        What `expected` of no layout on the grid of the search can be below.
+    scene : Scene
+        What was optimised.
+    """
+
+    layout: Array
+    resolution: tuple[int, int]
+    kind: int
+    frame_rate: float
+    cost: float
+    expected: float
+    point: Array
+    predicted: Array
+    bound: float
+    scene: Scene
+
+    @property
+    def error(self) -> float:
+        """Largest error of a mode in %."""
+        return float(self.predicted.max())
+
+    @property
+    def pixel_rate(self) -> float:
+        """Pixels per second of all cameras."""
+        return len(self.layout) * self.resolution[0] * self.resolution[1] * self.frame_rate
+
+
+@dataclass(frozen=True)
+class Verified:
+    """Simulation of an option, by mode in %: rms over the trials, and 5 and 95 % quantiles."""
+
+    simulated: Array
+    band: Array
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What was found.
+
+    Parameters
+    ----------
+    request : PlanRequest
+        What was asked.
+    body : Body
+        What is measured.
+    options : list of Option
+        Every number of cameras with every resolution.
+    verified : list of Verified
+        Their simulations.
+    front : list of int
+        Options that no other beats in cost without being less accurate, by cost.
+    chosen : int
+        The cheapest that reaches the target, or without a target the most accurate.
+    candidates : int
+        Places on the grid of the search.
+    """
+
+    request: PlanRequest
+    body: Body
+    options: list[Option]
+    verified: list[Verified]
+    front: list[int]
+    chosen: int
+    candidates: int
+
+
+class ImpossibleError(ParameterError):
+    """A plan that cannot be; the message is one line and names the binding limit."""
+
+
+def plan(request: PlanRequest, body: Body | None = None,
+         tell: Callable[[str], object] = lambda _: None) -> Plan:  # fmt: skip
+    """Find the best layouts for a request.
+
+    Parameters
+    ----------
+    request : PlanRequest
+        Validated parameters.
+    body : Body, optional
+        What is measured, if it is not the request's beam or plate.
+    tell : callable
+        Is told, line by line, how far it is.
+
+    Raises
+    ------
+    ImpossibleError
+        If no camera may stand anywhere, markers are never seen, or the target is out of reach.
+    ParameterError
+        If the request does not go with the body.
+    """
+    body = body or request.measured
+    try:
+        request.check_with(body)
+    except PydanticCustomError as error:
+        raise ParameterError(f"plan: {error.message()}") from None
+    rate = request.frame_rate(body)
+    options: list[Option] = []
+    total = 0
+    for aspect, kinds in _aspects(request).items():
+        scene = Scene(body, request.peaks_m, request.rules,
+                      tuple(f / request.sensor_width_mm for f in request.focal_lengths_mm),
+                      float(aspect))  # fmt: skip
+        grid = candidates(scene, np.radians(request.step_deg))
+        if not len(grid):
+            raise _nowhere(scene, request)
+        total += len(grid)
+        options += _options(scene, grid, kinds, request, rate, tell)
+    options.sort(key=lambda one: (one.kind, len(one.layout)))
+    front = pareto([one.cost for one in options], [one.error for one in options])
+    verified = []
+    for one in options:
+        found = errors.simulated(one.scene, one.layout, one.resolution[0], max(request.trials, 1),
+                                 request.seed, request.estimator)  # fmt: skip
+        at = np.argmax(one.point, axis=1)
+        verified.append(Verified(found.error(request.objective, at), found.band(request.objective)))
+    chosen = _cheapest(options, verified, front, request)
+    return Plan(request, body, options, verified, front, chosen, total)
+
+
+def pareto(costs: Sequence[float], errors_: Sequence[float]) -> list[int]:
+    """Indices of what nothing else beats in one without losing in the other, by rising cost.
+
+    Examples
+    --------
+    >>> pareto([1, 2, 2, 3], [5.0, 4.0, 6.0, 4.0])
+    [0, 1]
+    """
+    front: list[int] = []
+    least = np.inf
+    for i in sorted(range(len(costs)), key=lambda i: (costs[i], errors_[i], i)):
+        if errors_[i] < least:
+            front.append(i)
+            least = errors_[i]
+    return front
+
+
+def _aspects(request: PlanRequest) -> dict[Fraction, list[int]]:
+    """Resolutions by height over width: those of one shape share their layouts."""
+    groups: dict[Fraction, list[int]] = {}
+    for kind, (width, height) in enumerate(request.resolutions_px):
+        groups.setdefault(Fraction(height, width), []).append(kind)
+    return groups
+
+
+def _options(
+    scene: Scene, grid: Array, kinds: Sequence[int], request: PlanRequest, rate: float,
+    tell: Callable[[str], object],
+) -> list[Option]:  # fmt: skip
+    counts, start = sorted(request.counts), time.monotonic()
+    tell(f"{len(grid)} places to choose from; looking for the best of {counts} cameras")
+    made = best_layouts(scene, grid, counts, request.objective, request.starts, request.seed,
+                        lambda n: tell(f"{n} cameras placed, {time.monotonic() - start:.0f} s")
+                        )  # fmt: skip
+    if all(layout is None for layout in made):
+        raise _no_room(scene, grid, counts[0], request)
+    known = information(scene, grid)
+    factor = float(np.max(errors.percent(scene))) * np.sqrt(errors.MOTION)
+    options = []
+    for layout in made:
+        if layout is None:
+            continue
+        value = layout_cost(scene, layout, request.objective)
+        bound = lower_bound(known, len(layout), _weights(scene, layout, request.objective))
+        for kind in kinds:
+            width, height = request.resolutions_px[kind]
+            point = errors.predicted(scene, layout, width)
+            pixels = len(layout) * width * height * rate
+            price = len(layout) * request.prices[kind] if request.prices else pixels
+            options.append(Option(
+                layout, (width, height), kind, rate, price, factor * np.sqrt(value) / width, point,
+                errors.counted(point, request.objective), factor * np.sqrt(bound) / width, scene,
+            ))  # fmt: skip
+    return options
+
+
+def _weights(scene: Scene, layout: Array, objective: str) -> Array:
+    """Weights of the markers for :func:`lower_bound`: alike, or where the errors are largest."""
+    variance = variances(information(scene, layout).sum(axis=1))
+    power = (variance / variance.max()) ** (_SHARP if objective == "worst" else 0)
+    return np.asarray(power / power.sum())
+
+
+def _cheapest(
+    options: list[Option], verified: list[Verified], front: list[int], request: PlanRequest
+) -> int:
+    target = request.target_percent
+    if target is None:
+        return front[-1]
+    order = sorted(range(len(options)), key=lambda i: (options[i].cost, options[i].error))
+    for i in order:
+        if max(options[i].error, float(verified[i].simulated.max())) <= target:
+            return i
+    raise _unreached(options[front[-1]], request)
+
+
+# What cannot be, and which limit it is that binds.
+
+
+def _text(request: PlanRequest, field: str) -> str:
+    value = getattr(request, field)
+    return f"{field}={list(value) if isinstance(value, tuple) else value}"
+
+
+def _nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
+    """No place is allowed: because of which limits."""
+    step = np.radians(request.step_deg)
+    found = binding(scene, step)
+    if found:
+        text = " or ".join(_text(request, field) for field in found)
+        return ImpossibleError(f"plan: no camera may stand anywhere; binding: {text} (any of these "
+                          "eased alone leaves places)")  # fmt: skip
+    bare = scene
+    for field in FIELDS:
+        if field not in ("tilt_deg", "in_view"):
+            reach = scene.body.reach + max(scene.peaks)
+            bare = replace(bare, rules=without(bare.rules, field, reach))
+    if not np.any(sees_enough(bare, candidates(bare, step))):
+        return ImpossibleError(
+            f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} and "
+            f"{_text(request, 'in_view')}"
+        )
+    return ImpossibleError(
+        "plan: no camera may stand anywhere; binding: several limits together, of which to ease "
+        "one alone is not enough"
+    )
+
+
+def _no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> ImpossibleError:
+    """Places there are, but no layout: cameras too close, or a marker that two do not see."""
+    seen = (information(scene, grid)[0] > 0).sum(axis=0)
+    if seen.min() < 2:
+        worst = int(np.argmin(seen))
+        return ImpossibleError(
+            f"plan: marker {worst + 1} of {len(seen)} is in view of {seen[worst]} of {len(grid)} "
+            f"places, and two cameras must see it; binding: {_text(request, 'tilt_deg')}, "
+            f"{_text(request, 'elevations_deg')}, {_text(request, 'azimuths_deg')}"
+        )
+    open_ = replace(scene, rules=without(scene.rules, "separation_mm", 0))
+    layout, _ = exchange(
+        information(open_, grid), too_near(open_, grid), [-1] * count, request.objective
+    )
+    if -1 not in layout and np.isfinite(layout_cost(open_, grid[layout], request.objective)):
+        return ImpossibleError(
+            f"plan: {count} cameras find no room; binding: {_text(request, 'separation_mm')}"
+        )
+    return ImpossibleError(
+        f"plan: {count} cameras cannot see every marker twice; binding: {_text(request, 'counts')} "
+        f"and {_text(request, 'in_view')}"
+    )
+
+
+def _unreached(best: Option, request: PlanRequest) -> ImpossibleError:
+    """The target is out of reach: what would be needed, and which limit on places costs most."""
+    target, n, scene = request.target_percent, len(best.layout), best.scene
+    assert target is not None
+    ratio = best.error / target
+    eased: dict[str, float] = {}
+    start = _grid_cost(scene, n, request)
+    for field in ("separation_mm", *FIELDS):
+        reach = scene.body.reach + max(scene.peaks)
+        free = replace(scene, rules=without(scene.rules, field, reach))
+        if field == "in_view" or _same(free, scene):
+            continue
+        eased[field] = best.error * np.sqrt(_grid_cost(free, n, request) / start)
+    most = min(eased, key=lambda field: eased[field], default="")
+    text = (
+        f"plan: target_percent: given {target:g}, but the best of these plans ({n} cameras, "
+        f"{best.resolution[0]}×{best.resolution[1]} px) reaches {best.error:.3g}; binding: "
+        f"resolutions_px and counts (it takes about {best.resolution[0] * ratio:.0f} px across, or "
+        f"{int(np.ceil(n * ratio**2))} cameras)"
+    )
+    if most and eased[most] < 0.99 * best.error:
+        text += f"; of the limits on places {_text(request, most)} costs most (without it about " \
+                f"{eased[most]:.3g})"  # fmt: skip
+    return ImpossibleError(text)
+
+
+def _same(one: Scene, other: Scene) -> bool:
+    return all(
+        np.array_equal(getattr(one.rules, name), getattr(other.rules, name))
+        for name in one.rules.__dataclass_fields__
+    )
+
+
+def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
+    """Cost of the best layout on a coarse grid; infinite if there is no room."""
+    grid = candidates(scene, np.radians(max(request.step_deg, 15.0)))
+    if not len(grid):
+        return np.inf
+    known = information(scene, grid)
+    chosen, _ = exchange(known, too_near(scene, grid), [-1] * n, request.objective)
+    if -1 in chosen:
+        return np.inf
+    return float(cost(variances(known[:, chosen].sum(axis=1)), request.objective))

@@ -1,0 +1,175 @@
+"""What ``thesis plan`` writes: cube, table of cameras, picture, page; whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib import cubes
+from thesis_lib.figures import svg
+from thesis_lib.files import staging
+from thesis_lib.pages import shell
+from thesis_lib.planning.mesh_file import read_body
+from thesis_lib.planning.pictures import front_figure, layout_figure
+from thesis_lib.planning.plan_cube import as_cube
+from thesis_lib.planning.planner import Plan, plan
+from thesis_lib.planning.request import PlanRequest, command, study_of
+
+COLUMNS = ("camera", "x_mm", "y_mm", "z_mm", "azimuth_deg", "elevation_deg", "distance_mm",
+           "focal_length_mm", "width_px", "height_px", "frame_rate_hz")  # fmt: skip
+FILES = ("plan.nc", "plan.csv", "plan.svg", "plan.html")
+
+
+def write_plan(
+    request: PlanRequest, folder: Path, structure: Path | None = None,
+    tell: Callable[[str], object] = lambda _: None,
+) -> list[str]:  # fmt: skip
+    """Make a plan and write its four files into a folder.
+
+    Parameters
+    ----------
+    request : PlanRequest
+        Validated parameters.
+    folder : pathlib.Path
+        Where to; nothing is written there before all is made.
+    structure : pathlib.Path, optional
+        File with the structure, in place of the request's beam or plate.
+    tell : callable
+        Is told how far it is.
+
+    Returns
+    -------
+    list of str
+        The summary, line by line.
+    """
+    start = time.perf_counter()
+    body = None if structure is None else read_body(structure, request.modes)
+    made = plan(request, body, tell)
+    cube = cubes.with_provenance(as_cube(made), request, time.perf_counter() - start)
+    file = "" if structure is None else str(structure)
+    cube.attrs["command"] = command(request, file)
+    if structure is not None:
+        cube.attrs["structure_file"] = structure.name
+        cube.attrs["structure_sha256"] = hashlib.sha256(structure.read_bytes()).hexdigest()
+    lines = summary(made, file)
+    picture = svg(layout_figure(cube, made.chosen))
+    with staging(folder) as part:
+        cubes.write(cube, part / "plan.nc", compact=True)
+        (part / "plan.csv").write_text(camera_table(cube, made.chosen), encoding="utf-8")
+        (part / "plan.svg").write_text(picture, encoding="utf-8")
+        (part / "plan.html").write_text(page(made, cube, lines, picture), encoding="utf-8")
+        for name in FILES:
+            shutil.move(part / name, folder / name)
+    return lines
+
+
+def camera_table(cube: xr.Dataset, option: int) -> str:
+    """The cameras of an option as CSV."""
+    one = cube.isel(option=option)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for i in range(int(one["n_cameras"])):
+        camera = one.isel(camera=i)
+        lengths = (1000 * camera["camera_position"].values).tolist()
+        angles = [float(camera["camera_azimuth"]), float(camera["camera_elevation"])]
+        lens = [1000 * float(camera["camera_distance"]), 1000 * float(camera["focal_length"])]
+        writer.writerow([
+            i + 1, *(f"{round(value, 3) + 0.0:.3f}" for value in (*lengths, *angles)),
+            f"{lens[0]:.3f}", f"{lens[1]:g}", int(one["width_px"]), int(one["height_px"]),
+            f"{float(one['frame_rate']):g}",
+        ])  # fmt: skip
+    return text.getvalue()
+
+
+def _cost(plan_: Plan, cost: float) -> str:
+    return f"{cost:g}" if plan_.request.prices else f"{cost / 1e6:.4g} million pixels/s"
+
+
+def summary(plan_: Plan, file: str = "") -> list[str]:
+    """What was found, in a few lines."""
+    request, best = plan_.request, plan_.options[plan_.chosen]
+    found = plan_.verified[plan_.chosen].simulated
+    n, (width, height) = len(best.layout), best.resolution
+    kind = "mean" if request.objective == "mean" else "worst marker's"
+    which = "cheapest that reaches the target" if request.target_percent else "most accurate"
+    modes = ", ".join(
+        f"mode {mode}: {p:.3g} ({s:.3g})"
+        for mode, p, s in zip(plan_.body.modes, best.predicted, found, strict=True)
+    )
+    lines = [
+        f"{plan_.body.name}: {n} cameras of {width}×{height} px at {best.frame_rate:g} Hz are the "
+        f"{which}: {_cost(plan_, best.cost)}",
+        f"{kind} error predicted (simulated) in %: {modes}; simulated over predicted "
+        f"{np.min(found / best.predicted):.3f} to {np.max(found / best.predicted):.3f}",
+        f"averaged over amplitudes {best.expected:.3g} %; bound for all layouts on the grid of the "
+        f"search {best.bound:.3g} %",
+    ]
+    study = "" if file else study_of(request, best.layout, best.resolution)
+    if study:
+        lines.append(f"The same as a study: {study}")
+    elif not file:
+        lines.append("No study takes this layout: its cameras differ in distance or lens, or stand "
+                     "below the plane.")  # fmt: skip
+    return lines
+
+
+def _rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return (f'<div class="scroll" tabindex="0"><table><thead><tr>{head}</tr></thead>'
+            f"<tbody>{body}</tbody></table></div>")  # fmt: skip
+
+
+def _picture(text: str, alt: str, caption: str) -> str:
+    import base64
+
+    data = base64.b64encode(text.encode()).decode()
+    return (f'<figure><img alt="{escape(alt)}" src="data:image/svg+xml;base64,{data}">'
+            f"<figcaption>{escape(caption)}</figcaption></figure>")  # fmt: skip
+
+
+def page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> str:
+    """The plan as one page that loads nothing."""
+    header, *rows = csv.reader(io.StringIO(camera_table(cube, plan_.chosen)))
+    options = [
+        [str(len(one.layout)), f"{one.resolution[0]}×{one.resolution[1]}",
+         _cost(plan_, one.cost), f"{one.expected:.3g}", f"{one.error:.3g}",
+         f"{float(found.simulated.max()):.3g}",
+         ("proposed" if i == plan_.chosen else "on the front" if i in plan_.front else "")]
+        for i, (one, found) in enumerate(zip(plan_.options, plan_.verified, strict=True))
+    ]  # fmt: skip
+    front = svg(front_figure(cube, plan_.request.target_percent))
+    parts = [
+        f"<h1>{escape(plan_.request.title)}: {escape(plan_.body.name)}</h1>",
+        "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>",
+        _picture(picture, "The proposed cameras around the structure from three sides.",
+                 "The proposed layout. Lines of sight lead to the middle of the structure; dotted "
+                 "lines fall onto the plane of its middle."),
+        "<h2>Cameras</h2>",
+        _rows([name.replace("_", " ") for name in header], rows),
+        "<p>Positions are in the structure's frame. Every camera looks at the middle of the "
+        "structure, the base of its picture parallel to the XY plane.</p>",
+        "<h2>Accuracy and cost</h2>",
+        _picture(front, "Error against cost of all options, with a stepped line along the best.",
+                 "Every number of cameras, best placed, with every resolution. Errors are those of "
+                 "the worst mode in % of its largest deflection of a marker."),
+        _rows(["cameras", "pixels", "cost", "averaged, %", "predicted, %", "simulated, %", ""],
+              options),
+        "<h2>How this was made</h2>",
+        f"<pre>{escape(str(cube.attrs['command']))}</pre>",
+        f"<p>{escape(cube.attrs['source'])}, commit {escape(cube.attrs['commit'].strip())}, "
+        f"{escape(cube.attrs['created'])}; {plan_.candidates} places to choose from.</p>",
+    ]  # fmt: skip
+    return shell(f"{plan_.request.title}: {plan_.body.name}", "\n".join(parts))

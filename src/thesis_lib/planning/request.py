@@ -1,0 +1,282 @@
+"""What may be asked of the planner: structure, cameras to choose from, limits, wanted accuracy."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from thesis_lib import setups
+from thesis_lib.camera_study import Mode, Positive, Resolution, Study, field, refuse
+from thesis_lib.planning.bodies import Body, body_of
+from thesis_lib.planning.places import Rules
+from thesis_lib.setups import Setting
+from thesis_lib.structures import Structure
+
+Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
+Turn = Annotated[float, Field(ge=-360, le=360)]
+Rise = Annotated[float, Field(ge=-90, le=90)]
+Count = Annotated[int, Field(ge=2, le=24)]
+Box = tuple[Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate]
+Sphere = tuple[Coordinate, Coordinate, Coordinate, Positive]
+Sector = tuple[Turn, Turn, Rise, Rise]
+PERIOD = 2.5  # frames that a period needs at least
+
+
+class PlanRequest(Study):
+    """Where cameras should stand, how many of which kind, and what they reach."""
+
+    name = "plan"
+    title = "Where cameras should stand"
+    subject = "design"
+    study = "plan"
+    varied = "n_cameras"
+    varied_label = "cameras"
+
+    body: Literal["beam", "plate"] = field(
+        "beam",
+        "what is measured, unless a file tells it",
+        '"beam" or "plate"; anything else comes from a file',
+    )
+    modes: list[Mode] = field(
+        lambda: [1, 2, 3],
+        "modes to measure",
+        "a list of different whole numbers from 1 to 30 that the structure has",
+        min_length=1,
+    )
+    amplitude_mm: Positive | list[Positive] = field(
+        5.0,
+        "peak of the deflection over the structure",
+        "a number above 0, at most 100000, or a list with one for each mode",
+    )
+    target_percent: Positive | None = field(
+        5.0,
+        "largest error of a mode that is wanted, in % of its largest deflection of a marker",
+        "a number above 0, at most 100000, or null to ask only what is possible",
+    )
+    objective: Literal["mean", "worst"] = field(
+        "mean",
+        "which error of a mode counts: the mean (rms) over its markers, or that of its worst one",
+        '"mean" or "worst"',
+    )
+    counts: list[Count] = field(
+        lambda: [2, 3, 4, 6, 8],
+        "numbers of cameras to consider",
+        "a list of different whole numbers from 2 to 24",
+        min_length=1,
+    )
+    resolutions_px: list[Resolution] = field(
+        lambda: [(320, 180), (640, 360), (1280, 720), (1920, 1080)],
+        "cameras to choose from: width and height of their pictures",
+        "a list of different [width, height], whole numbers from 2 to 20000",
+        min_length=1,
+        max_length=20,
+    )
+    prices: list[Positive] = field(
+        lambda: [],
+        "price of each of these cameras; empty: a layout costs its pixels per second",
+        "an empty list, or a number above 0, at most 100000, for each of resolutions_px",
+    )
+    frame_rates_hz: list[Positive] = field(
+        lambda: [30.0, 60.0, 120.0, 240.0, 500.0, 1000.0, 2000.0, 4000.0],
+        "frame rates that the cameras have; the lowest that suffices is taken",
+        f"a list of different numbers above 0, at most 100000, one of them {PERIOD:g} times the "
+        "highest mode's frequency or more",
+        min_length=1,
+    )
+    focal_lengths_mm: list[Positive] = field(
+        lambda: [24.0],
+        "focal lengths to choose from, camera by camera",
+        "a list of different numbers above 0, at most 100000",
+        min_length=1,
+        max_length=6,
+    )
+    sensor_width_mm: Positive = field(
+        36.0, "width of the sensors", "a number above 0, at most 100000"
+    )
+    distances_mm: tuple[Positive, Positive] = field(
+        (500.0, 1500.0),
+        "least and largest distance of a camera from the structure's centre",
+        "[least, largest], numbers above the structure's reach, at most 100000",
+    )
+    azimuths_deg: tuple[Turn, Turn] = field(
+        (-180.0, 180.0),
+        "least and largest azimuth of a camera, from +Y towards +X",
+        "[least, largest], numbers from -360 to 360 at most 360 apart",
+    )
+    elevations_deg: tuple[Rise, Rise] = field(
+        (5.0, 90.0),
+        "least and largest elevation of a camera over the XY plane",
+        "[least, largest], numbers from -90 to 90",
+    )
+    forbidden_boxes_mm: list[Box] = field(
+        lambda: [],
+        "boxes in which no camera may stand, in the structure's frame",
+        "a list of [x least, x largest, y least, y largest, z least, z largest], numbers from "
+        "-100000 to 100000",
+        max_length=50,
+    )
+    forbidden_spheres_mm: list[Sphere] = field(
+        lambda: [],
+        "spheres in which no camera may stand, in the structure's frame",
+        "a list of [x, y, z, radius], numbers from -100000 to 100000, radius above 0",
+        max_length=50,
+    )
+    forbidden_sectors_deg: list[Sector] = field(
+        lambda: [],
+        "directions in which no camera may stand",
+        "a list of [azimuth least, largest, elevation least, largest], azimuths from -360 to 360 "
+        "at most 360 apart, elevations from -90 to 90",
+        max_length=50,
+    )
+    tilt_deg: Annotated[float, Field(gt=0, le=90)] = field(
+        75.0,
+        "largest angle between a marker's normal and the line of sight at which it is read",
+        "a number above 0, at most 90",
+    )
+    in_view: Annotated[float, Field(gt=0, le=1)] = field(
+        1.0,
+        "share of the markers that each camera must see and read; it counts for those alone",
+        "a number above 0, at most 1",
+    )
+    separation_mm: Annotated[float, Field(ge=0, le=1e5)] = field(
+        100.0, "least distance between two cameras", "a number from 0 to 100000"
+    )
+    estimator: Literal["least-squares", "analytic-centre"] = field(
+        "least-squares",
+        "how the simulation estimates points; predicted are least squares",
+        '"least-squares" or "analytic-centre"',
+    )
+    step_deg: Annotated[float, Field(ge=2, le=45)] = field(
+        10.0, "step of the grid on which the search begins", "a number from 2 to 45"
+    )
+    starts: int = field(
+        3,
+        "random layouts to begin with, for each number of cameras",
+        "a whole number from 0 to 100",
+        ge=0,
+        le=100,
+    )
+
+    def settings(self) -> list[Setting]:
+        """None: layouts are found, not given."""
+        return []
+
+    @property
+    def structure(self) -> Structure:
+        """The beam or the plate of the thesis."""
+        return setups.beam() if self.body == "beam" else setups.plate()
+
+    @property
+    def measured(self) -> Body:
+        """The same as a body with the modes asked for."""
+        return body_of(self.structure, self.body, self.modes)
+
+    @property
+    def peaks_m(self) -> tuple[float, ...]:
+        """Peak deflection of each mode in m."""
+        if isinstance(self.amplitude_mm, list):
+            return tuple(peak / 1000 for peak in self.amplitude_mm)
+        return (float(self.amplitude_mm) / 1000,) * len(self.modes)
+
+    @property
+    def rules(self) -> Rules:
+        """The limits on places, in m and rad."""
+        boxes = np.array(self.forbidden_boxes_mm, float).reshape(-1, 3, 2)
+        spheres = np.array(self.forbidden_spheres_mm, float).reshape(-1, 4)
+        sectors = np.array(self.forbidden_sectors_deg, float).reshape(-1, 4)
+        least, most = self.distances_mm
+        low, high = np.radians(self.azimuths_deg).tolist()
+        bottom, top = np.radians(self.elevations_deg).tolist()
+        return Rules(
+            (least / 1000, most / 1000), (low, high), (bottom, top), math.radians(self.tilt_deg),
+            self.in_view, self.separation_mm / 1000, boxes / 1000, spheres / 1000,
+            np.radians(sectors),
+        )  # fmt: skip
+
+    def frame_rate(self, body: Body) -> float:
+        """The lowest frame rate in Hz that the highest mode allows."""
+        needed = PERIOD * float(body.frequencies.max())
+        enough = [rate for rate in self.frame_rates_hz if rate >= needed * (1 - 1e-9)]
+        if not enough:
+            refuse("frame_rates_hz", self.frame_rates_hz, f"allowed: one of {needed:.4g} Hz or "
+                   f"more, since mode {body.modes[int(np.argmax(body.frequencies))]} has "
+                   f"{body.frequencies.max():.4g} Hz")  # fmt: skip
+        return min(enough)
+
+    def check_with(self, body: Body) -> None:
+        """Refuse what does not go with a body: distances, amplitudes, frame rates."""
+        if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
+            self.refuse("amplitude_mm")
+        reach = 1000 * (body.reach + max(self.peaks_m))
+        if self.distances_mm[0] <= reach:
+            refuse("distances_mm", list(self.distances_mm), f"allowed: more than {reach:.4g} mm, "
+                   "the reach of the structure and its deflection")  # fmt: skip
+        self.frame_rate(body)
+
+    @model_validator(mode="after")
+    def _check_together(self) -> PlanRequest:
+        ranges: dict[str, tuple[float, float, float]] = {
+            "distances_mm": (*self.distances_mm, math.inf),
+            "azimuths_deg": (*self.azimuths_deg, 360.0),
+            "elevations_deg": (*self.elevations_deg, math.inf),
+        }
+        for name, (low, high, span) in ranges.items():
+            if not low <= high <= low + span:
+                self.refuse(name)
+        for box in self.forbidden_boxes_mm:
+            if not (box[0] < box[1] and box[2] < box[3] and box[4] < box[5]):
+                self.refuse("forbidden_boxes_mm")
+        for west, east, bottom, top in self.forbidden_sectors_deg:
+            if not (west <= east <= west + 360 and bottom <= top):
+                self.refuse("forbidden_sectors_deg")
+        if self.prices and len(self.prices) != len(self.resolutions_px):
+            self.refuse("prices")
+        return self
+
+
+def command(request: PlanRequest, file: str = "") -> str:
+    """The command that makes a plan again.
+
+    Examples
+    --------
+    >>> command(PlanRequest(body="plate", target_percent=2.0))
+    'thesis plan -p body=plate -p target_percent=2.0'
+    """
+    import shlex
+
+    defaults = PlanRequest().request
+    words = [
+        f"-p {shlex.quote(f'{key}={value if isinstance(value, str) else json.dumps(value)}')}"
+        for key, value in request.request.items()
+        if value != defaults[key]
+    ]
+    named = [f"--structure {shlex.quote(file)}"] if file else []
+    return " ".join(["thesis plan", *named, *words])
+
+
+def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> str:
+    """The command that simulates a layout (rows of `places`) as a study; empty if none can.
+
+    The studies of chapters 3 and 4 have one distance and one lens for all cameras, above the plane.
+    """
+    import shlex
+
+    distance, focal = 1000 * layout[:, 2], request.sensor_width_mm * layout[:, 3]
+    low = np.degrees(layout[:, 1].min())
+    if np.ptp(distance) > 0.01 or np.ptp(focal) > 1e-9 or low <= 0:
+        return ""
+    angles = np.degrees(layout[:, :2])
+    angles[:, 0] = np.mod(angles[:, 0] + 180, 360) - 180
+    angles = np.round(angles, 3)
+    values: dict[str, Any] = {
+        "cases": [], "layouts": {"plan": [angles.tolist()]}, "modes": request.modes,
+        "distance_mm": round(float(distance[0]), 3), "resolution_px": list(resolution),
+        "amplitude_mm": request.amplitude_mm, "focal_length_mm": round(float(focal[0]), 6),
+        "sensor_width_mm": request.sensor_width_mm, "trials": request.trials,
+    }  # fmt: skip
+    words = [f"-p {shlex.quote(f'{k}={json.dumps(v)}')}" for k, v in values.items()]
+    return " ".join([f"thesis run {request.body}-arrays", *words])
