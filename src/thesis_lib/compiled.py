@@ -6,8 +6,8 @@ is in the nearest caches, and one instruction does the same for several neighbou
 that u and v lie in planes of their own, and so do the entries of points and normal equations.
 
 Only this module imports numba, and only :func:`thesis_lib.triangulation.triangulate` imports this
-module, when there are so many points that compiling pays. It runs on one thread and releases the
-interpreter's lock, so threads that take a part of the points each run side by side.
+module, for very many points: the first call compiles for seconds, later processes read the result
+from disk. It runs on one thread and releases the interpreter's lock, so threads that take a part of the points each run side by side.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Points per block: intermediate results stay in cache, and the allocator reuses their memory.
 _BLOCK_POINTS, _BLOCK_VALUES = 6000, 72000  # the latter: camera × point values, for many cameras
-_COMPILED_ABOVE = 10**6  # points, for which compiling costs less than it gains
+_COMPILED_ABOVE = 10**6  # points: loading compiled code costs less than it gains (first: seconds)
 _MOVED = 1e-5  # motion over depth in a step below which JᵀJ is kept: its change is of second order
 
 
