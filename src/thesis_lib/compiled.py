@@ -7,7 +7,8 @@ that u and v lie in planes of their own, and so do the entries of points and nor
 
 Only this module imports numba, and only :func:`thesis_lib.triangulation.triangulate` imports this
 module, for very many points: the first call compiles for seconds, later processes read the result
-from disk. It runs on one thread and releases the interpreter's lock, so threads that take a part of the points each run side by side.
+from disk. It runs on one thread and releases the interpreter's lock, so threads
+that take a part of the points each run side by side.
 """
 
 from __future__ import annotations
