@@ -25,7 +25,7 @@ photographs: build/photographs/left01.jpg  ## real pictures of a board, for test
 build/photographs/left01.jpg: | $(READY)
 	$(BIN)/python tests/foreign/photographs.py
 
-bench: $(READY)  ## speed, as ratios measured in one run
+bench: $(READY)  ## speed, as ratios measured in one run, beside the peers that are installed
 	$(BIN)/python -m benchmarks
 
 lock:  ## requirements.lock anew from pyproject.toml; needs uv

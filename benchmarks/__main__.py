@@ -1,4 +1,7 @@
-"""Print all measurements and draw the growth: ``python -m benchmarks``, three minutes at most."""
+"""Print all measurements and draw the growth: ``python -m benchmarks``, five minutes at most.
+
+``--peers`` measures beside the peers alone; ``--publish`` keeps that as what the book shows.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,16 @@ import os
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read when NumPy is first imported
 
+import argparse
 import platform
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks import centre, laboratory, measure, recording
+from benchmarks import centre, laboratory, limits, measure, peers, publish, rayleigh, recording
+from thesis_lib import benchmark_tables
 
 FIGURE = Path(__file__).parents[1] / "build" / "benchmarks" / "growth.svg"
 
@@ -28,6 +35,32 @@ def print_triangulation(n_points: int = 100_000) -> None:
         print(f"{c.n_cameras:>8} {c.rate:>8.2f} {c.rate_svd:>7.3f} {c.rate_thin:>7.3f} "
               f"{c.ratio_svd:>7.1f} {c.ratio_thin:>8.1f} {c.difference:>8.0e} m "
               f"{c.memory:>5.1f} MiB")  # fmt: skip
+
+
+def print_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Cells in columns: words to the left, numbers to the right."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    words = [any(c.isalpha() for row in rows for c in row[i][:1]) for i in range(len(header))]
+    for cells in (header, *rows):
+        aligned = zip(cells, widths, words, strict=True)
+        print("  ".join(c.ljust(w) if word else c.rjust(w) for c, w, word in aligned).rstrip())
+
+
+def print_peers(keep: bool, counts: Sequence[int] = (2, 4, 12)) -> None:
+    """The same points by the library and by its peers, and what one core could do."""
+    print("\nBeside the peers: the same points and pixels, in turns, processor time, one thread")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what peers have to say is not about these points
+        peers.quiet()
+        timed = [timed for n in counts for timed in peers.compare(n)]
+        fields = rayleigh.compare()
+    data = publish.run(limits.measure(), timed, fields)
+    for part in ("machine", "targets", "comparison", "needs", "rayleigh", "plan"):
+        print_columns(*getattr(benchmark_tables, part)(data))
+        print()
+    if keep:
+        publish.write(data, benchmark_tables.published_path())
+        print(f"kept: {benchmark_tables.published_path()}")
 
 
 def print_centres() -> None:
@@ -132,9 +165,20 @@ def draw(growths: list[measure.Growth], path: Path) -> None:
 
 
 def main() -> None:
-    """Run everything."""
+    """Run what is asked for, by default everything."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--peers", action="store_true", help="beside the peers alone")
+    parser.add_argument("--publish", action="store_true", help="keep that for the book")
+    asked = parser.parse_args()
     print(f"Python {platform.python_version()}, NumPy {np.__version__}, "
           f"{os.cpu_count()} processors, one BLAS thread (OPENBLAS_NUM_THREADS=1)")  # fmt: skip
+    print_peers(asked.publish)
+    if not asked.peers:
+        print_own()
+
+
+def print_own() -> None:
+    """The library alone, and beside its references."""
     print_triangulation()
     print_centres()
     print_studies()

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib import (
+    benchmark_tables,
     claims,
     conclusions_tables,
     cubes,
@@ -363,6 +364,11 @@ def _optics(name: str, opened: dict[str, xr.Dataset]) -> str:
     return optics_tables.PIECES[name](opened["cameras"])
 
 
+def _benchmark(name: str, _: dict[str, xr.Dataset]) -> str:
+    """What the published run of the benchmarks measured."""
+    return benchmark_tables.PIECES[name]()
+
+
 def _design(name: str, opened: dict[str, xr.Dataset]) -> str:
     """What is said of the law of rounding for design, from the cube of ``design-law``."""
     return design_tables.PIECES[name](opened["design-law"])
@@ -426,5 +432,6 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     **conclusions_tables.PIECES,
     "parameters": _parameters,
     "effort": _effort,
+    **{name: partial(_benchmark, name) for name in benchmark_tables.PIECES},
     "ledger-totals": _ledger_totals,
 }

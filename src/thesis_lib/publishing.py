@@ -10,6 +10,7 @@ from typing import Any
 
 from thesis_lib import (
     assumptions,
+    benchmark_tables,
     book,
     conclusions_figure,
     crate,
@@ -147,6 +148,7 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
     own_words += [executed / f"{name}.html" for name in PAGES]
     published = sorted((root / "data" / "published").glob("*.csv"))
     costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
+    costs += [path for path in [benchmark_tables.published_path()] if path.is_file()]
     without = [job.study.name for job in plan.jobs if job not in plan.ran]
     publishing = []
     if plan.publish and not plan.failed:

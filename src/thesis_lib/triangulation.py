@@ -10,10 +10,14 @@ With a_k the first three entries of row k of P, w the inverse depth and (h, g) t
     JᵀJ = Σ w² [Q₀₀ − h Q₀ − g Q₁ + (h² + g²) Q₂],
     Q₀₀ = a₁a₁ᵀ + a₂a₂ᵀ,  Q₀ = a₁a₃ᵀ + a₃a₁ᵀ,  Q₁ = a₂a₃ᵀ + a₃a₂ᵀ,  Q₂ = a₃a₃ᵀ.
 
-Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
+Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m. More than a million points go
+through :mod:`thesis_lib.compiled` where numba is installed; the results are equal up to rounding.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +27,7 @@ Array = NDArray[np.float64]
 UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Points per block: intermediate results stay in cache, and the allocator reuses their memory.
 _BLOCK_POINTS, _BLOCK_VALUES = 6000, 72000  # the latter: camera × point values, for many cameras
+_COMPILED_ABOVE = 10**6  # points: loading compiled code costs less than it gains (first: seconds)
 _MOVED = 1e-5  # motion over depth in a step below which JᵀJ is kept: its change is of second order
 
 
@@ -52,6 +57,10 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
     n = len(P)
     pixels = uv.reshape(n, 2, -1)
     points = np.empty((3, pixels.shape[2]))
+    solve = _compiled_solve() if points.shape[1] > _COMPILED_ABOVE else None
+    if solve is not None:
+        solve(*map(np.ascontiguousarray, (*centred(P), pixels)), steps, points)
+        return points.reshape((3,) + uv.shape[2:])
     block = max(1, min(_BLOCK_POINTS, _BLOCK_VALUES // n, pixels.shape[2]))
     solver = _NormalEquations(P, block)
     with np.errstate(divide="ignore", invalid="ignore"):  # degenerate rays end as NaN or inf
@@ -59,6 +68,15 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
             part = slice(start, start + block)
             points[:, part] = solver.solve(pixels[:, :, part], steps)
     return points.reshape((3,) + uv.shape[2:])
+
+
+def _compiled_solve() -> Callable[..., Any] | None:
+    """The compiled way, if numba is installed."""
+    try:
+        from thesis_lib.compiled import solve
+    except ImportError:
+        return None
+    return solve
 
 
 def checked(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
