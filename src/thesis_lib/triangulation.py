@@ -11,7 +11,7 @@ With a_k the first three entries of row k of P, w the inverse depth and (h, g) t
     Q₀₀ = a₁a₁ᵀ + a₂a₂ᵀ,  Q₀ = a₁a₃ᵀ + a₃a₁ᵀ,  Q₁ = a₂a₃ᵀ + a₃a₂ᵀ,  Q₂ = a₃a₃ᵀ.
 
 Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m. More than a million points go
-through :mod:`thesis_lib.compiled` where numba is installed; the results are equal up to rounding.
+through ``thesis_lib.compiled`` where numba is installed; the results are equal up to rounding.
 """
 
 from __future__ import annotations
