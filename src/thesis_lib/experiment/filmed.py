@@ -37,7 +37,10 @@ def sources() -> list[Path]:
              "signals", "sketches", "aliasing", "filming", "spectra", "torsion"}  # fmt: skip
     files = [path for path in here.glob("*.py")
              if path.stem not in later and not path.stem.startswith("lab_")]  # fmt: skip
-    files += [here.parent / name for name in ("cameras.py", "structures.py", "triangulation.py")]
+    files += [
+        here.parent / name
+        for name in ("cameras.py", "compiled.py", "structures.py", "triangulation.py")
+    ]
     return [*files, setups.data_folder() / "structures.toml", project_root() / "requirements.lock"]
 
 

@@ -45,7 +45,10 @@ def sources() -> list[Path]:
              "lens", "reconstruction", "render", "requests", "scene", "tracking",
              "view")  # fmt: skip
     files = [here / f"{name}.py" for name in names]
-    files += [here.parent / f"{name}.py" for name in ("cameras", "structures", "triangulation")]
+    files += [
+        here.parent / f"{name}.py"
+        for name in ("cameras", "compiled", "structures", "triangulation")
+    ]
     return [*files, setups.data_folder() / "structures.toml", project_root() / "requirements.lock"]
 
 
