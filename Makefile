@@ -1,8 +1,6 @@
 # Two targets set everything up on a fresh machine: `make book` and `make test`.
 PYTHON ?= python3
 BIN := .venv/bin
-# Two runs side by side need no threads of their own, and sums that repeat to the last digit need one.
-export OPENBLAS_NUM_THREADS := 1
 READY := .venv/.ready
 
 .PHONY: book pdf test check bench photographs lock clean

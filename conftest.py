@@ -1,6 +1,10 @@
 """What every pytest run needs, plain or with ``--nbval``, from whatever folder it is started."""
 
+import os
+
 import pytest
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the notebooks' kernels, as in every run
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib import setups
-from thesis_lib.files import whole_file
+from thesis_lib.files import whole_text
 
 CHAPTERS = {  # pieces of the page: subjects, whose first names the piece
     "assumptions-simulation": ("beam", "plate"),
@@ -54,4 +54,4 @@ def write(folder: Path) -> None:
     """Write every piece into a folder."""
     for name, piece in PIECES.items():
         text = piece()
-        whole_file(folder / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8"))
+        whole_text(folder / f"{name}.md", text)

@@ -18,6 +18,13 @@ if TYPE_CHECKING:
     from thesis_lib.parameters import Study
 
 REFUSED, FAILED, INTERRUPTED = 2, 1, 130
+_ASSIGNMENTS = click.option(
+    "-p",
+    "assignments",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="A parameter; lists and objects as JSON.",
+)
 
 
 class Refused(click.ClickException):
@@ -69,13 +76,7 @@ def list_(name: str | None) -> None:
 
 @cli.command()
 @click.argument("names", nargs=-1, required=True, metavar="NAME...")
-@click.option(
-    "-p",
-    "assignments",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="A parameter; lists and objects as JSON.",
-)
+@_ASSIGNMENTS
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -106,7 +107,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
         if names[0] in CHAPTERS and len(names) == 1:
             title = chapter_title(names[0])
         html = index_page(title, entries)
-        files.whole_file(folder / "index.html", lambda part: part.write_text(html, "utf-8"))
+        files.whole_text(folder / "index.html", html)
     for job in jobs:
         click.echo(f"\n{job.study.name}")
         click.echo("\n".join(cubes.difference_lines(cubes.read(job.cube))))
@@ -116,13 +117,7 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
 
 
 @cli.command()
-@click.option(
-    "-p",
-    "assignments",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="A parameter; lists and objects as JSON.",
-)
+@_ASSIGNMENTS
 @click.option(
     "--structure",
     type=click.Path(path_type=Path),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -85,4 +84,4 @@ def write(made: Sequence[Path], folder: Path) -> None:
     used = {name for knob in KNOBS.values() for _, name, _, _ in knob.sources}
     opened: Mapping[str, xr.Dataset] = {p.stem: cubes.read(p) for p in made if p.stem in used}
     text = svg(draw(opened))
-    files.whole_file(folder / NAME, partial(Path.write_text, data=text, encoding="utf-8"))
+    files.whole_text(folder / NAME, text)

@@ -61,6 +61,11 @@ def whole_file(path: Path, write: Callable[[Path], object]) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def whole_text(path: Path, text: str) -> None:
+    """Write a text file (UTF-8), whole or not at all."""
+    whole_file(path, lambda part: part.write_text(text, encoding="utf-8"))
+
+
 @contextlib.contextmanager
 def staging(folder: Path) -> Iterator[Path]:
     """A folder inside `folder` to write in; those that dead processes left are removed."""

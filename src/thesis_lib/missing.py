@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from thesis_lib.files import whole_file
+from thesis_lib.files import whole_file, whole_text
 from thesis_lib.markdown import escape
 
 _PICTURE = (
@@ -77,10 +76,10 @@ def write_placeholder(path: Path, task: str) -> None:
     """Put words in the place of a piece of prose, or of a picture, that could not be made."""
     if path.suffix == ".md":
         text = f"*Missing here, since the step “{escape(task)}” failed.*\n"
-        whole_file(path, partial(Path.write_text, data=text, encoding="utf-8"))
+        whole_text(path, text)
     elif path.suffix == ".svg":
         text = _PICTURE % html.escape(_WORDS)
-        whole_file(path, partial(Path.write_text, data=text, encoding="utf-8"))
+        whole_text(path, text)
     elif path.suffix == ".png":
         from PIL import Image, ImageDraw
 

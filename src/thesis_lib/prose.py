@@ -74,9 +74,7 @@ def write(made: Sequence[Path], folder: Path, without: Iterable[str] = ()) -> No
             text = ""
         if opened.wanted:
             text = "\n\n".join(filter(None, [text, missing.sentence(opened.wanted)]))
-        files.whole_file(
-            folder / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8")
-        )
+        files.whole_text(folder / f"{name}.md", text)
 
 
 def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:

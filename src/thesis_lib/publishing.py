@@ -218,8 +218,7 @@ def _tell(executed: Path) -> None:
     thesis_index.write(executed)
     assumptions.write(executed)
     for name, page in PAGES.items():
-        whole = partial(Path.write_text, data=page(), encoding="utf-8")
-        files.whole_file(executed / f"{name}.html", whole)
+        files.whole_text(executed / f"{name}.html", page())
 
 
 def _walk_through(executed: Path) -> None:
@@ -227,10 +226,7 @@ def _walk_through(executed: Path) -> None:
     data = cubes.cached(ExperimentResolution().recordings, filmed.run, filmed.sources())
     pictures.write(data, executed)
     for name, piece in walk_numbers.PIECES.items():
-        text = piece(data)
-        files.whole_file(
-            executed / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8")
-        )
+        files.whole_text(executed / f"{name}.md", piece(data))
 
 
 def _publish(jobs: Sequence[runs.Job], picture: Path) -> None:
@@ -241,7 +237,7 @@ def _publish(jobs: Sequence[runs.Job], picture: Path) -> None:
     effort.write((name, costs[name]) for name in STUDIES)
     arrays = next(job for job in jobs if job.study.name == "beam-arrays")
     text = figures.as_svg(cubes.read(arrays.cube), "4a", 3)
-    files.whole_file(picture, partial(Path.write_text, data=text, encoding="utf-8"))
+    files.whole_text(picture, text)
 
 
 def keep_outputs(notebook: Path, executed: Path) -> None:

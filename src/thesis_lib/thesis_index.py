@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from thesis_lib.files import project_root, whole_file
+from thesis_lib.files import project_root, whole_text
 from thesis_lib.markdown import table
 from thesis_lib.parameters import STUDIES
 from thesis_lib.setups import data_folder
@@ -146,4 +146,4 @@ PIECES: dict[str, Callable[[], str]] = {f"thesis-index-{n}": partial(chapter, n)
 def write(folder: Path) -> None:
     """Write every piece of ``PIECES`` into a folder, as ``NAME.md``."""
     for name, piece in PIECES.items():
-        whole_file(folder / f"{name}.md", partial(Path.write_text, data=piece(), encoding="utf-8"))
+        whole_text(folder / f"{name}.md", piece())

@@ -24,7 +24,7 @@ from thesis_lib.experiment.manifest_model import (
     Structure,
 )
 from thesis_lib.experiment.media import MediaError, VideoInfo, probe, read_png
-from thesis_lib.files import whole_file
+from thesis_lib.files import whole_text
 from thesis_lib.parameters import nearest
 
 __all__ = ["BoardSpec", "CameraFiles", "Excitation", "Manifest", "ManifestError", "Markers",
@@ -132,7 +132,7 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
     """Write a manifest as YAML, whole or not at all."""
     values = manifest.model_dump(mode="json")
     text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    whole_file(path, lambda part: part.write_text(text, encoding="utf-8"))
+    whole_text(path, text)
 
 
 def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:

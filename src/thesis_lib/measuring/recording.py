@@ -24,7 +24,7 @@ from thesis_lib.experiment.manifest import CameraFiles
 from thesis_lib.experiment.scene import Markers
 from thesis_lib.experiment.tracking import Tracker
 from thesis_lib.experiment.view import TrackingError, as_dark
-from thesis_lib.files import whole_file
+from thesis_lib.files import whole_text
 
 Array = NDArray[np.float64]
 
@@ -176,4 +176,4 @@ def _state(note: Path, path: Path, key: str, count: int) -> dict[str, Any] | Non
 
 
 def _write(note: Path, state: dict[str, Any]) -> None:
-    whole_file(note, lambda part: part.write_text(json.dumps(state), encoding="utf-8"))
+    whole_text(note, json.dumps(state))

@@ -19,7 +19,7 @@ from thesis_lib.experiment.manifest_model import (
     Markers,
     Structure,
 )
-from thesis_lib.files import whole_file
+from thesis_lib.files import whole_text
 from thesis_lib.measuring import guidance
 from thesis_lib.measuring.limits import THRESHOLDS
 
@@ -170,4 +170,4 @@ def write(folder: Path) -> None:
     """Write every piece of :data:`PIECES` into a folder, as ``NAME.md``."""
     for name, piece in PIECES.items():
         text = piece()
-        whole_file(folder / f"{name}.md", partial(Path.write_text, data=text, encoding="utf-8"))
+        whole_text(folder / f"{name}.md", text)
