@@ -34,7 +34,7 @@ SHORT = {"mean_error": "mean", "max_point_error": "peak",
          "plane_error_xz": "XZ", "plane_error_yz": "YZ", "power_error": "power"}  # fmt: skip
 SECTIONS = {"cameras": "chapter 2, appendices A, B", "beam": "section 3.3", "plate": "section 4.2",
             "experiment": "section 5.2", "lab": "section 5.3", "sound": "section 6.2",
-            "claims": "all chapters"}  # fmt: skip
+            "shape": "section 7.1", "claims": "all chapters"}  # fmt: skip
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
 DIGITS = 5

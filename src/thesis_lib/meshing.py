@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Point = tuple[float, float]
 ROUND = 24  # least number of pieces of a circle
 CLOSE = 0.6  # least distance of a grid point from the boundary, over the element size
-MOST = 60_000  # triangles
+FEW, MOST = 200, 60_000  # triangles
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,24 @@ class Circle:
 
 
 Hole = Circle | tuple[Point, ...]
+
+
+class ShapeError(ValueError):
+    """A shape that cannot be computed, in one line.
+
+    Parameters
+    ----------
+    what : str
+        Which of its parameters is wrong.
+    given : object
+        Its value.
+    allowed : str
+        What is allowed, in words.
+    """
+
+    def __init__(self, what: str, given: object, allowed: str) -> None:
+        super().__init__(f"{what}: given {given}, allowed: {allowed}")
+        self.what, self.given, self.allowed = what, given, allowed
 
 
 def area(polygon: ArrayLike) -> float:
@@ -110,22 +128,20 @@ def meet(a: Array, b: Array, c: Array, d: Array) -> bool:
 def pieces(hole: Hole, size: float) -> Array:
     """A hole's boundary as corners of pieces about `size` long, shape (pieces, 2)."""
     if not isinstance(hole, Circle):
-        return _cut(hole, size)[0]
+        return _cut(hole, size)
     count = max(ROUND, int(np.ceil(2 * np.pi * hole.radius / size)))
     turn = 2 * np.pi * np.arange(count) / count
     return np.stack([hole.x + hole.radius * np.cos(turn), hole.y + hole.radius * np.sin(turn)], 1)
 
 
-def _cut(polygon: Sequence[Point], size: float) -> tuple[Array, NDArray[np.int64]]:
-    """Polygon cut into pieces: their first corners (pieces, 2), and the edge each belongs to."""
-    parts, owner = [], []
-    for i, (start, end) in enumerate(
-        zip(np.array(polygon), np.roll(np.array(polygon), -1, axis=0), strict=True)
-    ):
+def _cut(polygon: Sequence[Point], size: float) -> Array:
+    """First corners of the pieces of a polygon, none longer than `size`, shape (pieces, 2)."""
+    parts = []
+    corners = np.array(polygon, float)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         count = max(1, int(np.ceil(np.hypot(*(end - start)) / size - 1e-9)))
         parts.append(start + np.arange(count)[:, None] / count * (end - start))
-        owner += [i] * count
-    return np.concatenate(parts), np.array(owner)
+    return np.concatenate(parts)
 
 
 def _rings(circle: Circle, count: int, size: float) -> list[Array]:
@@ -139,9 +155,9 @@ def _rings(circle: Circle, count: int, size: float) -> list[Array]:
     return rings
 
 
-def triangulated(
-    outline: Sequence[Point], holes: Sequence[Hole], size: float, halvings: int = 6
-) -> MeshTri:
+def triangles(
+    outline: Sequence[Point], holes: Sequence[Hole], size: float
+) -> tuple[Array, NDArray[np.int64]]:
     """Triangles of a polygon without its holes.
 
     Parameters
@@ -152,40 +168,51 @@ def triangulated(
         What is cut out.
     size : float
         Length of an element's side in m.
-    halvings : int
-        How many times the triangles at a re-entrant corner are halved.
 
     Returns
     -------
-    skfem.MeshTri
+    points : ndarray, shape (2, points)
+        In m.
+    corners : ndarray, shape (3, triangles)
+        Numbers of the points of each triangle, anticlockwise.
 
     Raises
     ------
-    ValueError
-        If there would be more than 60 000 triangles, or the region is too narrow for elements of
+    ShapeError
+        If there would be fewer than 200 or more than 60 000 triangles, or the region is too narrow for elements of
         this size.
     """
-    from skfem import MeshTri
-
     count = abs(area(outline)) / (np.sqrt(3) / 4 * size**2)
-    if count > MOST:
-        raise ValueError(f"element size: given {size:g} m, which makes {count:.0f} triangles, "
-                         f"allowed: sizes that make at most {MOST}")  # fmt: skip
-    loops = [_cut(outline, size)[0], *(pieces(hole, size) for hole in holes)]
+    if not FEW <= count <= MOST:
+        raise ShapeError("element_size", f"{size:g} m", f"sizes that make {FEW} to {MOST} "
+                         f"triangles (this one makes {count:.0f})")  # fmt: skip
+    loops = [_cut(outline, size), *(pieces(hole, size) for hole in holes)]
     points = _points(outline, holes, size, loops)
-    triangles = Delaunay(points.T).simplices
-    middle = points[:, triangles].mean(axis=2)
+    corners = Delaunay(points.T).simplices
+    middle = points[:, corners].mean(axis=2)
     kept = contains(loops[0], middle)
     for loop in loops[1:]:
         kept &= ~contains(loop, middle)
-    triangles = _anticlockwise(points, triangles[kept])
-    used, triangles = np.unique(triangles, return_inverse=True)
-    mesh = MeshTri(points[:, used], triangles.reshape(-1, 3).T)
+    corners = _anticlockwise(points, corners[kept])
+    used, corners = np.unique(corners, return_inverse=True)
+    points, corners = points[:, used], corners.reshape(-1, 3).T.astype(np.int64)
+    sides = np.sort(np.concatenate([corners[[0, 1]], corners[[1, 2]], corners[[2, 0]]], axis=1), 0)
+    once = np.unique(sides, axis=1, return_counts=True)[1] == 1
     wanted = abs(area(loops[0])) - sum(abs(area(loop)) for loop in loops[1:])
-    pieces_ = sum(map(len, loops))
-    if abs(_total(mesh) - wanted) > 1e-9 * wanted or len(mesh.boundary_facets()) != pieces_:
-        raise ValueError(f"element size: given {size:g} m, allowed: a smaller one, for the region "
-                         "is narrower than an element somewhere")  # fmt: skip
+    missed = abs(np.sum(_twice_areas(points, corners.T)) / 2 - wanted) > 1e-9 * wanted
+    if missed or np.count_nonzero(once) != sum(map(len, loops)):
+        raise ShapeError("element_size", f"{size:g} m",
+                         "a smaller one, for the region is narrower than an element")  # fmt: skip
+    return np.ascontiguousarray(points), np.ascontiguousarray(corners)
+
+
+def triangulated(
+    outline: Sequence[Point], holes: Sequence[Hole], size: float, halvings: int = 9
+) -> MeshTri:
+    """The same triangles as a mesh, those at re-entrant corners halved so many times."""
+    from skfem import MeshTri  # not needed to check a request
+
+    mesh = MeshTri(*triangles(outline, holes, size))
     corners = _reentrant(outline, True)
     for hole in holes:
         corners += [] if isinstance(hole, Circle) else _reentrant(hole, False)
@@ -240,23 +267,23 @@ def _free(
     return points[:, kept]
 
 
-def _anticlockwise(points: Array, triangles: NDArray[np.int32]) -> NDArray[np.int32]:
-    a, b, c = points[:, triangles.T].transpose(1, 0, 2)
-    turn = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    size = np.max(np.abs(turn))
-    triangles, turn = triangles[np.abs(turn) > 1e-9 * size], turn[np.abs(turn) > 1e-9 * size]
-    return np.where((turn > 0)[:, None], triangles, triangles[:, ::-1])
+def _twice_areas(points: Array, corners: NDArray[np.int64]) -> Array:
+    """Twice the signed areas of triangles (n, 3)."""
+    a, b, c = points[:, corners.T].transpose(1, 0, 2)
+    twice: Array = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    return twice
 
 
-def _total(mesh: MeshTri) -> float:
-    a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)
-    turn = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    return float(np.sum(np.abs(turn)) / 2)
+def _anticlockwise(points: Array, corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Triangles (n, 3) in one sense, without those that have no area (on a straight boundary)."""
+    twice = _twice_areas(points, corners)
+    real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
+    return np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]
 
 
 def _reentrant(polygon: Sequence[Point], outer: bool) -> list[Point]:
     """Corners of a boundary at which the region has an angle above 180°."""
-    corners = np.array(polygon, float) * 1.0
+    corners = np.array(polygon, float)
     before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     turn /= np.hypot(*before.T) * np.hypot(*after.T)

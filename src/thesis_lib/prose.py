@@ -296,7 +296,7 @@ def _markers(opened: dict[str, xr.Dataset]) -> str:
         op = planes.operator(plate, plane, omega)
         shape = plate.mode_shapes([1], plate.markers)[0]
         largest = np.max(np.abs(op.field(shape)))
-        ratio = np.linalg.norm(sound.full_factor(op)) * plate.shape_peak / largest
+        ratio = np.linalg.norm(sound.full_factor(op)) * plate.shape_peak(1) / largest
         counts.append(plate.markers.shape[1])
         ratios.append(float(ratio))
         rows.append([f"{grid[0]}×{grid[1]}", str(counts[-1]), f"{ratio:.4f}",
@@ -316,7 +316,7 @@ def _levels(opened: dict[str, xr.Dataset]) -> str:
     rows = []
     for mode in (1, 2, 3):
         omega = resonance(plate, mode)
-        shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak
+        shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)
         velocity = omega * peak_deflection(plate, mode) * shape
         power = radiation.sound_power(parts, velocity, omega)
         largest = max(
