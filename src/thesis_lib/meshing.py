@@ -104,9 +104,7 @@ def is_simple(polygon: Sequence[Point]) -> bool:
         _cross(b - a, c - b) == 0 and np.dot(b - a, c - b) <= 0
         for (a, b), (_, c) in zip(edges, edges[1:] + edges[:1], strict=True)
     )
-    apart = [
-        (i, j) for i in range(n) for j in range(i + 2, n) if (i, j) != (0, n - 1)
-    ]
+    apart = [(i, j) for i in range(n) for j in range(i + 2, n) if (i, j) != (0, n - 1)]
     return not folded and not any(meet(*edges[i], *edges[j]) for i, j in apart)
 
 

@@ -155,7 +155,9 @@ class Panel:
         coarse = max(self.extent)
         curves = [np.array(self.outline, float), *(pieces(hole, coarse) for hole in self.holes)]
         senses = [1, *[-1] * len(self.holes)]
-        return [c[:: int(sense * np.sign(area(c)))] for c, sense in zip(curves, senses, strict=True)]
+        return [
+            c[:: int(sense * np.sign(area(c)))] for c, sense in zip(curves, senses, strict=True)
+        ]
 
     def covers(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether points (2, n) in m are on the panel; its edges are part of it."""
@@ -279,7 +281,9 @@ def _check_holes(panel: Panel) -> None:
 def _is_within(hole: Hole, outline: Sequence[Point]) -> bool:
     if isinstance(hole, Circle):
         centre = np.array([[hole.x], [hole.y]])
-        return bool(contains(outline, centre)[0] and np.all(distances(outline, centre) > hole.radius))
+        return bool(
+            contains(outline, centre)[0] and np.all(distances(outline, centre) > hole.radius)
+        )
     return bool(np.all(contains(outline, np.array(hole).T))) and not _cross(hole, outline)
 
 

@@ -23,6 +23,7 @@ from thesis_lib import (
     planes,
     radiation,
     setups,
+    shape_tables,
     sound,
 )
 from thesis_lib.claims import VERDICTS
@@ -387,6 +388,7 @@ def _parameters(opened: dict[str, xr.Dataset]) -> str:
 
 
 PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
+    **shape_tables.PIECES,
     **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
     "beam-model": lambda _: _model(setups.beam(), "mm", 1e3),
     "beam-results": _beam_results,

@@ -110,4 +110,3 @@ class ShapeMarkers(PlateMarkers):
             isinstance(given, tuple) and any(isinstance(one, Circle) for one in given)
         )
         return "circles_mm" if round_ else "cutouts_mm"
-
