@@ -272,6 +272,22 @@ def test_shapes_are_nan_off_the_panel_and_have_the_shape_of_the_points():
     assert shapes[0, 1, 1] == pytest.approx(0, abs=0.01)  # on a supported edge
 
 
+def test_points_on_slanting_edges_are_on_the_panel():
+    corners = np.array([[0.0, 0.0], [0.5, 0.0], [0.3, 0.4], [0.0, 0.37]])
+    hole = np.array([[0.1, 0.1], [0.2, 0.13], [0.12, 0.2]])
+    one = panel(
+        tuple(map(tuple, corners)), (tuple(map(tuple, hole)),), support="clamped",
+        force_position=(0.05, 0.05),
+    )  # fmt: skip
+    share = np.linspace(0, 1, 41)[:, None, None]
+    for polygon, most in ((corners, 0.03), (hole, 3.0)):
+        points = (polygon + share * (np.roll(polygon, -1, axis=0) - polygon)).reshape(-1, 2).T
+        assert one.covers(points).all()
+        shapes = np.abs(one.mode_shapes([1, 2], points))
+        assert np.max(shapes) < most  # clamped outside, free inside
+    assert np.min(shapes[0]) > 0.1
+
+
 def test_peak_of_the_deflection_is_the_given_one():
     one = panel(holes=HOLES, grid=(60, 60))
     for mode in (1, 2, 3):

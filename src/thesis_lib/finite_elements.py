@@ -53,10 +53,24 @@ class PlateModes:
         peaks: Array = np.max(np.abs(at_corners), axis=0)
         return peaks
 
-    def at(self, points: Array) -> Array:
-        """Shapes at points (2, n) of the plate, shape (modes, n)."""
-        values: Array = (self.basis.probes(points) @ self.coefficients).T
+    def at(self, points: Array, on_edge: NDArray[np.bool_]) -> Array:
+        """Shapes at points (2, n) of the plate, shape (modes, n); `on_edge` tells which are."""
+        inside = points.copy()
+        for i in np.flatnonzero(on_edge):  # or round-off puts them outside every triangle
+            inside[:, i] = self._pulled_in(points[:, i])
+        values: Array = (self.basis.probes(inside) @ self.coefficients).T
         return values
+
+    def _pulled_in(self, point: Array) -> Array:
+        """The point of the nearest triangle that is nearly this one, but not on a side."""
+        a, b, c = self.basis.mesh.p[:, self.basis.mesh.t].transpose(1, 2, 0)
+        edges = np.stack([b - a, c - a], axis=2)
+        rest = np.linalg.solve(edges, (point - a)[:, :, None])[:, :, 0]
+        weights = np.concatenate([1 - rest.sum(axis=1, keepdims=True), rest], axis=1)
+        best = int(np.argmax(weights.min(axis=1)))
+        weight = np.maximum(weights[best], 1e-9)
+        pulled: Array = weight / weight.sum() @ np.stack([a[best], b[best], c[best]])
+        return pulled
 
 
 def plate_modes(
@@ -86,17 +100,17 @@ def plate_modes(
     from skfem import Basis, BilinearForm, ElementTriMorley, LinearForm, condense
     from skfem.helpers import dd, ddot, trace
 
-    @BilinearForm
+    @BilinearForm  # type: ignore[untyped-decorator]
     def bending(u: Any, v: Any, _: Any) -> Any:
         return poisson * trace(dd(u)) * trace(dd(v)) + (1 - poisson) * ddot(dd(u), dd(v))
 
-    @BilinearForm
+    @BilinearForm  # type: ignore[untyped-decorator]
     def inertia(u: Any, v: Any, _: Any) -> Any:
         return u * v
 
     low, size = mesh.p.min(axis=1), np.ptp(mesh.p, axis=1)
 
-    @LinearForm
+    @LinearForm  # type: ignore[untyped-decorator]
     def upward(v: Any, w: Any) -> Any:
         return v * np.exp(-3 * sum((w.x[i] - low[i]) / size[i] for i in range(2)))
 

@@ -177,8 +177,8 @@ def triangles(
     Raises
     ------
     ShapeError
-        If there would be fewer than 200 or more than 60 000 triangles, or the region is too narrow for elements of
-        this size.
+        If there would be fewer than 200 or more than 60 000 triangles, or the region is too narrow
+        for elements of this size.
     """
     count = abs(area(outline)) / (np.sqrt(3) / 4 * size**2)
     if not FEW <= count <= MOST:

@@ -162,17 +162,17 @@ class Panel:
     def covers(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether points (2, n) in m are on the panel; its edges are part of it."""
         points = np.asarray(points, float)
-        near = ON_EDGE * max(self.extent)
         inside = contains(self.outline, points)
-        inside |= np.any(distances(self.outline, points) <= near, axis=0)
         for hole in self.holes:
-            if isinstance(hole, Circle):
-                smaller = Circle(hole.x, hole.y, hole.radius - near)
-                inside &= ~in_hole(smaller, points)
-            else:
-                edge = np.any(distances(hole, points) <= near, axis=0)
-                inside &= ~in_hole(hole, points) | edge
-        return inside
+            inside &= ~in_hole(hole, points)
+        return inside | self._on_edge(points)
+
+    def _on_edge(self, points: Array) -> NDArray[np.bool_]:
+        """Which of the points (2, n) are on the outline or on the straight edge of a hole."""
+        straight = [self.outline, *(hole for hole in self.holes if not isinstance(hole, Circle))]
+        nearest = np.min([distances(edges, points).min(axis=0) for edges in straight], axis=0)
+        on: NDArray[np.bool_] = nearest <= ON_EDGE * max(self.extent)
+        return on
 
     def angular_frequencies(self, n_modes: int) -> Array:
         """First natural frequencies in rad/s, shape (n_modes,): ω = √(λ D / m)."""
@@ -202,7 +202,8 @@ class Panel:
         values = np.full((len(numbers), flat.shape[1]), np.nan)
         on = self.covers(flat)
         if on.any():
-            values[:, on] = _found(self, int(numbers.max())).at(flat[:, on])[numbers - 1]
+            found, kept = _found(self, int(numbers.max())), flat[:, on]
+            values[:, on] = found.at(kept, self._on_edge(kept))[numbers - 1]
         return values.reshape((len(numbers), *points.shape[1:]))
 
 
@@ -304,7 +305,7 @@ def _are_apart(one: Hole, other: Hole) -> bool:
 def _cross(one: Sequence[Point], other: Sequence[Point]) -> bool:
     """Whether two polygons' edges meet anywhere."""
     return any(
-        meet(*map(np.array, edge), *map(np.array, edge_))  # type: ignore[arg-type]
+        meet(*map(np.array, edge), *map(np.array, edge_))
         for edge, edge_ in product(_edges(one), _edges(other))
     )
 
@@ -320,8 +321,8 @@ def _check_supports(panel: Panel) -> None:
         np.array(held[1:]) - held[0], tol=ON_EDGE * max(panel.extent)
     ) < 2  # fmt: skip
     if CLAMPED not in panel.supports and on_a_line:
-        raise ShapeError("supports", panel.supports,
-                       "a clamped edge, or simply supported ones that are not on one line")  # fmt: skip
+        allowed = "a clamped edge, or simply supported ones that are not on one line"
+        raise ShapeError("supports", panel.supports, allowed)
 
 
 @lru_cache(maxsize=32)

@@ -80,13 +80,13 @@ def symmetry(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symme
     part, whole = cube.isel(setting=rows), plate.isel(setting=rows_)
     one, other = _partners(part)
     size = np.abs(part["measured_deflection"].isel(trial=0).values)
-    off = np.log(part["mean_error"] / part["predicted_error"])
+    off = np.log(part["mean_error"].values / part["predicted_error"].values[..., None])
     rms = [np.sqrt(np.mean((c["mean_error"].values[..., 1:]) ** 2, axis=-1)) for c in (part, whole)]
     law = part["predicted_error"].values / whole["predicted_error"].values
     return Symmetry(
         float(np.mean(np.abs(size[..., one] - size[..., other]) < SAME)),
-        float(np.sqrt(np.mean(off.isel(trial=0).values ** 2))),
-        float(np.sqrt(np.mean(off.isel(trial=slice(1, None)).values ** 2))),
+        float(np.sqrt(np.mean(off[..., 0] ** 2))),
+        float(np.sqrt(np.mean(off[..., 1:] ** 2))),
         float(np.median(rms[0] / rms[1])),
         float(np.median(law)),
     )

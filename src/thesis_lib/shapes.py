@@ -1,4 +1,4 @@
-"""The parameters of ``shape-l`` and ``shape-holes``: plates without symmetry, cut from the thesis's.
+"""The parameters of ``shape-l`` and ``shape-holes``: plates without symmetry, cut from a rectangle.
 
 Both are as thick as the thesis's plate and of its material, and so large as to fill its box.
 """
