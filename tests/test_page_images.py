@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import struct
 from pathlib import Path
 
 import pytest
 
-from thesis_lib.page_images import lazy, size_px, squeeze
+from thesis_lib.page_images import in_files, lazy, size_px, squeeze
 
 SVG = '<?xml version="1.0"?>\n<svg xmlns="x" width="72pt" height="36.75pt" viewBox="0 0 1 1"/>'
 
@@ -36,6 +37,25 @@ def test_pictures_wait_with_their_size(folder: Path) -> None:
         '<img src="c.png" alt="" width="640" height="360" loading="lazy">'
     )
     assert lazy(lazy(page, folder), folder) == lazy(page, folder)
+
+
+def test_long_drawings_become_files(folder: Path) -> None:
+    """Twice the same is one file; what is short stays; the page finds it from where it stands."""
+    drawing = SVG.replace("/>", f"><!--{'x' * 20_000}--></svg>")
+    long, short = (base64.b64encode(text.encode()).decode() for text in (drawing, SVG))
+    page = "".join(
+        f'<img alt="a" src="data:image/svg+xml;base64,{c}">' for c in (long, long, short)
+    )
+    deep, images = folder / "executed", folder / "_images"
+    deep.mkdir()
+    images.mkdir()
+    mended = in_files(page, deep, images)
+    (file,) = images.iterdir()
+    assert file.read_text(encoding="utf-8") == drawing
+    assert mended.count(f'src="../_images/{file.name}"') == 2
+    assert short in mended
+    assert long not in mended
+    assert lazy(mended, deep).count('width="96" height="49" loading="lazy"') == 2
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
 PLATE, SOUND, LEDGER = "plate-distance", "sound-aperture", "claims"
 LAW = "design-law"
 PLANNER = "planner"
+SHAPE = "shape-l"
 PAIR = [[80, 10], [-80, 10]]
 
 
@@ -206,6 +207,19 @@ BAD = [
     (LAW, "small_amplitude_mm", 0, "", "0"),
     (LAW, "resolution_px", [320, 1], "[1]", "1"),
     (LAW, "trials", 1, "", "1"),
+    (SHAPE, "outline_mm", [[0, 0], [1, 0]], "", "[[0, 0], [1, 0]]"),
+    (SHAPE, "outline_mm", [[0, 0], [500, 0], [500, -1]], "[2][1]", "-1"),
+    (SHAPE, "outline_mm", [[0, 0], [500, NAN], [500, 1]], "[1][1]", "NaN"),
+    (SHAPE, "outline_mm", [[0, 0], [9, 0], [0, 0]], "", "[[0.0, 0.0], [9.0, 0.0], [0.0, 0.0]]"),
+    (SHAPE, "circles_mm", [[100, 100]], "[0]", "[100, 100]"),
+    (SHAPE, "circles_mm", [[100, 100, 0]], "[0][2]", "0"),
+    (SHAPE, "cutouts_mm", [[[100, 100], [120, 100]]], "[0]", "[[100, 100], [120, 100]]"),
+    (SHAPE, "support", "glued", "", '"glued"'),
+    (SHAPE, "edge_supports", {"0": "free"}, '["0"]', '"0"'),
+    (SHAPE, "edge_supports", {"1": "loose"}, '["1"]', '"loose"'),
+    (SHAPE, "element_mm", 0, "", "0"),
+    (SHAPE, "element_mm", INF, "", "Infinity"),
+    (SHAPE, "force_mm", [1], "", "[1]"),
     (LEDGER, "trials", 1, "", "1"),
     (LEDGER, "trials", 10_001, "", "10001"),
     (LEDGER, "seed", -1, "", "-1"),
@@ -380,6 +394,15 @@ CHANGES = {
     "width_px": 1280,
 }
 
+SHAPE_CHANGES = {
+    "outline_mm": [[0, 0], [668, 0], [668, 440], [0, 443]],
+    "circles_mm": [[100, 100, 30]],
+    "cutouts_mm": [[[100, 200], [150, 210], [120, 240]]],
+    "support": "clamped",
+    "edge_supports": {"2": "free"},
+    "force_mm": [60, 60],
+    "element_mm": 20,
+}
 OWN_CHANGES = {
     "cameras": {
         "sensors_mm": {"one": [4, 3]},
@@ -442,6 +465,8 @@ OWN_CHANGES = {
         "starts": "together",
         "highest_hz": 250,
     },
+    "shape-l": SHAPE_CHANGES,
+    "shape-holes": SHAPE_CHANGES,
     "lab-plate": {
         "amplitude_mm": 2,
         "exposure_ms": 0.1,

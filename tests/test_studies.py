@@ -427,7 +427,8 @@ def test_physics_needs_neither_labels_nor_figures():
     forbidden = ["xarray", "matplotlib", "ipywidgets", "pandas", "pydantic", "netCDF4"]
     code = (
         "import sys; from thesis_lib import structures, cameras, triangulation, rounding, "
-        "polytope, estimators, dither, radiation, planes, optics, design_law; "
+        "polytope, estimators, dither, radiation, planes, optics, design_law, "
+        "panels, finite_elements, meshing; "
         "from thesis_lib.planning import bodies, places, optimum; "
         f"print([m for m in {forbidden} if m in sys.modules], 'numpy' in sys.modules)"
     )

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib.accessible import mend
-from thesis_lib.page_images import lazy, squeeze
+from thesis_lib.page_images import in_files, lazy, squeeze
 from thesis_lib.pages import MATHJAX, BookError, index_page, page
 
 __all__ = ["BookError", "index_page", "install_assets", "page", "render"]
@@ -112,12 +112,14 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
         shutil.move(Path(work) / "_build" / "html", new)
         for file in new.rglob("*.html"):  # the state repeats the data of the widgets' own html
             text = file.read_text(encoding="utf-8")
-            text = lazy(mend(_WIDGET_STATE.sub("", text)), file.parent)
+            text = in_files(_WIDGET_STATE.sub("", text), file.parent, new / "_images")
+            text = lazy(mend(text), file.parent)
             file.write_text(text, encoding="utf-8")
         for file in new.glob("_images/*.svg"):
             file.write_text(squeeze(file.read_text(encoding="utf-8")), encoding="utf-8")
-        for file in new.glob("_static/**/*.map"):
-            file.unlink()
+        for unread in ("map", "ttf"):  # whoever reads the pages' scripts reads woff2, too
+            for file in new.glob(f"_static/**/*.{unread}"):
+                file.unlink()
         if finish is not None:
             finish(new)
         _swap(new, out)

@@ -38,6 +38,17 @@ def field(default: Any, what: str, allowed: str, **bounds: Any) -> Any:
     return Field(description=what, json_schema_extra={"allowed": allowed}, **factory, **bounds)
 
 
+def trials(default: int) -> Any:
+    """The field of a study's number of trials."""
+    return field(
+        default,
+        "random shifts of the pixel grids beside the literal run",
+        "a whole number from 0 to 10000",
+        ge=0,
+        le=10_000,
+    )
+
+
 class Study(BaseModel):
     """Parameters that all figure sets share."""
 
@@ -55,13 +66,7 @@ class Study(BaseModel):
     predicts: ClassVar[str] = "law of rounding"  # what predicted_error stands for
     draws: ClassVar[str] = "pixel-grid shifts"  # what differs from trial to trial
 
-    trials: int = field(
-        200,
-        "random shifts of the pixel grids beside the literal run",
-        "a whole number from 0 to 10000",
-        ge=0,
-        le=10_000,
-    )
+    trials: int = trials(200)
     seed: int = field(
         0, "seed of the random shifts", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63
     )

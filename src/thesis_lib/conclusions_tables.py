@@ -284,6 +284,7 @@ def _fulfilled(opened: Cubes) -> str:
     stand, motions = "[Where the cameras stand](layouts.md)", "[Faster vibrations](motions.md)"
     plate = "[The plate](motions.md#the-plate)"
     sets = "[The experiment, cameras](executed/experiment-cameras.ipynb)"
+    shapes = "[Shapes without symmetry](shapes.md)"
     own = "[The ledger](executed/claims.ipynb), [own recordings](recordings.md)"
     wishes: tuple[tuple[str, str, str, Callable[[xr.Dataset], str]], ...] = (
         ("other distances (5.3)", "lab-layout", stand, partial(_ends_of, case="distance")),
@@ -296,6 +297,12 @@ def _fulfilled(opened: Cubes) -> str:
         ("the plate, by experiment (7.1)", "lab-plate", plate, partial(_all, quantities=MEAN)),
         ("its sound, by experiment (7.1)", "lab-plate", plate, partial(_all, quantities=PLANES)),
         ("structures without a plane of symmetry (7.1)", "claims", own, _askew),
+        (
+            "the same, an L: cameras added pair by pair (7.1)",
+            "shape-l",
+            shapes,
+            partial(_ends_of, case="4e"),
+        ),
     )
     for wish, name, page, text in wishes:
         try:

@@ -18,10 +18,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib import cubes
+from thesis_lib import cubes, outlines
 from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations
 from thesis_lib.claims import Claim, claims_of
 from thesis_lib.parameters import STUDIES
@@ -109,7 +111,8 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     name = cube.attrs["figure_set"]
     subject = STUDIES[name].subject
     draw: Callable[[xr.Dataset, str, int], Figure]
-    draw = {"plate": maps.plate_figure, "sound": maps.sound_figure}.get(subject, _beam_figure)
+    draw = {"plate": maps.plate_figure, "shape": maps.plate_figure,
+            "sound": maps.sound_figure}.get(subject, _beam_figure)  # fmt: skip
     if name in ("lab-modes", "lab-plate"):
         from thesis_lib.experiment import lab_figures
 
@@ -265,11 +268,11 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     across = overhead[:, [1, 0, 2]]
     for curve in (circle, overhead, across):
         _draw(axes, radius * curve, color="#d0d0d0", linewidth=0.7)
-    length, width = study().structure.extent
-    half = length / 2
-    corners = np.array([[-half, -width / 2, 0], [half, -width / 2, 0],
-                        [half, width / 2, 0], [-half, width / 2, 0]])  # fmt: skip
-    axes.fill(*_view(corners).T, color="#9a9a9a", zorder=3)
+    structure = outlines.structure_of(cube)
+    half = structure.extent[0] / 2
+    seen_curves = [_view(np.insert(c, 2, 0, axis=1)) for c in outlines.contours(structure)]
+    closed = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in seen_curves))
+    axes.add_patch(PathPatch(closed, color="#9a9a9a", linewidth=1, zorder=3))
     seen: set[tuple[float, ...]] = set()
     for index, places in enumerate(cameras):
         for place in places:

@@ -12,7 +12,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from thesis_lib import figures
+from thesis_lib import figures, outlines
+from thesis_lib.panels import Panel
 
 Array = NDArray[np.float64]
 
@@ -66,9 +67,15 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         shapes.append((f"(c) {word}: {part['label'].values[index]}", measured))
     limit = max(float(np.max(np.abs(values))) for _, values in shapes)
     picture: Any = None
-    x, y = (np.unique(np.round(part[axis].values, 9)) * 1000 for axis in ("x", "y"))
+    x, y, place = outlines.cells(cube)
+    x, y, structure = 1000 * x, 1000 * y, outlines.structure_of(cube)
+    middle = np.array(structure.extent) / 2
     for name, (title, values) in zip("cde", shapes, strict=True):
-        picture = draw_map(axes[name], values.reshape(len(y), len(x)), x, y, limit)
+        placed = outlines.spread(values, place, len(x) * len(y))
+        picture = draw_map(axes[name], placed.reshape(len(y), len(x)), x, y, limit)
+        if isinstance(structure, Panel):
+            for curve in outlines.contours(structure):
+                axes[name].fill(*(1000 * (curve + middle)).T, fill=False, edgecolor="#444444")
         axes[name].plot(part["x"] * 1000, part["y"] * 1000, ".", color="#444444", markersize=1.2)
         axes[name].set(title=title, xlabel="x in mm")
     axes["c"].set_ylabel("y in mm")

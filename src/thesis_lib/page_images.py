@@ -6,12 +6,16 @@ sizes are known before.
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import os
 import re
 import struct
 from pathlib import Path
 from urllib.parse import unquote
 
 _IMAGE = re.compile(r'<img (?P<rest>[^>]*?src="(?P<source>[^":]+)"[^>]*?)(?P<end>\s*/?>)')
+_INLINE = re.compile(r'src="data:image/svg\+xml;base64,(?P<drawing>[A-Za-z0-9+/=\s]{20000,})"')
 _SVG = re.compile(r"<svg\b[^>]*>")
 _LENGTH = re.compile(r'\s(width|height)="([\d.]+)(pt|px|)"')
 _PX = {"pt": 4 / 3, "px": 1.0, "": 1.0}
@@ -19,6 +23,28 @@ _PLACES = re.compile(r'(\s(?:d|x|y|x1|x2|y1|y2|points)=")([^"]*)"')
 _LONG = re.compile(r"-?\d+\.\d{3,}(?![\de])")
 _IDLE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)", re.DOTALL)
 _PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def in_files(html: str, folder: Path, images: Path) -> str:
+    """The same page with its long inline drawings as files, which are read only when seen.
+
+    Parameters
+    ----------
+    html : str
+        A page.
+    folder : pathlib.Path
+        Where it stands.
+    images : pathlib.Path
+        Folder in which each drawing is written, named by its content.
+    """
+
+    def take_out(match: re.Match[str]) -> str:
+        drawing = base64.b64decode(match["drawing"])
+        file = images / f"{hashlib.sha256(drawing).hexdigest()}.svg"
+        file.write_bytes(drawing)
+        return f'src="{Path(os.path.relpath(file, folder)).as_posix()}"'
+
+    return _INLINE.sub(take_out, html)
 
 
 def lazy(html: str, folder: Path) -> str:

@@ -34,6 +34,7 @@ from thesis_lib.camera_study import (
     one_line,
     permitted,
     shown,
+    trials,
     unit,
 )
 from thesis_lib.design_request import DesignLaw
@@ -46,6 +47,7 @@ from thesis_lib.optics_request import Cameras
 from thesis_lib.planning.questions import Planner
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.setups import Setting
+from thesis_lib.shapes import CONTOURS, ShapeMarkers
 from thesis_lib.sound_planes import PlateMarkers, SoundPlanes
 from thesis_lib.structures import Structure
 
@@ -212,6 +214,22 @@ class Arrays(CameraStudy):
         )
 
 
+class OfL(Arrays):
+    """Cases 4a–4e around an L-shaped plate."""
+
+    study = "l"
+    title = "an L"
+    trials: int = trials(100)
+
+
+class Perforated(Arrays):
+    """Cases 4a–4e around a plate with holes."""
+
+    study = "holes"
+    title = "a plate with holes"
+    trials: int = trials(100)
+
+
 # What beam and sound add.
 
 
@@ -241,7 +259,8 @@ class PlateSound(SoundPlanes):
 def _figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
     """A study of one structure: its fields default to what the structure's tables say."""
     grid = {"grid": setups.plate().grid}
-    printed = {**grid, **setups.reading(subject), **setups.table(subject, kind.study)}
+    like = "plate" if subject == "shape" else subject
+    printed = {**grid, **setups.reading(like), **setups.table(subject, kind.study)}
     bases = (*more, kind)
     fields: dict[str, Any] = {}
     for name, info in {
@@ -249,8 +268,7 @@ def _figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -
     }.items():
         if name in printed and info.is_required():
             filled = copy(info)
-            value = printed[name]
-            filled.default = tuple(value) if name == "resolution_px" else value
+            filled.default = _held(name, printed[name])
             fields[name] = (info.annotation, filled)
     model: type[CameraStudy] = create_model(
         f"{subject.title()}{kind.__name__}",
@@ -263,6 +281,17 @@ def _figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -
     return model
 
 
+def _held(name: str, value: Any) -> Any:
+    """A value of the tables as models hold it."""
+    if name == "resolution_px":
+        return tuple(value)
+    return list(map(_frozen, value)) if name in CONTOURS else value
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(map(_frozen, value)) if isinstance(value, list) else float(value)
+
+
 _KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
 _EXTRA: dict[str, tuple[type[BaseModel], ...]] = {
     "beam": (BeamMarkers,), "plate": (PlateMarkers,), "sound": (PlateSound,),
@@ -273,10 +302,11 @@ CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     for study in (_figure_set(subject, kind, *extra) for kind in _KINDS)
 }
 _SUBJECTS = {"ch2": "cameras", "ch3": "beam", "ch4": "plate", "ch5": "experiment", "lab": "lab",
-             "ch6": "sound", "beyond": "design", "": "claims"}  # fmt: skip
+             "ch6": "sound", "beyond": "design", "shapes": "shape", "": "claims"}  # fmt: skip
 _ALL: list[type[Study]] = [
     Cameras, *CAMERA_STUDIES.values(), ExperimentResolution, ExperimentCameras,
-    LabElevation, LabLayout, LabModes, LabPlate, DesignLaw, Planner, Claims,
+    LabElevation, LabLayout, LabModes, LabPlate, DesignLaw, Planner,
+    *(_figure_set("shape", kind, ShapeMarkers) for kind in (OfL, Perforated)), Claims,
 ]  # fmt: skip
 STUDIES: dict[str, type[Study]] = {
     study.name: study
@@ -299,7 +329,11 @@ def chapter_title(name: str) -> str:
     >>> chapter_title("ch3"), chapter_title("lab")
     ('Chapter 3', 'Beyond chapter 5')
     """
-    titles = {"lab": "Beyond chapter 5", "beyond": "Beyond the thesis"}
+    titles = {
+        "lab": "Beyond chapter 5",
+        "beyond": "Beyond the thesis",
+        "shapes": "Shapes without symmetry",
+    }
     return titles.get(name, f"Chapter {name.removeprefix('ch')}")
 
 

@@ -25,6 +25,7 @@ from thesis_lib import (
     planes,
     radiation,
     setups,
+    shape_tables,
     sound,
 )
 from thesis_lib.claims import VERDICTS
@@ -298,7 +299,7 @@ def _markers(opened: dict[str, xr.Dataset]) -> str:
         op = planes.operator(plate, plane, omega)
         shape = plate.mode_shapes([1], plate.markers)[0]
         largest = np.max(np.abs(op.field(shape)))
-        ratio = np.linalg.norm(sound.full_factor(op)) * plate.shape_peak / largest
+        ratio = np.linalg.norm(sound.full_factor(op)) * plate.shape_peak(1) / largest
         counts.append(plate.markers.shape[1])
         ratios.append(float(ratio))
         rows.append([f"{grid[0]}×{grid[1]}", str(counts[-1]), f"{ratio:.4f}",
@@ -318,7 +319,7 @@ def _levels(opened: dict[str, xr.Dataset]) -> str:
     rows = []
     for mode in (1, 2, 3):
         omega = resonance(plate, mode)
-        shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak
+        shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)
         velocity = omega * peak_deflection(plate, mode) * shape
         power = radiation.sound_power(parts, velocity, omega)
         largest = max(
@@ -409,6 +410,7 @@ def _parameter_table(model: type[Study], without: Sequence[str] = ()) -> str:
 
 
 PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
+    **shape_tables.PIECES,
     **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
     **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},
     **{f"planner-{name}": partial(_planner, name) for name in planner_tables.PIECES},

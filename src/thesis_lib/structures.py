@@ -43,9 +43,8 @@ class Structure(Protocol):
     def markers(self) -> Array:
         """Marker positions, shape (2, markers), in m."""
 
-    @property
-    def shape_peak(self) -> float:
-        """Largest absolute value of any mode shape over the structure."""
+    def shape_peak(self, mode: int) -> float:
+        """Largest absolute value of a mode shape over the structure."""
 
     def angular_frequencies(self, n_modes: int) -> Array:
         """First natural frequencies in rad/s, shape (n_modes,)."""
@@ -92,8 +91,6 @@ class Beam:
     marker_spacing: float
     first_marker: float | None = None
 
-    shape_peak = 2.0
-
     @property
     def mass(self) -> float:
         """Mass ρAL in kg, which is also every mode's modal mass."""
@@ -134,6 +131,10 @@ class Beam:
         """Modes per rad/s, L/(2π) (ρA/EI)^¼ ω^-½, the same for any supports at high ω."""
         stiffness = self.bending_stiffness * self.length / self.mass
         return self.length / (2 * np.pi) * stiffness**-0.25 / np.sqrt(np.asarray(omega, float))
+
+    def shape_peak(self, mode: int) -> float:
+        """Largest absolute value of a mode shape: 2, at the tip."""
+        return 2.0
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike, derivative: int = 0) -> Array:
         """Mode shapes of eq. 3.4 with its sign put right, or their derivatives.
@@ -204,8 +205,6 @@ class Plate:
     force_position: tuple[float, float]
     grid: tuple[int, int]
 
-    shape_peak = 2.0
-
     @property
     def mass(self) -> float:
         """Mass ρ Lx Ly h in kg, which is also every mode's modal mass."""
@@ -259,6 +258,10 @@ class Plate:
         area = self.length * self.width
         density = area / (4 * np.pi) * np.sqrt(self.mass_per_area / self.bending_stiffness)
         return np.full_like(np.asarray(omega, float), density)
+
+    def shape_peak(self, mode: int) -> float:
+        """Largest absolute value of a mode shape: 2, at the antinodes."""
+        return 2.0
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
         """Mode shapes 2 sin(m₁πx/Lx) sin(m₂πy/Ly) at `points` (2, ...), dimensionless (eq. 4.4)."""
@@ -377,7 +380,7 @@ def single_mode_response(
 def peak_deflection(structure: Structure, mode: int, force: float = 1.0) -> float:
     """Peak |w| in m over the structure of one mode alone at its resonance, for a force in N."""
     q = modal_coordinates(structure, resonance(structure, mode), mode, force)[mode - 1]
-    return float(abs(q) * structure.shape_peak)
+    return float(abs(q) * structure.shape_peak(mode))
 
 
 def deflection_shape(
@@ -420,7 +423,7 @@ def deflection_shape(
     if peak is None:
         assert force is not None
         peak = peak_deflection(structure, mode, force)
-    return structure.mode_shapes([mode], points)[0] * (peak / structure.shape_peak)
+    return structure.mode_shapes([mode], points)[0] * (peak / structure.shape_peak(mode))
 
 
 def drive_point_mobility(structure: Structure, omega: ArrayLike, n_modes: int) -> ComplexArray:

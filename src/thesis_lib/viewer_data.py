@@ -11,9 +11,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from thesis_lib import cubes, setups
+from thesis_lib import cubes, outlines, setups
 from thesis_lib.figures import COLORS, Bars, error_bars, select
 from thesis_lib.maps import DIVERGING
+from thesis_lib.panels import Panel
 from thesis_lib.parameters import STUDIES
 from thesis_lib.structures import Plate
 
@@ -24,17 +25,23 @@ FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     """The literal run and the statistics of a cube (the format is in `widgets.Viewer`)."""
     study = STUDIES[cube.attrs["figure_set"]]
-    kind = study.subject
+    kind = "plate" if study.subject == "shape" else study.subject
+    structure = outlines.structure_of(cube)
     if kind in ("experiment", "lab"):  # of what is filmed
-        kind = "plate" if isinstance(study().structure, Plate) else "beam"
+        kind = "plate" if isinstance(structure, Plate) else "beam"
     if kind == "beam":
         cube = _middle_row(cube)
-    length, width = study().structure.extent
+    length, width = structure.extent
     cases = list(dict.fromkeys(cube["case"].values.tolist()))
     modes = cube["mode"].values.tolist()
     number = setups.figure_number if as_in_the_thesis(cube) else (lambda *_: "")
     unit = {"distance_mm": "mm", "aperture_deg": "°", "width_px": "px"}.get(study.varied, "")
-    size = {"length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)}
+    size: dict[str, Any] = {
+        "length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)
+    }  # fmt: skip
+    if isinstance(structure, Panel):
+        cube = _in_cells(cube)
+        size["contours_mm"] = [_rounded(1000 * c) for c in outlines.contours(structure)]
     data: dict[str, Any] = {
         "structure": {"kind": kind, **size},
         "parameter": {"name": study.varied, "label": study.varied_label, "unit": unit},
@@ -63,6 +70,20 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     if kind != "beam":
         data["colormap"] = list(DIVERGING)
     return data
+
+
+def _in_cells(cube: xr.Dataset) -> xr.Dataset:
+    """A panel's markers in the cells of the box around it; where there is none, NaN."""
+    x, y, place = outlines.cells(cube)
+    at = np.full(len(x) * len(y), -1)
+    at[place] = np.arange(len(place))
+    wide = cube[["reference_deflection", "measured_deflection", "point_error"]].isel(point=at)
+    wide = wide.where(xr.DataArray(at >= 0, dims="point"))
+    columns, rows = np.tile(x, len(y)), np.repeat(y, len(x))
+    rest = cube.drop_vars([*wide.data_vars, "x", "y"])
+    return rest.merge(wide.drop_vars(["x", "y"])).assign_coords(
+        x=("point", columns), y=("point", rows)
+    )
 
 
 def _middle_row(cube: xr.Dataset) -> xr.Dataset:

@@ -146,7 +146,9 @@ class Viewer(anywidget.AnyWidget):
 
         ``structure``
             ``{"kind": "beam", "length_mm": 623, "width_mm": 30}``, clamped at −X; the kind may also
-            be ``plate`` or ``sound`` (of a plate), which differ as said below.
+            be ``plate`` or ``sound`` (of a plate), which differ as said below. A plate that is no
+            rectangle has ``contours_mm``, closed curves [[X, Y], …] about the box's centre: the
+            outline, then holes the other way round.
         ``parameter``
             The varied one: ``{"name": "aperture_deg", "label": "aperture", "unit": "°"}``. A name
             that begins with aperture, distance or width is drawn into the camera sketch.

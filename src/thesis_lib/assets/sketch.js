@@ -40,8 +40,9 @@ export function createSketch(panel, study) { // returns what draws it
       const [x, y] = flat(times(axis, from + 0.22 * radius)), ends = [from, from + 0.16 * radius];
       scene.push(line("tl-axis", ends.map((end) => times(axis, end))), text(x, y + 4, name, "tl-muted"));
     }
-    const corners = SQUARE.map(([u, v]) => [u * half, v * across, 0]);
-    scene.push(line(kind === "beam" ? "tl-beam" : "tl-plate", corners, "Z"));
+    const curves = data.structure.contours_mm ?? [SQUARE.map(([u, v]) => [u * half, v * across])];
+    const outline = curves.map((curve) => lines(curve.map(([x, y]) => flat([x, y, 0])), "Z")).join("");
+    scene.push(path(kind === "beam" ? "tl-beam" : "tl-plate", outline));
     if (kind === "beam") {
       const clamp = SQUARE.map(([u, v]) => [-half, u * 0.07 * radius, v * 0.05 * radius]);
       scene.push(line("tl-clamp", clamp, "Z"));

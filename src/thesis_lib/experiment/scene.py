@@ -164,7 +164,9 @@ class Component:
             length, width = structure.extent
             turn: Array = np.sin((2 * self.mode - 1) * np.pi * x / (2 * length))
             return turn * (2 * y / width - 1)
-        shape: Array = structure.mode_shapes([self.mode], [x, y])[0] / structure.shape_peak
+        shape: Array = structure.mode_shapes([self.mode], [x, y])[0] / structure.shape_peak(
+            self.mode
+        )
         # The beam's modes are taken upward at the tip, whatever sign eq. 3.4 gives them there.
         return shape * (-1) ** (self.mode + 1) if isinstance(structure, Beam) else shape
 
@@ -225,7 +227,7 @@ class Motion:
             w, first, second = self._histories(part, t)
             natural = 2 * np.pi * part.frequency / np.sqrt(1 - 2 * xi**2)
             drive = part.shape(structure, structure.force_point)[0]
-            modal_mass = structure.mass / structure.shape_peak**2  # for a peak of 1
+            modal_mass = structure.mass / structure.shape_peak(part.mode) ** 2  # for a peak of 1
             total += modal_mass / drive * (second + 2 * xi * natural * first + natural**2 * w)
         return total
 

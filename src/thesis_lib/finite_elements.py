@@ -1,0 +1,157 @@
+"""Natural frequencies and modes of thin plates of any shape, by finite elements.
+
+Kirchhoff's plate of stiffness D and mass m per area vibrates in the functions w that make
+
+    ∫ ν Δw Δv + (1 − ν) ∇∇w : ∇∇v dA = λ ∫ w v dA,    ω = √(λ D / m)
+
+for all v that are 0 on supported edges, and have no slope across clamped ones. Elements are
+Morley's: a quadratic on each triangle, with values at corners and slopes across the middles of
+sides; the error of λ falls with the square of the element size where w is smooth (H. Blum and
+R. Rannacher, Math. Meth. Appl. Sci. 2, 1980: at a re-entrant corner it is not).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import eigsh
+
+if TYPE_CHECKING:
+    from skfem import MeshTri
+
+Array = NDArray[np.float64]
+SIMPLY_SUPPORTED, CLAMPED, FREE = "simply supported", "clamped", "free"
+SUPPORTS = (SIMPLY_SUPPORTED, CLAMPED, FREE)
+
+
+@dataclass(frozen=True, eq=False)
+class PlateModes:
+    """Modes of a plate with D = m = 1.
+
+    Parameters
+    ----------
+    basis : skfem.Basis
+        Morley's elements on the plate's triangles.
+    eigenvalues : ndarray, shape (modes,)
+        λ = ω² m / D in m⁻⁴, ascending.
+    coefficients : ndarray, shape (coefficients, modes)
+        Of shapes whose mean square over the plate is 1.
+    """
+
+    basis: Any
+    eigenvalues: Array
+    coefficients: Array
+
+    @property
+    def peaks(self) -> Array:
+        """Largest absolute value of each shape at a corner of a triangle, shape (modes,)."""
+        at_corners = self.coefficients[self.basis.nodal_dofs[0]]
+        peaks: Array = np.max(np.abs(at_corners), axis=0)
+        return peaks
+
+    def at(self, points: Array, on_edge: NDArray[np.bool_]) -> Array:
+        """Shapes at points (2, n) of the plate, shape (modes, n); `on_edge` tells which are."""
+        inside = points.copy()
+        for i in np.flatnonzero(on_edge):  # or round-off puts them outside every triangle
+            inside[:, i] = self._pulled_in(points[:, i])
+        values: Array = (self.basis.probes(inside) @ self.coefficients).T
+        return values
+
+    def _pulled_in(self, point: Array) -> Array:
+        """The point of the nearest triangle that is nearly this one, but not on a side."""
+        a, b, c = self.basis.mesh.p[:, self.basis.mesh.t].transpose(1, 2, 0)
+        edges = np.stack([b - a, c - a], axis=2)
+        rest = np.linalg.solve(edges, (point - a)[:, :, None])[:, :, 0]
+        weights = np.concatenate([1 - rest.sum(axis=1, keepdims=True), rest], axis=1)
+        best = int(np.argmax(weights.min(axis=1)))
+        weight = np.maximum(weights[best], 1e-9)
+        pulled: Array = weight / weight.sum() @ np.stack([a[best], b[best], c[best]])
+        return pulled
+
+
+def plate_modes(
+    mesh: MeshTri, clamped: Array, supported: Array, poisson: float, n_modes: int
+) -> PlateModes:
+    """The first modes of a plate.
+
+    Parameters
+    ----------
+    mesh : skfem.MeshTri
+        Triangles, lengths in m.
+    clamped, supported : ndarray of int
+        Sides of triangles (facets of the mesh) along which the plate is clamped, or simply
+        supported; all other edges are free.
+    poisson : float
+        Poisson's ratio ν.
+    n_modes : int
+        How many modes.
+
+    Returns
+    -------
+    PlateModes
+        Each shape has the sign that makes ∫ φ e^{−3(x/Lx + y/Ly)} dA positive, with x and y from
+        the lower left corner of the box around the plate: the shapes of a rectangle with simply
+        supported edges then rise from that corner.
+    """
+    from skfem import Basis, BilinearForm, ElementTriMorley, LinearForm, condense
+    from skfem.helpers import dd, ddot, trace
+
+    @BilinearForm  # type: ignore[untyped-decorator]
+    def bending(u: Any, v: Any, _: Any) -> Any:
+        return poisson * trace(dd(u)) * trace(dd(v)) + (1 - poisson) * ddot(dd(u), dd(v))
+
+    @BilinearForm  # type: ignore[untyped-decorator]
+    def inertia(u: Any, v: Any, _: Any) -> Any:
+        return u * v
+
+    low, size = mesh.p.min(axis=1), np.ptp(mesh.p, axis=1)
+
+    @LinearForm  # type: ignore[untyped-decorator]
+    def upward(v: Any, w: Any) -> Any:
+        return v * np.exp(-3 * sum((w.x[i] - low[i]) / size[i] for i in range(2)))
+
+    basis = Basis(mesh, ElementTriMorley(), intorder=4)
+    K, M = bending.assemble(basis), inertia.assemble(basis)
+    held = np.concatenate([
+        basis.nodal_dofs[0, np.unique(mesh.facets[:, np.concatenate([clamped, supported])])],
+        basis.facet_dofs[0, clamped],
+    ])  # fmt: skip
+    inner = np.setdiff1d(np.arange(basis.N), held)
+    if n_modes >= len(inner) // 2:
+        raise ValueError(f"n_modes: given {n_modes}, allowed: fewer than {len(inner) // 2} with "
+                         "elements of this size")  # fmt: skip
+    Kc, Mc = condense(K, M, I=inner, expand=False)
+    start = np.ones(len(inner))  # the same every time, for the same result
+    values, vectors = eigsh(Kc, n_modes, Mc, sigma=0, v0=start)
+    order = np.argsort(values)
+    shapes = np.zeros((basis.N, n_modes))
+    shapes[inner] = vectors[:, order]  # ∫ φ² dA = 1
+    area = float(np.sum(M @ _one(basis) * _one(basis)))
+    sign = np.where(upward.assemble(basis) @ shapes < 0, -1, 1)
+    return PlateModes(basis, values[order], shapes * sign * np.sqrt(area))
+
+
+def _one(basis: Any) -> Array:
+    """Coefficients of the function 1: values at corners 1, slopes 0."""
+    one = np.zeros(basis.N)
+    one[basis.nodal_dofs[0]] = 1
+    return one
+
+
+def facets_along(mesh: MeshTri, start: Sequence[float], end: Sequence[float]) -> NDArray[np.int64]:
+    """Boundary sides of triangles that lie on the segment from start to end."""
+    facets = mesh.boundary_facets()
+    a, b = np.array(start, float), np.array(end, float)
+    reach = float(np.hypot(*(b - a)))
+    along = (b - a)[:, None] / reach
+    on = np.ones(len(facets), bool)
+    for corner in mesh.p[:, mesh.facets[:, facets]].transpose(1, 0, 2):
+        offset = corner - a[:, None]
+        t = np.sum(offset * along, axis=0) / reach
+        aside = np.hypot(*(offset - t * reach * along))
+        on &= (aside < 1e-9 * reach) & (np.abs(t - 0.5) < 0.5 + 1e-9)
+    return facets[on]

@@ -1,0 +1,289 @@
+"""Triangles for a flat region: a polygon with round or polygonal holes (no mesh generator needed).
+
+Boundaries are cut into pieces about as long as an element, a hexagonal grid fills the inside, and
+Delaunay's triangulation joins the points. A piece of the boundary becomes an edge of a triangle if
+the circle on it as diameter is empty, so points in such circles are left out. Small round holes
+are surrounded by rings of points whose distance grows with the radius; triangles around re-entrant
+corners, where bending moments are singular, are halved several times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import Delaunay
+
+if TYPE_CHECKING:
+    from skfem import MeshTri
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+ROUND = 24  # least number of pieces of a circle
+CLOSE = 0.6  # least distance of a grid point from the boundary, over the element size
+FEW, MOST = 200, 60_000  # triangles
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A round hole: centre and radius in m."""
+
+    x: float
+    y: float
+    radius: float
+
+
+Hole = Circle | tuple[Point, ...]
+
+
+class ShapeError(ValueError):
+    """A shape that cannot be computed, in one line.
+
+    Parameters
+    ----------
+    what : str
+        Which of its parameters is wrong.
+    given : object
+        Its value.
+    allowed : str
+        What is allowed, in words.
+    """
+
+    def __init__(self, what: str, given: object, allowed: str) -> None:
+        super().__init__(f"{what}: given {given}, allowed: {allowed}")
+        self.what, self.given, self.allowed = what, given, allowed
+
+
+def area(polygon: ArrayLike) -> float:
+    """Signed area of a polygon (corners, 2), positive if anticlockwise: ½ Σ (xᵢyᵢ₊₁ − xᵢ₊₁yᵢ)."""
+    x, y = np.asarray(polygon, float).T
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
+
+
+def contains(polygon: ArrayLike, points: Array) -> NDArray[np.bool_]:
+    """Whether points (2, n) lie in a polygon (corners, 2), by the number of edges to their right.
+
+    Of a point on an edge the answer may be either.
+    """
+    corners = np.asarray(polygon, float)
+    x, y = points
+    (x0, y0), (x1, y1) = corners.T[:, :, None], np.roll(corners, -1, axis=0).T[:, :, None]
+    between = (y0 > y) != (y1 > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        right = x < x0 + (y - y0) / (y1 - y0) * (x1 - x0)
+    inside: NDArray[np.bool_] = np.sum(between & right, axis=0) % 2 == 1
+    return inside
+
+
+def in_hole(hole: Hole, points: Array) -> NDArray[np.bool_]:
+    """Whether points (2, n) lie in a hole."""
+    if isinstance(hole, Circle):
+        return np.hypot(points[0] - hole.x, points[1] - hole.y) < hole.radius
+    return contains(hole, points)
+
+
+def distances(polygon: ArrayLike, points: Array) -> Array:
+    """Distances of points (2, n) from the edges of a polygon (corners, 2), shape (edges, n)."""
+    start = np.asarray(polygon, float)[:, :, None]
+    along = np.roll(start, -1, axis=0) - start
+    offset = points - start
+    t = np.sum(offset * along, axis=1) / np.sum(along**2, axis=1)
+    foot = offset - np.clip(t, 0, 1)[:, None] * along
+    return np.hypot(foot[:, 0], foot[:, 1])
+
+
+def is_simple(polygon: Sequence[Point]) -> bool:
+    """Whether no two edges of a polygon meet but neighbours at their common corner."""
+    corners = [np.array(corner, float) for corner in polygon]
+    n = len(corners)
+    edges = [(corners[i], corners[(i + 1) % n]) for i in range(n)]
+    folded = any(
+        _cross(b - a, c - b) == 0 and np.dot(b - a, c - b) <= 0
+        for (a, b), (_, c) in zip(edges, edges[1:] + edges[:1], strict=True)
+    )
+    apart = [(i, j) for i in range(n) for j in range(i + 2, n) if (i, j) != (0, n - 1)]
+    return not folded and not any(meet(*edges[i], *edges[j]) for i, j in apart)
+
+
+def _cross(a: Array, b: Array) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+def meet(a: Array, b: Array, c: Array, d: Array) -> bool:
+    """Whether the segments ab and cd have a point in common."""
+    turns = [_cross(b - a, c - a), _cross(b - a, d - a), _cross(d - c, a - c), _cross(d - c, b - c)]
+    if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
+        return True
+    return any(
+        turn == 0 and np.dot(p - s, p - e) <= 0
+        for turn, p, s, e in zip(turns, (c, d, a, b), (a, a, c, c), (b, b, d, d), strict=True)
+    )
+
+
+def pieces(hole: Hole, size: float) -> Array:
+    """A hole's boundary as corners of pieces about `size` long, shape (pieces, 2)."""
+    if not isinstance(hole, Circle):
+        return _cut(hole, size)
+    count = max(ROUND, int(np.ceil(2 * np.pi * hole.radius / size)))
+    turn = 2 * np.pi * np.arange(count) / count
+    return np.stack([hole.x + hole.radius * np.cos(turn), hole.y + hole.radius * np.sin(turn)], 1)
+
+
+def _cut(polygon: Sequence[Point], size: float) -> Array:
+    """First corners of the pieces of a polygon, none longer than `size`, shape (pieces, 2)."""
+    parts = []
+    corners = np.array(polygon, float)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = max(1, int(np.ceil(np.hypot(*(end - start)) / size - 1e-9)))
+        parts.append(start + np.arange(count)[:, None] / count * (end - start))
+    return np.concatenate(parts)
+
+
+def _rings(circle: Circle, count: int, size: float) -> list[Array]:
+    """Rings of points around a small hole, as far apart as their points, until that is `size`."""
+    rings, radius, turned = [], circle.radius, 0.0
+    while (step := 2 * np.pi * radius / count * np.sqrt(3) / 2) < 0.75 * size:
+        radius, turned = radius + step, turned + np.pi / count
+        angle = turned + 2 * np.pi * np.arange(count) / count
+        rings.append(np.stack([circle.x + radius * np.cos(angle),
+                               circle.y + radius * np.sin(angle)]))  # fmt: skip
+    return rings
+
+
+def triangles(
+    outline: Sequence[Point], holes: Sequence[Hole], size: float
+) -> tuple[Array, NDArray[np.int64]]:
+    """Triangles of a polygon without its holes.
+
+    Parameters
+    ----------
+    outline : sequence of (x, y)
+        Corners in m.
+    holes : sequence of Circle or sequence of (x, y)
+        What is cut out.
+    size : float
+        Length of an element's side in m.
+
+    Returns
+    -------
+    points : ndarray, shape (2, points)
+        In m.
+    corners : ndarray, shape (3, triangles)
+        Numbers of the points of each triangle, anticlockwise.
+
+    Raises
+    ------
+    ShapeError
+        If there would be fewer than 200 or more than 60 000 triangles, or the region is too narrow
+        for elements of this size.
+    """
+    count = abs(area(outline)) / (np.sqrt(3) / 4 * size**2)
+    if not FEW <= count <= MOST:
+        raise ShapeError("element_size", f"{size:g} m", f"sizes that make {FEW} to {MOST} "
+                         f"triangles (this one makes {count:.0f})")  # fmt: skip
+    loops = [_cut(outline, size), *(pieces(hole, size) for hole in holes)]
+    points = _points(outline, holes, size, loops)
+    corners = Delaunay(points.T).simplices
+    middle = points[:, corners].mean(axis=2)
+    kept = contains(loops[0], middle)
+    for loop in loops[1:]:
+        kept &= ~contains(loop, middle)
+    corners = _anticlockwise(points, corners[kept])
+    used, corners = np.unique(corners, return_inverse=True)
+    points, corners = points[:, used], corners.reshape(-1, 3).T.astype(np.int64)
+    sides = np.sort(np.concatenate([corners[[0, 1]], corners[[1, 2]], corners[[2, 0]]], axis=1), 0)
+    once = np.unique(sides, axis=1, return_counts=True)[1] == 1
+    wanted = abs(area(loops[0])) - sum(abs(area(loop)) for loop in loops[1:])
+    missed = abs(np.sum(_twice_areas(points, corners.T)) / 2 - wanted) > 1e-9 * wanted
+    if missed or np.count_nonzero(once) != sum(map(len, loops)):
+        raise ShapeError("element_size", f"{size:g} m",
+                         "a smaller one, for the region is narrower than an element")  # fmt: skip
+    return np.ascontiguousarray(points), np.ascontiguousarray(corners)
+
+
+def triangulated(
+    outline: Sequence[Point], holes: Sequence[Hole], size: float, halvings: int = 9
+) -> MeshTri:
+    """The same triangles as a mesh, those at re-entrant corners halved so many times."""
+    from skfem import MeshTri  # not needed to check a request
+
+    mesh = MeshTri(*triangles(outline, holes, size))
+    corners = _reentrant(outline, True)
+    for hole in holes:
+        corners += [] if isinstance(hole, Circle) else _reentrant(hole, False)
+    for level in range(halvings if corners else 0):
+        reach = 1.5 * size / 2**level
+        middle = mesh.p[:, mesh.t].mean(axis=1)
+        near = [np.hypot(*(middle - np.array(corner)[:, None])) < reach for corner in corners]
+        mesh = mesh.refined(np.flatnonzero(np.any(near, axis=0)))
+    return mesh
+
+
+def _points(
+    outline: Sequence[Point], holes: Sequence[Hole], size: float, loops: Sequence[Array]
+) -> Array:
+    """Corners of all triangles, shape (2, n): boundaries, rings around holes, hexagonal grid."""
+    low, high = loops[0].min(axis=0), loops[0].max(axis=0)
+    across = np.arange(low[0], high[0] + size, size)
+    up = np.arange(low[1], high[1] + size, size * np.sqrt(3) / 2)
+    x, y = np.meshgrid(across, up)
+    x[1::2] += size / 2
+    inside = np.stack([x.ravel(), y.ravel()])
+    taken = [loop.T for loop in loops]
+    for hole, loop in zip(holes, loops[1:], strict=True):
+        rings = _rings(hole, len(loop), size) if isinstance(hole, Circle) else []
+        for ring in rings:
+            gap = np.hypot(*(ring[:, 0] - ring[:, 1]))
+            taken.append(_free(ring, outline, holes, CLOSE * gap, skip=hole))
+        if rings and isinstance(hole, Circle):
+            reach = np.hypot(*(rings[-1][:, 0] - [hole.x, hole.y])) + CLOSE * size
+            away = np.hypot(inside[0] - hole.x, inside[1] - hole.y) > reach
+            inside = inside[:, away]
+            for other in range(len(loops), len(taken) - len(rings)):  # rings of other holes
+                far = np.hypot(taken[other][0] - hole.x, taken[other][1] - hole.y) > reach
+                taken[other] = taken[other][:, far]
+    taken.append(_free(inside, outline, holes, CLOSE * size))
+    return np.concatenate(taken, axis=1)
+
+
+def _free(
+    points: Array, outline: Sequence[Point], holes: Sequence[Hole], gap: float,
+    skip: Hole | None = None,
+) -> Array:  # fmt: skip
+    """Those of points (2, n) in the region that are at least `gap` from its boundaries."""
+    kept = contains(outline, points) & np.all(distances(outline, points) > gap, axis=0)
+    for hole in holes:
+        if hole is skip:
+            continue
+        if isinstance(hole, Circle):
+            kept &= np.hypot(points[0] - hole.x, points[1] - hole.y) > hole.radius + gap
+        else:
+            kept &= ~contains(hole, points) & np.all(distances(hole, points) > gap, axis=0)
+    return points[:, kept]
+
+
+def _twice_areas(points: Array, corners: NDArray[np.int64]) -> Array:
+    """Twice the signed areas of triangles (n, 3)."""
+    a, b, c = points[:, corners.T].transpose(1, 0, 2)
+    twice: Array = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    return twice
+
+
+def _anticlockwise(points: Array, corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Triangles (n, 3) in one sense, without those that have no area (on a straight boundary)."""
+    twice = _twice_areas(points, corners)
+    real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
+    return np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]
+
+
+def _reentrant(polygon: Sequence[Point], outer: bool) -> list[Point]:
+    """Corners of a boundary at which the region has an angle above 180°."""
+    corners = np.array(polygon, float)
+    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    turn /= np.hypot(*before.T) * np.hypot(*after.T)
+    sign = np.sign(area(polygon)) * (1 if outer else -1)
+    return [tuple(c) for c, t in zip(corners.tolist(), turn * sign, strict=True) if t < -1e-6]
