@@ -291,11 +291,23 @@ IMPORT = re.compile(r'^import (?:\{([^}]*)\} from )?"\./(\w+)\.js";$', re.MULTIL
 TOP = re.compile(r"^(export )?(?:const|let|function|class) (\w+)", re.MULTILINE)
 
 
-def test_the_parts_join_without_clashes() -> None:
-    names = [name for text in MODULES.values() for _, name in TOP.findall(text)]
-    assert len(names) == len(set(names)) > 40
-    assert sorted(name for _, name in TOP.findall(Viewer._esm)) == sorted(names)
-    assert not re.findall(r"^(?:import|export (?!default \{ render \};$)).*", Viewer._esm, re.M)
+def parts_of(front: str) -> set[str]:
+    """A front end and all that it imports."""
+    found, waiting = set(), [front]
+    while waiting:
+        found.add(part := waiting.pop())
+        waiting += [name for _, name in IMPORT.findall(MODULES[part]) if name not in found]
+    return found
+
+
+@pytest.mark.parametrize("front", ["viewer", "layout"])
+def test_the_parts_join_without_clashes(front: str) -> None:
+    parts = parts_of(front)
+    names = [name for part in parts for _, name in TOP.findall(MODULES[part])]
+    assert len(names) == len(set(names)) > 25
+    whole = Viewer._esm if front == "viewer" else widgets.joined(front)
+    assert sorted(name for _, name in TOP.findall(whole)) == sorted(names)
+    assert not re.findall(r"^(?:import|export (?!default \{ render \};$)).*", whole, re.M)
 
 
 def test_the_parts_import_what_they_use() -> None:

@@ -16,10 +16,10 @@ from typing import Any
 import anywidget
 import traitlets
 
-__all__ = ["Viewer", "static_html"]
+__all__ = ["VIEWER_CSS", "Viewer", "joined", "static_html"]
 
 _ASSETS = Path(__file__).parent / "assets"
-_CSS = (_ASSETS / "viewer.css").read_text(encoding="utf-8")
+VIEWER_CSS = (_ASSETS / "viewer.css").read_text(encoding="utf-8")
 _KINDS = ("beam", "plate", "sound")
 _IMPORT = re.compile(r'^import (?:\{[^}]*\} from )?"\./(\w+)\.js";\n', re.MULTILINE)
 
@@ -54,8 +54,8 @@ for (const el of document.querySelectorAll('[data-tl-fragment="%(id)s"]:not([dat
 """
 
 
-def _join(*kinds: str) -> str:
-    """Write viewer.js and what it imports as one module, without the panels of other kinds."""
+def joined(front: str, *kinds: str) -> str:
+    """Write a front end and what it imports as one module, without the panels of other kinds."""
     modules = {kind: "" for kind in _KINDS if kind not in kinds}
 
     def add(name: str) -> None:
@@ -68,11 +68,11 @@ def _join(*kinds: str) -> str:
         del modules[name]
         modules[name] = re.sub(r"^export (?!default )", "", _IMPORT.sub("", text), flags=re.M)
 
-    add("viewer")
+    add(front)
     return "".join(modules.values())
 
 
-_ESM = _join(*_KINDS)
+_ESM = joined("viewer", *_KINDS)
 
 
 def plain(value: object) -> Any:
@@ -196,7 +196,7 @@ class Viewer(anywidget.AnyWidget):
     """
 
     _esm = _ESM
-    _css = _CSS
+    _css = VIEWER_CSS
     data = traitlets.Dict().tag(sync=True)
     case = traitlets.Unicode().tag(sync=True)
     mode = traitlets.Int(1).tag(sync=True)
@@ -213,6 +213,8 @@ class Viewer(anywidget.AnyWidget):
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
         kind = self.data.get("structure", {}).get("kind")
-        esm = _join(kind) if kind in _KINDS else _ESM
-        page = static_html(esm, _CSS, {"data": self.data, "case": self.case, "mode": self.mode})
+        esm = joined("viewer", kind) if kind in _KINDS else _ESM
+        page = static_html(
+            esm, VIEWER_CSS, {"data": self.data, "case": self.case, "mode": self.mode}
+        )
         return {**data, "text/plain": repr(self), "text/html": page}, metadata

@@ -1,21 +1,10 @@
 // Panel (a): the structure and the cameras around it, to be turned.
-import { entitle, fill, heightOf, lines, path, resize, svg, text } from "./parts.js";
+import { entitle, heightOf, lines, path, resize, svg, text } from "./parts.js";
+import { RAD, SQUARE, baseOf, cross, direction, dot, plus, sideways, times, trace, turnable } from "./space.js";
 
-// World frame: X along the structure, Y across, Z up; azimuth from +Y towards +X, elevation from XY.
-const RAD = Math.PI / 180;
-const direction = (azimuth, elevation) => [Math.cos(elevation * RAD) * Math.sin(azimuth * RAD),
-  Math.cos(elevation * RAD) * Math.cos(azimuth * RAD), Math.sin(elevation * RAD)];
-const sideways = (azimuth) => [-Math.cos(azimuth * RAD), Math.sin(azimuth * RAD), 0];
-const times = (v, k) => v.map((c) => c * k);
-const plus = (u, v) => u.map((c, i) => c + v[i]);
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const trace = (point, steps = 72) => Array.from({ length: steps + 1 }, (_, i) => point(i / steps));
-const SQUARE = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
 
 export function createSketch(panel, study) { // returns what draws it
   const view = { azimuth: 158, elevation: 33 };
-  let dragged;
 
   function draw() {
     const { width, data } = study, height = heightOf(width), { kind, length_mm: length } = data.structure;
@@ -62,11 +51,8 @@ export function createSketch(panel, study) { // returns what draws it
       const [distance, azimuth, elevation] = camera, copies = seen.get(String(camera)) ?? 0;
       if (copies && !(nested && style)) return;
       seen.set(String(camera), copies + 1);
-      const tip = times(direction(azimuth, elevation), distance), size = 0.12 * radius * (1 + 0.4 * copies);
-      const side = times(sideways(azimuth), size * 0.5);
-      const over = times(cross(side, direction(azimuth, elevation)), 0.56);
-      const centre = times(tip, 1 - size / distance);
-      const base = SQUARE.map(([u, v]) => plus(centre, plus(times(side, u), times(over, v))));
+      const tip = times(direction(azimuth, elevation), distance);
+      const base = baseOf(tip, azimuth, elevation, 0.12 * radius * (1 + 0.4 * copies));
       if (style && !copies) scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style));
       pyramids.push([dot(tip, viewer), svg("g", { class: `tl-camera${style ? "" : " tl-faint"}`, style },
         line("tl-base", base, "Z"), ...base.map((corner) => line("", [tip, corner])))]);
@@ -103,26 +89,7 @@ export function createSketch(panel, study) { // returns what draws it
     return scene;
   }
 
-  function rotate(event, azimuth, elevation) {
-    view.azimuth += azimuth;
-    view.elevation = Math.max(0, Math.min(90, view.elevation + elevation));
-    event.preventDefault();
-    draw();
-  }
-  panel.canvas.addEventListener("pointerdown", (event) => {
-    dragged = event;
-    panel.canvas.setPointerCapture(event.pointerId);
-  });
-  panel.canvas.addEventListener("pointermove", (event) => {
-    if (!panel.canvas.hasPointerCapture(event.pointerId)) return;
-    rotate(event, (event.clientX - dragged.clientX) * 0.5, (event.clientY - dragged.clientY) * 0.4);
-    dragged = event;
-  });
-  panel.canvas.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, 6], ArrowDown: [0, -6] }[event.key];
-    if (step) rotate(event, ...step);
-  });
-  fill(panel.canvas, { tabindex: 0 });
+  turnable(panel.canvas, view, 0, draw);
   panel.foot.append("Drag, or focus and press the arrow keys, to rotate.");
   return {
     draw,

@@ -9,13 +9,14 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from IPython.display import SVG, Markdown
+from IPython.display import HTML, SVG, Markdown
 from matplotlib.figure import Figure
 
 from thesis_lib import figures
 from thesis_lib.cubes import percent_text
 from thesis_lib.figures import REFERENCE, STYLE, color, logarithmic
 from thesis_lib.markdown import table
+from thesis_lib.planning.layout_view import layout_view
 from thesis_lib.planning.pictures import VIEWS, front_panel, layout_panel
 from thesis_lib.planning.planner_study import cheapest
 from thesis_lib.planning.questions import THESIS
@@ -218,6 +219,17 @@ PIECES = TABLES
 def show(cube: xr.Dataset, name: str) -> Markdown:
     """One of :data:`TABLES`, for a notebook."""
     return Markdown(TABLES[name](cube))
+
+
+def view(cube: xr.Dataset) -> HTML:
+    """Every planned layout, to be turned, for a notebook."""
+    plans = []
+    for question in cube["question"].values.tolist():
+        one = cube.sel(question=question)
+        found = np.flatnonzero(np.isfinite(one["cost"].values))
+        first = int(np.searchsorted(found, _near(cube, question, DRAWN)))
+        plans.append((str(question), one.isel(option=found), first))
+    return HTML(layout_view(plans))
 
 
 def picture(cube: xr.Dataset, name: str) -> SVG:

@@ -18,6 +18,7 @@ from thesis_lib import cubes
 from thesis_lib.figures import svg
 from thesis_lib.files import staging
 from thesis_lib.pages import shell
+from thesis_lib.planning.layout_view import layout_view
 from thesis_lib.planning.mesh_file import read_body
 from thesis_lib.planning.pictures import front_figure, layout_figure
 from thesis_lib.planning.plan_cube import as_cube
@@ -157,6 +158,7 @@ def page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> s
         _picture(picture, "The proposed cameras around the structure from three sides.",
                  "The proposed layout. Lines of sight lead to the middle of the structure; dotted "
                  "lines fall onto the plane of its middle."),
+        layout_view([(plan_.body.name, cube, plan_.chosen)]),
         "<h2>Cameras</h2>",
         _rows([name.replace("_", " ") for name in header], rows),
         "<p>Positions are in the structure's frame. Every camera looks at the middle of the "

@@ -1,0 +1,91 @@
+// Planned cameras around a structure, to be turned; options of one or more plans to choose from.
+// Front end of thesis_lib.planning.layout_view in the form that static_html runs.
+import { heightOf, html, figure, fill, lines, path, resize, svg, text } from "./parts.js";
+import { RAD, baseOf, cross, direction, dot, plus, sideways, times, trace, turnable } from "./space.js";
+
+function render({ model, el }) {
+  const { plans, tints } = model.get("data"), view = { azimuth: 155, elevation: 28 };
+  const panel = figure("a", svg("svg"), ""), words = html("p", { class: "tl-summary", "aria-live": "polite" });
+  const controls = html("div", { class: "tl-controls" });
+  const root = html("section", { class: "tl-viewer tl-layouts", "aria-label": "Planned cameras", "data-testid": "layouts" },
+    controls, words, panel.node);
+  let width = 480, plan, option;
+
+  function select(label, testid, onChange) {
+    const box = html("select", { "data-testid": testid });
+    box.addEventListener("change", () => onChange(Number(box.value)));
+    const field = html("label", { class: "tl-field" }, html("span", {}, label), box);
+    controls.append(field);
+    const put = (names, value) => {
+      box.replaceChildren(...names.map((name, i) => html("option", { value: i }, name)));
+      box.value = value;
+    };
+    return { field, put };
+  }
+  const which = select("Plan", "plan", choosePlan), of = select("Cameras", "option", chooseOption);
+  which.put(plans.map(({ name }) => name), 0);
+  which.field.hidden = plans.length < 2;
+
+  function choosePlan(i) {
+    plan = plans[i];
+    of.put(plan.options.map(({ label }) => label), plan.chosen);
+    chooseOption(plan.chosen);
+  }
+  function chooseOption(i) {
+    option = plan.options[i];
+    words.textContent = option.words;
+    fill(panel.canvas, { role: "img", "aria-label": `Cameras of the plan: ${option.label}. Arrow keys rotate.` });
+    draw();
+  }
+
+  function draw() { // the scale is that of the whole plan, so that its options compare
+    const height = heightOf(width) * (width < 420 ? 0.85 : 1.1), scene = [], { centre, outline, markers } = plan;
+    const away = ([x, y, z]) => [x - centre[0], y - centre[1], z - centre[2]];
+    const every = plan.options.flatMap(({ cameras }) => cameras.map(away));
+    const all = [...every, ...outline.map(away)], heights = [0, ...all.map((v) => v[2])];
+    const radius = Math.max(...all.map(([x, y]) => Math.hypot(x, y))), [low, high] = [Math.min(...heights), Math.max(...heights)];
+    const viewer = direction(view.azimuth, view.elevation), right = sideways(view.azimuth), up = cross(viewer, right);
+    const sine = Math.abs(Math.sin(view.elevation * RAD)), cosine = Math.cos(view.elevation * RAD);
+    const tall = 2 * radius * sine + (high - low) * cosine; // of the upright cylinder around all
+    const unit = Math.min((width - 70) / (2 * radius), (height - 60) / tall);
+    const middle = height / 2 + (unit * cosine * (high + low)) / 2;
+    const flat = (v) => [width / 2 + unit * dot(v, right), middle - unit * dot(v, up)];
+    const line = (cls, points, end, style) => path(cls, lines(points.map(flat), end), { style });
+
+    scene.push(...[0.5, 1].map((r) => line("tl-wire", trace((t) => times(direction(360 * t, 0), r * radius)))));
+    for (const [name, axis] of [["X", [1, 0, 0]], ["Y", [0, 1, 0]], ["Z", [0, 0, 1]]]) {
+      const [x, y] = flat(times(axis, 0.34 * radius));
+      scene.push(line("tl-axis", [[0, 0, 0], times(axis, 0.3 * radius)]), text(x, y + 4, name, "tl-muted"));
+    }
+    const known = outline.length === 4; // else the box around markers, corner by corner
+    scene.push(line(known ? "tl-plate" : "tl-wire", outline.map(away), known ? "Z" : ""));
+    const dots = markers.map(away).map(flat).map(([x, y]) => `M${x.toFixed(1)} ${y.toFixed(1)}h0`).join("");
+    scene.push(path("tl-places", dots));
+
+    const drawn = option.cameras.map(away).map((tip, i) => {
+      const style = `--c: ${tints[i % tints.length]}`, distance = Math.sqrt(dot(tip, tip));
+      const azimuth = Math.atan2(tip[0], tip[1]) / RAD, elevation = Math.asin(tip[2] / distance) / RAD;
+      const base = baseOf(tip, azimuth, elevation, 0.1 * radius), [x, y] = flat(plus(tip, times(tip, 0.07)));
+      scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style), line("tl-wire", [tip, [tip[0], tip[1], 0]]));
+      return [dot(tip, viewer), svg("g", { class: "tl-camera", style }, line("tl-base", base, "Z"),
+        ...base.map((corner) => line("", [tip, corner])), text(x, y + 4, String(i + 1), "tl-note"))];
+    });
+    scene.push(...drawn.sort(([one], [two]) => one - two).map(([, group]) => group));
+    resize(panel, width, height).replaceChildren(...scene);
+  }
+
+  turnable(panel.canvas, view, -90, draw);
+  panel.foot.append("Drag, or focus and press the arrow keys, to turn. Numbers are those of the table of cameras.");
+  el.replaceChildren(root);
+  choosePlan(0);
+  const observer = new ResizeObserver(() => requestAnimationFrame(() => {
+    const now = Math.round(panel.node.clientWidth) || 480;
+    if (now === width) return;
+    width = now;
+    draw();
+  }));
+  observer.observe(root);
+  return () => observer.disconnect();
+}
+
+export default { render };
