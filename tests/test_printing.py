@@ -61,8 +61,10 @@ def printed():
 
 
 @pytest.fixture(scope="module")
-def words(printed):
-    return plain("".join(page.extract_text() for page in printed.pages))
+def words():
+    pdfium = pytest.importorskip("pypdfium2", reason="words are read with pypdfium2, at once")
+    with pdfium.PdfDocument(PDF) as document:
+        return plain("".join(page.get_textpage().get_text_bounded() for page in document))
 
 
 def pages_of_book():
