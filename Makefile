@@ -12,7 +12,7 @@ pdf: book  ## the book as one PDF, in build; needs Chromium
 	$(BIN)/thesis pdf
 
 test: check  ## all tests, notebooks included
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 	$(BIN)/python -m pytest -n 2 --dist loadfile --nbval notebooks
 
 check: $(READY)  ## lint, format, types

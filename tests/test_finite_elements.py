@@ -11,7 +11,7 @@ import pytest
 from skfem import MeshTri
 
 from thesis_lib import setups
-from thesis_lib.finite_elements import plate_modes
+from thesis_lib.finite_elements import located, plate_modes
 from thesis_lib.meshing import Circle, area, contains, is_simple, pieces, triangulated
 from thesis_lib.panels import Panel
 from thesis_lib.structures import (
@@ -179,6 +179,20 @@ def test_shapes_are_orthogonal_with_mean_square_1():
     shapes = one.mode_shapes(range(1, 7), points)
     gram = (shapes * weights) @ shapes.T / weights.sum()
     np.testing.assert_allclose(gram, np.eye(6), atol=1e-3)
+
+
+def test_points_are_found_in_the_triangles_they_are_in():
+    """Where corners' coordinates are averaged by the weights, the points come out again."""
+    one = panel(ELL, element_size=0.03)
+    mesh = triangulated(one.outline, one.holes, one.element_size)
+    rng = np.random.default_rng(0)
+    inside = rng.uniform((0, 0), one.extent, (3000, 2)).T
+    corners, middles = mesh.p, mesh.p[:, mesh.facets].mean(axis=1)
+    points = np.concatenate([inside[:, one.covers(inside)], corners, middles], axis=1)
+    cells, weights = located(mesh, points)
+    assert weights.min() >= 0
+    back = np.einsum("ikn,kn->in", mesh.p[:, mesh.t[:, cells]], weights)
+    np.testing.assert_allclose(back, points, atol=1e-12)
 
 
 def test_a_small_hole_changes_nothing():

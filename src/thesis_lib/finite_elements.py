@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
+from scipy.spatial import cKDTree
 
 if TYPE_CHECKING:
     from skfem import MeshTri
@@ -53,24 +54,56 @@ class PlateModes:
         peaks: Array = np.max(np.abs(at_corners), axis=0)
         return peaks
 
-    def at(self, points: Array, on_edge: NDArray[np.bool_]) -> Array:
-        """Shapes at points (2, n) of the plate, shape (modes, n); `on_edge` tells which are."""
-        inside = points.copy()
-        for i in np.flatnonzero(on_edge):  # or round-off puts them outside every triangle
-            inside[:, i] = self._pulled_in(points[:, i])
-        values: Array = (self.basis.probes(inside) @ self.coefficients).T
-        return values
+    def at(self, points: Array) -> Array:
+        """Shapes at points (2, n) of the plate, shape (modes, n)."""
+        basis = self.basis
+        cells, weights = located(basis.mesh, points)
+        shapes = np.zeros((points.shape[1], self.coefficients.shape[1]))
+        for k, dofs in enumerate(basis.element_dofs):
+            one = basis.elem.gbasis(basis.mapping, weights[1:, :, None], k, tind=cells)[0]
+            shapes += np.asarray(one) * self.coefficients[dofs[cells]]
+        return shapes.T
 
-    def _pulled_in(self, point: Array) -> Array:
-        """The point of the nearest triangle that is nearly this one, but not on a side."""
-        a, b, c = self.basis.mesh.p[:, self.basis.mesh.t].transpose(1, 2, 0)
-        edges = np.stack([b - a, c - a], axis=2)
-        rest = np.linalg.solve(edges, (point - a)[:, :, None])[:, :, 0]
-        weights = np.concatenate([1 - rest.sum(axis=1, keepdims=True), rest], axis=1)
-        best = int(np.argmax(weights.min(axis=1)))
-        weight = np.maximum(weights[best], 1e-9)
-        pulled: Array = weight / weight.sum() @ np.stack([a[best], b[best], c[best]])
-        return pulled
+
+def located(mesh: MeshTri, points: Array) -> tuple[NDArray[np.int64], Array]:
+    """The triangle that each point is in, and the weights of its corners there.
+
+    Triangles around are tried, nearest centres first, as far as needed. A point that round-off puts
+    outside of all, by less than a billionth of a triangle, is moved to the side of one.
+
+    Parameters
+    ----------
+    mesh : skfem.MeshTri
+        Triangles.
+    points : ndarray, shape (2, n)
+        Points on them.
+
+    Returns
+    -------
+    cells : ndarray, shape (n,)
+        Number of the triangle.
+    weights : ndarray, shape (3, n)
+        Barycentric coordinates, which are not negative and add up to 1.
+    """
+    a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)  # each (2, triangles)
+    tree, total = cKDTree(((a + b + c) / 3).T), mesh.t.shape[1]
+    cells, weights = np.zeros(points.shape[1], np.int64), np.full((3, points.shape[1]), -np.inf)
+    left, near = np.arange(points.shape[1]), 8
+    while len(left):
+        near = min(near, total)
+        _, tried = tree.query(points[:, left].T, near)
+        tried = tried.reshape(len(left), near)
+        u, v, w = (b - a)[:, tried], (c - a)[:, tried], points[:, left, None] - a[:, tried]
+        area = u[0] * v[1] - u[1] * v[0]
+        second, third = (w[0] * v[1] - w[1] * v[0]) / area, (u[0] * w[1] - u[1] * w[0]) / area
+        found = np.stack([1 - second - third, second, third])  # (3, left, near)
+        best = np.argmax(found.min(axis=0), axis=1)
+        row = np.arange(len(left))
+        cells[left], weights[:, left] = tried[row, best], found[:, row, best]
+        left = left[weights[:, left].min(axis=0) < -1e-9] if near < total else left[:0]
+        near *= 4
+    weights = np.maximum(weights, 0)
+    return cells, weights / weights.sum(axis=0)
 
 
 def plate_modes(

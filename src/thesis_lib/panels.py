@@ -203,7 +203,7 @@ class Panel:
         on = self.covers(flat)
         if on.any():
             found, kept = _found(self, int(numbers.max())), flat[:, on]
-            values[:, on] = found.at(kept, self._on_edge(kept))[numbers - 1]
+            values[:, on] = found.at(kept)[numbers - 1]
         return values.reshape((len(numbers), *points.shape[1:]))
 
 
