@@ -13,7 +13,6 @@ measured: one entry per check, the worst of its values, examples and parameters.
 from __future__ import annotations
 
 import ast
-import inspect
 import json
 import sys
 import textwrap
@@ -56,7 +55,8 @@ def compare(value, expected=None, *, rtol=None, atol=None, above=None, below=Non
     ValueError
         If shapes differ or nothing is compared.
     """
-    tolerant, bounded = (rtol, atol) != (None, None), (above, below) != (None, None)
+    tolerant = rtol is not None or atol is not None
+    bounded = above is not None or below is not None
     if (expected is not None) != tolerant or tolerant == bounded:
         raise TypeError("conforms: needs an expected value with rtol or atol, or else bounds")
     given = {"value": value, "expected": expected, "above": above, "below": below}
