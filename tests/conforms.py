@@ -158,11 +158,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="FILE.json",
         help="run the tests that use the fixture `conforms`; write what they measured",
     )
+    parser.addoption("--quick", action="store_true", help="leave out tests that are marked slow")
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "slow: takes so long that --quick leaves it out")
     if config.getoption("--conformance") and not hasattr(config, "workerinput"):
-        config.pluginmanager.register(_Report(config.getoption("--conformance")))
+        config.pluginmanager.register(_Report(config.getoption("--conformance"), config.rootpath))
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -177,6 +179,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         chosen = [item for item in items if "conforms" in getattr(item, "fixturenames", ())]
         config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
         items[:] = chosen
+    if config.getoption("--quick"):
+        for item in items:
+            if item.get_closest_marker("slow"):  # a skipped test is told of in the report
+                item.add_marker(pytest.mark.skip(reason="Left out since it takes long"))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -191,8 +197,8 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
 class _Report:
     """Gathers the checks of all tests, and writes them when all have run."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, root: Path) -> None:
+        self.path, self.root = path, root
         self.begin = time.monotonic()
         self.checks: dict[tuple[str, int], Record] = {}
         self.failed: dict[str, str] = {}
@@ -216,14 +222,22 @@ class _Report:
             self.failed.setdefault(report.nodeid, _reason(report))
 
     def pytest_sessionfinish(self) -> None:
+        files = sorted({test.partition("::")[0] for test, _ in self.checks})
         report = {
             "seconds": round(time.monotonic() - self.begin, 1),
             "checks": [{"test": test, **self.checks[test, n]} for test, n in sorted(self.checks)],
+            "files": {file: _about(self.root / file) for file in files},
             "failed": self.failed,
             "skipped": self.skipped,
         }
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self.path.write_text(json.dumps(report, indent=1, ensure_ascii=False), encoding="utf-8")
+
+
+def _about(file: Path) -> str:
+    """First paragraph of what a file of tests says of itself."""
+    text = ast.get_docstring(ast.parse(file.read_bytes())) or ""
+    return " ".join(text.partition("\n\n")[0].split())
 
 
 def _reason(report: pytest.TestReport | pytest.CollectReport) -> str:
