@@ -70,7 +70,8 @@ def compare(value, expected=None, *, rtol=None, atol=None, above=None, below=Non
             passed, share = _within(**sides)
         else:
             apart = np.abs(sides["value"] - sides["expected"])
-            allowed = (atol or 0) + (rtol or 0) * np.abs(sides["expected"])
+            absolute, relative = (0 if one is None else np.asarray(one) for one in (atol, rtol))
+            allowed = absolute + relative * np.abs(sides["expected"])
             passed, share = apart <= allowed, np.where(apart == 0, 0, apart / allowed)
             sides.update(apart=apart, allowed=np.broadcast_to(allowed, apart.shape))
     at = np.argmax(np.where(np.isfinite(share), share, np.where(passed, 0, np.inf)))
@@ -162,7 +163,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "slow: takes so long that --quick leaves it out")
+    config.addinivalue_line("markers", "slow: takes long or needs a browser; --quick leaves it out")
     if config.getoption("--conformance") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(_Report(config.getoption("--conformance"), config.rootpath))
 
@@ -182,7 +183,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if config.getoption("--quick"):
         for item in items:
             if item.get_closest_marker("slow"):  # a skipped test is told of in the report
-                item.add_marker(pytest.mark.skip(reason="Left out since it takes long"))
+                item.add_marker(pytest.mark.skip(reason="Left out: takes long or needs a browser"))
 
 
 @pytest.hookimpl(wrapper=True)

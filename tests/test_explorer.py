@@ -238,6 +238,7 @@ def in_library(one: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 def test_the_model_is_the_librarys(conforms, chromium: Browser, path: Path) -> None:
     setups = random_setups(100)
     with open_offline(chromium, path) as opened:
@@ -284,6 +285,7 @@ def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> No
     np.testing.assert_array_equal(np.asarray(found) + 0.0, pixelate(values) + 0.0)
 
 
+@pytest.mark.slow
 def test_every_setup_of_the_thesis_gives_the_published_literal_run(
     conforms, chromium: Browser, path: Path
 ) -> None:
@@ -304,6 +306,7 @@ def test_every_setup_of_the_thesis_gives_the_published_literal_run(
     conforms.independent(found[:, 0], found[:, 1], rtol=6e-6)
 
 
+@pytest.mark.slow
 def test_the_band_is_that_of_the_library(conforms, chromium: Browser, path: Path) -> None:
     """Other draws, but the same distribution; and the numbers shown are those computed."""
     with open_offline(chromium, path, query="s=beam&m=1&t=4a-12") as opened:

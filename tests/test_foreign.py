@@ -29,6 +29,8 @@ from thesis_lib.experiment.manifest import Manifest, write_manifest
 from thesis_lib.experiment.symmetry import unify
 from thesis_lib.measuring.measure import measure
 
+pytestmark = pytest.mark.slow  # for the report of conformance
+
 # OpenCV counts pixels from the first one's centre, the library from its corner.
 CORNER = np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
 

@@ -89,7 +89,7 @@ def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequ
     # Cramér and Rao for the frequency of tones of amplitude A in noise σ, summed over the tones.
     power = 2 * sum((5 * np.linspace(0.2, 1, 16)) ** 2)
     bound = np.sqrt(6 * 0.03**2 / (power * 60 * 9.8**3)) / np.pi
-    assert 0.4 * bound < found.deviation < 3 * bound
+    conforms.sampled(found.deviation, above=0.4 * bound, below=3 * bound)
     conforms.sampled(abs(found.frequency - frequency), below=5 * bound)
 
 
@@ -123,7 +123,7 @@ def test_a_flat_structure_has_no_model():
 # Universal file.
 
 
-def test_the_universal_file_holds_nodes_shape_and_motion(tmp_path):
+def test_the_universal_file_holds_nodes_shape_and_motion(conforms, tmp_path):
     rng = np.random.default_rng(5)
     amplitude = rng.normal(size=6) + 1j * rng.normal(size=6)
     amplitude[2] = np.nan
@@ -142,16 +142,16 @@ def test_the_universal_file_holds_nodes_shape_and_motion(tmp_path):
     assert list(file.get_set_types()) == [164, 15, 55] + 5 * [58]
     units, nodes, shape, *responses = file.read_sets()
     assert units["length"] == 1
-    np.testing.assert_allclose([nodes["x"], nodes["y"], nodes["z"]], places, rtol=1e-5)
+    conforms.closed_form([nodes["x"], nodes["y"], nodes["z"]], places, rtol=1e-5)
     known = [0, 1, 3, 4, 5]
     np.testing.assert_array_equal(shape["node_nums"], np.add(known, 1))
-    np.testing.assert_allclose(shape["r3"], amplitude[known], rtol=1e-4)
-    assert shape["freq"] == pytest.approx(4.25)
+    conforms.closed_form(shape["r3"], amplitude[known], rtol=1e-4)
+    conforms.closed_form(shape["freq"], 4.25, rtol=1e-6)
     for k, response in zip(known, responses, strict=True):
         assert response["rsp_node"] == k + 1
         assert response["rsp_dir"] == 3
         spectrum = np.fft.rfft(response["data"]) * 2 / len(response["data"])
-        assert spectrum[1] == pytest.approx(amplitude[k], rel=1e-4)
+        conforms.closed_form(spectrum[1], amplitude[k], rtol=1e-4)
 
 
 # Steps.

@@ -2,6 +2,7 @@
 
 import numpy as np
 import own_scene as own
+import pytest
 import xarray as xr
 
 from thesis_lib import setups
@@ -9,6 +10,8 @@ from thesis_lib.experiment.board import Board
 from thesis_lib.experiment.render import Sensor
 from thesis_lib.experiment.scene import Component, Markers
 from thesis_lib.measuring.measure import measure
+
+pytestmark = pytest.mark.slow  # for the report of conformance
 
 BEAM, PLATE = setups.beam(), setups.plate()
 
@@ -31,18 +34,18 @@ def measured(manifest, folder):
         return data.load()
 
 
-def compared(data, rig, allowed):
+def compare(conforms, data, rig, allowed):
     """The shape against the truth: rms error over the largest deflection, and in its errors."""
     part = rig.motion.components[0]
     true = part.amplitude * part.shape(rig.motion.structure, rig.markers.centres)
     shape = data["deflection"].values
     shape = shape * np.sign(shape @ true)
     error = np.sqrt(np.mean((shape - true) ** 2))
-    assert error < allowed * np.abs(true).max()
+    conforms.closed_form(error, below=allowed * np.abs(true).max())
     return error / np.sqrt(np.mean(data["standard_error"].values ** 2))
 
 
-def test_bright_points_anywhere_on_a_plate(tmp_path):
+def test_bright_points_anywhere_on_a_plate(conforms, tmp_path):
     markers = Markers(PLATE.extent, scattered(40, 0.045, np.random.default_rng(2)), 0.012, None,
                       bright=True)  # fmt: skip
     rig = own.short_rig(
@@ -53,7 +56,7 @@ def test_bright_points_anywhere_on_a_plate(tmp_path):
     manifest = own.make(tmp_path, rig, {}, corners=True, board_sensor=Sensor())
     data = measured(manifest, tmp_path / "out")
     assert data.attrs["most_similar"] == "mode (2, 1)"
-    assert compared(data, rig, 0.01) < 3
+    conforms.sampled(compare(conforms, data, rig, 0.01), below=3)
     assert data.sizes["marker"] == 40
 
 
@@ -66,7 +69,7 @@ def test_colour_videos_and_a_clap_in_a_room(conforms, tmp_path):
                         sound=lambda rig, index: own.room(rig, index, 0.9))  # fmt: skip
     data = measured(manifest, tmp_path / "out")
     assert data.attrs["most_similar"] == "bending 1"
-    compared(data, rig, 0.02)
+    compare(conforms, data, rig, 0.02)
     conforms.closed_form(float(data["frequency"]), 6.3, atol=0.02)
     assert np.isnan(data["phase"]).all()
     starts = [station.start for station in rig.stations]
@@ -81,4 +84,4 @@ def test_a_vibration_too_fast_for_the_frames_is_measured_by_its_known_frequency(
     data = measured(manifest, tmp_path / "out")
     assert data.attrs["most_similar"] == "bending 2"
     conforms.closed_form(float(data["frequency"]), 39.6, atol=0.01)
-    assert compared(data, rig, 0.02) < 3
+    conforms.sampled(compare(conforms, data, rig, 0.02), below=3)

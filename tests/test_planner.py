@@ -314,11 +314,11 @@ def made():
     return plan(plan_request({**QUICK, "counts": [2, 3, 4, 6], "trials": 200}))
 
 
-def test_cheapest_reaches_the_target_and_nothing_cheaper_does(made):
+def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
     target = made.request.target_percent
     best_, found = made.options[made.chosen], made.verified[made.chosen]
     assert best_.error <= target
-    assert found.simulated.max() <= target
+    conforms.sampled(found.simulated.max(), below=target)
     assert np.all(found.band[0] <= found.simulated)
     assert np.all(found.simulated <= found.band[1])
     for one, its in zip(made.options, made.verified, strict=True):

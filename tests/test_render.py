@@ -320,7 +320,7 @@ def test_an_exposure_shrinks_a_vibration_by_sinc(conforms, exposure):
     conforms.closed_form(found, mean, atol=0.006)
     shrunk = np.linalg.norm(found - still) / np.linalg.norm(most - still)
     conforms.closed_form(shrunk, np.sinc(4.25 * exposure), atol=0.0015)
-    assert shrunk < 1 - 0.9 * (np.pi * 4.25 * exposure) ** 2 / 6
+    conforms.closed_form(shrunk, below=1 - 0.9 * (np.pi * 4.25 * exposure) ** 2 / 6)
 
 
 def test_a_beam_at_rest_is_the_same_however_long_the_exposure():
@@ -336,7 +336,7 @@ def test_frames_are_those_of_their_seed(conforms):
     difference = frames[2].astype(float) - frames[0]
     conforms.closed_form(np.std(difference[:100]), np.sqrt(2 * (4 + 1 / 12)), rtol=0.02)
     clean = moving.frame(2.0)
-    assert abs(np.mean(frames[0].astype(float) - clean)) < 0.02
+    conforms.sampled(abs(np.mean(frames[0].astype(float) - clean)), below=0.02)
 
 
 @pytest.mark.parametrize("shift", [[4000.0, 0], [0, -3000.0]])
@@ -362,15 +362,15 @@ def test_a_beam_partly_out_of_view_is_the_part_of_a_larger_picture(conforms):
 
 
 @pytest.mark.parametrize("pose", [0, 9])
-def test_a_board_is_what_counting_samples_makes_of_it(pose):
+def test_a_board_is_what_counting_samples_makes_of_it(conforms, pose):
     R, t = (part[pose] for part in default_poses())
     at = camera(size=(640, 360))
     image = board_image(at, Board(), R, t, replace(Sensor(), background=90.0))
     counted = picture(at, R, t, samples=512)
     assert image.shape == (360, 640)
     difference = (image - counted)[4:-4, 4:-4]  # the spread mirrors what is beyond the border
-    assert np.abs(difference).max() < 5
-    assert np.sqrt(np.mean(difference**2)) < 0.3
+    conforms.independent(np.abs(difference).max(), below=5)
+    conforms.independent(np.sqrt(np.mean(difference**2)), below=0.3)
 
 
 def test_a_board_is_printed_on_both_sides():

@@ -86,11 +86,12 @@ def test_exact_tracks_give_the_exact_shape(conforms, tmp_path):
     assert data.attrs["most_similar"] == "bending 1"
     conforms.closed_form(float(data["mean_error"]), below=0.01)
     np.testing.assert_array_equal(data["cameras_seen"][:6], [3, 3, 3, 3, 4, 4])
-    np.testing.assert_allclose(data["missing"][0, :3], [1, 0, 0])
+    conforms.closed_form(data["missing"][0, :3], [1, 0, 0], rtol=1e-7)
     centres = [station.camera.centre for station in RIG.stations]
     conforms.closed_form(data["camera_centre"], centres, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_standard_errors_are_the_scatter_of_repeated_recordings(conforms, tmp_path):
     shapes, without = [], []
     for seed in range(40):

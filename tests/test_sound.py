@@ -107,7 +107,7 @@ def test_sound_takes_the_deflections_of_its_estimator():
 
 
 @pytest.mark.parametrize("study", STUDIES)
-def test_a_plane_has_no_error_exactly_where_it_is_nodal(study):
+def test_a_plane_has_no_error_exactly_where_it_is_nodal(conforms, study):
     _, _, cube = both(study)
     for mode in (1, 2, 3):
         for plane in PLANES:
@@ -120,7 +120,9 @@ def test_a_plane_has_no_error_exactly_where_it_is_nodal(study):
     louder = cube["largest_pressure"].max("plane")
     ratio = cube["plane_error_of_larger"] / cube["plane_error"]
     expected = (cube["largest_pressure"] / louder).broadcast_like(ratio).transpose(*ratio.dims)
-    np.testing.assert_allclose(ratio.where(ratio.notnull(), 0), expected.where(ratio.notnull(), 0))
+    conforms.invariance(
+        ratio.where(ratio.notnull(), 0), expected.where(ratio.notnull(), 0), rtol=1e-7
+    )
 
 
 def test_mode_2_2_is_silent_on_both_planes(conforms):
@@ -374,7 +376,7 @@ def plane_factors(request):
     ]
 
 
-@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.parametrize("study", [*STUDIES[:3], pytest.param("arrays", marks=pytest.mark.slow)])
 def test_predicted_errors_are_the_rms_over_trials(conforms, study):
     """Plate within 3 %, sound within 5 %, at every setting and mode, for both rests.
 
@@ -541,16 +543,16 @@ def checks_of(subject, index, quantities):
     ]
 
 
-def test_most_stated_mean_errors_of_chapter_4_are_met():
+def test_most_stated_mean_errors_of_chapter_4_are_met(conforms):
     checks = checks_of("plate", 0, {"mean_error"})
     assert len(checks) >= 66
-    assert sum(check.inside for check in checks) >= 0.75 * len(checks)
+    conforms.sampled(sum(check.inside for check in checks), above=0.75 * len(checks))
 
 
-def test_most_stated_plane_errors_of_chapter_6_are_met():
+def test_most_stated_plane_errors_of_chapter_6_are_met(conforms):
     checks = checks_of("sound", 1, {"plane_error_xz", "plane_error_yz"})
     assert len(checks) >= 70
-    assert sum(check.inside for check in checks) >= 0.85 * len(checks)
+    conforms.sampled(sum(check.inside for check in checks), above=0.85 * len(checks))
 
 
 # Nothing is computed twice, and nothing is stale.

@@ -132,7 +132,7 @@ def test_reduced_frames_are_tracked_as_well(conforms):
 
 
 @pytest.mark.parametrize(("size", "most_missing"), [(FULL, 0.0), (HALF, 0.03)])
-def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(size, most_missing):
+def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(conforms, size, most_missing):
     # On the plane at rest ±4 mm look like 9.9 mm, and the rows are 10 mm apart.
     at, motion = camera(size=size), Motion(BEAM, (Component(),), 0.0, 0.25)
     times = np.arange(-1, 15 + 15) / 60
@@ -144,7 +144,7 @@ def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(size, most_missing
     found = tracked(frames, Tracker(view))
     missing = np.isnan(found[:, 0])
     assert missing.mean() <= most_missing
-    assert np.hypot(*(found - exact).swapaxes(0, 1))[~missing].max() < 0.25
+    conforms.closed_form(np.hypot(*(found - exact).swapaxes(0, 1))[~missing].max(), below=0.25)
 
 
 def test_without_the_frames_before_the_row_is_not_known(rest):
@@ -280,7 +280,7 @@ def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_dow
     view = find_view(image, at, MARKERS)
     length, width = BEAM.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
-    assert off(apply(view.H_image_plane, plane), corners(at)).max() < 2
+    conforms.closed_form(off(apply(view.H_image_plane, plane), corners(at)).max(), below=2)
     exact = truth(at, [-1.0])[0]
     conforms.closed_form(off(Tracker(sharpen(image, view)).centres(image), exact).max(), below=0.12)
 
@@ -291,7 +291,9 @@ def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_dow
     [(10, 22, 0.2), (45, 22, -0.08), (40, 15, 0.3), (5, 15, -0.3), (5, 60, 0.3), (80, 15, 0.3),
      (80, 22, -0.08), (60, 30, -0.3), (25, 60, 0.0), (70, 15, -0.2)],
 )  # fmt: skip
-def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(azimuth, elevation, k1, width):
+def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
+    conforms, azimuth, elevation, k1, width
+):
     length, width_m = BEAM.extent
     plane = np.array([[0, length, length, 0], [0, 0, width_m, width_m]])
     for one in (azimuth, 180 - azimuth):
@@ -300,17 +302,17 @@ def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(azimuth, elevat
         (image,) = filmed(at, [-1.0])
         small = lens.resized(at, (width, width * 9 // 16))
         view = find_view(following.reduced(image, width), small, MARKERS)
-        assert off(apply(view.H_image_plane, plane), corners(small)).max() < 2
+        conforms.closed_form(off(apply(view.H_image_plane, plane), corners(small)).max(), below=2)
 
 
-def test_a_beam_that_its_markers_cut_in_two_is_found_whole():
+def test_a_beam_that_its_markers_cut_in_two_is_found_whole(conforms):
     at = camera(-5.0, 15.0, k1=0.0)
     (image,) = filmed(at, [-1.0])
     small = lens.resized(at, (640, 360))
     length, width = BEAM.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
     view = find_view(following.reduced(image, 640), small, MARKERS)
-    assert off(apply(view.H_image_plane, plane), corners(small)).max() < 2
+    conforms.closed_form(off(apply(view.H_image_plane, plane), corners(small)).max(), below=2)
 
 
 def test_a_turned_picture_gives_turned_centres(conforms, rest):
@@ -332,14 +334,14 @@ def one_line(call, *arguments):
     return str(error.value)
 
 
-def test_without_a_hole_the_corners_have_to_be_given():
+def test_without_a_hole_the_corners_have_to_be_given(conforms):
     markers, at = rows_on(BEAM, hole=None), camera()
     (image,) = filmed(at, [-1.0], markers=markers)
     message = one_line(find_view, image, at, markers)
     assert message.startswith("camera A: ")
     assert "corners_px" in message
     view = sharpen(image, view_of(at, markers, corners(at)))
-    assert off(Tracker(view).centres(image), truth(at, [-1.0])[0]).max() < 0.02
+    conforms.closed_form(off(Tracker(view).centres(image), truth(at, [-1.0])[0]).max(), below=0.02)
 
 
 def test_a_hidden_hole_is_said(rest):
@@ -423,11 +425,11 @@ def test_given_corners_need_not_be_exact(conforms, rest, noise):
     conforms.invariance(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
 
 
-def test_sharpening_finds_the_spread_of_the_picture(rest):
+def test_sharpening_finds_the_spread_of_the_picture(conforms, rest):
     at, _, view, _ = rest
-    assert 0.5 < view.blur < 0.75
+    conforms.closed_form(view.blur, above=0.5, below=0.75)
     blurred = BeamView(at, MARKERS, MOTION, Sensor(spread=1.1)).frame(-1.0)
-    assert 0.95 < found_view(at, blurred).blur < 1.25
+    conforms.closed_form(found_view(at, blurred).blur, above=0.95, below=1.25)
 
 
 # Corners as the manifest gives them, and reduced widths.
@@ -442,7 +444,7 @@ def video(tmp_path_factory):
     return path, at, times
 
 
-def test_given_corners_are_those_in_the_picture(video):
+def test_given_corners_are_those_in_the_picture(conforms, video):
     path, at, times = video
     length, width = BEAM.extent
     world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
@@ -450,7 +452,9 @@ def test_given_corners_are_those_in_the_picture(video):
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
     given, *_ = following.follow(path, at, markers, [1920], [tuple(p) for p in px.T])
-    assert off(given[0].swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max() < 0.1
+    conforms.closed_form(
+        off(given[0].swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max(), below=0.1
+    )
 
 
 def test_a_video_is_followed_at_several_widths_at_once(video):
@@ -495,7 +499,7 @@ def test_reduced_frames_are_no_larger(rest):
 
 
 @pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (45.0, 0.1)])
-def test_matches_are_the_centres_to_whole_pixels_of_the_plane(azimuth, k1):
+def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms, azimuth, k1):
     at, times = camera(azimuth, k1=k1), np.arange(3, 9) / 60
     view = found_view(at, *filmed(at, [-1.0]))
     tracker, away = Tracker(view), []
@@ -505,7 +509,7 @@ def test_matches_are_the_centres_to_whole_pixels_of_the_plane(azimuth, k1):
         assert tracker.matched.shape == centres.shape
         away.append(tracker.scale * (view.to_plane(tracker.matched) - view.to_plane(centres)))
     away = np.hypot(*np.moveaxis(away, 1, 0))  # pixels of the plane
-    assert np.nanmax(away) < 0.75 * np.sqrt(2)
+    conforms.closed_form(np.nanmax(away), below=0.75 * np.sqrt(2))
     assert np.nanmedian(away) > 0.15
     tracker.centres(np.full((1080, 1920), 60, np.uint8))
     assert np.isnan(tracker.matched).all()
