@@ -23,6 +23,7 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 
@@ -121,7 +122,7 @@ class Conforms:
         if not record["passed"]:
             told = {k: v for k, v in record.items() if k not in ("passed", "share", "line", "code")}
             words = ", ".join(f"{name} {said}" for name, said in told.items())
-            pytest.fail(f"{record['code']}: {words}")
+            raise AssertionError(f"{record['code']}: {words}")
 
     closed_form = partialmethod(_check, "closed form")
     order = partialmethod(_check, "order")
@@ -164,7 +165,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "slow: takes long or needs a browser; --quick leaves it out")
-    if config.getoption("--conformance") and not hasattr(config, "workerinput"):
+    if not config.getoption("--conformance"):
+        return
+    # The same examples each time; and a busy machine is no failure of what is checked.
+    hypothesis.settings.register_profile("conformance", derandomize=True, deadline=None)
+    hypothesis.settings.load_profile("conformance")
+    if not hasattr(config, "workerinput"):
         config.pluginmanager.register(_Report(config.getoption("--conformance"), config.rootpath))
 
 
@@ -245,4 +251,5 @@ def _reason(report: pytest.TestReport | pytest.CollectReport) -> str:
     """Why a test failed, in one line."""
     crash = getattr(report.longrepr, "reprcrash", None)
     text = crash.message if crash else str(report.longrepr)
-    return " ".join(textwrap.shorten(text, 300).split())
+    told = [line.removeprefix("E ") for line in text.splitlines() if line.startswith("E ")]
+    return textwrap.shorten(" ".join(told) or text, 300)

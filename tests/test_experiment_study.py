@@ -207,6 +207,7 @@ def again():
 
 
 @pytest.mark.parametrize("case", ["literal", "aligned", "harmonic"])
+@pytest.mark.slow
 def test_filming_again_scatters_as_is_predicted(conforms, again, case):
     part = of(again, case)
     measured = part["measured_deflection"].values.reshape(60, 25).astype(float)

@@ -220,6 +220,7 @@ def test_lost_markers_are_said_and_not_hidden(flat):
 
 
 @pytest.mark.parametrize("name", ["lab-elevation", "lab-layout"])
+@pytest.mark.slow
 def test_renders_with_other_noise_scatter_as_the_trials_do(conforms, name):
     own = (
         {"cases": ["middle-row"], "elevations_deg": [35.0], "azimuth_deg": 10}

@@ -480,6 +480,7 @@ def filmed():
     return study, lab_modes_study.run(study, lab_films.run(study.recordings))
 
 
+@pytest.mark.slow
 def test_too_few_rendered_frames_are_as_good_as_enough(conforms, filmed):
     _, cube = filmed
     slow, fast = (of(cube, "known").isel(setting=s, mode=0, trial=0) for s in (0, 1))
@@ -498,6 +499,7 @@ def test_too_few_rendered_frames_are_as_good_as_enough(conforms, filmed):
     assert float(cube["missing"].max()) == 0
 
 
+@pytest.mark.slow
 def test_rendered_cameras_agree_at_the_true_frequency(conforms, filmed):
     _, cube = filmed
     conforms.closed_form(cube["found_frequency"], cube["frequency"].values[0], rtol=2e-3)
@@ -507,6 +509,7 @@ def test_rendered_cameras_agree_at_the_true_frequency(conforms, filmed):
     assert order[1] > 5 * order[0]
 
 
+@pytest.mark.slow
 def test_the_prediction_is_the_scatter_of_renders_with_other_noise(conforms):
     study = modes_study(**{**QUICK, "frames": 8, "cases": ["known"]}, frame_rates_hz=[60.0])
     rig = lab_films.beam_rigs(study, 0)[0]
@@ -523,6 +526,7 @@ def test_the_prediction_is_the_scatter_of_renders_with_other_noise(conforms):
     )
 
 
+@pytest.mark.slow
 def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms):
     study = plate_study(cases=["cameras"], camera_counts=[2], modes=[3], trials=0, shot_noise=0,
                         read_noise=0, frames=8)  # fmt: skip

@@ -348,12 +348,12 @@ VELOCITIES = hnp.arrays(
 
 @settings(deadline=None)
 @given(VELOCITIES, st.floats(1e-3, 5.9))
-def test_power_is_never_negative(conforms, v, ka):
+def test_power_is_never_negative(v, ka):
     parts = panel(6, 4)
     omega = ka * C / A
     matrix = rad.radiation_matrix(parts, omega)
     rounding = 1e-14 * np.trace(matrix) * np.sum(np.abs(v) ** 2)
-    conforms.invariance(rad.sound_power(parts, v, omega), above=-rounding)
+    assert rad.sound_power(parts, v, omega) >= -rounding
 
 
 @pytest.mark.parametrize("ka", [0.1, 1.0, 12.0])

@@ -209,7 +209,7 @@ def test_a_marker_in_the_clamp_does_not_move(conforms):
 
 
 @pytest.mark.parametrize("name", ["beam-arrays", "plate-arrays"])
-def test_azimuths_from_x_are_layouts_with_90_degrees_less_them(conforms, name):
+def test_azimuths_from_x_are_layouts_with_90_degrees_less_them(name):
     cases = ["4a", "4b", "4d"]
     turned = cube_of(name, cases=cases, azimuth_zero="X")
     plain = validate(name, {"cases": cases}).settings()
@@ -220,7 +220,7 @@ def test_azimuths_from_x_are_layouts_with_90_degrees_less_them(conforms, name):
     by_hand = cube_of(name, cases=[], layouts=layouts)
     for variable in ("measured_deflection", "mean_error", "max_point_error", "predicted_error",
                      "camera_azimuth", "in_view"):  # fmt: skip
-        conforms.invariance(turned[variable], by_hand[variable], atol=0)
+        np.testing.assert_array_equal(turned[variable], by_hand[variable])
 
 
 def test_azimuths_from_x_swap_the_arcs_along_and_across():

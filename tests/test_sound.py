@@ -376,7 +376,9 @@ def plane_factors(request):
     ]
 
 
-@pytest.mark.parametrize("study", [*STUDIES[:3], pytest.param("arrays", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "study", [pytest.param(s, marks=pytest.mark.slow if s[0] == "a" else ()) for s in STUDIES]
+)
 def test_predicted_errors_are_the_rms_over_trials(conforms, study):
     """Plate within 3 %, sound within 5 %, at every setting and mode, for both rests.
 
@@ -543,6 +545,7 @@ def checks_of(subject, index, quantities):
     ]
 
 
+@pytest.mark.slow
 def test_most_stated_mean_errors_of_chapter_4_are_met(conforms):
     checks = checks_of("plate", 0, {"mean_error"})
     assert len(checks) >= 66

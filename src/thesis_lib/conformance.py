@@ -78,7 +78,7 @@ def run(path: Path) -> None:
         whole_text(path, json.dumps({"checks": [], "failed": {}, "skipped": {}, "absent": absent}))
         return
     path.unlink(missing_ok=True)
-    words = ["-q", "-n", "2", "--conformance", str(path), "--quick", "--hypothesis-seed=0"]
+    words = ["-q", "-n", "2", "--dist", "loadfile", "--conformance", str(path), "--quick"]
     words += ["--continue-on-collection-errors", "-p", "no:cacheprovider", "tests"]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", *words],
