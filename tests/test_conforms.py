@@ -12,7 +12,7 @@ import pytest
 from conforms import RECORDER, compare, worse
 
 from conftest import PROJECT
-from thesis_lib import conformance
+from thesis_lib import conformance, publishing, runs
 from thesis_lib.runs import RunError
 
 TESTS = """
@@ -32,6 +32,7 @@ def test_examples_count(conforms, n):
 def test_without_the_fixture():
     raise RuntimeError("not to be run")
 """
+BAD = {"kind": "order", **compare(2, 1, atol=0.5)}
 DOCTOR = """
 from thesis_lib import structures
 
@@ -165,11 +166,40 @@ def test_a_doctored_law_fails_in_the_report_and_in_the_book(tmp_path):
     with pytest.raises(RunError, match=f"{test}.* failed: .*AssertionError"):
         conformance.verdict(tmp_path / "report.json")
     conformance.write(tmp_path / "report.json", tmp_path)
-    pieces = [(tmp_path / name).read_text(encoding="utf-8") for name in conformance.PIECES]
+    pieces = [path.read_text(encoding="utf-8") for path in conformance.pieces(tmp_path)]
     assert f"`{test}` FAILED" in pieces[0]
     assert "All hold" not in pieces[0]
     (line,) = [line for line in pieces[1].splitlines() if "those of the closed form" in line]
     assert line.endswith("<b>FAILED</b>")
+
+
+def test_book_with_a_failed_check_says_so_and_is_made_all_the_same(tmp_path, monkeypatch):
+    report = {
+        "checks": [{"test": "tests/test_plate.py::test_of_it", "line": 1, "code": "x", **BAD}],
+        "failed": {"tests/test_plate.py::test_of_it": "AssertionError: x: value 2"},
+        "skipped": {},
+        "seconds": 1.0,
+    }
+    ran = []
+
+    def run(path):
+        ran.append(path)
+        path.write_text(json.dumps(report), encoding="utf-8")
+
+    monkeypatch.setattr(conformance, "run", run)
+    (tmp_path / "build").mkdir()
+    plan = publishing._Plan(tmp_path, [], False)
+    for _ in range(2):  # what is unchanged is not measured again, and fails again
+        with pytest.raises(RunError, match=r"^conformance holds: .*test_of_it failed: .*value 2$"):
+            runs.run(publishing._conformance(plan), tmp_path / "build" / "state.sqlite")
+    assert len(ran) == 1
+    words = [path.read_text(encoding="utf-8") for path in conformance.pieces(plan.executed)]
+    assert "FAILED: 1 of them" in words[0]
+    assert "<b>FAILED</b>" in words[1]
+    report["failed"] = {}
+    monkeypatch.setattr(conformance, "test_files", lambda: [])
+    runs.run(publishing._conformance(plan), tmp_path / "build" / "state.sqlite")
+    assert len(ran) == 2
 
 
 def test_a_slow_test_is_left_out_and_named(tmp_path):

@@ -484,6 +484,7 @@ def test_closed_form_of_the_page_meets_a_study_of_chapter_three(conforms):
     conforms.sampled(rms[0] / rms[1], 1, atol=0.1)
 
 
+@pytest.mark.slow
 def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
     study = DesignLaw.model_validate({"trials": 12})
     made = design_dither.estimated(study) | design_dither.dithered(study)

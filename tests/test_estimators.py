@@ -84,6 +84,7 @@ def test_both_gains_predict_the_scatter_by_noise(conforms, distances):
         conforms.sampled(np.std(found, axis=1), expected, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_refinement_is_worth_the_more_the_more_distances_differ(conforms):
     ratios = []
     for spread in (1.0, 1.5, 2.0, 4.0, 8.0):

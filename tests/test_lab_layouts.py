@@ -164,6 +164,7 @@ def test_a_part_of_the_sensor_sees_the_same(conforms):
         assert part.camera.size[1] < station.camera.size[1] / 4
 
 
+@pytest.mark.slow
 def test_frames_are_the_same_whoever_asks_and_quiet_ones_are_without_noise(conforms):
     silent = {"shot_noise": 0.0, "read_noise": 0.0}
     study = elevation(elevations_deg=[40.0], cases=["middle-row"], width_px=800, **silent)

@@ -135,6 +135,7 @@ def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
 
 
 @pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.slow
 def test_nothing_better_is_found_by_another_global_search(conforms, objective):
     scene = scene_of(beam(), distances=(0.5, 1.5), tilt=np.radians(75), separation=0.1)
     found = optimum.layout_cost(scene, best(scene, 2, objective, 10.0), objective)

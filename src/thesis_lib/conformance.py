@@ -13,7 +13,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -44,8 +44,6 @@ KINDS = {
 NEEDED = ("pytest", "xdist", "hypothesis")
 REPORT = "conformance.json"
 FIGURE = "conformance.svg"
-PIECES = ("conformance-totals.md", "conformance-tables.md")
-COMMAND = "pytest -n 2 --conformance build/conformance.json"
 _HEADER = ("Check", "Kind", "Today", "Allowed", "Off by", "Used")
 
 
@@ -113,14 +111,19 @@ def verdict(path: Path) -> None:
         raise RunError(f"{first}{others} failed: {reason}")
 
 
+def pieces(folder: Path) -> list[Path]:
+    """The files of a folder that the page includes."""
+    return [*(folder / f"{name}.md" for name in PIECES), folder / FIGURE]
+
+
 def write(path: Path, folder: Path) -> None:
     """Put the pieces of the page made from a report into a folder."""
-    report = read(path)
-    for name, piece in zip(PIECES, (totals, tables), strict=True):
-        whole_text(folder / name, piece(report))
     from thesis_lib.conformance_figure import draw
     from thesis_lib.figures import svg
 
+    report = read(path)
+    for name, piece in PIECES.items():
+        whole_text(folder / f"{name}.md", piece(report))
     whole_text(folder / FIGURE, svg(draw(report)))
 
 
@@ -152,7 +155,7 @@ def totals(report: Record) -> str:
     counted = ", ".join(f"{kinds[kind]} {plural}" for kind, plural in KINDS.items())
     outcome = "**All hold.**"
     if failed:
-        outcome = f"**FAILED: {len(failed)} tests**, named below and marked in the tables."
+        outcome = f"**FAILED: {len(failed)} of them**, named below and marked in the tables."
     lines = [
         f"{len(checks)} checks in {len(tests)} tests compared {_thousands(values)} numbers in "
         f"{report['seconds']:.0f} s: {counted}. {outcome}\n"
@@ -285,3 +288,9 @@ def _number(text: str, digits: int = 6) -> str:
     elif digits < 6:
         text = f"{number.real:.{digits}g}"
     return re.sub(r"e\+?(-?)0*(\d)", r"e\1\2", text).replace("-", "\N{MINUS SIGN}")
+
+
+PIECES: dict[str, Callable[[Record], str]] = {
+    "conformance-totals": totals,
+    "conformance-tables": tables,
+}

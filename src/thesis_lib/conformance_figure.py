@@ -22,7 +22,7 @@ def draw(report: dict[str, Any]) -> Figure:
     x = np.array([max(check["share"] or 0, LEAST) for check in checks])
     y = np.array([list(KINDS).index(check["kind"]) for check in checks], float)
     y += np.random.default_rng(0).uniform(-0.36, 0.36, len(y))
-    areas = np.array([area(check["test"]) for check in checks])
+    areas = np.array([area(check["test"]) for check in checks], str)
     with plt.rc_context(STYLE):
         drawing, axes = plt.subplots(figsize=(8, 3.6), layout="constrained")
         for name, colour in _COLORS.items():

@@ -147,7 +147,7 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
     told = [executed / f"{name}.md" for name in reference.PIECES]
     own_words = [executed / f"{n}.md" for n in (*thesis_index.PIECES, *assumptions.PIECES)]
     own_words += [executed / f"{name}.html" for name in PAGES]
-    checked = [executed / name for name in (*conformance.PIECES, conformance.FIGURE)]
+    checked = conformance.pieces(executed)
     published = sorted((root / "data" / "published").glob("*.csv"))
     costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
     costs += [path for path in [benchmark_tables.published_path()] if path.is_file()]
@@ -207,14 +207,13 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
 def _conformance(plan: _Plan) -> list[dict[str, Any]]:
     """What the tests measure, and whether all of it holds: the page stands when it does not."""
     report = plan.root / "build" / conformance.REPORT
-    pieces = [plan.executed / name for name in (*conformance.PIECES, conformance.FIGURE)]
 
     def measure() -> None:
         conformance.run(report)
         conformance.write(report, plan.executed)
 
     needs = [*files.library_files(), *conformance.test_files()]
-    steps = [runs.task("conformance", measure, needs, [report, *pieces])]
+    steps = [runs.task("conformance", measure, needs, [report, *conformance.pieces(plan.executed)])]
     if "conformance" not in plan.failed:
         holds = partial(conformance.verdict, report)
         steps.append(runs.task("conformance holds", holds, [report], []))
