@@ -206,7 +206,8 @@ def tables(report: Record) -> str:
         parts.append("## Not measured here\n")
         reasons: dict[str, list[str]] = {}
         for test, reason in report["skipped"].items():
-            reasons.setdefault(reason.removeprefix("Skipped: "), []).append(test)
+            part = " (in part)" if any(c["test"] == test for c in report["checks"]) else ""
+            reasons.setdefault(reason.removeprefix("Skipped: "), []).append(test + part)
         for reason, names in reasons.items():
             parts.append(f"{escape(reason)}:\n")
             parts += [f"* `{file}`: {', '.join(own)}" for file, own in _by_file(names).items()]

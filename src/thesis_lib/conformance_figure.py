@@ -16,10 +16,16 @@ LEAST = 1e-9  # what uses less is drawn here
 _COLORS = {**dict(zip(AREAS, (*COLORS, INK), strict=True)), "Other": INK}
 
 
+def _place(check: dict[str, Any]) -> float:
+    """Where on the axis a check stands; what fails is beyond the line, however far off it is."""
+    share = check["share"] or 0
+    return min(max(share, LEAST), 1.0) if check["passed"] else 2.0
+
+
 def draw(report: dict[str, Any]) -> Figure:
     """One dot for each check, one row for each kind, on a logarithmic axis."""
     checks = report["checks"]
-    x = np.array([max(check["share"] or 0, LEAST) for check in checks])
+    x = np.array([_place(check) for check in checks])
     y = np.array([list(KINDS).index(check["kind"]) for check in checks], float)
     y += np.random.default_rng(0).uniform(-0.36, 0.36, len(y))
     areas = np.array([area(check["test"]) for check in checks], str)
