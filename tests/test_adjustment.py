@@ -42,7 +42,7 @@ def without(uv, views):
     return uv
 
 
-def test_derivatives_agree_with_differences():
+def test_derivatives_agree_with_differences(conforms):
     R, t = default_poses()
     network = bundle.Network(tuple(rig()), R, t)
     for c in range(4):
@@ -58,10 +58,10 @@ def test_derivatives_agree_with_differences():
             sides = [bundle.stepped(network, s * step) for s in (1, -1)]
             plus, minus = (bundle.images(n, n.cameras[c], POINTS)[0] for n in sides)
             difference = (plus - minus) / (2 * h)
-            np.testing.assert_allclose(J[k], difference, rtol=0, atol=1e-6 * np.abs(J[k]).max())
+            conforms.independent(J[k], difference, atol=1e-6 * np.abs(J[k]).max())
 
 
-def test_gauge_directions_leave_all_images_alone():
+def test_gauge_directions_leave_all_images_alone(conforms):
     R, t = default_poses()
     network = bundle.Network(tuple(rig()), R, t)
     uv = observations()
@@ -69,50 +69,50 @@ def test_gauge_directions_leave_all_images_alone():
     scale = np.sqrt(np.diag(normal))
     G = bundle.gauge(network)
     relative = np.abs(normal @ G) / (scale[:, None] * np.linalg.norm(scale[:, None] * G, axis=0))
-    assert relative.max() < 1e-12
-    assert np.abs(residuals).max() < 1e-10
+    conforms.invariance(relative.max(), below=1e-12)
+    conforms.invariance(np.abs(residuals).max(), below=1e-10)
 
 
 @pytest.mark.parametrize("absent", [[], [(0, 0), (1, 0), (2, 5), (3, 7), (1, 7), (0, 11)]])
-def test_exact_images_give_back_the_rig(absent):
+def test_exact_images_give_back_the_rig(conforms, absent):
     result = adjust(without(observations(), absent), POINTS, rough())
     _, centres, rotations = align(result.cameras, rig())
-    assert np.abs(centres).max() < 1e-9
-    assert np.abs(rotations).max() < 1e-9
-    assert np.abs(lens_errors(result.cameras)).max() < 1e-6
-    assert result.rms < 1e-9
+    conforms.closed_form(np.abs(centres).max(), below=1e-9)
+    conforms.closed_form(np.abs(rotations).max(), below=1e-9)
+    conforms.closed_form(np.abs(lens_errors(result.cameras)).max(), below=1e-6)
+    conforms.closed_form(result.rms, below=1e-9)
     for camera, truth in zip(result.cameras, rig(), strict=True):
-        np.testing.assert_allclose(camera.distortion, truth.distortion, atol=1e-9)
+        conforms.closed_form(camera.distortion, truth.distortion, atol=1e-9)
 
 
-def test_the_world_is_the_first_shots_board():
+def test_the_world_is_the_first_shots_board(conforms):
     result = adjust(observations(SIGMA), POINTS, rig())
-    np.testing.assert_allclose(result.rotations[0], np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(result.translations[0], 0, atol=1e-12)
+    conforms.closed_form(result.rotations[0], np.eye(3), atol=1e-12)
+    conforms.closed_form(result.translations[0], 0, atol=1e-12)
     other = moved(result, *bundle.to_board(result, 3))
-    np.testing.assert_allclose(other.rotations[3], np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(other.translations[3], 0, atol=1e-12)
+    conforms.closed_form(other.rotations[3], np.eye(3), atol=1e-12)
+    conforms.closed_form(other.translations[3], 0, atol=1e-12)
     world = result.rotations[5] @ POINTS + result.translations[5][:, None]
     there = other.rotations[5] @ POINTS + other.translations[5][:, None]
     for a, b in zip(result.cameras, other.cameras, strict=True):
-        np.testing.assert_allclose(lens.project(a, world), lens.project(b, there), atol=1e-8)
+        conforms.invariance(lens.project(a, world), lens.project(b, there), atol=1e-8)
 
 
-def test_from_corners_as_found_to_a_rig_within_a_fifth_of_a_millimetre():
+def test_from_corners_as_found_to_a_rig_within_a_fifth_of_a_millimetre(conforms):
     shots = as_found(observations(SIGMA, 7), seed=7)
     single = [zhang(s, BOARD, SIZE, name=c.name) for c, s in zip(rig(), shots, strict=True)]
     unified = unify(single, shots, BOARD, two_sided=True)
     result = adjust(unified, POINTS, [s.camera() for s in single])
     _, centres, rotations = align(result.cameras, rig())
-    assert np.linalg.norm(centres, axis=1).max() < 0.2e-3
-    assert np.abs(rotations).max() < 1e-4
-    assert np.abs(lens_errors(result.cameras)[:, :2]).max() < 3e-4 * 1275
-    assert result.rms == pytest.approx(SIGMA, rel=0.1)
+    conforms.sampled(np.linalg.norm(centres, axis=1).max(), below=0.2e-3)
+    conforms.sampled(np.abs(rotations).max(), below=1e-4)
+    conforms.sampled(np.abs(lens_errors(result.cameras)[:, :2]).max(), below=3e-4 * 1275)
+    conforms.sampled(result.rms, SIGMA, rtol=0.1)
     assert [c.name for c in result.cameras] == ["A", "B", "C", "D"]
 
 
 @pytest.mark.parametrize("free", [(True, True), (True, False), (False, False)])
-def test_deviations_predict_the_scatter(free):
+def test_deviations_predict_the_scatter(conforms, free):
     absent = [(0, 2), (1, 2), (2, 8), (3, 9), (3, 10)]
     lenses, lens_sd, places, place_sd, turns, turn_sd, sigmas = [], [], [], [], [], [], []
     for seed in range(24):
@@ -130,14 +130,14 @@ def test_deviations_predict_the_scatter(free):
     for errors, deviations in ((lenses, lens_sd), (places, place_sd), (turns, turn_sd)):
         if np.any(deviations):
             ratios = np.array(errors) / np.array(deviations)
-            assert np.sqrt(np.mean(ratios**2)) == pytest.approx(1, abs=0.15)
+            conforms.sampled(np.sqrt(np.mean(ratios**2)), 1, atol=0.15)
             each = np.sqrt(np.mean(ratios**2, axis=0))  # of 24 draws
-            assert each.min() > 0.5
-            assert each.max() < 1.6
-    assert np.mean(sigmas) == pytest.approx(SIGMA, rel=0.01)
+            conforms.sampled(each.min(), above=0.5)
+            conforms.sampled(each.max(), below=1.6)
+    conforms.sampled(np.mean(sigmas), SIGMA, rtol=0.01)
 
 
-def test_deviations_with_respect_to_a_board_predict_the_scatter_in_its_frame():
+def test_deviations_with_respect_to_a_board_predict_the_scatter_in_its_frame(conforms):
     R, t = default_poses()
     truth = bundle.transformed(bundle.Network(tuple(rig()), R, t), R[0].T, -R[0].T @ t[0]).cameras
     ratios, sizes = [], []
@@ -147,29 +147,29 @@ def test_deviations_with_respect_to_a_board_predict_the_scatter_in_its_frame():
         errors = [p.centre - q.centre for p, q in zip(result.cameras, truth, strict=True)]
         ratios.append(np.array(errors) / deviations)
         sizes.append(np.mean(deviations) / np.mean(camera_deviations(result)[0]))
-    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1, abs=0.25)
+    conforms.sampled(np.sqrt(np.mean(np.square(ratios))), 1, atol=0.25)
     assert min(sizes) > 1  # a board is held worse than all cameras together
 
 
-def test_deviations_do_not_depend_on_the_frame():
+def test_deviations_do_not_depend_on_the_frame(conforms):
     result = adjust(observations(SIGMA), POINTS, rig())
     R, t = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(), np.array([2.0, -1.0, 0.5])
     before, after = (camera_deviations(r) for r in (result, moved(result, R, t)))
-    np.testing.assert_allclose(after[1], before[1], rtol=1e-5)
+    conforms.invariance(after[1], before[1], rtol=1e-5)
     totals = [np.linalg.norm(d[0], axis=1) for d in (before, after)]
-    np.testing.assert_allclose(totals[0], totals[1], rtol=1e-5)
+    conforms.invariance(totals[0], totals[1], rtol=1e-5)
 
 
-def test_the_order_of_cameras_and_shots_does_not_matter():
+def test_the_order_of_cameras_and_shots_does_not_matter(conforms):
     uv = without(observations(SIGMA, 4), [(0, 0), (2, 3), (3, 3)])
     straight = adjust(uv, POINTS, rig())
     by_camera, by_shot = [2, 0, 3, 1], np.random.default_rng(0).permutation(12)
     mixed = adjust(uv[by_camera][:, by_shot], POINTS, [rig()[i] for i in by_camera])
     back = [mixed.cameras[by_camera.index(i)] for i in range(4)]
     _, centres, rotations = align(back, straight.cameras)
-    assert np.abs(centres).max() < 1e-9
-    assert np.abs(rotations).max() < 1e-9
-    assert mixed.rms == pytest.approx(straight.rms, rel=1e-9)
+    conforms.invariance(np.abs(centres).max(), below=1e-9)
+    conforms.invariance(np.abs(rotations).max(), below=1e-9)
+    conforms.invariance(mixed.rms, straight.rms, rtol=1e-9)
 
 
 def test_what_is_fixed_stays():
@@ -183,15 +183,15 @@ def test_what_is_fixed_stays():
     assert (partly.deviations[:, :4] > 0).all()
 
 
-def test_residuals_are_absent_where_views_are():
+def test_residuals_are_absent_where_views_are(conforms):
     absent = [(1, 2), (3, 3)]
     result = adjust(without(observations(SIGMA), absent), POINTS, rig())
     gone = np.isnan(result.residuals).all(axis=(2, 3))
     assert sorted(map(tuple, np.argwhere(gone).tolist())) == absent
-    assert np.sqrt(np.nanmean(result.residuals**2)) == pytest.approx(result.rms)
+    conforms.closed_form(np.sqrt(np.nanmean(result.residuals**2)), result.rms, rtol=1e-6)
 
 
-def test_opencvs_adjustment_of_several_cameras_agrees():
+def test_opencvs_adjustment_of_several_cameras_agrees(conforms):
     uv = observations(SIGMA, 2)
     ours = adjust(uv, POINTS, rig())
     objects = [POINTS.T.astype(np.float32)] * 12
@@ -200,7 +200,7 @@ def test_opencvs_adjustment_of_several_cameras_agrees():
         objects, images, [SIZE] * 4, np.ones((4, 12), np.uint8), np.zeros(4, np.uint8),
         None, None, None, None, np.full(4, cv2.CALIB_FIX_K3, np.int32),
     )  # fmt: skip
-    assert rms / np.sqrt(2) == pytest.approx(ours.rms, rel=0.02)
+    conforms.independent(rms / np.sqrt(2), ours.rms, rtol=0.02)
     deviations, _ = camera_deviations(ours)
     turns = [cv2.Rodrigues(np.asarray(R))[0] for R in Rs]
     theirs = np.array([-R.T @ np.ravel(t) for R, t in zip(turns, ts, strict=True)])
@@ -208,10 +208,10 @@ def test_opencvs_adjustment_of_several_cameras_agrees():
     for i in range(4):
         for j in range(i):
             lengths = [np.linalg.norm(c[i] - c[j]) for c in (theirs, centres)]
-            assert lengths[0] == pytest.approx(lengths[1], abs=4 * deviations.max())
+            conforms.independent(lengths[0], lengths[1], atol=4 * deviations.max())
         focal = np.array([Ks[i][0, 0], Ks[i][1, 1]])
         found = ours.cameras[i].K[[0, 1], [0, 1]]
-        assert (np.abs(focal - found) < 4 * ours.deviations[i, :2]).all()
+        conforms.independent(np.abs(focal - found), below=4 * ours.deviations[i, :2])
 
 
 def test_four_cameras_and_twelve_boards_take_a_fifth_of_a_second():
@@ -261,12 +261,12 @@ def facing(camera):
     return rotation[None], (camera.centre + 0.65 * camera.R_camera_world[2])[None]
 
 
-def test_alignment_undoes_any_rigid_motion():
+def test_alignment_undoes_any_rigid_motion(conforms):
     R, t = Rotation.from_rotvec([0.2, 2.0, -0.7]).as_matrix(), np.array([1.0, -3.0, 0.2])
     away = bundle.transformed(bundle.Network(tuple(rig()), *default_poses()), R, t).cameras
     for count in (1, 2, 4):  # the axes alone fix what few centres leave open
         cameras, centres, rotations = align(away[:count], rig()[:count])
-        assert np.abs(centres).max() < 1e-12
-        assert np.abs(rotations).max() < 1e-12
+        conforms.invariance(np.abs(centres).max(), below=1e-12)
+        conforms.invariance(np.abs(rotations).max(), below=1e-12)
         for a, b in zip(cameras, rig(), strict=False):
-            np.testing.assert_allclose(a.P, b.P, atol=1e-9)
+            conforms.invariance(a.P, b.P, atol=1e-9)

@@ -41,11 +41,11 @@ def power_law(name, knob, power, factor=3.0):
         ("finer", "beam-resolution", -1.0, 320 / 1920),
     ],
 )
-def test_exponents_and_factors_of_a_power_law(knob, name, power, ratio):
+def test_exponents_and_factors_of_a_power_law(conforms, knob, name, power, ratio):
     (one,) = conclusions.strengths({name: power_law(name, knob, power)}, KNOBS[knob])
-    np.testing.assert_allclose(one.exponents, power)
-    np.testing.assert_allclose(one.predicted, power)
-    np.testing.assert_allclose(one.factors, ratio)
+    conforms.closed_form(one.exponents, power, rtol=1e-7)
+    conforms.closed_form(one.predicted, power, rtol=1e-7)
+    conforms.closed_form(one.factors, ratio, rtol=1e-7)
     assert (one.confident, one.opposite, one.single) == (2, 0, 1)
 
 
@@ -62,7 +62,7 @@ def plain(text):
     return text.replace("\N{NO-BREAK SPACE}", " ").replace("\N{WORD JOINER}", "")
 
 
-def test_the_elevation_is_that_of_the_cameras_and_its_law_a_power_of_the_cosine():
+def test_the_elevation_is_that_of_the_cameras_and_its_law_a_power_of_the_cosine(conforms):
     cube = power_law("beam-aperture", "lower", 1.0)
     elevation = np.radians(cube["camera_elevation"].isel(camera=0).values.astype(float))
     cosine = xr.DataArray(1 / np.cos(elevation), dims="setting")
@@ -71,10 +71,8 @@ def test_the_elevation_is_that_of_the_cameras_and_its_law_a_power_of_the_cosine(
     (lower,) = conclusions.strengths({"beam-aperture": cube}, KNOBS["lower"])
     assert lower.ends == (60, 5)
     assert len(lower.factors) == 4  # cases 2b and 2d, two modes
-    np.testing.assert_allclose(lower.exponents, -1, rtol=1e-6)
-    np.testing.assert_allclose(
-        lower.factors, np.cos(np.radians(60)) / np.cos(np.radians(5)), rtol=1e-6
-    )
+    conforms.closed_form(lower.exponents, -1, rtol=1e-6)
+    conforms.closed_form(lower.factors, np.cos(np.radians(60)) / np.cos(np.radians(5)), rtol=1e-6)
 
 
 def test_stated_factors_are_those_of_the_stated_figures():
@@ -90,7 +88,7 @@ def test_stated_factors_are_those_of_the_stated_figures():
 
 @pytest.mark.parametrize("half_aperture", [8.0, 30.0, 80.0])
 @pytest.mark.parametrize("elevation", [5.0, 25.0, 60.0])
-def test_a_pairs_error_is_that_of_triangulation(half_aperture, elevation):
+def test_a_pairs_error_is_that_of_triangulation(conforms, half_aperture, elevation):
     def deviation(a, phi):
         azimuth = np.radians([a, -a])
         rig = cameras.hemisphere_cameras(
@@ -100,7 +98,7 @@ def test_a_pairs_error_is_that_of_triangulation(half_aperture, elevation):
 
     formula = conclusions.pair_error(np.array([half_aperture]), elevation)[0]
     unit = deviation(90.0, 1e-6)  # where the formula is 1
-    assert formula == pytest.approx(deviation(half_aperture, elevation) / unit, rel=1e-9)
+    conforms.independent(formula, deviation(half_aperture, elevation) / unit, rtol=1e-9)
 
 
 def test_settings_without_a_result_are_left_out_and_counted():

@@ -42,16 +42,16 @@ def rms(values):
     return np.sqrt(np.mean(np.square(values)))
 
 
-def test_corners_are_unbiased_without_noise(scenes):
+def test_corners_are_unbiased_without_noise(conforms, scenes):
     found = errors(scenes, noisy=False)
-    assert rms(found) < 0.005
-    assert np.abs(found.mean(axis=2)).max() < 0.002
+    conforms.closed_form(rms(found), below=0.005)
+    conforms.closed_form(np.abs(found.mean(axis=2)).max(), below=0.002)
 
 
-def test_corners_are_exact_to_nine_thousandths_of_a_pixel_with_noise(scenes):
+def test_corners_are_exact_to_nine_thousandths_of_a_pixel_with_noise(conforms, scenes):
     found = errors(scenes, noisy=True)
-    assert rms(found) < 0.009
-    assert np.abs(found).max() < 0.05
+    conforms.sampled(rms(found), below=0.009)
+    conforms.sampled(np.abs(found).max(), below=0.05)
 
 
 def test_corners_are_ordered_as_seen_from_the_printed_side(scenes):
@@ -62,19 +62,19 @@ def test_corners_are_ordered_as_seen_from_the_printed_side(scenes):
         assert along_x[0] * along_y[1] - along_x[1] * along_y[0] < 0
 
 
-def test_darker_and_softer_pictures_give_the_same_corners(scenes):
+def test_darker_and_softer_pictures_give_the_same_corners(conforms, scenes):
     clean, exact = scenes[0]
     found = find_corners(photograph(0.3 * clean + 20), BOARD)
-    assert rms(nearest_order(found, exact)) < 0.01
+    conforms.invariance(rms(nearest_order(found, exact)), below=0.01)
 
 
-def test_oblong_boards_are_found():
+def test_oblong_boards_are_found(conforms):
     board = Board(columns=6, rows=5)
     camera, (R, t) = resized(rig()[0], HALF_SIZE), default_poses()
     found = find_corners(photograph(picture(camera, R[1], t[1], board), 0), board)
     exact = exact_images([camera], R[1:2], t[1:2], board.corners)[0, 0]
     turned = exact.reshape(2, 4, 5)[:, ::-1, ::-1].reshape(2, -1)
-    assert min(rms(found - exact), rms(found - turned)) < 0.01
+    conforms.closed_form(min(rms(found - exact), rms(found - turned)), below=0.01)
 
 
 @pytest.mark.parametrize("grey", [0, 128, 255])
@@ -83,7 +83,7 @@ def test_a_picture_without_a_board_is_refused(grey):
         find_corners(np.full((200, 300), grey, np.uint8), BOARD)
 
 
-def test_a_board_partly_outside_is_refused_or_right():
+def test_a_board_partly_outside_is_refused_or_right(conforms):
     camera, (R, _) = resized(rig()[0], HALF_SIZE), default_poses()
     refused = 0
     for x in (0.16, 0.2, 0.24, 0.28, 0.32):
@@ -94,7 +94,7 @@ def test_a_board_partly_outside_is_refused_or_right():
         except BoardNotFound:
             refused += 1
         else:
-            assert np.abs(nearest_order(found, exact)).max() < 0.2
+            conforms.closed_form(np.abs(nearest_order(found, exact)).max(), below=0.2)
     assert refused >= 2
 
 

@@ -238,7 +238,8 @@ def in_library(one: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def test_the_model_is_the_librarys(chromium: Browser, path: Path) -> None:
+@pytest.mark.slow
+def test_the_model_is_the_librarys(conforms, chromium: Browser, path: Path) -> None:
     setups = random_setups(100)
     with open_offline(chromium, path) as opened:
         pages = opened.page.evaluate(IN_PAGE, setups)
@@ -251,9 +252,9 @@ def test_the_model_is_the_librarys(chromium: Browser, path: Path) -> None:
             found: NDArray[np.float64] = np.asarray(there[name], float)
             return float(np.max(np.abs(found - here[name].reshape(found.shape))))
 
-        assert apart("markers") < 1e-15
-        assert apart("reference") < 1e-14 * one["peak"]
-        assert apart("P") < 1e-9 * np.max(np.abs(here["P"]))
+        conforms.independent(apart("markers"), below=1e-15)
+        conforms.independent(apart("reference"), below=1e-14 * one["peak"])
+        conforms.independent(apart("P"), below=1e-9 * np.max(np.abs(here["P"])))
         assert apart("pixels") == 0  # to the pixel, ties by the same rule
         assert there["inView"] == here["inView"]
         worst["image"] = max(worst["image"], apart("images"))
@@ -266,10 +267,10 @@ def test_the_model_is_the_librarys(chromium: Browser, path: Path) -> None:
         predicted = [scale * math.sqrt(np.mean(v)) for v in (there["variance"], here["variance"])]
         worst["predicted"] = max(worst["predicted"], abs(predicted[0] - predicted[1]))
     print(worst)
-    assert worst["image"] < 1e-10
-    assert worst["deflection"] < 1e-9
-    assert worst["predicted"] < 1e-9
-    assert worst["error"] < 1e-7  # in %: 1e-9 of the reference
+    conforms.independent(worst["image"], below=1e-10)
+    conforms.independent(worst["deflection"], below=1e-9)
+    conforms.independent(worst["predicted"], below=1e-9)
+    conforms.independent(worst["error"], below=1e-7)  # in %: 1e-9 of the reference
 
 
 def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> None:
@@ -284,8 +285,9 @@ def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> No
     np.testing.assert_array_equal(np.asarray(found) + 0.0, pixelate(values) + 0.0)
 
 
+@pytest.mark.slow
 def test_every_setup_of_the_thesis_gives_the_published_literal_run(
-    chromium: Browser, path: Path
+    conforms, chromium: Browser, path: Path
 ) -> None:
     """All cases, modes and both structures, symmetric as they are, with their ties."""
     script = """() => { const { explorer } = document.querySelector('.tl-explorer'), found = [];
@@ -301,10 +303,11 @@ def test_every_setup_of_the_thesis_gives_the_published_literal_run(
         found = np.array(opened.page.evaluate(script))
         assert opened.trouble == []
     assert found.shape == (2 * 56 * 3 * 2, 2)
-    np.testing.assert_allclose(found[:, 0], found[:, 1], rtol=6e-6)
+    conforms.independent(found[:, 0], found[:, 1], rtol=6e-6)
 
 
-def test_the_band_is_that_of_the_library(chromium: Browser, path: Path) -> None:
+@pytest.mark.slow
+def test_the_band_is_that_of_the_library(conforms, chromium: Browser, path: Path) -> None:
     """Other draws, but the same distribution; and the numbers shown are those computed."""
     with open_offline(chromium, path, query="s=beam&m=1&t=4a-12") as opened:
         state(opened)
@@ -313,10 +316,10 @@ def test_the_band_is_that_of_the_library(chromium: Browser, path: Path) -> None:
         )
         row = DATA["structures"]["beam"]["setups"]
         published = next(one for one in row if one["id"] == "4a-12")["errors"]["mean_error"][0]
-        assert np.median(means) == pytest.approx(published[1], rel=0.1)
+        conforms.sampled(np.median(means), published[1], rtol=0.1)
         low, high = np.quantile(means, [0.05, 0.95])
-        assert low == pytest.approx(published[2], rel=0.15)
-        assert high == pytest.approx(published[3], rel=0.15)
+        conforms.sampled(low, published[2], rtol=0.15)
+        conforms.sampled(high, published[3], rtol=0.15)
         cell = opened.page.locator(".tl-ex-band").filter(has_text="%").first.inner_text()
         assert cell.replace("\u00a0", " ") == f"{np.median(means):.1f} ({low:.1f}–{high:.1f}) %"
         assert f"({low:.1f}–{high:.1f} % over random pixel grids)" in status(opened)

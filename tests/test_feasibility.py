@@ -88,20 +88,20 @@ def points_of(values):
 # Numbers.
 
 
-def test_a_pixel_spans_distance_over_focal_length():
+def test_a_pixel_spans_distance_over_focal_length(conforms):
     row = assessed(rig()).table[0]
-    assert row.ground_sample_mm == pytest.approx(1000 * ground_sample_distance(matrices()))
-    assert row.along_px == pytest.approx(5 / (570 / 1280))
-    assert row.across_px == pytest.approx(row.along_px * np.sin(np.radians(22)))
+    conforms.closed_form(row.ground_sample_mm, 1000 * ground_sample_distance(matrices()), rtol=1e-6)
+    conforms.closed_form(row.along_px, 5 / (570 / 1280), rtol=1e-6)
+    conforms.closed_form(row.across_px, row.along_px * np.sin(np.radians(22)), rtol=1e-6)
 
 
-def test_depth_of_field_is_where_the_circle_of_confusion_is_reached():
+def test_depth_of_field_is_where_the_circle_of_confusion_is_reached(conforms):
     f, N, d, c = 24.0, 8.0, 570.0, 36 / 1920
     near, far = depth_of_field(f, N, d, c)
     sensor = f * d / (d - f)  # thin lens: 1/f = 1/object + 1/image
     for z in (near, far):
         image = f * z / (z - f)
-        assert f / N * abs(sensor - image) / image == pytest.approx(c)
+        conforms.closed_form(f / N * abs(sensor - image) / image, c, rtol=1e-6)
     hyperfocal = f**2 / (N * c) + f
     assert depth_of_field(f, N, hyperfocal, c) == pytest.approx((hyperfocal / 2, np.inf))
     assert depth_of_field(f, N, 10 * hyperfocal, c)[1] == np.inf
@@ -111,36 +111,36 @@ def test_depth_of_field_is_where_the_circle_of_confusion_is_reached():
     assert (row.near_mm, row.far_mm) == pytest.approx((near, far))
     ends = np.array([row.nearest_mm, row.farthest_mm])
     image = f * ends / (ends - f)
-    assert row.defocus_px == pytest.approx(max(f / N * np.abs(sensor - image) / image) / c)
+    conforms.closed_form(row.defocus_px, max(f / N * np.abs(sensor - image) / image) / c, rtol=1e-6)
 
 
-def test_depths_are_those_of_the_swinging_markers():
+def test_depths_are_those_of_the_swinging_markers(conforms):
     values, cameras = rig(), matrices()
     X = points_of(values)
     depths = [(cameras.R_camera_world[0] @ (X + [[0], [0], [dz]] - cameras.centres[0][:, None]))[2]
               for dz in (-0.0025, 0.0025)]  # fmt: skip
     row = assessed(values).table[0]
-    assert row.nearest_mm == pytest.approx(1000 * np.min(depths))
-    assert row.farthest_mm == pytest.approx(1000 * np.max(depths))
+    conforms.independent(row.nearest_mm, 1000 * np.min(depths), rtol=1e-6)
+    conforms.independent(row.farthest_mm, 1000 * np.max(depths), rtol=1e-6)
 
 
-def test_blur_is_velocity_times_exposure_and_the_loss_that_of_a_mean():
+def test_blur_is_velocity_times_exposure_and_the_loss_that_of_a_mean(conforms):
     values, T, f, A = rig(), 0.004, 4.25, 0.0025
     X, P = points_of(values), matrices().P
     moved = A * np.sin(2 * np.pi * f * np.array([-T / 2, T / 2]))
     ends = [project(P, X + [[0], [0], [dz]]) for dz in moved]
     row = assessed(values).table[0]
-    assert row.blur_px == pytest.approx(np.hypot(*(ends[1] - ends[0])[0]).max(), rel=1e-3)
+    conforms.independent(row.blur_px, np.hypot(*(ends[1] - ends[0])[0]).max(), rtol=1e-3)
     within = (np.arange(1000) + 0.5) / 1000 - 0.5
-    assert row.lost == pytest.approx(1 - np.mean(np.cos(2 * np.pi * f * T * within)), rel=1e-5)
+    conforms.independent(row.lost, 1 - np.mean(np.cos(2 * np.pi * f * T * within)), rtol=1e-5)
     still = change(values, excitation__frequency_hz=25.0, cameras__0__exposure_s=1 / 60)
     row = assessed(still).table[0]
-    assert row.lost == pytest.approx(1 - np.sinc(25 / 60))
+    conforms.closed_form(row.lost, 1 - np.sinc(25 / 60), rtol=1e-6)
     whole = np.hypot(*(project(P, X + [[0], [0], [A]]) - project(P, X - [[0], [0], [A]]))[0]).max()
-    assert row.blur_px == pytest.approx(whole, rel=2e-3)  # at most the whole swing
+    conforms.independent(row.blur_px, whole, rtol=2e-3)  # at most the whole swing
 
 
-def test_movement_from_frame_to_frame_is_that_of_the_images_and_of_their_plane():
+def test_movement_from_frame_to_frame_is_that_of_the_images_and_of_their_plane(conforms):
     values, f, rate, A = rig(), 4.25, 60.0, 0.0025
     X, cameras = points_of(values), matrices()
     t = (np.arange(400) / 400)[:, None] / f
@@ -148,14 +148,14 @@ def test_movement_from_frame_to_frame_is_that_of_the_images_and_of_their_plane()
     worst = z[np.argmax(np.abs(np.diff(z, axis=1)))]
     uv = [project(cameras.P, X + [[0], [0], [dz]])[0] for dz in worst]
     row = assessed(values).table[0]
-    assert row.move_px == pytest.approx(np.hypot(*(uv[1] - uv[0])).max(), rel=1e-3)
+    conforms.independent(row.move_px, np.hypot(*(uv[1] - uv[0])).max(), rtol=1e-3)
     C = cameras.centres[0][:, None]
     plane = [(C + (X + [[0], [0], [dz]] - C) * C[2] / (C[2] - dz))[:2] for dz in worst]
     seen = np.hypot(*(plane[1] - plane[0])).max() / 0.010  # rows are 10 mm apart
-    assert row.move_spacings == pytest.approx(seen, rel=1e-3)
+    conforms.independent(row.move_spacings, seen, rtol=1e-3)
 
 
-def test_gap_is_the_free_way_between_the_edges_of_images():
+def test_gap_is_the_free_way_between_the_edges_of_images(conforms):
     values = rig()
     X, P = points_of(values), matrices().P
     around = 0.0025 * np.exp(2j * np.pi * np.arange(180) / 180)
@@ -163,10 +163,10 @@ def test_gap_is_the_free_way_between_the_edges_of_images():
     uv = project(P[:1], rims)[0].reshape(2, 75, 180)
     rows = [(i, i + 25) for i in range(50)] + [(i, i + 26) for i in range(49)] + [(0, 1)]
     least = min(np.hypot(*(uv[:, i, :, None] - uv[:, j, None])).min() for i, j in rows)
-    assert assessed(values).table[0].gap_px == pytest.approx(least, rel=0.02)
+    conforms.independent(assessed(values).table[0].gap_px, least, rtol=0.02)
 
 
-def test_markers_in_view_are_counted_as_they_swing():
+def test_markers_in_view_are_counted_as_they_swing(conforms):
     def share(amplitude):
         # The camera above sees ±187.5 mm of x and more than the width.
         values = rig([(0, 90), (0, 22)], excitation={"amplitude_mm": amplitude})
@@ -177,28 +177,28 @@ def test_markers_in_view_are_counted_as_they_swing():
     x = points_of(rig())[0]
     for amplitude in (0.001, 60.0):
         inside = np.abs(x) < half * (0.4 - amplitude / 1000)
-        assert share(amplitude) == pytest.approx(np.mean(inside))
+        conforms.independent(share(amplitude), np.mean(inside), rtol=1e-6)
     assert share(0.001) > share(60.0) > 0
 
 
-def test_errors_are_those_of_noisy_images():
+def test_errors_are_those_of_noisy_images(conforms):
     X, P = points_of(rig())[:, ::8], matrices().P
     rng = np.random.default_rng(1)
     sigma = np.array([0.03, 0.06, 0.03, 0.02])
     noise = sigma[:, None, None, None] * rng.standard_normal((4, 2, 2000, X.shape[1]))
     Z = triangulate(P, project(P, X)[:, :, None] + noise)[2]
     predicted = noise_errors(P, X, sigma)
-    assert np.sqrt(np.mean(Z**2)) == pytest.approx(np.sqrt(np.mean(predicted**2)), rel=0.05)
-    np.testing.assert_allclose(Z.std(axis=0) / predicted, 1, atol=0.05)
+    conforms.sampled(np.sqrt(np.mean(Z**2)), np.sqrt(np.mean(predicted**2)), rtol=0.05)
+    conforms.sampled(Z.std(axis=0) / predicted, 1, atol=0.05)
     seen = np.ones((4, X.shape[1]), bool)
     seen[2:, 0], seen[1:, 1] = False, False
     partly = noise_errors(P, X, sigma, seen)
-    assert partly[0] == pytest.approx(noise_errors(P[:2], X[:, :1], sigma[:2])[0])
+    conforms.invariance(partly[0], noise_errors(P[:2], X[:, :1], sigma[:2])[0], rtol=1e-6)
     assert np.isnan(partly[1])
-    np.testing.assert_allclose(partly[2:], predicted[2:])
+    conforms.invariance(partly[2:], predicted[2:], rtol=1e-7)
 
 
-def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings():
+def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
     values = rig(excitation={"amplitude_mm": 2.0, "steady_s": [1.0, 3.0]})
     for camera, rate in zip(values["cameras"], (60, 120, 60, 240), strict=True):
         camera["frame_rate_hz"] = rate
@@ -216,27 +216,27 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings():
         cosine = np.linalg.lstsq(basis, noise, rcond=None)[0][1] / np.sinc(20.0 * 0.004)
         found[i] = cosine.reshape(2, trials, -1) + uv[i, :, None]
     fit = np.sqrt(np.mean(triangulate(P, found)[2] ** 2))
-    assert 1000 * fit == pytest.approx(outlook.fit[0], rel=0.05)
-    assert outlook.smallest_mm == pytest.approx(3 * outlook.fit[1])
+    conforms.sampled(1000 * fit, outlook.fit[0], rtol=0.05)
+    conforms.closed_form(outlook.smallest_mm, 3 * outlook.fit[1], rtol=1e-6)
     single = noise_errors(P, X, np.full(4, CENTRE_NOISE_PX))
-    assert outlook.one_frame == pytest.approx(
-        (1000 * np.sqrt(np.mean(single**2)), 1000 * single.max())
+    conforms.independent(
+        outlook.one_frame, (1000 * np.sqrt(np.mean(single**2)), 1000 * single.max()), rtol=1e-6
     )
 
 
 @pytest.mark.parametrize(("frames", "seconds"), [(120, 2.0), (60, None), (1200, 20.0)])
-def test_the_fit_gains_by_the_root_of_half_the_frames(frames, seconds):
+def test_the_fit_gains_by_the_root_of_half_the_frames(conforms, frames, seconds):
     steady = seconds and [2.0, 2.0 + seconds]
     values = rig(excitation={"amplitude_mm": 2.0, "steady_s": steady})
     outlook = assessed(values).rig
     assert outlook.frames == frames
     loss = np.sinc(4.25 * 0.004)
     ratio = np.array(outlook.fit) / outlook.one_frame
-    np.testing.assert_allclose(ratio, np.sqrt(2 / frames) / loss)
+    conforms.closed_form(ratio, np.sqrt(2 / frames) / loss, rtol=1e-7)
 
 
 @pytest.mark.parametrize(("amplitude", "f"), [(0.002, 4.25), (0.0003, 4.25), (0.0031, 20.0)])
-def test_whole_pixels_err_by_the_law_of_rounding(amplitude, f):
+def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
     values = change(
         rig(), excitation__amplitude_mm=1000 * amplitude, excitation__frequency_hz=f
     )  # fmt: skip
@@ -254,20 +254,22 @@ def test_whole_pixels_err_by_the_law_of_rounding(amplitude, f):
     error = rounded(rest + up) - rounded(rest) - z
     predicted = rounding_errors(P, X, amplitude, turn)
     rms = np.sqrt(np.mean(error**2))
-    assert rms == pytest.approx(np.sqrt(np.mean(predicted**2)), rel=0.05)
+    conforms.sampled(rms, np.sqrt(np.mean(predicted**2)), rtol=0.05)
     whole = rounding_errors(P, points_of(values), amplitude, turn)
-    assert assessed(values).rig.rounding == pytest.approx(
-        (1000 * np.sqrt(np.mean(whole**2)), 1000 * whole.max())
+    conforms.independent(
+        assessed(values).rig.rounding,
+        (1000 * np.sqrt(np.mean(whole**2)), 1000 * whole.max()),
+        rtol=1e-6,
     )
 
 
 @pytest.mark.parametrize(
     ("f", "rate", "seen"), [(4.25, 60, 4.25), (40, 60, 20), (60, 60, 0), (95, 60, 25), (30, 60, 30)]
 )
-def test_frames_show_the_alias(f, rate, seen):
-    assert alias(f, rate) == pytest.approx(seen)
+def test_frames_show_the_alias(conforms, f, rate, seen):
+    conforms.closed_form(alias(f, rate), seen, rtol=1e-6)
     t = np.arange(50) / rate
-    np.testing.assert_allclose(np.cos(2 * np.pi * f * t), np.cos(2 * np.pi * seen * t), atol=1e-9)
+    conforms.invariance(np.cos(2 * np.pi * f * t), np.cos(2 * np.pi * seen * t), atol=1e-9)
 
 
 # Warnings.
@@ -482,7 +484,7 @@ def test_cameras_at_one_place_do_not_break_it():
     assert not assessment.rig.one_frame[0] < 1000
 
 
-def test_sizes_and_rates_may_differ():
+def test_sizes_and_rates_may_differ(conforms):
     values = rig()
     for camera, size in zip(
         values["cameras"], [(2048, 2048), (1440, 1080), (1080, 1920), (4096, 2160)], strict=True
@@ -490,8 +492,8 @@ def test_sizes_and_rates_may_differ():
         camera["width_px"], camera["height_px"] = size
         camera["sensor_width_mm"] = 0.006 * size[0]  # pixels of 6 µm
     table = assessed(values).table
-    np.testing.assert_allclose([row.ground_sample_mm for row in table], 570 * 0.006 / 24)
-    np.testing.assert_allclose([row.along_px for row in table], 5 / (570 * 0.006 / 24))
+    conforms.closed_form([row.ground_sample_mm for row in table], 570 * 0.006 / 24, rtol=1e-7)
+    conforms.closed_form([row.along_px for row in table], 5 / (570 * 0.006 / 24), rtol=1e-7)
     assert table[2].in_view < table[1].in_view < table[0].in_view < table[3].in_view
 
 

@@ -29,6 +29,8 @@ from thesis_lib.experiment.manifest import Manifest, write_manifest
 from thesis_lib.experiment.symmetry import unify
 from thesis_lib.measuring.measure import measure
 
+pytestmark = pytest.mark.slow  # for the report of conformance
+
 # OpenCV counts pixels from the first one's centre, the library from its corner.
 CORNER = np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
 
@@ -96,46 +98,46 @@ def stereo(left, right, points):
 
 
 @needs_photographs
-def test_all_photographed_boards_are_found_and_fit_better_than_by_opencv(pair):
+def test_all_photographed_boards_are_found_and_fit_better_than_by_opencv(conforms, pair):
     assert np.isfinite(pair.corners).all()
     for one, found in zip(pair.single, pair.opencv, strict=True):
         grid = np.zeros((TILES.corners.shape[1], 3), np.float32)
         grid[:, :2] = 0.025 * np.mgrid[0:9, 0:6].T.reshape(-1, 2)
         theirs = cv2.calibrateCamera([grid] * len(found), found, SIZE, None, None,
                                      flags=cv2.CALIB_FIX_K3)[0] / np.sqrt(2)  # fmt: skip
-        assert one.rms < 0.9 * theirs  # 0.112 px, and 0.138 and 0.147 px
-        assert one.rms < 0.12
+        conforms.independent(one.rms, below=0.9 * theirs)  # 0.112 px, and 0.138 and 0.147 px
+        conforms.independent(one.rms, below=0.12)
 
 
 @needs_photographs
-def test_adjustment_of_photographs_is_what_opencv_finds_from_the_same_corners(pair):
+def test_adjustment_of_photographs_is_what_opencv_finds_from_the_same_corners(conforms, pair):
     left, right = ([(uv - 0.5).T[:, None].astype(np.float32) for uv in row]
                    for row in pair.corners)  # fmt: skip
     lenses, baseline, rms = stereo(left, right, TILES.corners.T)
     ours = np.array([lens_of(c.K, c.distortion) for c in pair.full.cameras])
-    assert np.abs((ours - lenses) / pair.full.deviations).max() < 0.01
+    conforms.independent(np.abs((ours - lenses) / pair.full.deviations).max(), below=0.01)
     a, b = (camera.centre for camera in pair.full.cameras)
-    assert np.linalg.norm(a - b) == pytest.approx(baseline, abs=1e-8)
-    assert pair.full.rms == pytest.approx(rms, rel=1e-5)
+    conforms.independent(np.linalg.norm(a - b), baseline, atol=1e-8)
+    conforms.independent(pair.full.rms, rms, rtol=1e-5)
 
 
 @needs_photographs
-def test_calibration_of_photographs_agrees_with_that_by_opencvs_own_corners(pair):
+def test_calibration_of_photographs_agrees_with_that_by_opencvs_own_corners(conforms, pair):
     grid = np.zeros((TILES.corners.shape[1], 3))
     grid[:, :2] = 0.025 * np.mgrid[0:9, 0:6].T.reshape(-1, 2)
     lenses, baseline, _ = stereo(*pair.opencv, grid)
     ours = np.array([lens_of(c.K, c.distortion) for c in pair.full.cameras])
     # Leaving out one shot at a time shows that these boards, which are not quite flat, scatter by
     # two to three and a half times the deviations that white noise would leave.
-    assert np.abs((ours - lenses) / pair.full.deviations).max() < 4
+    conforms.independent(np.abs((ours - lenses) / pair.full.deviations).max(), below=4)
     a, b = (camera.centre for camera in pair.full.cameras)
-    assert np.linalg.norm(a - b) == pytest.approx(baseline, abs=1e-4)  # 83.17 mm
+    conforms.independent(np.linalg.norm(a - b), baseline, atol=1e-4)  # 83.17 mm
     published = cv2.FileStorage(str(photographs.FOLDER / photographs.CALIBRATION), 0)
     theirs = lens_of(published.getNode("camera_matrix").mat() + CORNER,
                      published.getNode("distortion_coefficients").mat())  # fmt: skip
     # Its focal length is one for both axes and goes with a k₃, which trades with the others.
-    assert ours[0, :2] == pytest.approx(theirs[:2], rel=5e-3)
-    assert ours[0, 2:4] == pytest.approx(theirs[2:4], abs=1)
+    conforms.independent(ours[0, :2], theirs[:2], rtol=5e-3)
+    conforms.independent(ours[0, 2:4], theirs[2:4], atol=1)
 
 
 # Another renderer.
@@ -200,7 +202,7 @@ def rms(values):
 
 
 @pytest.mark.parametrize("take", TAKES)
-def test_corners_are_found_to_what_the_adjustment_says_of_them(measured, take):
+def test_corners_are_found_to_what_the_adjustment_says_of_them(conforms, measured, take):
     calibrations = measured[take].calibrations
     assert calibrations.lost == []
     errors = []
@@ -211,53 +213,55 @@ def test_corners_are_found_to_what_the_adjustment_says_of_them(measured, take):
             assert len(np.unique(nearest)) == len(nearest)
             errors.append(apart[:, np.arange(len(nearest)), nearest])
     errors = np.array(errors)
-    assert rms(errors) == pytest.approx(calibrations.full.sigma, rel=0.1)
-    assert rms(errors) < 0.01
-    assert np.abs(errors.mean(axis=(0, 2))).max() < 0.002  # no shift of all pixels
+    conforms.sampled(rms(errors), calibrations.full.sigma, rtol=0.1)
+    conforms.independent(rms(errors), below=0.01)
+    conforms.independent(
+        np.abs(errors.mean(axis=(0, 2))).max(), below=0.002
+    )  # no shift of all pixels
 
 
 @pytest.mark.parametrize("take", TAKES)
-def test_calibration_is_right_to_its_standard_deviations(measured, take):
+def test_calibration_is_right_to_its_standard_deviations(conforms, measured, take):
     full = measured[take].calibrations.full
     lenses = np.array([lens_of(c.K, c.distortion) for c in full.cameras])
     true = np.array([lens_of(c.K, c.distortion) for c in truth()])
     pulls = (lenses - true) / full.deviations
-    assert np.abs(pulls).max() < 4.5
-    assert 0.5 < rms(pulls) < 1.6  # 24 that partly go together
+    conforms.sampled(np.abs(pulls).max(), below=4.5)
+    conforms.sampled(rms(pulls), above=0.5, below=1.6)  # 24 that partly go together
     _, centres, turns = align(full.cameras, truth())
     centre_deviations, turn_deviations = camera_deviations(full)
-    assert rms(centres / centre_deviations) < 2.2
-    assert rms(turns / turn_deviations) < 2.2
-    assert np.linalg.norm(centres, axis=1).max() < 2e-4  # m, of 0.9 m
+    conforms.sampled(rms(centres / centre_deviations), below=2.2)
+    conforms.sampled(rms(turns / turn_deviations), below=2.2)
+    conforms.independent(np.linalg.norm(centres, axis=1).max(), below=2e-4)  # m, of 0.9 m
 
 
 @pytest.mark.parametrize("take", TAKES)
-def test_delays_are_those_of_the_starts(measured, take):
+def test_delays_are_those_of_the_starts(conforms, measured, take):
     data = measured[take].data
     errors = data["delay"].values - (np.array(SCENE.starts) - SCENE.starts[0])
     if take == "plain":
         seconds = float(data["steady"][1] - data["steady"][0])
         sigma = delay_deviation(FREQUENCY, 10 ** (SCENE.noise_db / 10), int(seconds * SOUND_RATE))
-        assert np.abs(errors).max() < 4 * sigma  # 8 µs
+        conforms.sampled(np.abs(errors).max(), below=4 * sigma)  # 8 µs
     else:  # AAC's own noise is largest at the lowest frequencies
-        assert np.abs(errors).max() < 0.03 / RATE
+        conforms.independent(np.abs(errors).max(), below=0.03 / RATE)
 
 
-def test_centres_are_found_to_what_their_scatter_says(measured):
+def test_centres_are_found_to_what_their_scatter_says(conforms, measured):
     data, sigma = measured["plain"].data, measured["plain"].tracks.sigma
     for camera, found in enumerate(data["tracks"].values[:, 0]):
         errors = found - SCENE.tracks(camera)
         assert np.isfinite(errors).all()
         # What stays from frame to frame is no scatter: the light of a round aperture is not spread
         # as the fit has it, which leaves 0.007 px.
-        assert np.std(errors) / rms(sigma[camera]) > 0.9
-        assert np.std(errors) < np.hypot(1.03 * rms(sigma[camera]), 0.009)
+        conforms.sampled(np.std(errors) / rms(sigma[camera]), above=0.9)
+        conforms.sampled(np.std(errors), below=np.hypot(1.03 * rms(sigma[camera]), 0.009))
         # A disc's image has its middle beside that of its centre, by f (r/d)² sin θ cos θ.
-        assert np.abs(errors.mean(axis=(0, 2))).max() < 0.008
+        conforms.independent(np.abs(errors.mean(axis=(0, 2))).max(), below=0.008)
 
 
 @pytest.mark.parametrize("take", TAKES)
-def test_deflection_is_the_true_one(measured, take):
+def test_deflection_is_the_true_one(conforms, measured, take):
     one = measured[take]
     exposures = one.data["exposure"].values
     tracks, instant = one.tracks, one.instant
@@ -266,17 +270,17 @@ def test_deflection_is_the_true_one(measured, take):
     predicted = shapes.predicted(tracks, "harmonic", instant, exposures)
     errors = found - true
     assert np.isfinite(errors).all()
-    assert tracks.frame.scale == pytest.approx(1, abs=2e-4)
+    conforms.independent(tracks.frame.scale, 1, atol=2e-4)
     if take == "plain":
-        assert rms(errors / predicted) == pytest.approx(1, abs=0.35)  # 75 markers: 4 σ
-        assert found @ true / (true @ true) == pytest.approx(1, abs=1e-3)
-        assert rms(errors) < 3e-6  # m; the tip moves by 4 mm
+        conforms.sampled(rms(errors / predicted), 1, atol=0.35)  # 75 markers: 4 σ
+        conforms.independent(found @ true / (true @ true), 1, atol=1e-3)
+        conforms.independent(rms(errors), below=3e-6)  # m; the tip moves by 4 mm
     else:  # H.264 leaves still what moves by less than a few tenths of a pixel
-        assert rms(errors) < 0.008 * TIP
-        assert found @ true / (true @ true) == pytest.approx(1, abs=0.006)
+        conforms.independent(rms(errors), below=0.008 * TIP)
+        conforms.independent(found @ true / (true @ true), 1, atol=0.006)
 
 
-def test_deflection_under_rolling_shutters_is_the_true_one(takes, tmp_path):
+def test_deflection_under_rolling_shutters_is_the_true_one(conforms, takes, tmp_path):
     # Two of the cameras, whose rows take 80 % of a frame's time to be read, told so and not.
     row_time = 0.8 / RATE / SCENE.eyes[0].size[1]
     rolling = Scene(eyes=SCENE.eyes[:2], optics=replace(LIGHT, row_time=row_time))
@@ -290,9 +294,9 @@ def test_deflection_under_rolling_shutters_is_the_true_one(takes, tmp_path):
         found, predicted = data["deflection"].values, data["standard_error"].values
         quadrature = data["quadrature"].values
     true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
-    assert rms((found - true) / predicted) == pytest.approx(1, abs=0.35)
-    assert found @ true / (true @ true) == pytest.approx(1, abs=1e-3)
-    assert rms(quadrature / predicted) < 2  # 10 if it is taken for a global shutter
+    conforms.sampled(rms((found - true) / predicted), 1, atol=0.35)
+    conforms.independent(found @ true / (true @ true), 1, atol=1e-3)
+    conforms.sampled(rms(quadrature / predicted), below=2)  # 10 if it is taken for a global shutter
 
 
 # Edges along the pixels, under a lens that spreads no light.
@@ -309,11 +313,11 @@ FACING = looking("S", (0.02, -0.03, 0.9), 0.3, (640, 360), (760, 760))
         pytest.param(gaussian(1.2), 0.03, id="wide"),
     ],
 )
-def test_corners_are_found_whatever_the_spread(spread, most):
+def test_corners_are_found_whatever_the_spread(conforms, spread, most):
     tiles, board = SCENE.board, Board(9, 9, 0.028, 0.020)
     light = tiles.shot(FACING, np.eye(3), np.zeros(3), Optics(spread=spread, fine=8))
     true = FACING.project(tiles.corners)
     for seed in range(4):
         found = find_corners(Sensor().grey(light, np.random.default_rng(seed)), board)
         apart = np.linalg.norm(found[:, :, None] - true[:, None], axis=0).min(axis=1)
-        assert rms(apart) < most
+        conforms.independent(rms(apart), below=most)

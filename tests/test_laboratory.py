@@ -99,16 +99,16 @@ def contents(folder):
 # The rig.
 
 
-def test_the_rig_s_cameras_are_alike_look_at_the_beam_and_are_not_the_same():
+def test_the_rig_s_cameras_are_alike_look_at_the_beam_and_are_not_the_same(conforms):
     angles = [(10, 22), (-10, 22), (190, 22), (170, 22)]
     cameras = default_rig(BEAM, angles).cameras
     assert [camera.name for camera in cameras] == list("ABCD")
-    np.testing.assert_allclose([np.linalg.norm(c.centre) for c in cameras], 0.57)
+    conforms.closed_form([np.linalg.norm(c.centre) for c in cameras], 0.57, rtol=1e-7)
     for camera in cameras:
         middle = lens.undistorted(camera, lens.project(camera, np.zeros(3)))
-        np.testing.assert_allclose(middle, camera.K[:2, 2], atol=1e-6)
+        conforms.closed_form(middle, camera.K[:2, 2], atol=1e-6)
         assert np.abs(camera.K[:2, 2] - [960, 540]).max() < 8
-        assert camera.K[0, 0] == pytest.approx(1280, rel=0.0051)
+        conforms.closed_form(camera.K[0, 0], 1280, rtol=0.0051)
     assert len({camera.K[0, 0] for camera in cameras}) == 4
     assert len({tuple(camera.distortion) for camera in cameras}) == 4
 
@@ -138,17 +138,17 @@ def test_frames_are_made_one_by_one(rig):
     assert next(frames).shape == SIZE[::-1]
 
 
-def test_the_sound_is_the_force_at_the_camera_s_own_start(rig):
+def test_the_sound_is_the_force_at_the_camera_s_own_start(conforms, rig):
     for index, station in enumerate(rig.stations):
         sound = laboratory.sound(rig, index)
         times = station.start + np.arange(len(sound)) / laboratory.SAMPLE_RATE
         force = rig.motion.force(times) / rig.full_scale
         noise = sound - force
         tone = force[times > rig.motion.steady]
-        assert 20 * np.log10(tone.std() / noise.std()) == pytest.approx(20, abs=0.1)
+        conforms.sampled(20 * np.log10(tone.std() / noise.std()), 20, atol=0.1)
         assert np.abs(sound).max() < 1
-        assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.02
-    assert np.abs(force).max() == pytest.approx(0.5, rel=1e-3)
+        conforms.sampled(abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]), below=0.02)
+    conforms.closed_form(np.abs(force).max(), 0.5, rtol=1e-3)
 
 
 # What is written.
@@ -163,15 +163,15 @@ def test_files_are_what_the_manifest_says(recordings, rig):
     assert names == {"manifest.yaml", "A.mkv", "B.mkv"} | shots
 
 
-def test_lossless_videos_hold_the_frames_as_they_were_rendered(recordings, rig):
+def test_lossless_videos_hold_the_frames_as_they_were_rendered(conforms, recordings, rig):
     info = media.probe(recordings / "A.mkv")
     assert (info.size, info.frame_rate, info.frames) == (SIZE, 60, 168)
     for index, name in enumerate("AB"):
         kept = next(media.read_frames(recordings / f"{name}.mkv", 0, 1))
-        np.testing.assert_array_equal(kept, next(laboratory.frames(rig, index)))
+        conforms.invariance(kept, next(laboratory.frames(rig, index)), atol=0)
         sound, rate, start = media.read_audio(recordings / f"{name}.mkv")
         assert (rate, start) == (48000, 0)
-        np.testing.assert_allclose(sound, laboratory.sound(rig, index), atol=2**-15)
+        conforms.invariance(sound, laboratory.sound(rig, index), atol=2**-15)
 
 
 def test_the_markers_of_the_manifest_are_those_of_the_rig(recordings, rig):
@@ -184,28 +184,28 @@ def test_the_markers_of_the_manifest_are_those_of_the_rig(recordings, rig):
 # What is measured.
 
 
-def test_focal_lengths_and_centres_are_right(truth):
-    assert np.abs(truth["focal_error_single"]).max() < 0.2
-    assert np.abs(truth["focal_error_full"]).max() < 0.03
-    assert truth["centre_error_full"].max() < 2e-4
-    assert truth["centre_error_literal"].max() < 2e-4
+def test_focal_lengths_and_centres_are_right(conforms, truth):
+    conforms.closed_form(np.abs(truth["focal_error_single"]).max(), below=0.2)
+    conforms.closed_form(np.abs(truth["focal_error_full"]).max(), below=0.03)
+    conforms.closed_form(truth["centre_error_full"].max(), below=2e-4)
+    conforms.closed_form(truth["centre_error_literal"].max(), below=2e-4)
     assert (truth["shots_used"] == 8).all()
 
 
-def test_the_delays_are_those_of_the_starts(truth):
+def test_the_delays_are_those_of_the_starts(conforms, truth):
     true = truth["true_delay"] * 60
     assert abs(true[1]) > 0.5
-    assert np.abs(truth["delay"] * 60 - true).max() < 0.02
-    assert np.abs(truth["delay_frames"] - true).max() <= 0.5
+    conforms.closed_form(np.abs(truth["delay"] * 60 - true).max(), below=0.02)
+    conforms.closed_form(np.abs(truth["delay_frames"] - true).max(), below=0.5)
 
 
-def test_every_marker_is_found_where_it_was(truth):
-    assert float(truth["missing_share"][0]) < 0.002
+def test_every_marker_is_found_where_it_was(conforms, truth):
+    conforms.closed_form(float(truth["missing_share"][0]), below=0.002)
     assert float(truth["wrong_share"][0]) == 0
-    assert float(truth["centre_error"][0]) < 0.02
+    conforms.closed_form(float(truth["centre_error"][0]), below=0.02)
 
 
-def test_the_force_is_the_one_that_moves_the_beam(measured, rig):
+def test_the_force_is_the_one_that_moves_the_beam(conforms, measured, rig):
     assert float(measured["frequency"]) == 4.25
     begin, end = measured["steady"].values
     start = rig.stations[0].start
@@ -216,7 +216,7 @@ def test_the_force_is_the_one_that_moves_the_beam(measured, rig):
     clock = period - start
     force = 2 * np.mean(rig.motion.force(period) * np.exp(-2j * np.pi * 4.25 * clock))
     found = complex(*measured["force"].values) * rig.full_scale
-    assert abs(found / force - 1) < 0.003
+    conforms.closed_form(abs(found / force - 1), below=0.003)
 
 
 @pytest.fixture(scope="module")
@@ -237,20 +237,20 @@ def tracked(measured, rig):
     return uv, own + measured["delay"].values[:, None], P, frame, points, still, rest
 
 
-def test_the_grid_at_rest_is_the_nominal_one(tracked):
+def test_the_grid_at_rest_is_the_nominal_one(conforms, tracked):
     frame = tracked[3]
-    assert frame.rms < 2e-5
-    assert frame.scale == pytest.approx(1, abs=1e-4)
-    assert np.degrees(frame.tilt) < 0.02
+    conforms.closed_form(frame.rms, below=2e-5)
+    conforms.closed_form(frame.scale, 1, atol=1e-4)
+    conforms.closed_form(np.degrees(frame.tilt), below=0.02)
 
 
-def test_a_beam_at_rest_is_at_zero_within_noise(tracked):
+def test_a_beam_at_rest_is_at_zero_within_noise(conforms, tracked):
     _, _, P, frame, points, still, rest = tracked
     heights = np.array([rc.deflection_at(P, frame, rest, own) for own in still.swapaxes(0, 1)])
     expected = rc.height_deviation(P, frame, points, still.std(axis=1, ddof=1))
-    assert expected.max() < 5e-5
-    assert np.sqrt(np.mean((heights / expected) ** 2)) == pytest.approx(1, abs=0.1)
-    assert np.abs(heights / expected).max() < 5.5
+    conforms.closed_form(expected.max(), below=5e-5)
+    conforms.sampled(np.sqrt(np.mean((heights / expected) ** 2)), 1, atol=0.1)
+    conforms.sampled(np.abs(heights / expected).max(), below=5.5)
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +266,7 @@ def harmonics(tracked, measured, rig):
     ]  # fmt: skip
 
 
-def test_bending_and_torsion_are_recovered_together(tracked, harmonics, rig):
+def test_bending_and_torsion_are_recovered_together(conforms, tracked, harmonics, rig):
     # Torsion has twice the frequency of bending here, so that one fit has both.
     _, _, P, frame, points, *_ = tracked
     omega, fits = harmonics
@@ -274,35 +274,35 @@ def test_bending_and_torsion_are_recovered_together(tracked, harmonics, rig):
     times = np.arange(16) * 2 * np.pi / (omega * 16)
     uv = np.stack([own.at(omega, times).swapaxes(0, 1) for own in fits])
     height = frame.to_beam(rc.triangulate_seen(P, uv)[0])[2]
-    np.testing.assert_allclose(
+    conforms.independent(
         harmonic_deflection(P, frame, omega, fits),
         2 / 16 * np.exp(-1j * omega * times) @ height,
         atol=1e-12,
     )
     noise = 2e-6  # m; the harmonics' standard error is checked against it
     sigma = np.array([h.sigma * np.sqrt(h.covariance[1, 1]) for h in fits])
-    assert rc.height_deviation(P, frame, points, sigma).max() < 3 * noise
+    conforms.sampled(rc.height_deviation(P, frame, points, sigma).max(), below=3 * noise)
     clock = np.exp(1j * omega * rig.stations[0].start)
     for n, frequency, share in [(1, 4.25, 0.001), (2, 8.5, 0.015)]:
         found = 2 / 16 * np.exp(-1j * n * omega * times) @ height
         true = amplitudes(rig.motion, at, frequency) * clock**n
         error = np.abs(found - true)
         peak = np.abs(true).max()
-        assert np.sqrt(np.mean(error**2)) < share * peak
+        conforms.closed_form(np.sqrt(np.mean(error**2)), below=share * peak)
     rows = found.reshape(3, 25)
-    assert np.abs(rows[0] + rows[2]).max() < 0.03 * np.abs(rows).max()
-    assert np.abs(rows[1]).max() < 0.03 * np.abs(rows).max()
+    conforms.closed_form(np.abs(rows[0] + rows[2]).max(), below=0.03 * np.abs(rows).max())
+    conforms.closed_form(np.abs(rows[1]).max(), below=0.03 * np.abs(rows).max())
 
 
-def test_the_exposure_has_been_made_good(tracked, harmonics, rig):
+def test_the_exposure_has_been_made_good(conforms, tracked, harmonics, rig):
     _, _, P, frame, *_ = tracked
     omega, fits = harmonics
     true = amplitudes(rig.motion, rig.markers.positions[:, :75], 4.25)
     clock = np.exp(1j * omega * rig.stations[0].start)
     found = harmonic_deflection(P, frame, omega, fits)
     ratio = np.vdot(true * clock, found) / np.vdot(true, true)
-    assert abs(ratio) == pytest.approx(1, abs=4e-4)
-    assert abs(np.angle(ratio)) < 2 * np.pi * 4.25 * 0.02 / 60
+    conforms.closed_form(abs(ratio), 1, atol=4e-4)
+    conforms.closed_form(abs(np.angle(ratio)), below=2 * np.pi * 4.25 * 0.02 / 60)
 
 
 def test_the_dataset_s_notes_and_units_are_complete(measured):
@@ -452,7 +452,7 @@ def test_fewer_than_three_usable_shots_are_counted(folder):
     assert message.startswith("B: 2 of 8 shots show the board")
 
 
-def test_shots_without_a_board_are_left_out_and_said(folder, rig):
+def test_shots_without_a_board_are_left_out_and_said(conforms, folder, rig):
     # Not refused: six others are enough.
     for k in (3, 6):
         media.write_png(folder / "B" / f"{k:02d}.png", gray()[0])
@@ -463,7 +463,7 @@ def test_shots_without_a_board_are_left_out_and_said(folder, rig):
     assert seen.tolist() == [[True] * 8, [k not in (3, 6) for k in range(8)]]
     focal = [c.K[0, 0] / true.K[0, 0] for c, true in zip(found.full.cameras, rig.cameras,
                                                          strict=True)]  # fmt: skip
-    np.testing.assert_allclose(focal, 1, atol=3e-4)
+    conforms.closed_form(focal, 1, atol=3e-4)
 
 
 def test_parallel_boards_are_refused(folder):

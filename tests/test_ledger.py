@@ -46,41 +46,41 @@ def axes(directions):
 
 
 @pytest.mark.parametrize("tilt", [0, 15, 30, 45, -20])
-def test_tilting_is_a_turn_about_x(tilt):
+def test_tilting_is_a_turn_about_x(conforms, tilt):
     """From +Z towards +Y; the third column is where the zenith goes."""
     c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
     turn = np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
     found = axes(ledger_runs.tilted(DIRECTIONS, tilt))
-    np.testing.assert_allclose(found, axes(DIRECTIONS) @ turn.T, atol=3e-8)
+    conforms.closed_form(found, axes(DIRECTIONS) @ turn.T, atol=3e-8)
 
 
-def test_tilting_keeps_angles_to_the_x_axis_and_between_cameras():
+def test_tilting_keeps_angles_to_the_x_axis_and_between_cameras(conforms):
     before, after = (axes(d) for d in (DIRECTIONS, ledger_runs.tilted(DIRECTIONS, 33)))
-    np.testing.assert_allclose(after[:, 0], before[:, 0], atol=3e-8)
-    np.testing.assert_allclose(after @ after.T, before @ before.T, atol=6e-8)
+    conforms.invariance(after[:, 0], before[:, 0], atol=3e-8)
+    conforms.invariance(after @ after.T, before @ before.T, atol=6e-8)
 
 
-def test_tilts_add_up_and_none_changes_nothing():
+def test_tilts_add_up_and_none_changes_nothing(conforms):
     none = np.array(ledger_runs.tilted(DIRECTIONS[:-1], 0))
-    np.testing.assert_allclose(none, DIRECTIONS[:-1], atol=1e-6)
+    conforms.invariance(none, DIRECTIONS[:-1], atol=1e-6)
     twice = ledger_runs.tilted(ledger_runs.tilted(DIRECTIONS, 12), 21)
-    np.testing.assert_allclose(axes(twice), axes(ledger_runs.tilted(DIRECTIONS, 33)), atol=6e-8)
+    conforms.invariance(axes(twice), axes(ledger_runs.tilted(DIRECTIONS, 33)), atol=6e-8)
 
 
-def test_tilting_to_the_zenith_stays_on_the_hemisphere():
+def test_tilting_to_the_zenith_stays_on_the_hemisphere(conforms):
     for elevation in range(91):
         ((_, top),) = ledger_runs.tilted([(180.0, elevation)], 90 - elevation)
-        assert top == pytest.approx(90, abs=2e-6)
+        conforms.closed_form(top, 90, atol=2e-6)
 
 
-def test_tilted_arcs_are_those_of_case_4b_and_lower_as_they_tilt():
+def test_tilted_arcs_are_those_of_case_4b_and_lower_as_they_tilt(conforms):
     arc = sorted(camera for pair in setups.pairs()["4b"] for camera in pair)
     (request,) = ledger_runs.own()["beam-tilted"].requests
     heights = []
     for tilt in ledger_runs.TILTS_DEG:
         (cameras,) = request.layouts[f"tilt {tilt}"]
         back = axes(ledger_runs.tilted(cameras, -tilt))
-        np.testing.assert_allclose(sorted(back.tolist()), sorted(axes(arc).tolist()), atol=1e-7)
+        conforms.closed_form(sorted(back.tolist()), sorted(axes(arc).tolist()), atol=1e-7)
         heights.append([elevation for _, elevation in cameras])
     assert np.all(np.diff(heights, axis=0) < 0)
 
@@ -144,7 +144,7 @@ def request_of(name, **values):
     return validate(name, {"trials": TRIALS, **values})
 
 
-def test_each_corner_has_its_cameras_and_distance():
+def test_each_corner_has_its_cameras_and_distance(conforms):
     (cameras,) = ledger_runs.own()["beam-corners"].requests[0].layouts["many high narrow"]
     for distance, word in ((500, "near"), (1000, "far")):
         cube = studies.run(
@@ -155,11 +155,11 @@ def test_each_corner_has_its_cameras_and_distance():
             if (s.quantity, s.mode, s.case) == ("max_point_error", 2, f"many high narrow {word}")
         )  # fmt: skip
         expected = cube["max_point_error"].sel(mode=2).isel(trial=slice(1, None))
-        np.testing.assert_allclose(series.errors, expected, rtol=1e-6)
+        conforms.independent(series.errors, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
-def test_apart_has_for_each_aperture_a_series_over_the_distances(structure):
+def test_apart_has_for_each_aperture_a_series_over_the_distances(conforms, structure):
     distances = setups.table(structure, "distance")["distances_mm"]
     name = f"{structure}-aperture"
     made = own()[f"{structure}-apart"]
@@ -174,10 +174,10 @@ def test_apart_has_for_each_aperture_a_series_over_the_distances(structure):
             series = here[f"{case} {value:g}", "mean_error", 3]
             assert series.values.tolist() == distances
             expected = cube["mean_error"].sel(mode=3)[row, 1:]
-            np.testing.assert_allclose(series.errors[number], expected, rtol=1e-6)
+            conforms.independent(series.errors[number], expected, rtol=1e-6)
 
 
-def test_elevation_and_tilts_are_what_is_varied():
+def test_elevation_and_tilts_are_what_is_varied(conforms):
     elevations = setups.table("beam", "aperture")["elevations_deg"]
     for series in own()["beam-elevation"]:
         assert series.values.tolist() == elevations == sorted(elevations)
@@ -188,7 +188,7 @@ def test_elevation_and_tilts_are_what_is_varied():
     arrays = cube_of("beam-arrays")
     whole = arrays["mean_error"][(arrays["case"].values == "4b").nonzero()[0][-1], :, 1:]
     for mode, errors in upright.items():  # the whole of case 4b
-        np.testing.assert_allclose(errors, whole.sel(mode=mode), rtol=1e-4)
+        conforms.independent(errors, whole.sel(mode=mode), rtol=1e-4)
 
 
 def test_the_other_order_is_the_other_one():
@@ -206,21 +206,21 @@ def test_the_other_order_is_the_other_one():
     }  # fmt: skip
 
 
-def test_cameras_one_by_one_pass_through_the_pairs_of_4a():
+def test_cameras_one_by_one_pass_through_the_pairs_of_4a(conforms):
     series = next(s for s in own()["beam-singly"] if (s.quantity, s.mode) == ("mean_error", 1))
     assert series.values.tolist() == list(range(2, 13))
     cube = cube_of("beam-arrays")
     pairs = cube["mean_error"].sel(mode=1)[cube["case"].values == "4a", 1:]
-    np.testing.assert_allclose(series.errors[::2], pairs, rtol=1e-6)
+    conforms.invariance(series.errors[::2], pairs, rtol=1e-6)
 
 
-def test_the_plain_plate_of_the_askew_run_is_case_4a():
+def test_the_plain_plate_of_the_askew_run_is_case_4a(conforms):
     cube = cube_of("plate-arrays")
     here = cube.isel(setting=cube["case"].values == "4a").sel(mode=1)
     for series in own()[ledger_runs.ASKEW_PLATE]:
         if series.case == "plain":
             expected = here[series.quantity].isel(trial=slice(1, None))
-            np.testing.assert_allclose(series.errors, expected, rtol=1e-6)
+            conforms.invariance(series.errors, expected, rtol=1e-6)
         else:
             assert not np.allclose(series.errors, here[series.quantity][:, 1:], rtol=0.01)
 

@@ -49,28 +49,28 @@ def refusal(manifest, folder, kind=SynchronisationError):
 
 
 @pytest.mark.parametrize("rate", [8000, 44100, RATE])
-def test_delays_and_force_are_the_true_ones(tmp_path, rate):
+def test_delays_and_force_are_the_true_ones(conforms, tmp_path, rate):
     t = np.arange(4 * rate) / rate
     starts = np.array([0.1, 0.0, 0.2371])
     found = listen(folder_of(tmp_path, [force(t + start) for start in starts], rate), tmp_path)
     delays = found.synchronisation.delays
-    np.testing.assert_allclose(delays, starts - starts[0], atol=1e-4 / 60)
+    conforms.closed_form(delays, starts - starts[0], atol=1e-4 / 60)
     turned = FORCE * np.exp(2j * np.pi * FREQUENCY * starts[0])  # on A's clock
-    assert abs(found.force / turned - 1) < 2e-4
+    conforms.closed_form(abs(found.force / turned - 1), below=2e-4)
     begin, end = found.steady
     assert 0.9 + 2 / FREQUENCY < begin < 0.9 + 3.3 / FREQUENCY
     assert 3.9 < end <= 4
 
 
 @pytest.mark.parametrize("noise_db", [0, 20, 120])
-def test_the_laboratory_s_sound_is_heard(tmp_path, noise_db):
+def test_the_laboratory_s_sound_is_heard(conforms, tmp_path, noise_db):
     directions = [(10, 22), (100, 22), (190, 22)]
     rig = laboratory.default_rig(setups.beam(), directions, audio_noise_db=noise_db, seed=5)
     sounds = [laboratory.sound(rig, index) for index in range(3)]
     found = listen(folder_of(tmp_path, sounds), tmp_path)
     starts = np.array([station.start for station in rig.stations])
     error = 60 * np.abs(found.synchronisation.delays - (starts - starts[0])).max()
-    assert error < 0.04 * 10 ** (-noise_db / 20) + 1e-3
+    conforms.sampled(error, below=0.04 * 10 ** (-noise_db / 20) + 1e-3)
 
 
 def test_long_recordings_take_little_memory_and_time(tmp_path):
@@ -141,15 +141,15 @@ def faint(sounds, level=0.01, seed=0):
 
 
 @pytest.mark.parametrize("given", [4.25, None])
-def test_the_frequency_is_measured_whether_it_is_given_or_not(tmp_path, given):
+def test_the_frequency_is_measured_whether_it_is_given_or_not(conforms, tmp_path, given):
     sounds = faint([force(T + start) for start in (0.1, 0.0, 0.2)])
     found = listen(folder_of(tmp_path, sounds, frequency_hz=given), tmp_path)
     off = found.found_frequency - FREQUENCY
     assert 1e-6 < found.frequency_deviation < 1e-3
-    assert abs(off) < 3.5 * found.frequency_deviation
+    conforms.sampled(abs(off), below=3.5 * found.frequency_deviation)
     assert found.frequency == (given or found.found_frequency)
     delays = found.synchronisation.delays
-    np.testing.assert_allclose(delays, [0, -0.1, 0.1], atol=2e-3 / 60)
+    conforms.closed_form(delays, [0, -0.1, 0.1], atol=2e-3 / 60)
     # By a fitted frequency the force is best known in the middle of its steady part.
     middle = np.mean(found.steady)
     turned = FORCE * np.exp(2j * np.pi * FREQUENCY * 0.1)
@@ -157,7 +157,7 @@ def test_the_frequency_is_measured_whether_it_is_given_or_not(tmp_path, given):
         amplitude * np.exp(2j * np.pi * f * middle)
         for amplitude, f in ((found.force, found.frequency), (turned, FREQUENCY))
     ]
-    assert abs(at[0] / at[1] - 1) < 1e-3
+    conforms.invariance(abs(at[0] / at[1] - 1), below=1e-3)
 
 
 def test_a_tone_too_fast_for_the_cameras_is_named(tmp_path):
@@ -214,19 +214,19 @@ def test_what_the_cameras_sample_too_rarely_must_be_declared(frequency, line):
     assert lines == ([] if line is None else [line])
 
 
-def test_a_declared_fast_tone_is_heard(tmp_path):
+def test_a_declared_fast_tone_is_heard(conforms, tmp_path):
     sounds = [force(16.6 * (T + start)) for start in (0, 0.05)]  # 70.55 Hz
     manifest = folder_of(tmp_path, sounds, frequency_hz=16.6 * FREQUENCY, undersampled=True)
     found = listen(manifest, tmp_path)
-    np.testing.assert_allclose(found.synchronisation.delays, [0, 0.05], atol=1e-3 / 60)
-    assert abs(found.force / FORCE - 1) < 1e-3
+    conforms.closed_form(found.synchronisation.delays, [0, 0.05], atol=1e-3 / 60)
+    conforms.closed_form(abs(found.force / FORCE - 1), below=1e-3)
 
 
 # A steady part that is given.
 
 
 @pytest.mark.parametrize("given", [4.25, None])
-def test_the_given_steady_part_is_used(tmp_path, given):
+def test_the_given_steady_part_is_used(conforms, tmp_path, given):
     """After 3 s the force is half as large, which alone would be taken for the end of the part."""
 
     def stepped(t):
@@ -238,11 +238,11 @@ def test_the_given_steady_part_is_used(tmp_path, given):
     found = listen(manifest, tmp_path)
     assert found.steady == (3.2, 5.8)
     middle = np.exp(2j * np.pi * 4.5 * (found.frequency - FREQUENCY))
-    assert abs(found.force * middle / (FORCE / 2) - 1) < 1e-3
-    np.testing.assert_allclose(found.synchronisation.delays, [0, 0.1], atol=1e-4 / 60)
+    conforms.closed_form(abs(found.force * middle / (FORCE / 2) - 1), below=1e-3)
+    conforms.closed_form(found.synchronisation.delays, [0, 0.1], atol=1e-4 / 60)
     sought = listen(folder_of(tmp_path, sounds), tmp_path)
     assert sought.steady[1] < 3
-    assert abs(sought.force / FORCE - 1) < 1e-3
+    conforms.closed_form(abs(sought.force / FORCE - 1), below=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -286,7 +286,7 @@ def clapping(moments=(1.5, 2.1, 2.3), seed=0):
 
 
 @pytest.mark.parametrize("frequency", [None, 4.25, 7.5])
-def test_a_room_gives_the_starts_alone(tmp_path, frequency):
+def test_a_room_gives_the_starts_alone(conforms, tmp_path, frequency):
     sound = clapping()
     starts = np.array([0.1, 0.0, 0.37])
     manifest = folder_of(
@@ -296,19 +296,19 @@ def test_a_room_gives_the_starts_alone(tmp_path, frequency):
         frequency_hz=frequency,
     )
     found = listen(manifest, tmp_path)
-    np.testing.assert_allclose(found.synchronisation.delays, starts - starts[0], atol=0.005 / 60)
+    conforms.closed_form(found.synchronisation.delays, starts - starts[0], atol=0.005 / 60)
     assert found.force is None
     assert found.frequency == frequency
     assert found.found_frequency is None
     assert found.frequency_deviation is None
     # C starts last, at 0.27 s of A, and rests for 1 s; B ends first, at 3.9 s.
-    np.testing.assert_allclose(found.steady, (1.27, 3.9), atol=1e-4)
+    conforms.closed_form(found.steady, (1.27, 3.9), atol=1e-4)
     part = manifest.model_copy(update={"excitation": manifest.excitation.model_copy(
         update={"steady_s": (1.4, 3.5)})})  # fmt: skip
     assert listen(part, tmp_path).steady == (1.4, 3.5)
 
 
-def test_buttons_that_are_pressed_are_not_taken_for_claps(tmp_path):
+def test_buttons_that_are_pressed_are_not_taken_for_claps(conforms, tmp_path):
     """A louder click at the start and the end of every file, as far from its ends."""
     sound, click = clapping(), 0.5 * np.exp(-np.arange(200) / 40) * np.cos(0.7 * np.arange(200))
     starts = np.array([0.0, 0.3])
@@ -317,7 +317,7 @@ def test_buttons_that_are_pressed_are_not_taken_for_claps(tmp_path):
         x[5000:5200] += click
         x[-9000:-8800] += click
     found = listen(folder_of(tmp_path, sounds, sound="room"), tmp_path)
-    np.testing.assert_allclose(found.synchronisation.delays, starts, atol=0.005 / 60)
+    conforms.closed_form(found.synchronisation.delays, starts, atol=0.005 / 60)
 
 
 def test_rooms_that_tell_too_little_are_refused(tmp_path):
@@ -347,7 +347,7 @@ def low(sound, seconds, starts, rate=8000):
     return faint([sound(t + start) for start in starts], 1e-3)
 
 
-def test_a_late_event_is_found_with_little_held(tmp_path, monkeypatch):
+def test_a_late_event_is_found_with_little_held(conforms, tmp_path, monkeypatch):
     sounds = low(late, 70, (0.0, 2.3, 1.1))
     manifest = folder_of(tmp_path, sounds, 8000, rest_s=49)
     whole = listen(manifest, tmp_path)
@@ -355,16 +355,16 @@ def test_a_late_event_is_found_with_little_held(tmp_path, monkeypatch):
     found = listen(manifest, tmp_path)
     for one in (whole, found):
         assert not one.synchronisation.ambiguous
-        np.testing.assert_allclose(one.synchronisation.delays, [0, 2.3, 1.1], atol=1e-3 / 60)
-    assert abs(found.force / whole.force - 1) < 1e-3
-    np.testing.assert_allclose(found.steady, whole.steady, atol=0.1)
+        conforms.closed_form(one.synchronisation.delays, [0, 2.3, 1.1], atol=1e-3 / 60)
+    conforms.invariance(abs(found.force / whole.force - 1), below=1e-3)
+    conforms.invariance(found.steady, whole.steady, atol=0.1)
 
 
-def test_a_late_clap_is_found_with_little_held(tmp_path, monkeypatch):
+def test_a_late_clap_is_found_with_little_held(conforms, tmp_path, monkeypatch):
     monkeypatch.setattr(hearing, "SPAN", 1 << 16)  # 8 s at 8 kHz
     sounds = low(clapping((21.0, 22.2)), 30, (0.0, 3.3))
     found = listen(folder_of(tmp_path, sounds, 8000, sound="room"), tmp_path)
-    np.testing.assert_allclose(found.synchronisation.delays, [0, 3.3], atol=0.01 / 60)
+    conforms.closed_form(found.synchronisation.delays, [0, 3.3], atol=0.01 / 60)
 
 
 @pytest.mark.parametrize("options", [{}, {"frequency_hz": None}, {"sound": "room"}])

@@ -38,6 +38,8 @@ from thesis_lib.measuring import measure, result
 from thesis_lib.measuring.example import example_manifest, example_rig
 from thesis_lib.measuring.recording import Recording, _state
 
+pytestmark = pytest.mark.slow  # for the report of conformance
+
 STEPS = ["calibration.nc", "sound.nc"] + [
     f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")
 ]
@@ -116,41 +118,43 @@ def test_it_is_checked_before_anything_is_filmed(example, tmp_path):
     assert names(tmp_path) == ["manifest.yaml"]
 
 
-def test_the_deflection_is_the_rendered_one(data, rig):
+def test_the_deflection_is_the_rendered_one(conforms, data, rig):
     part = rig.motion.components[0]
     true = part.amplitude * part.shape(rig.motion.structure, rig.markers.centres)
     found = data["deflection"].values
-    assert np.sqrt(np.mean((found - true) ** 2)) < 0.005 * np.abs(true).max()
-    assert assurance(found, true) > 0.9999
-    assert np.sqrt(np.mean(data["quadrature"] ** 2)) < 0.003 * np.abs(true).max()
+    conforms.closed_form(np.sqrt(np.mean((found - true) ** 2)), below=0.005 * np.abs(true).max())
+    conforms.closed_form(assurance(found, true), above=0.9999)
+    conforms.closed_form(
+        np.sqrt(np.mean(data["quadrature"] ** 2)), below=0.003 * np.abs(true).max()
+    )
     assert data.attrs["most_similar"] == "bending 1"
-    assert float(data["mac"].max()) > 0.9999
+    conforms.closed_form(float(data["mac"].max()), above=0.9999)
     assert (data["cameras_seen"] == 3).all()
 
 
-def test_the_frequency_is_the_rendered_one(data, rig):
+def test_the_frequency_is_the_rendered_one(conforms, data, rig):
     true = rig.motion.components[0].frequency
     error = float(data["frequency_of_tracks"]) - true
-    assert abs(error) < max(1e-3, 5 * float(data["frequency_deviation"]))
-    assert abs(float(data["frequency"]) - true) < 1e-3
-    assert float(data["frequency_deviation"]) < 5e-4
+    conforms.sampled(abs(error), below=max(1e-3, 5 * float(data["frequency_deviation"])))
+    conforms.closed_form(abs(float(data["frequency"]) - true), below=1e-3)
+    conforms.sampled(float(data["frequency_deviation"]), below=5e-4)
 
 
-def test_the_cameras_are_where_they_were(data, rig):
+def test_the_cameras_are_where_they_were(conforms, data, rig):
     starts = np.array([station.start for station in rig.stations])
     frames = (data["delay"].values - (starts - starts[0])) * rig.stations[0].frame_rate
-    assert np.abs(frames).max() < 0.05
+    conforms.closed_form(np.abs(frames).max(), below=0.05)
     true = np.array([station.camera.centre for station in rig.stations])
     found = data["camera_centre"].values
-    assert np.linalg.norm(found - true, axis=1).max() < 1e-4
+    conforms.closed_form(np.linalg.norm(found - true, axis=1).max(), below=1e-4)
     # Without what the structure's frame is off, which comes from a few markers' images.
     middle, true_middle = found.mean(axis=0), true.mean(axis=0)
     U, _, Vt = np.linalg.svd((found - middle).T @ (true - true_middle))
     turn = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
     off = np.linalg.norm((found - middle) @ turn - (true - true_middle), axis=1)
-    assert (off < 4 * data["centre_deviation"].values).all()
+    conforms.sampled(off, below=4 * data["centre_deviation"].values)
     focal = data["K"].values[:, 0, 0] - [station.camera.K[0, 0] for station in rig.stations]
-    assert (np.abs(focal) < 4 * data["focal_deviation"].values).all()
+    conforms.sampled(np.abs(focal), below=4 * data["focal_deviation"].values)
 
 
 # What is written.
@@ -189,14 +193,14 @@ def test_the_cube_opens_anywhere_and_says_what_it_holds(data):
     assert {"title", "source", "versions", "created", "Conventions"} <= set(data.attrs)
 
 
-def test_table_and_universal_file_hold_the_cube_s_numbers(measured, data):
+def test_table_and_universal_file_hold_the_cube_s_numbers(conforms, measured, data):
     table = pd.read_csv(measured / "measured" / "shapes.csv")
-    np.testing.assert_allclose(table["deflection_mm"], 1e3 * data["deflection"], atol=1e-6)
-    np.testing.assert_allclose(table["x_mm"], 1e3 * data["x"], atol=1e-6)
+    conforms.closed_form(table["deflection_mm"], 1e3 * data["deflection"], atol=1e-6)
+    conforms.closed_form(table["x_mm"], 1e3 * data["x"], atol=1e-6)
     sets = pyuff.UFF(str(measured / "measured" / "shapes.uff")).read_sets()
     shape = next(part for part in sets if part["type"] == 55)
     amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
-    np.testing.assert_allclose(shape["r3"], amplitude, atol=1e-7)
+    conforms.closed_form(shape["r3"], amplitude, atol=1e-7)
     assert len(sets) == 3 + 75
 
 
@@ -702,7 +706,7 @@ def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path):
 # Long recordings.
 
 
-def test_memory_does_not_hold_a_long_recording(tmp_path, rig):
+def test_memory_does_not_hold_a_long_recording(conforms, tmp_path, rig):
     def change(given):
         beam = given.structure.model_copy(update={"markers": given.structure.markers.model_copy(
             update={"rows": 2, "columns": 4, "spacing_mm": 150.0, "hole_mm": None})})  # fmt: skip
@@ -728,5 +732,5 @@ def test_memory_does_not_hold_a_long_recording(tmp_path, rig):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     found = np.abs(data["deflection"].values)
-    assert np.sqrt(np.mean((found - shape) ** 2)) < 1e-3 * shape.max()
+    conforms.closed_form(np.sqrt(np.mean((found - shape) ** 2)), below=1e-3 * shape.max())
     assert peak < path.stat().st_size  # of the tracks of one camera

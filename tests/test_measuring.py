@@ -27,7 +27,7 @@ IDEAL = Camera("A", np.diag([800.0, 800.0, 1.0]), np.zeros(5), np.eye(3), np.zer
 # Sums.
 
 
-def test_harmonics_by_parts_are_those_of_the_whole():
+def test_harmonics_by_parts_are_those_of_the_whole(conforms):
     rng = np.random.default_rng(1)
     times, omega = np.arange(90) / 60, 2 * np.pi * 4.25
     values = 300 + rng.normal(size=(90, 2, 7)) + 3 * np.cos(omega * times)[:, None, None]
@@ -37,9 +37,9 @@ def test_harmonics_by_parts_are_those_of_the_whole():
     parts = [sums_of(omega, times[k : k + 13], values[k : k + 13] - middle)
              for k in range(0, 90, 13)]  # fmt: skip
     found = sum(parts[1:], parts[0]).solve().raised(middle)
-    np.testing.assert_allclose(found.coefficients, whole.coefficients, atol=1e-10)
-    np.testing.assert_allclose(found.sigma, whole.sigma, rtol=1e-9)
-    np.testing.assert_allclose(found.covariance, whole.covariance, rtol=1e-9)
+    conforms.invariance(found.coefficients, whole.coefficients, atol=1e-10)
+    conforms.invariance(found.sigma, whole.sigma, rtol=1e-9)
+    conforms.invariance(found.covariance, whole.covariance, rtol=1e-9)
 
 
 # Frequency.
@@ -61,14 +61,14 @@ def tracks(folder, frequency, rates=(60.0, 60.0), seconds=4.0, noise=0.03, growt
 
 
 @pytest.mark.parametrize("frequency", [1.3, 4.25, 11.7, 27.9])
-def test_an_unknown_frequency_is_found(tmp_path, frequency):
+def test_an_unknown_frequency_is_found(conforms, tmp_path, frequency):
     recordings = tracks(tmp_path, frequency)
-    assert look_for(recordings, 0.2, 4.0) == pytest.approx(frequency, abs=2e-3)
+    conforms.closed_form(look_for(recordings, 0.2, 4.0), frequency, atol=2e-3)
 
 
-def test_cameras_of_different_rates_agree_on_a_frequency(tmp_path):
+def test_cameras_of_different_rates_agree_on_a_frequency(conforms, tmp_path):
     recordings = tracks(tmp_path, 7.3, rates=(50.0, 60.0, 120.0))
-    assert look_for(recordings, 0.3, 4.0) == pytest.approx(7.3, abs=2e-3)
+    conforms.closed_form(look_for(recordings, 0.3, 4.0), 7.3, atol=2e-3)
 
 
 def test_noise_alone_has_no_frequency(tmp_path):
@@ -82,33 +82,33 @@ def test_a_recording_too_short_for_a_frequency_is_told(tmp_path):
 
 
 @pytest.mark.parametrize("frequency", [4.25, 110.8])  # the second is folded to 9.2 Hz
-def test_the_advance_of_the_phase_corrects_a_frequency(tmp_path, frequency):
+def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequency):
     recordings = tracks(tmp_path, frequency, seconds=10.0)
     found = advance(recordings, 0.2, 10.0, frequency + 0.02, 1)
-    assert found.frequency == pytest.approx(frequency, abs=5 * found.deviation)
+    conforms.sampled(found.frequency, frequency, atol=5 * found.deviation)
     # Cramér and Rao for the frequency of tones of amplitude A in noise σ, summed over the tones.
     power = 2 * sum((5 * np.linspace(0.2, 1, 16)) ** 2)
     bound = np.sqrt(6 * 0.03**2 / (power * 60 * 9.8**3)) / np.pi
-    assert 0.4 * bound < found.deviation < 3 * bound
-    assert abs(found.frequency - frequency) < 5 * bound
+    conforms.sampled(found.deviation, above=0.4 * bound, below=3 * bound)
+    conforms.sampled(abs(found.frequency - frequency), below=5 * bound)
 
 
-def test_growth_is_seen(tmp_path):
+def test_growth_is_seen(conforms, tmp_path):
     found = advance(tracks(tmp_path, 4.25, seconds=10.0, growth=0.2), 0.2, 10.0, 4.25, 1)
-    assert found.growth == pytest.approx(0.2 * 9.8 / 10, rel=0.05)
+    conforms.closed_form(found.growth, 0.2 * 9.8 / 10, rtol=0.05)
 
 
 # Models.
 
 
 @pytest.mark.parametrize("kind", ["beam", "plate"])
-def test_a_mode_is_most_similar_to_itself(kind):
+def test_a_mode_is_most_similar_to_itself(conforms, kind):
     structure = Structure(kind=kind)
     modes = candidates(structure)
     for mode in modes:
         values = [assurance(-3e-3 * mode.shape, other.shape) for other in modes]
         assert modes[int(np.argmax(values))].name == mode.name
-        np.testing.assert_allclose(scaled(-3e-3 * mode.shape, mode.shape), -3e-3 * mode.shape)
+        conforms.invariance(scaled(-3e-3 * mode.shape, mode.shape), -3e-3 * mode.shape, rtol=1e-7)
 
 
 def test_one_row_on_the_axis_sees_no_torsion():
@@ -123,7 +123,7 @@ def test_a_flat_structure_has_no_model():
 # Universal file.
 
 
-def test_the_universal_file_holds_nodes_shape_and_motion(tmp_path):
+def test_the_universal_file_holds_nodes_shape_and_motion(conforms, tmp_path):
     rng = np.random.default_rng(5)
     amplitude = rng.normal(size=6) + 1j * rng.normal(size=6)
     amplitude[2] = np.nan
@@ -142,16 +142,16 @@ def test_the_universal_file_holds_nodes_shape_and_motion(tmp_path):
     assert list(file.get_set_types()) == [164, 15, 55] + 5 * [58]
     units, nodes, shape, *responses = file.read_sets()
     assert units["length"] == 1
-    np.testing.assert_allclose([nodes["x"], nodes["y"], nodes["z"]], places, rtol=1e-5)
+    conforms.closed_form([nodes["x"], nodes["y"], nodes["z"]], places, rtol=1e-5)
     known = [0, 1, 3, 4, 5]
     np.testing.assert_array_equal(shape["node_nums"], np.add(known, 1))
-    np.testing.assert_allclose(shape["r3"], amplitude[known], rtol=1e-4)
-    assert shape["freq"] == pytest.approx(4.25)
+    conforms.closed_form(shape["r3"], amplitude[known], rtol=1e-4)
+    conforms.closed_form(shape["freq"], 4.25, rtol=1e-6)
     for k, response in zip(known, responses, strict=True):
         assert response["rsp_node"] == k + 1
         assert response["rsp_dir"] == 3
         spectrum = np.fft.rfft(response["data"]) * 2 / len(response["data"])
-        assert spectrum[1] == pytest.approx(amplitude[k], rel=1e-4)
+        conforms.closed_form(spectrum[1], amplitude[k], rtol=1e-4)
 
 
 # Steps.

@@ -11,6 +11,8 @@ from thesis_lib.experiment.render import Sensor
 from thesis_lib.experiment.scene import Component, Markers
 from thesis_lib.measuring.measure import measure
 
+pytestmark = pytest.mark.slow  # for the report of conformance
+
 BEAM, PLATE = setups.beam(), setups.plate()
 
 
@@ -32,18 +34,18 @@ def measured(manifest, folder):
         return data.load()
 
 
-def compared(data, rig, allowed):
+def compare(conforms, data, rig, allowed):
     """The shape against the truth: rms error over the largest deflection, and in its errors."""
     part = rig.motion.components[0]
     true = part.amplitude * part.shape(rig.motion.structure, rig.markers.centres)
     shape = data["deflection"].values
     shape = shape * np.sign(shape @ true)
     error = np.sqrt(np.mean((shape - true) ** 2))
-    assert error < allowed * np.abs(true).max()
+    conforms.closed_form(error, below=allowed * np.abs(true).max())
     return error / np.sqrt(np.mean(data["standard_error"].values ** 2))
 
 
-def test_bright_points_anywhere_on_a_plate(tmp_path):
+def test_bright_points_anywhere_on_a_plate(conforms, tmp_path):
     markers = Markers(PLATE.extent, scattered(40, 0.045, np.random.default_rng(2)), 0.012, None,
                       bright=True)  # fmt: skip
     rig = own.short_rig(
@@ -54,11 +56,11 @@ def test_bright_points_anywhere_on_a_plate(tmp_path):
     manifest = own.make(tmp_path, rig, {}, corners=True, board_sensor=Sensor())
     data = measured(manifest, tmp_path / "out")
     assert data.attrs["most_similar"] == "mode (2, 1)"
-    assert compared(data, rig, 0.01) < 3
+    conforms.sampled(compare(conforms, data, rig, 0.01), below=3)
     assert data.sizes["marker"] == 40
 
 
-def test_colour_videos_and_a_clap_in_a_room(tmp_path):
+def test_colour_videos_and_a_clap_in_a_room(conforms, tmp_path):
     rig = own.short_rig(BEAM, [(12, 30), (-150, 35)], Component(amplitude=0.003, frequency=6.3),
                         steady=1.7)  # fmt: skip
     excitation = {"sound": "room", "frequency_hz": None, "steady_s": (0.45, 2.0),
@@ -67,19 +69,19 @@ def test_colour_videos_and_a_clap_in_a_room(tmp_path):
                         sound=lambda rig, index: own.room(rig, index, 0.9))  # fmt: skip
     data = measured(manifest, tmp_path / "out")
     assert data.attrs["most_similar"] == "bending 1"
-    compared(data, rig, 0.02)
-    assert float(data["frequency"]) == pytest.approx(6.3, abs=0.02)
+    compare(conforms, data, rig, 0.02)
+    conforms.closed_form(float(data["frequency"]), 6.3, atol=0.02)
     assert np.isnan(data["phase"]).all()
     starts = [station.start for station in rig.stations]
-    np.testing.assert_allclose(data["delay"], np.subtract(starts, starts[0]), atol=0.1 / 60)
+    conforms.closed_form(data["delay"], np.subtract(starts, starts[0]), atol=0.1 / 60)
 
 
-def test_a_vibration_too_fast_for_the_frames_is_measured_by_its_known_frequency(tmp_path):
+def test_a_vibration_too_fast_for_the_frames_is_measured_by_its_known_frequency(conforms, tmp_path):
     part = Component("bending", 2, 39.6, 0.0008)
     rig = own.short_rig(BEAM, [(12, 30), (-12, 30), (170, 30)], part, steady=0.9,
                         sensor=Sensor(exposure=1 / 500, samples=4))  # fmt: skip
     manifest = own.make(tmp_path, rig, {"undersampled": True})
     data = measured(manifest, tmp_path / "out")
     assert data.attrs["most_similar"] == "bending 2"
-    assert float(data["frequency"]) == pytest.approx(39.6, abs=0.01)
-    assert compared(data, rig, 0.02) < 3
+    conforms.closed_form(float(data["frequency"]), 39.6, atol=0.01)
+    conforms.sampled(compare(conforms, data, rig, 0.02), below=3)

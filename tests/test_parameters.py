@@ -607,7 +607,7 @@ def outcome(name, values):
         return None, str(error)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=300, derandomize=True)
 @given(
     st.sampled_from(list(STUDIES)),
     st.dictionaries(st.sampled_from(FIELDS) | st.text(max_size=8), JUNK, max_size=3),
@@ -623,7 +623,7 @@ def test_junk_is_refused_in_one_line_or_valid(name, values):
         assert validate(name, study.request).digest == study.digest
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=300, derandomize=True)
 @given(st.data())
 def test_junk_in_one_known_field_is_refused_in_one_line_or_valid(data):
     name = data.draw(st.sampled_from(list(STUDIES)))

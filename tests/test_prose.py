@@ -10,6 +10,7 @@ from motion_scene import films
 from thesis_lib import (
     assumptions,
     claims,
+    conformance,
     cubes,
     design_study,
     files,
@@ -76,7 +77,7 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     book = files.project_root() / "book"
     pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
-    pieces = (prose, numbers, reference, thesis_index, assumptions)
+    pieces = (prose, numbers, reference, thesis_index, assumptions, conformance)
     assert included == {piece for module in pieces for piece in module.PIECES}
 
 

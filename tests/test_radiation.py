@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.special import j1
@@ -80,15 +80,15 @@ def random_velocity(n, seed=0):
 
 
 @pytest.mark.parametrize("ka", [0.01, 0.3, 1.0, 7.0])
-def test_pressure_on_a_sphere_is_its_impedance_times_its_velocity(ka):
+def test_pressure_on_a_sphere_is_its_impedance_times_its_velocity(conforms, ka):
     a, v = 0.05, 0.3 - 0.2j
     omega = ka * C / a
     impedance = RHO * C * 1j * ka / (1 + 1j * ka)
     p = rad.pulsating_sphere(a, a, 4 * pi * a**2 * v, omega)
-    assert complex(p) == pytest.approx(impedance * v, rel=1e-13)
+    conforms.closed_form(complex(p), impedance * v, rtol=1e-13)
 
 
-def test_pulsating_sphere_obeys_eulers_equation_with_order_2():
+def test_pulsating_sphere_obeys_eulers_equation_with_order_2(conforms):
     # v = −(dp/dr) / jωρ at the surface, by one-sided differences.
     a, v, omega = 0.05, 0.3, 1.7 * C / 0.05
     errors = []
@@ -96,49 +96,47 @@ def test_pulsating_sphere_obeys_eulers_equation_with_order_2():
         p = rad.pulsating_sphere(a + h * np.arange(3), a, 4 * pi * a**2 * v, omega)
         slope = (-1.5 * p[0] + 2 * p[1] - 0.5 * p[2]) / h
         errors.append(abs(-slope / (1j * omega * RHO) - v))
-    np.testing.assert_allclose(orders(errors), 2, atol=0.06)
+    conforms.order(orders(errors), 2, atol=0.06)
 
 
-def test_pulsating_sphere_sends_its_power_through_every_sphere():
+def test_pulsating_sphere_sends_its_power_through_every_sphere(conforms):
     a, v, omega = 0.05, 0.3, 1.7 * C / 0.05
     r = np.array([a, 0.1, 1, 30])
     p = rad.pulsating_sphere(r, a, 4 * pi * a**2 * v, omega)
     through = 4 * pi * r**2 * np.abs(p) ** 2 / (2 * RHO * C)
     driven = 4 * pi * a**2 * np.real(p[0] * np.conj(v)) / 2
-    np.testing.assert_allclose(through, driven, rtol=1e-13)
+    conforms.invariance(through, driven, rtol=1e-13)
 
 
-def test_a_small_pulsating_sphere_is_a_monopole_with_order_2():
+def test_a_small_pulsating_sphere_is_a_monopole_with_order_2(conforms):
     omega, r = 2 * pi * 500, np.array([0.5, 1, 4])
     radii = 0.02 / 2 ** np.arange(4)
     exact = rad.monopole(r, 0.01j, omega)
     errors = [np.max(np.abs(rad.pulsating_sphere(r, a, 0.01j, omega) / exact - 1)) for a in radii]
-    np.testing.assert_allclose(orders(errors), 2, atol=0.05)
+    conforms.order(orders(errors), 2, atol=0.05)
     # e^{jka} / (1 + jka) = 1 − (ka)²/2 + …
-    assert errors[-1] == pytest.approx((omega / C * radii[-1]) ** 2 / 2, rel=0.01)
+    conforms.closed_form(errors[-1], (omega / C * radii[-1]) ** 2 / 2, rtol=0.01)
 
 
-def test_monopole_is_an_outgoing_spherical_wave():
+def test_monopole_is_an_outgoing_spherical_wave(conforms):
     omega = 2 * pi * 700
     r = np.linspace(0.1, 3, 50)
     p = rad.monopole(r, 0.02, omega)
-    np.testing.assert_allclose(np.abs(p) * r, omega * RHO * 0.02 / (4 * pi), rtol=1e-13)
+    conforms.closed_form(np.abs(p) * r, omega * RHO * 0.02 / (4 * pi), rtol=1e-13)
     # With e^{+jωt}, a point at a distance sees what the source did a time r/c ago.
     delay = -np.angle(p / p[0])
-    np.testing.assert_allclose(np.exp(1j * delay), np.exp(1j * omega * (r - r[0]) / C), rtol=1e-11)
-    assert np.angle(p[1] / p[0]) == pytest.approx(-omega / C * (r[1] - r[0]), rel=1e-9)
+    conforms.closed_form(np.exp(1j * delay), np.exp(1j * omega * (r - r[0]) / C), rtol=1e-11)
+    conforms.closed_form(np.angle(p[1] / p[0]), -omega / C * (r[1] - r[0]), rtol=1e-9)
 
 
-def test_a_baffle_doubles_a_monopole():
+def test_a_baffle_doubles_a_monopole(conforms):
     omega, r = 2 * pi * 700, np.array([0.1, 0.7, 2])
-    np.testing.assert_allclose(
-        rad.piston(r, 0.3j, 0.002, omega),
-        2 * rad.monopole(r, 0.3j * 0.002, omega),
-        rtol=1e-14,
+    conforms.closed_form(
+        rad.piston(r, 0.3j, 0.002, omega), 2 * rad.monopole(r, 0.3j * 0.002, omega), rtol=1e-14
     )
     one = rad.Pistons(np.zeros((2, 1)), (0.05, 0.04))
     points = np.stack([0.6 * r, 0 * r, 0.8 * r])
-    np.testing.assert_allclose(
+    conforms.closed_form(
         rad.transfer(one, points, omega)[:, 0], rad.piston(r, 1, 0.002, omega), rtol=1e-12
     )
 
@@ -147,25 +145,25 @@ def test_a_baffle_doubles_a_monopole():
 
 
 @pytest.mark.parametrize("ka", [0.7, 3.0, 8.0])
-def test_circular_piston_on_its_axis_with_order_2(ka):
+def test_circular_piston_on_its_axis_with_order_2(conforms, ka):
     a, v = 0.1, 0.4
     k = ka / a
     z = np.array([0.03, 0.1, 0.25, 1.0])
     far = np.sqrt(z**2 + a**2)
     exact = RHO * C * v * (np.exp(-1j * k * z) - np.exp(-1j * k * far))
     modulus = 2 * RHO * C * v * np.abs(np.sin(k / 2 * (far - z)))
-    np.testing.assert_allclose(np.abs(exact), modulus, rtol=1e-10)
+    conforms.closed_form(np.abs(exact), modulus, rtol=1e-10)
     errors = []
     for rings in (16, 32, 64, 128):
         parts = disc(a, rings)
         p = rad.rayleigh(parts, np.full(3 * rings**2, v), np.stack([0 * z, 0 * z, z]), k * C)
         errors.append(np.max(np.abs(p - exact)))
-    np.testing.assert_allclose(orders(errors), 2, atol=0.15)
-    assert errors[-1] < 1e-3 * np.max(modulus)
+    conforms.order(orders(errors), 2, atol=0.15)
+    conforms.closed_form(errors[-1], below=1e-3 * np.max(modulus))
 
 
 @pytest.mark.parametrize("ka", [0.3, 1.5, 4.0])
-def test_resistance_of_the_circular_piston_with_order_2(ka):
+def test_resistance_of_the_circular_piston_with_order_2(conforms, ka):
     # Power over that of a plane wave: 1 − J₁(2ka) / ka, from the far field and from the matrix.
     a = 0.1
     exact = 1 - j1(2 * ka) / ka
@@ -177,12 +175,12 @@ def test_resistance_of_the_circular_piston_with_order_2(ka):
         plane = RHO * C * pi * a**2 / 2
         far.append(abs(far_power(parts, v, omega) / plane - exact))
         near.append(abs(rad.radiation_efficiency(parts, v, omega) - exact))
-    np.testing.assert_allclose(orders(far), 2, atol=0.15)
-    np.testing.assert_allclose(near, far, rtol=1e-6)
-    assert far[-1] < 2e-3 * exact * max(1, ka**2)
+    conforms.order(orders(far), 2, atol=0.15)
+    conforms.independent(near, far, rtol=1e-6)
+    conforms.closed_form(far[-1], below=2e-3 * exact * max(1, ka**2))
 
 
-def test_pressure_of_the_circular_piston_off_its_axis_in_the_far_field():
+def test_pressure_of_the_circular_piston_off_its_axis_in_the_far_field(conforms):
     # Directivity 2 J₁(ka sin θ) / (ka sin θ).
     a, ka = 0.1, 3.0
     theta = np.linspace(0.1, 1.5, 12)
@@ -194,7 +192,7 @@ def test_pressure_of_the_circular_piston_off_its_axis_in_the_far_field():
         parts = disc(a, rings)
         p = rad.far_field(parts, np.ones(3 * rings**2), u, ka * C / a)
         errors.append(np.max(np.abs(p - exact)))
-    np.testing.assert_allclose(orders(errors), 2, atol=0.15)
+    conforms.order(orders(errors), 2, atol=0.15)
 
 
 # Simply supported panels: C. E. Wallace, J. Acoust. Soc. Am. 51 (1972), 946-952.
@@ -229,16 +227,16 @@ def low_frequency(m, n, k):
 
 
 @pytest.mark.parametrize(("m", "n"), FAMILIES)
-def test_wallaces_integral_has_his_limits_at_low_frequency(m, n):
+def test_wallaces_integral_has_his_limits_at_low_frequency(conforms, m, n):
     ks = 0.8 / 2 ** np.arange(4)
     errors = [abs(low_frequency(m, n, k) / wallace(m, n, k) - 1) for k in ks]
     next_term = 4 if m % 2 and n % 2 else 2  # the limit for two odd indices has two terms
-    np.testing.assert_allclose(orders(errors), next_term, atol=0.05)
+    conforms.order(orders(errors), next_term, atol=0.05)
 
 
 @pytest.mark.parametrize("ka", [0.5, 2.0, 6.0])
 @pytest.mark.parametrize(("m", "n"), FAMILIES)
-def test_radiation_efficiency_of_a_panel_is_wallaces_with_order_2(m, n, ka):
+def test_radiation_efficiency_of_a_panel_is_wallaces_with_order_2(conforms, m, n, ka):
     k = ka / A
     exact = wallace(m, n, k)
     errors = []
@@ -246,29 +244,29 @@ def test_radiation_efficiency_of_a_panel_is_wallaces_with_order_2(m, n, ka):
         parts = panel(12 * refined, 8 * refined)
         sigma = rad.radiation_efficiency(parts, panel_mode(parts, m, n), k * C)
         errors.append(abs(sigma / exact - 1))
-    np.testing.assert_allclose(orders(errors), 2, atol=0.1)
-    assert errors[-1] < 0.02
+    conforms.order(orders(errors), 2, atol=0.1)
+    conforms.closed_form(errors[-1], below=0.02)
 
 
 @pytest.mark.parametrize(("m", "n"), FAMILIES)
-def test_radiation_efficiency_has_wallaces_limit_at_low_frequency(m, n):
+def test_radiation_efficiency_has_wallaces_limit_at_low_frequency(conforms, m, n):
     # Finer pistons at a lower frequency: both errors fall as the square.
     errors = []
     for refined in (1, 2, 4):
         parts, k = panel(12 * refined, 8 * refined), 0.4 / refined / A
         sigma = rad.radiation_efficiency(parts, panel_mode(parts, m, n), k * C)
         errors.append(abs(sigma / low_frequency(m, n, k) - 1))
-    np.testing.assert_allclose(orders(errors), 2, atol=0.1)
+    conforms.order(orders(errors), 2, atol=0.1)
 
 
-def test_a_panel_far_above_coincidence_radiates_like_a_plane_wave():
+def test_a_panel_far_above_coincidence_radiates_like_a_plane_wave(conforms):
     parts = panel(60, 40)
     sigma = rad.radiation_efficiency(parts, panel_mode(parts, 1, 1), 40 / A * C)
-    assert sigma == pytest.approx(1, abs=0.03)
+    conforms.closed_form(sigma, 1, atol=0.03)
 
 
 @pytest.mark.parametrize(("m", "n"), FAMILIES)
-def test_far_field_of_a_panel_is_wallaces_with_order_2(m, n):
+def test_far_field_of_a_panel_is_wallaces_with_order_2(conforms, m, n):
     k = 5 / A
     theta, phi = np.meshgrid([0.3, 0.8, 1.3], [0.2, 0.9, 1.4])
     u = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
@@ -283,10 +281,10 @@ def test_far_field_of_a_panel_is_wallaces_with_order_2(m, n):
         parts = panel(12 * refined, 8 * refined)
         p = rad.far_field(parts, panel_mode(parts, m, n), u, k * C)
         errors.append(np.max(np.abs(np.abs(p) - exact)))
-    np.testing.assert_allclose(orders(errors), 2, atol=0.1)
+    conforms.order(orders(errors), 2, atol=0.1)
 
 
-def test_rayleighs_integral_tends_to_the_far_field():
+def test_rayleighs_integral_tends_to_the_far_field(conforms):
     parts = panel(12, 8)
     v, omega = random_velocity(96), 3 * C / A
     u = np.array([[0.3], [-0.5], [np.sqrt(1 - 0.34)]])
@@ -295,22 +293,22 @@ def test_rayleighs_integral_tends_to_the_far_field():
     for r in (50, 100, 200, 400):
         p = rad.rayleigh(parts, v, r * u, omega)[0]
         errors.append(abs(p * r * np.exp(1j * omega / C * r) - far))
-    np.testing.assert_allclose(orders(errors), 1, atol=0.05)
+    conforms.order(orders(errors), 1, atol=0.05)
 
 
 # Power.
 
 
 @pytest.mark.parametrize("ka", [0.3, 2.0, 9.0])
-def test_radiation_matrix_gives_the_power_of_the_far_field(ka):
+def test_radiation_matrix_gives_the_power_of_the_far_field(conforms, ka):
     parts = panel(12, 8)
     omega = ka * C / A
     for v in (random_velocity(96), panel_mode(parts, 2, 1), panel_mode(parts, 2, 2)):
         power = rad.sound_power(parts, v, omega)
-        assert far_power(parts, v, omega) == pytest.approx(power, rel=1e-3)
+        conforms.independent(far_power(parts, v, omega), power, rtol=1e-3)
 
 
-def test_power_of_the_far_field_converges_to_that_of_the_matrix_with_order_2():
+def test_power_of_the_far_field_converges_to_that_of_the_matrix_with_order_2(conforms):
     # By the midpoint rule over the half space, where the (1, 1) mode is loudest at θ = 0.
     parts = panel(12, 8)
     v, omega = panel_mode(parts, 1, 1), 3 * C / A
@@ -325,11 +323,11 @@ def test_power_of_the_far_field_converges_to_that_of_the_matrix_with_order_2():
         intensity = np.abs(rad.far_field(parts, v, u, omega)) ** 2 / (2 * RHO * C)
         total = np.sum(intensity * np.sin(theta)) * pi / 2 / n * 2 * pi / (4 * n)
         errors.append(abs(total / exact - 1))
-    np.testing.assert_allclose(orders(errors), 2, atol=0.1)
-    assert errors[-1] < 1e-3
+    conforms.order(orders(errors), 2, atol=0.1)
+    conforms.independent(errors[-1], below=1e-3)
 
 
-def test_near_field_intensity_of_a_piston_is_its_power_with_order_2():
+def test_near_field_intensity_of_a_piston_is_its_power_with_order_2(conforms):
     # Re(p v*)/2 over a hemisphere of any radius equals the power: nothing is lost on the way.
     parts = panel(6, 4)
     v, omega = random_velocity(24), 4 * C / A
@@ -340,7 +338,7 @@ def test_near_field_intensity_of_a_piston_is_its_power_with_order_2():
         p, out, inner = (rad.rayleigh(parts, v, (r + d) * u, omega) for d in (0, h, -h))
         velocity = -(out - inner) / (2 * h) / (1j * omega * RHO)
         errors.append(abs(np.sum(weight * np.real(p * np.conj(velocity))) * r**2 / 2 / exact - 1))
-    np.testing.assert_allclose(orders(errors), 2, atol=0.1)
+    conforms.order(orders(errors), 2, atol=0.1)
 
 
 VELOCITIES = hnp.arrays(
@@ -348,7 +346,6 @@ VELOCITIES = hnp.arrays(
 )
 
 
-@settings(deadline=None)
 @given(VELOCITIES, st.floats(1e-3, 5.9))
 def test_power_is_never_negative(v, ka):
     parts = panel(6, 4)
@@ -359,29 +356,29 @@ def test_power_is_never_negative(v, ka):
 
 
 @pytest.mark.parametrize("ka", [0.1, 1.0, 12.0])
-def test_radiation_matrix_is_symmetric_and_positive_semi_definite(ka):
+def test_radiation_matrix_is_symmetric_and_positive_semi_definite(conforms, ka):
     matrix = rad.radiation_matrix(panel(12, 8), ka * C / A)
-    np.testing.assert_array_equal(matrix, matrix.T)
+    conforms.invariance(matrix, matrix.T, atol=0)
     eigenvalues = np.linalg.eigvalsh(matrix)
-    assert eigenvalues[0] >= -1e-14 * eigenvalues[-1]
+    conforms.invariance(eigenvalues[0], above=-1e-14 * eigenvalues[-1])
 
 
-def test_power_and_efficiency_scale_as_they_must():
+def test_power_and_efficiency_scale_as_they_must(conforms):
     parts, omega = panel(6, 4), 3 * C / A
     v = random_velocity(24)
     power = rad.sound_power(parts, v, omega)
-    assert rad.sound_power(parts, 3j * v, omega) == pytest.approx(9 * power, rel=1e-12)
+    conforms.invariance(rad.sound_power(parts, 3j * v, omega), 9 * power, rtol=1e-12)
     sigma = rad.radiation_efficiency(parts, v, omega)
-    assert rad.radiation_efficiency(parts, 3j * v, omega) == pytest.approx(sigma, rel=1e-12)
+    conforms.invariance(rad.radiation_efficiency(parts, 3j * v, omega), sigma, rtol=1e-12)
     dense = rad.Medium(C, 2 * RHO)
-    assert rad.sound_power(parts, v, omega, dense) == pytest.approx(2 * power, rel=1e-12)
-    assert rad.radiation_efficiency(parts, v, omega, dense) == pytest.approx(sigma, rel=1e-12)
+    conforms.invariance(rad.sound_power(parts, v, omega, dense), 2 * power, rtol=1e-12)
+    conforms.invariance(rad.radiation_efficiency(parts, v, omega, dense), sigma, rtol=1e-12)
     # Only k matters to the efficiency.
     fast = rad.Medium(2 * C, RHO)
-    assert rad.radiation_efficiency(parts, v, 2 * omega, fast) == pytest.approx(sigma, rel=1e-12)
+    conforms.invariance(rad.radiation_efficiency(parts, v, 2 * omega, fast), sigma, rtol=1e-12)
 
 
-def test_two_pistons_that_meet_are_one_of_double_area():
+def test_two_pistons_that_meet_are_one_of_double_area(conforms):
     k, side = 8.0, 0.02
     one = rad.Pistons(np.zeros((2, 1)), (2 * side, side))
     point = np.array([[0.3], [0.2], [0.1]])
@@ -393,34 +390,34 @@ def test_two_pistons_that_meet_are_one_of_double_area():
         two = rad.Pistons(np.array([[-d / 2, d / 2], [0, 0]]), (side, side))
         power.append(abs(rad.sound_power(two, [1.0, 1.0], k * C) / exact_power - 1))
         pressure.append(abs(np.sum(rad.transfer(two, point, k * C)) / exact_pressure - 1))
-    np.testing.assert_allclose(orders(power), 2, atol=0.02)
-    np.testing.assert_allclose(orders(pressure), 2, atol=0.02)
+    conforms.order(orders(power), 2, atol=0.02)
+    conforms.order(orders(pressure), 2, atol=0.02)
     # (1 + sinc kd) / 2 = 1 − (kd)²/12 + …
-    assert power[-1] == pytest.approx((k * distances[-1]) ** 2 / 12, rel=0.01)
+    conforms.closed_form(power[-1], (k * distances[-1]) ** 2 / 12, rtol=0.01)
 
 
-def test_two_pistons_in_opposition_that_meet_are_silent():
+def test_two_pistons_in_opposition_that_meet_are_silent(conforms):
     k = 8.0
     power = []
     for d in 0.04 / 2 ** np.arange(4):
         two = rad.Pistons(np.array([[-d / 2, d / 2], [0, 0]]), (0.02, 0.02))
         power.append(rad.sound_power(two, [1.0, -1.0], k * C))
-    np.testing.assert_allclose(orders(power), 2, atol=0.02)
+    conforms.order(orders(power), 2, atol=0.02)
 
 
 @pytest.mark.parametrize("ka", [0.5, 6.0])
-def test_directivity_averages_to_one_over_the_half_space(ka):
+def test_directivity_averages_to_one_over_the_half_space(conforms, ka):
     parts, omega = panel(12, 8), ka * C / A
     u, weight = hemisphere()
     for v in (random_velocity(96), panel_mode(parts, 1, 1)):
         mean = np.sum(weight * rad.directivity(parts, v, u, omega)) / (2 * pi)
-        assert mean == pytest.approx(1, rel=1e-9)
+        conforms.closed_form(mean, 1, rtol=1e-9)
 
 
-def test_a_small_source_radiates_evenly():
+def test_a_small_source_radiates_evenly(conforms):
     u, _ = hemisphere(8)
     small = rad.Pistons(np.zeros((2, 1)), (0.01, 0.01))
-    np.testing.assert_allclose(rad.directivity(small, [1.0], u, 100.0), 1, rtol=1e-12)
+    conforms.closed_form(rad.directivity(small, [1.0], u, 100.0), 1, rtol=1e-12)
 
 
 # The kernel.
@@ -429,18 +426,18 @@ place = st.floats(-1, 1, allow_subnormal=False)
 
 
 @given(place, place, place, place, st.floats(0.01, 2), st.floats(50, 4000))
-def test_source_and_receiver_change_places(x1, y1, x2, y2, z, omega):
+def test_source_and_receiver_change_places(conforms, x1, y1, x2, y2, z, omega):
     def pressure(source, receiver):
         parts = rad.Pistons(np.array(source)[:, None], (0.01, 0.02))
         point = np.array([*receiver, z])[:, None]
         return complex(rad.transfer(parts, point, omega)[0, 0])
 
     there, back = pressure((x1, y1), (x2, y2)), pressure((x2, y2), (x1, y1))
-    assert there == pytest.approx(back, rel=1e-11)
+    conforms.invariance(there, back, rtol=1e-11)
 
 
 @pytest.mark.parametrize("kind", [complex, float])
-def test_field_is_the_direct_expression(kind):
+def test_field_is_the_direct_expression(conforms, kind):
     parts = pistons(setups.plate())
     rng = np.random.default_rng(3)
     v = rng.normal(size=150) + (1j * rng.normal(size=150) if kind is complex else 0)
@@ -454,18 +451,18 @@ def test_field_is_the_direct_expression(kind):
     peak = np.max(np.abs(direct))
     for field in (rad.rayleigh(parts, v, points, omega), rad.transfer(parts, points, omega) @ v):
         assert field.shape == (20, 50)
-        assert np.max(np.abs(field - direct)) < 1e-12 * peak
+        conforms.independent(np.max(np.abs(field - direct)), below=1e-12 * peak)
 
 
-def test_field_is_linear_in_velocity_and_density():
+def test_field_is_linear_in_velocity_and_density(conforms):
     parts = panel(6, 4)
     points, omega = np.array([[0.1], [0.2], [0.3]]), 3 * C / A
     one, other = random_velocity(24, 1), random_velocity(24, 2)
     both = rad.rayleigh(parts, one + 2j * other, points, omega)
     apart = [rad.rayleigh(parts, v, points, omega) for v in (one, other)]
-    np.testing.assert_allclose(both, apart[0] + 2j * apart[1], rtol=1e-12)
+    conforms.invariance(both, apart[0] + 2j * apart[1], rtol=1e-12)
     water = rad.Medium(C, 1000)
-    np.testing.assert_allclose(
+    conforms.invariance(
         rad.rayleigh(parts, one, points, omega, water), apart[0] * 1000 / RHO, rtol=1e-12
     )
 
@@ -491,18 +488,18 @@ def test_memory_of_a_field_is_bounded_by_a_block():
 
 
 @pytest.mark.parametrize("factor", [1, 10, 1e-3])
-def test_pressure_level_is_that_of_the_rms_pressure(factor):
+def test_pressure_level_is_that_of_the_rms_pressure(conforms, factor):
     amplitude = factor * 20e-6 * np.sqrt(2) * np.exp(0.4j)
-    assert rad.pressure_level(amplitude) == pytest.approx(20 * np.log10(factor), abs=1e-12)
+    conforms.closed_form(rad.pressure_level(amplitude), 20 * np.log10(factor), atol=1e-12)
 
 
 @pytest.mark.parametrize(("watts", "decibels"), [(1e-12, 0), (1, 120), (2e-12, 3.0103)])
-def test_power_level_is_re_one_picowatt(watts, decibels):
-    assert rad.power_level(watts) == pytest.approx(decibels, abs=1e-4)
+def test_power_level_is_re_one_picowatt(conforms, watts, decibels):
+    conforms.closed_form(rad.power_level(watts), decibels, atol=1e-4)
 
 
-def test_pressure_of_one_pascal_is_91_decibels_and_silence_is_below_all():
-    assert rad.pressure_level(1.0) == pytest.approx(90.9691, abs=1e-4)
+def test_pressure_of_one_pascal_is_91_decibels_and_silence_is_below_all(conforms):
+    conforms.closed_form(rad.pressure_level(1.0), 90.9691, atol=1e-4)
     assert rad.pressure_level([0.0])[0] == -INF
     assert rad.power_level([0.0])[0] == -INF
 

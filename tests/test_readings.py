@@ -141,13 +141,13 @@ def test_the_ledgers_requests_share_their_draws():
 # -- Focal length and amplitude --
 
 
-def test_with_a_known_rest_errors_go_as_one_over_the_focal_length():
+def test_with_a_known_rest_errors_go_as_one_over_the_focal_length(conforms):
     """Exactly, by the law: each coordinate has a variance of 1/12 px², a pixel is 1/f wide."""
     one, other = (
         cube_of("beam-aperture", rest="known", focal_length_mm=f)["predicted_error"]
         for f in (24, 36)
     )
-    np.testing.assert_allclose(other, one * 24 / 36, rtol=1e-9)
+    conforms.closed_form(other, one * 24 / 36, rtol=1e-9)
 
 
 def test_a_larger_sensor_behind_a_longer_lens_is_the_same_camera():
@@ -156,40 +156,40 @@ def test_a_larger_sensor_behind_a_longer_lens_is_the_same_camera():
         xr.testing.assert_identical(cube, cube_of("beam-arrays"))
 
 
-def test_a_longer_lens_before_fewer_pixels_measures_the_same():
+def test_a_longer_lens_before_fewer_pixels_measures_the_same(conforms):
     """Focal length in px is the same, and the picture's middle is still a whole pixel."""
     values = {"distance_mm": 500, "cases": ["2a", "2b"]}
     one = cube_of("beam-aperture", **values)
     other = cube_of("beam-aperture", **values, focal_length_mm=48, resolution_px=[160, 90])
     for name in ("measured_deflection", "mean_error", "max_point_error", "predicted_error"):
-        np.testing.assert_allclose(other[name], one[name], rtol=1e-5, atol=1e-10)
+        conforms.invariance(other[name], one[name], rtol=1e-5, atol=1e-10)
 
 
 @pytest.mark.parametrize("name", ["beam-distance", "plate-aperture"])
-def test_half_the_amplitude_behind_twice_the_lens_gives_the_same_errors(name):
+def test_half_the_amplitude_behind_twice_the_lens_gives_the_same_errors(conforms, name):
     """The same motion in px. Exact for small motions; here perspective takes part in them."""
     one, other = (
         cube_of(name, focal_length_mm=24 * a, amplitude_mm=0.2 / a)["predicted_error"]
         for a in (1, 2)
     )
-    np.testing.assert_allclose(other, one, rtol=2e-3)
+    conforms.invariance(other, one, rtol=2e-3)
 
 
-def test_motions_far_below_a_pixel_have_errors_as_one_over_the_root_of_their_size():
+def test_motions_far_below_a_pixel_have_errors_as_one_over_the_root_of_their_size(conforms):
     """A difference of rounded values has variance f (1 − f) → f, and errors are in % of f."""
     one, other = (
         cube_of("beam-distance", amplitude_mm=a)["predicted_error"] for a in (0.001, 0.0001)
     )
-    np.testing.assert_allclose(other / one, 10**0.5, rtol=2e-3)
+    conforms.order(other / one, 10**0.5, rtol=2e-3)
 
 
 # -- Markers --
 
 
 @pytest.mark.parametrize("first", [0.0, 11.5, 23.0])
-def test_the_first_marker_moves_the_row(first):
+def test_the_first_marker_moves_the_row(conforms, first):
     cube = cube_of("beam-distance", first_marker_mm=first)
-    np.testing.assert_allclose(1000 * cube["x"], first + 25 * np.arange(25))
+    conforms.closed_form(1000 * cube["x"], first + 25 * np.arange(25), rtol=1e-7)
     length = setups.beam().length
     tip = studies.deflection_shape(setups.beam(), 1, [[length], [0.0]], 5.5e-3)
     at = studies.deflection_shape(setups.beam(), 1, [cube["x"], 0 * cube["x"]], 5.5e-3)
@@ -199,9 +199,9 @@ def test_the_first_marker_moves_the_row(first):
         np.testing.assert_allclose(abs(tip[0]), 5.5e-3)
 
 
-def test_a_marker_in_the_clamp_does_not_move():
+def test_a_marker_in_the_clamp_does_not_move(conforms):
     cube = cube_of("beam-distance", first_marker_mm=0.0)
-    np.testing.assert_allclose(cube["reference_deflection"][:, 0], 0, atol=1e-12)
+    conforms.closed_form(cube["reference_deflection"][:, 0], 0, atol=1e-12)
     assert not cube["measured_deflection"][:, :, :, 0].values.any()
 
 
@@ -252,7 +252,7 @@ def displaced(cameras, offset):
 
 
 @pytest.mark.parametrize("offset", [0.5, -0.3, 0.125])
-def test_literal_run_is_that_of_cameras_with_the_principal_point_moved(offset):
+def test_literal_run_is_that_of_cameras_with_the_principal_point_moved(conforms, offset):
     study = validate("beam-aperture", {"trials": 0, "principal_offset_px": offset})
     structure, cube = study.structure, studies.run(study)
     shapes = [studies.deflection_shape(structure, mode, structure.markers, 5.5e-3)
@@ -264,18 +264,18 @@ def test_literal_run_is_that_of_cameras_with_the_principal_point_moved(offset):
         shifts = np.zeros((1, len(cameras), 2))
         alone = studies.measure(moved, points, shifts)
         shifted = studies.measure(cameras, points, shifts + offset)
-        np.testing.assert_allclose(shifted, alone, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(
+        conforms.independent(shifted, alone, atol=1e-12)
+        conforms.independent(
             cube["measured_deflection"][number, :, 0], alone[:, 0], rtol=1e-7, atol=1e-12
         )  # the cube has single precision
 
 
-def test_half_a_pixel_either_way_is_the_same_grid():
+def test_half_a_pixel_either_way_is_the_same_grid(conforms):
     one, other = (cube_of("plate-arrays", principal_offset_px=s)["mean_error"] for s in (-0.5, 0.5))
-    np.testing.assert_allclose(one[..., 1:], other[..., 1:], rtol=1e-6)
+    conforms.invariance(one[..., 1:], other[..., 1:], rtol=1e-6)
 
 
-def test_only_the_literal_run_is_another_draw():
+def test_only_the_literal_run_is_another_draw(conforms):
     """The random trials have other draws of the same distribution."""
     values = {"trials": 400, "cases": ["4a", "4d"]}
     one, other = (
@@ -286,13 +286,13 @@ def test_only_the_literal_run_is_another_draw():
     apart = squares[0].mean("trial") - squares[1].mean("trial")
     error = np.sqrt(sum(s.var("trial", ddof=1) for s in squares) / 400)
     off = (apart / error).values
-    assert np.mean(abs(off) < 2) > 0.8
-    assert np.all(abs(off) < 4)
+    conforms.sampled(np.mean(abs(off) < 2), above=0.8)
+    conforms.sampled(abs(off), below=4)
     rms = cube_of("beam-arrays", **values, principal_offset_px=0.5)["predicted_error"]
     np.testing.assert_array_equal(rms, cube_of("beam-arrays", **values)["predicted_error"])
 
 
-def test_grids_are_shifted_alike_in_all_trials():
+def test_grids_are_shifted_alike_in_all_trials(conforms):
     study = validate("beam-distance", {"trials": 3, "principal_offset_px": 0.25, "seed": 9})
     cameras = study.settings()[0].cameras(24, 36)
     structure = study.structure
@@ -303,4 +303,4 @@ def test_grids_are_shifted_alike_in_all_trials():
         K[:, :2, 2] += shift + 0.25
         alone = studies.measure(replace(cameras, K=K), points, np.zeros((1, 2, 2)))
         found = studies.run(study)["measured_deflection"].sel(mode=2)[0, trial]
-        np.testing.assert_allclose(found, alone[0, 0], rtol=1e-6, atol=1e-11)
+        conforms.independent(found, alone[0, 0], rtol=1e-6, atol=1e-11)

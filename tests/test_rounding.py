@@ -14,29 +14,29 @@ STUDIES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
 
 
 @given(st.floats(-5, 5))
-def test_difference_variance_is_that_of_all_shifts(displacement):
+def test_difference_variance_is_that_of_all_shifts(conforms, displacement):
     n = 20_000
     shift = (np.arange(n) + 0.5) / n - 0.5  # every position of the grid, evenly
     error = np.rint(displacement + shift) - np.rint(shift) - displacement
-    assert abs(np.mean(error)) <= 1.5 / n
-    assert rounding.difference_variance(displacement) == pytest.approx(np.var(error), abs=2 / n)
+    conforms.closed_form(abs(np.mean(error)), below=1.5 / n)
+    conforms.closed_form(rounding.difference_variance(displacement), np.var(error), atol=2 / n)
 
 
-def test_difference_variance_is_zero_for_whole_pixels_and_a_quarter_at_most():
+def test_difference_variance_is_zero_for_whole_pixels_and_a_quarter_at_most(conforms):
     whole = np.arange(-4, 5)
-    np.testing.assert_array_equal(rounding.difference_variance(whole), 0)
-    np.testing.assert_allclose(rounding.difference_variance(whole + 0.5), 0.25)
+    conforms.closed_form(rounding.difference_variance(whole), 0, atol=0)
+    conforms.closed_form(rounding.difference_variance(whole + 0.5), 0.25, rtol=1e-7)
     displacements = np.linspace(-3, 3, 1001)
     variance = rounding.difference_variance(displacements)
-    np.testing.assert_allclose(variance, rounding.difference_variance(-displacements))
-    np.testing.assert_allclose(variance, rounding.difference_variance(displacements + 7))
-    assert np.mean(variance[:-1]) == pytest.approx(1 / 6, rel=1e-3)  # two independent roundings
+    conforms.invariance(variance, rounding.difference_variance(-displacements), rtol=1e-7)
+    conforms.invariance(variance, rounding.difference_variance(displacements + 7), rtol=1e-7)
+    conforms.closed_form(np.mean(variance[:-1]), 1 / 6, rtol=1e-3)  # two independent roundings
 
 
-def test_shifts_belong_to_seed_trial_and_camera_alone():
+def test_shifts_belong_to_seed_trial_and_camera_alone(conforms):
     many = rounding.grid_shifts(7, 20, 12)
-    np.testing.assert_array_equal(rounding.grid_shifts(7, 8, 12), many[:9])
-    np.testing.assert_array_equal(rounding.grid_shifts(7, 20, 3), many[:, :3])
+    conforms.invariance(rounding.grid_shifts(7, 8, 12), many[:9], atol=0)
+    conforms.invariance(rounding.grid_shifts(7, 20, 3), many[:, :3], atol=0)
     assert not np.any(rounding.grid_shifts(8, 20, 12)[1:] == many[1:])
     assert len(np.unique(many[1:])) == 20 * 12 * 2
 
@@ -48,22 +48,24 @@ def test_literal_run_has_no_shift():
     assert rounding.grid_shifts(3, 0, 4).shape == (1, 4, 2)
 
 
-def test_shifts_are_uniform_over_a_pixel_and_independent():
+def test_shifts_are_uniform_over_a_pixel_and_independent(conforms):
     shifts = rounding.grid_shifts(0, 4000, 2)[1:].reshape(4000, 4)
     assert np.max(np.abs(shifts)) <= 0.5
     for column in shifts.T:
         counts = np.histogram(column, bins=10, range=(-0.5, 0.5))[0]
-        assert np.sum((counts - 400) ** 2 / 400) < 33.7  # χ², 9 degrees of freedom, p = 1e-4
+        conforms.sampled(
+            np.sum((counts - 400) ** 2 / 400), below=33.7
+        )  # χ², 9 degrees of freedom, p = 1e-4
     correlation = np.corrcoef(shifts.T) - np.eye(4)
-    assert np.max(np.abs(correlation)) < 0.07
+    conforms.sampled(np.max(np.abs(correlation)), below=0.07)
 
 
 @pytest.mark.parametrize("rest", ["rebuilt", "known"])
 @pytest.mark.parametrize("name", STUDIES)
-def test_predicted_error_is_the_rms_over_trials(name, rest):
+def test_predicted_error_is_the_rms_over_trials(conforms, name, rest):
     cube = studies.run(validate(name, {"trials": 2000, "rest": rest}))
     simulated = np.sqrt(np.mean(cube["mean_error"].values[:, :, 1:] ** 2, axis=2))
-    np.testing.assert_allclose(cube["predicted_error"] / simulated, 1, atol=0.03)
+    conforms.sampled(cube["predicted_error"] / simulated, 1, atol=0.03)
 
 
 def level_pair():
@@ -74,7 +76,7 @@ def level_pair():
 
 
 @pytest.mark.parametrize("pixels", [1, 3])
-def test_motion_by_whole_pixels_is_measured_without_error(pixels):
+def test_motion_by_whole_pixels_is_measured_without_error(conforms, pixels):
     rig, step = level_pair(), 0.5 / 200  # metres per pixel at the origin
     x = np.linspace(-0.1, 0.1, 9)
     shifts = np.repeat(rounding.grid_shifts(0, 50, 1), 2, axis=1)  # the same in both cameras
@@ -84,12 +86,12 @@ def test_motion_by_whole_pixels_is_measured_without_error(pixels):
         points[2, 1] = moved * step
         error = studies.measure(rig, points, shifts) - moved * step
         if exact:
-            np.testing.assert_allclose(error, 0, atol=1e-12)
+            conforms.closed_form(error, 0, atol=1e-12)
         else:  # one or the other whole pixel, never the half between them
-            np.testing.assert_allclose(np.abs(error), step / 2, rtol=1e-9)
+            conforms.closed_form(np.abs(error), step / 2, rtol=1e-9)
 
 
-def test_two_independent_roundings_would_be_far_too_many_for_small_motion():
+def test_two_independent_roundings_would_be_far_too_many_for_small_motion(conforms):
     study = validate("beam-distance", {"amplitude_mm": 0.05, "trials": 2000, "modes": [1]})
     cube = studies.run(study)
     for s, setting in enumerate(study.settings()):
@@ -98,12 +100,12 @@ def test_two_independent_roundings_would_be_far_too_many_for_small_motion():
         naive = np.sqrt(np.mean(np.sum(gain(P, rest)[2] ** 2, axis=(0, 1))) * 2 / 12)
         naive *= 100 / np.max(cube["reference_deflection"].values)
         simulated = np.sqrt(np.mean(cube["mean_error"].values[s, 0, 1:] ** 2))
-        assert cube["predicted_error"].values[s, 0] == pytest.approx(simulated, rel=0.1)
-        assert naive > 2 * simulated
+        conforms.sampled(cube["predicted_error"].values[s, 0], simulated, rtol=0.1)
+        conforms.sampled(naive, above=2 * simulated)
 
 
 @pytest.mark.parametrize("height", [0.004, 0.15])  # so high that the gains differ from rest
-def test_variance_is_that_of_the_linearised_measurement(height):
+def test_variance_is_that_of_the_linearised_measurement(conforms, height):
     # The law itself, without the non-linearity of triangulation: gains times sampled roundings.
     rng = np.random.default_rng(5)
     study = validate("beam-aperture", {})
@@ -120,4 +122,4 @@ def test_variance_is_that_of_the_linearised_measurement(height):
     before = np.einsum("nc,nct->t", gain(P, rest)[2], rounding_error(rest))
     for known, sampled in ((False, after - before), (True, after)):
         law = rounding.deflection_variance(P, rest, deflected, known)
-        assert law == pytest.approx(np.var(sampled), rel=0.01)
+        conforms.sampled(law, np.var(sampled), rtol=0.01)

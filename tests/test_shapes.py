@@ -101,19 +101,19 @@ def test_cube_is_that_of_a_camera_study_with_the_markers_on_the_panel(opened, na
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_law_of_rounding_needs_no_symmetry(name):
+def test_the_law_of_rounding_needs_no_symmetry(conforms, name):
     cube = made(name, cases=["4a", "4c"], trials=400)
     rms = np.sqrt((cube["mean_error"].isel(trial=slice(1, None)) ** 2).mean("trial"))
-    np.testing.assert_allclose(rms / cube["predicted_error"], 1, atol=0.03)
+    conforms.sampled(rms / cube["predicted_error"], 1, atol=0.03)
 
 
-def test_a_rectangle_by_finite_elements_is_measured_as_the_plate_is():
+def test_a_rectangle_by_finite_elements_is_measured_as_the_plate_is(conforms):
     outline = [[0, 0], [668, 0], [668, 443], [0, 443]]
     values = {"cases": ["4c"], "trials": 100}
     by_elements = made("shape-l", outline_mm=outline, **(values | {"element_mm": 10.0}))
     closed = made(shape_tables.PLATE, **values)
     ratio = by_elements["predicted_error"].values / closed["predicted_error"].values
-    np.testing.assert_allclose(ratio, 1, atol=0.005)
+    conforms.closed_form(ratio, 1, atol=0.005)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -139,14 +139,14 @@ def test_viewer_leaves_cells_without_marker_empty(opened, name):
         )
 
 
-def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes():
+def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(conforms):
     outline = [[0, 0], [500, 0], [300, 400], [0, 400]]
     values = {"outline_mm": outline, "circles_mm": [[150, 200, 60]], "cases": ["4c"], "trials": 1}
     cube = made("shape-holes", cutouts_mm=[], **values)
     curves = outlines.contours(outlines.structure_of(cube))
     np.testing.assert_allclose(curves[0] + [0.25, 0.2], np.array(outline) / 1000)
     assert area(curves[0]) > 0 > area(curves[1])
-    assert abs(area(curves[1])) == pytest.approx(np.pi * 0.06**2, rel=0.02)
+    conforms.closed_form(abs(area(curves[1])), np.pi * 0.06**2, rtol=0.02)
     drawn = viewer_data(cube)["structure"]
     assert (drawn["length_mm"], drawn["width_mm"]) == (500, 400)
     assert [len(curve) for curve in drawn["contours_mm"]] == [4, 24]
@@ -178,7 +178,7 @@ def test_mirrored_markers_err_alike_where_plate_cameras_and_mode_are_mirror_imag
     assert trials.mean() < 0.2
 
 
-def test_symmetry_of_the_rectangle_with_itself_and_of_shapes_that_have_none(opened):
+def test_symmetry_of_the_rectangle_with_itself_and_of_shapes_that_have_none(conforms, opened):
     plate = opened[shape_tables.PLATE]
     itself = shape_tables.symmetry(plate, plate, ["4a"])
     assert itself.simulated == itself.predicted == 1
@@ -186,13 +186,13 @@ def test_symmetry_of_the_rectangle_with_itself_and_of_shapes_that_have_none(open
     assert shape_tables.symmetry(plate, plate, ["4c"]).same < 0.1
     ell = shape_tables.symmetry(opened["shape-l"], plate, ["4a"])
     assert ell.same < 0.2
-    assert ell.simulated == pytest.approx(ell.predicted, rel=0.05)
+    conforms.sampled(ell.simulated / ell.predicted, 1, atol=0.05)
 
 
-def test_convergence_of_the_page_has_order_2():
+def test_convergence_of_the_page_has_order_2(conforms):
     text = shape_tables.convergence({})
     orders = [float(cell) for cell in text.splitlines()[-1].strip("| ").split(" | ")[1:]]
-    assert orders == pytest.approx([2, 2, 2], abs=0.1)
+    conforms.order(orders, 2, atol=0.1)
 
 
 def test_table_of_modes_tells_frequencies_and_peaks(opened):

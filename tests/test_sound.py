@@ -107,7 +107,7 @@ def test_sound_takes_the_deflections_of_its_estimator():
 
 
 @pytest.mark.parametrize("study", STUDIES)
-def test_a_plane_has_no_error_exactly_where_it_is_nodal(study):
+def test_a_plane_has_no_error_exactly_where_it_is_nodal(conforms, study):
     _, _, cube = both(study)
     for mode in (1, 2, 3):
         for plane in PLANES:
@@ -120,27 +120,31 @@ def test_a_plane_has_no_error_exactly_where_it_is_nodal(study):
     louder = cube["largest_pressure"].max("plane")
     ratio = cube["plane_error_of_larger"] / cube["plane_error"]
     expected = (cube["largest_pressure"] / louder).broadcast_like(ratio).transpose(*ratio.dims)
-    np.testing.assert_allclose(ratio.where(ratio.notnull(), 0), expected.where(ratio.notnull(), 0))
+    conforms.invariance(
+        ratio.where(ratio.notnull(), 0), expected.where(ratio.notnull(), 0), rtol=1e-7
+    )
 
 
-def test_mode_2_2_is_silent_on_both_planes():
+def test_mode_2_2_is_silent_on_both_planes(conforms):
     # What is left of its pressure is rounding, and neither plane's rounding is a reference.
     _, _, cube = both("distance", modes=(1, 5))
     silent, heard = cube.sel(mode=5), cube.sel(mode=1)
-    assert silent["largest_pressure"].max() < 1e-12 * heard["largest_pressure"].max()
+    conforms.invariance(
+        silent["largest_pressure"].max(), below=1e-12 * heard["largest_pressure"].max()
+    )
     for name in ("plane_error", "plane_error_of_larger", "predicted_error", "independent_ratio"):
         assert np.all(np.isnan(silent[name]))
         assert np.all(np.isfinite(heard[name]))
 
 
 @pytest.mark.parametrize("values", [{}, {"speed_of_sound_m_s": 200.0}, {"grid": (30, 20)}])
-def test_cube_tells_how_large_a_piston_is_for_the_wave(values):
+def test_cube_tells_how_large_a_piston_is_for_the_wave(conforms, values):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         request, _, cube = both("distance", **values, plane_shape=(8, 6))
     omega = cube["frequency"].values * 2 * np.pi * np.sqrt(1 - 2 * 0.02**2)
     longer = max(0.668 / request.grid[0], 0.443 / request.grid[1])
-    np.testing.assert_allclose(
+    conforms.closed_form(
         cube["piston_size"], omega / request.speed_of_sound_m_s * longer, rtol=1e-12
     )
 
@@ -170,7 +174,7 @@ def test_absolute_levels_are_given_for_a_force_alone(amplitude):
     assert any("level" in name for name in cube) == (amplitude == "force")
 
 
-def test_levels_are_those_of_a_plane_piston_of_low_frequency():
+def test_levels_are_those_of_a_plane_piston_of_low_frequency(conforms):
     """One newton at 305 Hz: power by the mean square velocity, level by the pressure's rms."""
     _, plate, cube = both("distance", amplitude_mm="force", plane_shape=(30, 20))
     structure = setups.plate()
@@ -180,12 +184,12 @@ def test_levels_are_those_of_a_plane_piston_of_low_frequency():
         v = resonance(structure, m + 1) * plate["reference_deflection"].values[m]
         plane_wave = 1.21 * 343 * area * np.mean(v**2) / 2
         power = plane_wave * cube["radiation_efficiency"].values[m]
-        assert cube["sound_power"].values[m] == pytest.approx(power, rel=1e-12)
+        conforms.closed_form(cube["sound_power"].values[m], power, rtol=1e-12)
         level = 10 * np.log10(power / 1e-12)
-        assert cube["sound_power_level"].values[m] == pytest.approx(level, abs=1e-9)
+        conforms.closed_form(cube["sound_power_level"].values[m], level, atol=1e-9)
         pressure = cube["largest_pressure"].values[m].max()
         level = 20 * np.log10(pressure / np.sqrt(2) / 20e-6)
-        assert cube["largest_pressure_level"].values[m].max() == pytest.approx(level, abs=1e-9)
+        conforms.closed_form(cube["largest_pressure_level"].values[m].max(), level, atol=1e-9)
 
 
 # The numbers, by brute force.
@@ -195,7 +199,7 @@ def test_levels_are_those_of_a_plane_piston_of_low_frequency():
     ("study", "setting", "mode", "trial"),
     [("distance", 0, 1, 0), ("distance", 3, 2, 4), ("aperture", 7, 3, 1), ("arrays", 20, 1, 5)],
 )
-def test_plane_errors_are_equation_6_8_of_direct_sums(study, setting, mode, trial):
+def test_plane_errors_are_equation_6_8_of_direct_sums(conforms, study, setting, mode, trial):
     request, plate, cube = both(study)
     structure = setups.plate()
     omega = resonance(structure, mode)
@@ -213,14 +217,14 @@ def test_plane_errors_are_equation_6_8_of_direct_sums(study, setting, mode, tria
     got = cube.sel(mode=mode, trial=trial).isel(setting=setting)
     for i, plane in enumerate(PLANES):
         of_larger = got["plane_error_of_larger"].sel(plane=plane)
-        assert float(of_larger) == pytest.approx(100 * rms[i] / max(largest), rel=1e-9)
+        conforms.independent(float(of_larger), 100 * rms[i] / max(largest), rtol=1e-9)
         if (mode, plane) not in NODAL:
             error = float(got["plane_error"].sel(plane=plane))
-            assert error == pytest.approx(100 * rms[i] / largest[i], rel=1e-9)
+            conforms.independent(error, 100 * rms[i] / largest[i], rtol=1e-9)
 
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
-def test_fields_are_direct_sums(mode):
+def test_fields_are_direct_sums(conforms, mode):
     request, plate, cube = both("distance")
     structure = setups.plate()
     omega = resonance(structure, mode)
@@ -242,7 +246,7 @@ def test_fields_are_direct_sums(mode):
         for shape, real, imag in zip(shapes, *got, strict=True):
             v = 1j * omega * shape.values.astype(float)
             exact = rayleigh(pistons(structure), v, plane.points, omega)
-            np.testing.assert_allclose(real + 1j * imag, exact, rtol=0, atol=3e-7 * peak)
+            conforms.independent(real + 1j * imag, exact, atol=3e-7 * peak)
 
 
 def test_extremes_are_those_of_every_case():
@@ -264,25 +268,34 @@ def errors_of(cube):
     return np.stack([cube["plane_error"], cube["plane_error_of_larger"]])
 
 
-def test_percentages_do_not_depend_on_density():
+def known(one, other):
+    """The numbers of both, which must lack the same ones."""
+    there = np.isfinite(one)
+    np.testing.assert_array_equal(there, np.isfinite(other))
+    return np.asarray(one)[there], np.asarray(other)[there]
+
+
+def test_percentages_do_not_depend_on_density(conforms):
     air = both("distance")[2]
     water = both("distance", air_density_kg_m3=998.0)[2]
-    np.testing.assert_allclose(errors_of(water), errors_of(air), rtol=1e-11)
-    np.testing.assert_allclose(water["predicted_error"], air["predicted_error"], rtol=1e-11)
+    conforms.invariance(*known(errors_of(water), errors_of(air)), rtol=1e-11)
+    conforms.invariance(*known(water["predicted_error"], air["predicted_error"]), rtol=1e-11)
     louder = water["largest_pressure"] / air["largest_pressure"]
-    np.testing.assert_allclose(louder.sel(mode=1), 998 / 1.21, rtol=1e-11)
+    conforms.invariance(louder.sel(mode=1), 998 / 1.21, rtol=1e-11)
 
 
 @pytest.mark.parametrize("factor", [1e-6, -3.0])
-def test_percentages_do_not_depend_on_amplitude_where_the_relative_deflections_are_the_same(factor):
+def test_percentages_do_not_depend_on_amplitude_where_the_relative_deflections_are_the_same(
+    conforms, factor
+):
     request, plate, cube = both("distance")
     scaled = plate.copy()
     for name in ("reference_deflection", "measured_deflection"):
         scaled[name] = plate[name].astype(float) * factor
     other = sound.run(request, scaled)
-    np.testing.assert_allclose(errors_of(other), errors_of(cube), rtol=1e-9)
+    conforms.invariance(*known(errors_of(other), errors_of(cube)), rtol=1e-9)
     louder = other["largest_pressure"] / cube["largest_pressure"]
-    np.testing.assert_allclose(louder.sel(mode=1), abs(factor), rtol=1e-9)
+    conforms.invariance(louder.sel(mode=1), abs(factor), rtol=1e-9)
 
 
 def test_percentages_depend_on_the_speed_of_sound():
@@ -303,7 +316,7 @@ def test_perfect_deflections_have_no_error():
     assert float(cube["plane_error_of_larger"].max()) == 0
 
 
-def test_a_common_factor_is_its_own_error():
+def test_a_common_factor_is_its_own_error(conforms):
     # 7 % too much everywhere: e = 0.07 w, so the rms error is 7 % of the rms field.
     request, plate, _ = both("distance", plane_shape=(30, 20))
     more = plate.copy()
@@ -319,8 +332,8 @@ def test_a_common_factor_is_its_own_error():
     got = cube["plane_error_of_larger"].isel(setting=0, trial=0)
     for mode in (1, 2, 3):
         louder = cube["largest_pressure"].sel(mode=mode).values.argmax()
-        assert float(got.sel(mode=mode)[louder]) == pytest.approx(
-            float(expected.sel(mode=mode)[louder]), rel=1e-6
+        conforms.closed_form(
+            float(got.sel(mode=mode)[louder]), float(expected.sel(mode=mode)[louder]), rtol=1e-6
         )
 
 
@@ -363,8 +376,10 @@ def plane_factors(request):
     ]
 
 
-@pytest.mark.parametrize("study", STUDIES)
-def test_predicted_errors_are_the_rms_over_trials(study):
+@pytest.mark.parametrize(
+    "study", [pytest.param(s, marks=pytest.mark.slow if s[0] == "a" else ()) for s in STUDIES]
+)
+def test_predicted_errors_are_the_rms_over_trials(conforms, study):
     """Plate within 3 %, sound within 5 %, at every setting and mode, for both rests.
 
     The squared error of a plane scatters about as much as its mean, for few patterns carry it. So
@@ -383,7 +398,7 @@ def test_predicted_errors_are_the_rms_over_trials(study):
             simulated, uncertain = rms_over_trials(np.mean(errors[rest] ** 2, axis=-1))
             assert np.all(3 * uncertain < 0.03)
             law = plate["predicted_error"].values[s] / 100 * amplitude
-            np.testing.assert_allclose(law / simulated, 1, atol=0.03)
+            conforms.sampled(law / simulated, 1, atol=0.03)
             for m, mode in enumerate(request.modes):
                 for p, plane in enumerate(PLANES):
                     if (mode, plane) in NODAL:
@@ -393,13 +408,13 @@ def test_predicted_errors_are_the_rms_over_trials(study):
                     assert 3 * uncertain < 0.05
                     law = cube["predicted_error"].values[s, m, p] / 100
                     law *= cube["largest_pressure"].values[m, p]
-                    assert law / simulated == pytest.approx(1, abs=0.05)
+                    conforms.sampled(law / simulated, 1, atol=0.05)
                     seen += 1
     assert seen == 2 * len(request.settings()) * 4
 
 
 @pytest.mark.parametrize("rest", ["known", "rebuilt"])
-def test_what_is_simulated_above_is_what_the_cubes_hold(rest):
+def test_what_is_simulated_above_is_what_the_cubes_hold(conforms, rest):
     request, plate, cube = both("arrays", rest=rest)
     reference = plate["reference_deflection"].values
     factors = plane_factors(request)
@@ -407,16 +422,16 @@ def test_what_is_simulated_above_is_what_the_cubes_hold(rest):
         errors = measured_errors(request, request.settings()[s], reference, 5)[rest]
         rms = 100 * np.sqrt(np.mean(errors**2, axis=-1)) / 0.01
         peak = np.max(np.abs(reference), axis=1)[:, None] / 0.01
-        np.testing.assert_allclose(plate["mean_error"].values[s, :, 1:], rms / peak, rtol=1e-9)
+        conforms.invariance(plate["mean_error"].values[s, :, 1:], rms / peak, rtol=1e-9)
         for m in range(3):
             for p in range(2):
                 rms = np.linalg.norm(errors[m] @ factors[m][p].T, axis=-1)
                 of_larger = 100 * rms / cube["largest_pressure"].values[m].max()
                 got = cube["plane_error_of_larger"].values[s, m, 1:, p]
-                np.testing.assert_allclose(got, of_larger, rtol=1e-4)  # float32 on disk
+                conforms.invariance(got, of_larger, rtol=1e-4)  # float32 on disk
 
 
-def test_variances_of_the_markers_alone_do_not_predict_the_plane_errors():
+def test_variances_of_the_markers_alone_do_not_predict_the_plane_errors(conforms):
     """Opposite cameras: what all markers share is more than twice what each has of its own."""
     request, plate, cube = both("aperture", trials=500, cases=("2d",))
     factor = plane_factors(request)[0][0]
@@ -429,12 +444,12 @@ def test_variances_of_the_markers_alone_do_not_predict_the_plane_errors():
         alone /= float(cube["largest_pressure"].sel(mode=1, plane="XZ"))
         errors = cube["plane_error"].sel(mode=1, plane="XZ").isel(setting=s, trial=slice(1, None))
         simulated = np.sqrt(float((errors**2).mean()))
-        assert alone < 0.7 * simulated
+        conforms.sampled(alone, below=0.7 * simulated)
 
 
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize(("study", "setting", "mode"), [("distance", 0, 1), ("arrays", 1, 3)])
-def test_diagonal_of_the_covariance_is_the_variance(study, setting, mode, known):
+def test_diagonal_of_the_covariance_is_the_variance(conforms, study, setting, mode, known):
     request = validate(f"sound-{study}", {})
     plate = request.structure
     w = deflection_shape(plate, mode, plate.markers, 0.01)
@@ -442,16 +457,14 @@ def test_diagonal_of_the_covariance_is_the_variance(study, setting, mode, known)
     P = request.settings()[setting].cameras(24, 36).P
     covariance = rounding.deflection_covariance(P, rest, moved, known)
     variance = rounding.deflection_variance(P, rest, moved, known)
-    np.testing.assert_allclose(
-        np.diag(covariance), variance, rtol=1e-9, atol=1e-12 * variance.max()
-    )
-    np.testing.assert_allclose(covariance, covariance.T, rtol=0, atol=1e-12 * variance.max())
+    conforms.invariance(np.diag(covariance), variance, rtol=1e-9, atol=1e-12 * variance.max())
+    conforms.invariance(covariance, covariance.T, atol=1e-12 * variance.max())
     eigenvalues = np.linalg.eigvalsh(covariance)
-    assert eigenvalues[0] >= -1e-12 * eigenvalues[-1]
+    conforms.invariance(eigenvalues[0], above=-1e-12 * eigenvalues[-1])
 
 
 @pytest.mark.parametrize("known", [False, True])
-def test_covariance_is_that_of_sampled_errors(known):
+def test_covariance_is_that_of_sampled_errors(conforms, known):
     request = validate("sound-distance", {})
     plate = request.structure
     w = deflection_shape(plate, 2, plate.markers, 0.01)
@@ -467,24 +480,26 @@ def test_covariance_is_that_of_sampled_errors(known):
         # Every entry is a mean of n products: what they scatter, added over all entries.
         scatter = np.sum((errors**2).T @ errors**2 / n - sampled**2) / n
         sampling = np.sqrt(scatter) / np.linalg.norm(law)
-        assert apart[-1] == pytest.approx(sampling, rel=0.15)  # sampling alone explains it
-    assert np.log(apart[0] / apart[-1]) / np.log(16) == pytest.approx(0.5, abs=0.05)
+        conforms.sampled(apart[-1], sampling, rtol=0.15)  # sampling alone explains it
+    conforms.order(np.log(apart[0] / apart[-1]) / np.log(16), 0.5, atol=0.05)
 
 
-def test_covariance_of_two_roundings_is_that_of_all_shifts():
+def test_covariance_of_two_roundings_is_that_of_all_shifts(conforms):
     n = 20_000
     shift = (np.arange(n) + 0.5) / n - 0.5
     for distance in (0, 0.1, 0.5, 0.77, 1, 3.25, -0.4):
         one, other = (np.rint(u + shift) - u - shift for u in (0.3, 0.3 + distance))
         law = rounding.error_covariance(distance)
-        assert law == pytest.approx(np.mean(one * other), abs=2 / n)
+        conforms.closed_form(law, np.mean(one * other), atol=2 / n)
 
 
 # Errors of the pistons average out.
 
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
-def test_ratio_of_field_to_deflection_error_falls_as_the_root_of_the_number_of_markers(mode):
+def test_ratio_of_field_to_deflection_error_falls_as_the_root_of_the_number_of_markers(
+    conforms, mode
+):
     grids = [(12, 8), (15, 10), (21, 14), (30, 20)]
     plane = validate("sound-distance", {}).planes[0 if mode < 3 else 1]
     ratios = []
@@ -498,10 +513,10 @@ def test_ratio_of_field_to_deflection_error_falls_as_the_root_of_the_number_of_m
         ratios.append(independent / np.max(np.abs(op.field(w))))
     markers = [nx * ny for nx, ny in grids]
     exponent = np.polyfit(np.log(markers), np.log(ratios), 1)[0]
-    assert -0.55 <= exponent <= -0.45
+    conforms.order(exponent, above=-0.55, below=-0.45)
 
 
-def test_ratio_in_the_cube_is_that_of_independent_errors():
+def test_ratio_in_the_cube_is_that_of_independent_errors(conforms):
     request, plate, cube = both("distance")
     rng = np.random.default_rng(0)
     errors = rng.normal(size=(4000, 150))
@@ -509,8 +524,10 @@ def test_ratio_in_the_cube_is_that_of_independent_errors():
     field = np.sqrt(np.mean(np.sum((errors @ factor.T) ** 2, axis=-1)))
     deflection = 1 / np.max(np.abs(plate["reference_deflection"].values[0]))
     ratio = field / float(cube["largest_pressure"][0].max()) / deflection
-    assert float(cube["independent_ratio"].sel(mode=1, plane="XZ")) == pytest.approx(
-        ratio * float(cube["largest_pressure"][0].max() / cube["largest_pressure"][0, 0]), rel=0.03
+    conforms.closed_form(
+        float(cube["independent_ratio"].sel(mode=1, plane="XZ")),
+        ratio * float(cube["largest_pressure"][0].max() / cube["largest_pressure"][0, 0]),
+        rtol=0.03,
     )
 
 
@@ -528,16 +545,17 @@ def checks_of(subject, index, quantities):
     ]
 
 
-def test_most_stated_mean_errors_of_chapter_4_are_met():
+@pytest.mark.slow
+def test_most_stated_mean_errors_of_chapter_4_are_met(conforms):
     checks = checks_of("plate", 0, {"mean_error"})
     assert len(checks) >= 66
-    assert sum(check.inside for check in checks) >= 0.75 * len(checks)
+    conforms.sampled(sum(check.inside for check in checks), above=0.75 * len(checks))
 
 
-def test_most_stated_plane_errors_of_chapter_6_are_met():
+def test_most_stated_plane_errors_of_chapter_6_are_met(conforms):
     checks = checks_of("sound", 1, {"plane_error_xz", "plane_error_yz"})
     assert len(checks) >= 70
-    assert sum(check.inside for check in checks) >= 0.85 * len(checks)
+    conforms.sampled(sum(check.inside for check in checks), above=0.85 * len(checks))
 
 
 # Nothing is computed twice, and nothing is stale.

@@ -145,13 +145,15 @@ def test_these_and_no_others_differ_from_what_is_printed():
     assert outside == DIFFERENT
 
 
-def test_angles_of_view():
+def test_angles_of_view(conforms):
     for size in (24, 36, 43):  # half the side subtends half the angle
-        assert tan(angle_of_view(size, 50) / 2) * 100 == pytest.approx(size)
-    assert angle_of_view(2, 1) == pytest.approx(pi / 2)
-    assert value("view-diagonal") == pytest.approx(degrees(2 * atan(sqrt(36**2 + 24**2) / 100)))
-    assert degrees(angle_of_view(36, value("view-lens"))) == pytest.approx(39.6)
-    assert degrees(angle_of_view(24, 17.14)) == pytest.approx(70, abs=0.01)  # what 70° would need
+        conforms.independent(tan(angle_of_view(size, 50) / 2) * 100, size, rtol=1e-6)
+    conforms.independent(angle_of_view(2, 1), pi / 2, rtol=1e-6)
+    conforms.independent(
+        value("view-diagonal"), degrees(2 * atan(sqrt(36**2 + 24**2) / 100)), rtol=1e-6
+    )
+    conforms.independent(degrees(angle_of_view(36, value("view-lens"))), 39.6, rtol=1e-6)
+    conforms.independent(degrees(angle_of_view(24, 17.14)), 70, atol=0.01)  # what 70° would need
 
 
 def test_heights_are_in_proportion_within_a_pixel():
@@ -164,36 +166,38 @@ def test_heights_are_in_proportion_within_a_pixel():
             assert near == (number.id != "format-1280-4-3")
 
 
-def test_wavenumbers_solve_the_frequency_equation():
+def test_wavenumbers_solve_the_frequency_equation(conforms):
     for n in range(1, 7):
         middle = (2 * n - 1) * pi / 2
         root = brentq(lambda x: cos(x) * cosh(x) + 1, middle - 0.5, middle + 0.5, xtol=1e-13)
-        assert value(f"root-{n}") == pytest.approx(root, rel=1e-12)
-    assert value("root-6") == pytest.approx(11 * pi / 2, rel=1e-8)
+        conforms.independent(value(f"root-{n}"), root, rtol=1e-12)
+    conforms.independent(value("root-6"), 11 * pi / 2, rtol=1e-8)
     assert value("root-5") != pytest.approx(9 * pi / 2, rel=1e-8)
 
 
-def test_resonance_and_tip_by_hand():
+def test_resonance_and_tip_by_hand(conforms):
     length, width, thickness, density, modulus, damping, at = (
         0.623, 0.03, 0.003, 2700, 6.9e10, 0.02, 0.055,
     )  # fmt: skip
     kl = value("root-1")
     natural = (kl / length) ** 2 * sqrt(modulus / 12 / density) * thickness
-    assert value("resonance") == pytest.approx(natural * sqrt(1 - 2 * damping**2) / (2 * pi))
+    conforms.independent(
+        value("resonance"), natural * sqrt(1 - 2 * damping**2) / (2 * pi), rtol=1e-6
+    )
     k = kl / length
     sigma = (np.sinh(kl) - sin(kl)) / (cosh(kl) + cos(kl))
     shape = cosh(k * at) - cos(k * at) - sigma * (np.sinh(k * at) - sin(k * at))
     mass = density * width * thickness * length
     q = shape / (mass * 2 * damping * natural**2 * sqrt(1 - damping**2))
-    assert value("tip") == pytest.approx(2 * q * 1e3)
-    assert value("instant") == pytest.approx(damping / sqrt(1 - damping**2))
+    conforms.independent(value("tip"), 2 * q * 1e3, rtol=1e-6)
+    conforms.independent(value("instant"), damping / sqrt(1 - damping**2), rtol=1e-6)
 
 
-def test_signs_and_factors_of_the_equations():
-    assert value("sine-factor") == pytest.approx(-1, abs=1e-12)
-    assert value("mixed-term") == pytest.approx(2)
-    assert value("overlap-beam") == pytest.approx(0.5)
-    assert value("overlap-plate") == pytest.approx(1)
+def test_signs_and_factors_of_the_equations(conforms):
+    conforms.independent(value("sine-factor"), -1, atol=1e-12)
+    conforms.independent(value("mixed-term"), 2, rtol=1e-6)
+    conforms.independent(value("overlap-beam"), 0.5, rtol=1e-6)
+    conforms.independent(value("overlap-plate"), 1, rtol=1e-6)
     assert value("wave-sign") == -1
 
 
@@ -206,18 +210,20 @@ def test_ranks_by_counting_the_modes_below():
         assert value(f"rank-{m1}-{m2}") == below + 1
 
 
-def test_angles_between_optical_axes():
+def test_angles_between_optical_axes(conforms):
     def between(half, elevation):  # spherical law of cosines
         s, c = sin(radians(elevation)), cos(radians(elevation))
         return degrees(acos(s * s + c * c * cos(radians(2 * half))))
 
-    assert value("axes-1") == pytest.approx(between(30, 25))
-    assert value("axes-2a-160") == pytest.approx(between(80, 10))
-    assert value("axes-rig") == pytest.approx(
-        degrees(2 * asin(cos(radians(22)) * sin(radians(10))))
+    conforms.independent(value("axes-1"), between(30, 25), rtol=1e-6)
+    conforms.independent(value("axes-2a-160"), between(80, 10), rtol=1e-6)
+    conforms.independent(
+        value("axes-rig"), degrees(2 * asin(cos(radians(22)) * sin(radians(10)))), rtol=1e-6
     )
     for elevation in (5, 20, 40, 60):
-        assert value(f"aperture-2b-{180 - 2 * elevation}") == pytest.approx(180 - 2 * elevation)
+        conforms.independent(
+            value(f"aperture-2b-{180 - 2 * elevation}"), 180 - 2 * elevation, rtol=1e-6
+        )
 
 
 def test_apertures_are_those_of_the_setups():

@@ -74,7 +74,7 @@ def rest():
 
 
 @pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (170.0, 0.05)])
-def test_centres_are_those_of_the_projected_discs(azimuth, k1):
+def test_centres_are_those_of_the_projected_discs(conforms, azimuth, k1):
     at = camera(azimuth, k1=k1)
     times = np.arange(-1, 22) / 60
     frames = filmed(at, times)
@@ -84,23 +84,23 @@ def test_centres_are_those_of_the_projected_discs(azimuth, k1):
     exact = truth(at, times)
     assert np.ptp(exact[:, 1], axis=0).max() > 12  # they move
     error = found - exact
-    assert np.abs(error).max() < 0.015
-    assert np.sqrt(np.mean(error**2)) < 0.006
-    assert np.abs(error.mean(axis=(0, 2))).max() < 0.003
+    conforms.closed_form(np.abs(error).max(), below=0.015)
+    conforms.closed_form(np.sqrt(np.mean(error**2)), below=0.006)
+    conforms.closed_form(np.abs(error.mean(axis=(0, 2))).max(), below=0.003)
 
 
-def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong():
+def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong(conforms):
     # At 22° a twist of 7° makes the discs' images a third higher or lower.
     motion = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.002)), 0.0, 0.25)
     at, times = camera(), np.arange(-1, 22) / 60
     frames = filmed(at, times, motion)
     found = tracked(frames, Tracker(found_view(at, frames[0])))
     error = np.hypot(*(found - truth(at, times, motion)).swapaxes(0, 1))
-    assert np.nanmax(error) < 0.08
+    conforms.closed_form(np.nanmax(error), below=0.08)
     assert np.mean(np.isnan(error)) < 0.05
 
 
-def test_noise_moves_centres_little_more_than_it_must(rest):
+def test_noise_moves_centres_little_more_than_it_must(conforms, rest):
     # Cramér and Rao: 1 / variance ≤ Σ (∂I/∂u)² / (0.05 I + 1), the slopes by differences.
     at, clean, view, exact = rest
     tracked = [Tracker(view).centres(image) for image in filmed(at, [-1.0] * 12, seed=5)]
@@ -118,21 +118,21 @@ def test_noise_moves_centres_little_more_than_it_must(rest):
             u, v = np.floor(exact[:, marker]).astype(int)
             bound = information[v - 4 : v + 5, u - 8 : u + 9].sum() ** -0.5
             ratios.append(scatter[axis, marker] / bound)
-        assert 0.9 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+        conforms.sampled(np.sqrt(np.mean(np.square(ratios))), above=0.9, below=1.5)
 
 
-def test_reduced_frames_are_tracked_as_well():
+def test_reduced_frames_are_tracked_as_well(conforms):
     at, times = camera(size=HALF), np.arange(-1, 20) / 60
     frames = filmed(at, times)
     found = tracked(frames, Tracker(found_view(at, frames[0])))
     error = found - truth(at, times)
     assert np.mean(np.isnan(error)) < 0.03
-    assert np.nanmax(np.abs(error)) < 0.05
-    assert np.sqrt(np.nanmean(error**2)) < 0.015
+    conforms.closed_form(np.nanmax(np.abs(error)), below=0.05)
+    conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.015)
 
 
 @pytest.mark.parametrize(("size", "most_missing"), [(FULL, 0.0), (HALF, 0.03)])
-def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(size, most_missing):
+def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(conforms, size, most_missing):
     # On the plane at rest ±4 mm look like 9.9 mm, and the rows are 10 mm apart.
     at, motion = camera(size=size), Motion(BEAM, (Component(),), 0.0, 0.25)
     times = np.arange(-1, 15 + 15) / 60
@@ -144,7 +144,7 @@ def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(size, most_missing
     found = tracked(frames, Tracker(view))
     missing = np.isnan(found[:, 0])
     assert missing.mean() <= most_missing
-    assert np.hypot(*(found - exact).swapaxes(0, 1))[~missing].max() < 0.25
+    conforms.closed_form(np.hypot(*(found - exact).swapaxes(0, 1))[~missing].max(), below=0.25)
 
 
 def test_without_the_frames_before_the_row_is_not_known(rest):
@@ -168,7 +168,9 @@ def painted(image, where, half, grey):
 
 @pytest.mark.parametrize("grey", [60, 120, 200])
 @pytest.mark.parametrize("marker", [0, 31, 37, 49, 74])
-def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(rest, marker, grey):
+def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(
+    conforms, rest, marker, grey
+):
     _, image, view, exact = rest
     before = Tracker(view).centres(image)
     after = Tracker(view).centres(painted(image, exact[:, marker], 4, grey))
@@ -177,10 +179,10 @@ def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(rest, m
     # What covers it may touch its neighbours in the same column; they are missing or unharmed.
     near = np.abs(np.arange(75) % 25 - marker % 25) == 0
     assert np.isfinite(after[:, others & ~near]).all()
-    assert np.nanmax(off(after, before)[others]) < 0.02
+    conforms.invariance(np.nanmax(off(after, before)[others]), below=0.02)
 
 
-def test_several_hidden_markers_are_all_missing_in_motion():
+def test_several_hidden_markers_are_all_missing_in_motion(conforms):
     at, times = camera(), np.arange(4, 12) / 60
     exact = truth(at, times)
     frames = filmed(at, times)
@@ -193,7 +195,7 @@ def test_several_hidden_markers_are_all_missing_in_motion():
     found = tracked(frames, Tracker(view))
     assert np.isnan(found[:, :, hidden]).all()
     assert np.count_nonzero(np.isnan(found[:, 0])) <= 4 * len(times) + 4
-    assert np.nanmax(np.hypot(*(found - whole).swapaxes(0, 1))) < 0.02
+    conforms.invariance(np.nanmax(np.hypot(*(found - whole).swapaxes(0, 1))), below=0.02)
 
 
 def cropped(at, image, view, left, top, right, bottom):
@@ -205,7 +207,7 @@ def cropped(at, image, view, left, top, right, bottom):
 
 
 @pytest.mark.parametrize("border", ["left", "top", "right", "bottom"])
-def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(rest, border):
+def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(conforms, rest, border):
     at, image, view, exact = rest
     box = {"left": 0, "top": 0, "right": 1920, "bottom": 1080}
     axis = 0 if border in ("left", "right") else 1
@@ -220,7 +222,7 @@ def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(rest, border):
     assert 5 < np.count_nonzero(out) < 70
     assert np.isnan(found[:, out]).all()
     assert np.isfinite(found[:, clear]).all()
-    assert np.nanmax(off(found, whole)) < 0.02
+    conforms.invariance(np.nanmax(off(found, whole)), below=0.02)
 
 
 def test_nothing_is_found_where_the_beam_has_left_the_picture(rest):
@@ -270,7 +272,7 @@ def corners(at):
 
 @pytest.mark.parametrize("azimuth", [-10.0, 10.0, 170.0, 190.0])
 @pytest.mark.parametrize("upside_down", [False, True])
-def test_the_clamped_end_is_found_from_either_side(azimuth, upside_down):
+def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_down):
     at = camera(azimuth)
     if upside_down:
         at = replace(at, R_camera_world=np.diag([-1.0, -1, 1]) @ at.R_camera_world)
@@ -278,9 +280,9 @@ def test_the_clamped_end_is_found_from_either_side(azimuth, upside_down):
     view = find_view(image, at, MARKERS)
     length, width = BEAM.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
-    assert off(apply(view.H_image_plane, plane), corners(at)).max() < 2
+    conforms.closed_form(off(apply(view.H_image_plane, plane), corners(at)).max(), below=2)
     exact = truth(at, [-1.0])[0]
-    assert off(Tracker(sharpen(image, view)).centres(image), exact).max() < 0.12
+    conforms.closed_form(off(Tracker(sharpen(image, view)).centres(image), exact).max(), below=0.12)
 
 
 @pytest.mark.parametrize("width", [1920, 960])
@@ -289,7 +291,9 @@ def test_the_clamped_end_is_found_from_either_side(azimuth, upside_down):
     [(10, 22, 0.2), (45, 22, -0.08), (40, 15, 0.3), (5, 15, -0.3), (5, 60, 0.3), (80, 15, 0.3),
      (80, 22, -0.08), (60, 30, -0.3), (25, 60, 0.0), (70, 15, -0.2)],
 )  # fmt: skip
-def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(azimuth, elevation, k1, width):
+def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
+    conforms, azimuth, elevation, k1, width
+):
     length, width_m = BEAM.extent
     plane = np.array([[0, length, length, 0], [0, 0, width_m, width_m]])
     for one in (azimuth, 180 - azimuth):
@@ -298,20 +302,20 @@ def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(azimuth, elevat
         (image,) = filmed(at, [-1.0])
         small = lens.resized(at, (width, width * 9 // 16))
         view = find_view(following.reduced(image, width), small, MARKERS)
-        assert off(apply(view.H_image_plane, plane), corners(small)).max() < 2
+        conforms.closed_form(off(apply(view.H_image_plane, plane), corners(small)).max(), below=2)
 
 
-def test_a_beam_that_its_markers_cut_in_two_is_found_whole():
+def test_a_beam_that_its_markers_cut_in_two_is_found_whole(conforms):
     at = camera(-5.0, 15.0, k1=0.0)
     (image,) = filmed(at, [-1.0])
     small = lens.resized(at, (640, 360))
     length, width = BEAM.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
     view = find_view(following.reduced(image, 640), small, MARKERS)
-    assert off(apply(view.H_image_plane, plane), corners(small)).max() < 2
+    conforms.closed_form(off(apply(view.H_image_plane, plane), corners(small)).max(), below=2)
 
 
-def test_a_turned_picture_gives_turned_centres(rest):
+def test_a_turned_picture_gives_turned_centres(conforms, rest):
     at, image, view, _ = rest
     K = at.K.copy()
     K[:2, 2] = np.array(FULL) - at.K[:2, 2]
@@ -320,8 +324,7 @@ def test_a_turned_picture_gives_turned_centres(rest):
     assert (p1, p2) != (0, 0)
     again = np.ascontiguousarray(image[::-1, ::-1])
     found = Tracker(found_view(turned, again)).centres(again)
-    np.testing.assert_allclose(np.array(FULL)[:, None] - found, Tracker(view).centres(image),
-                               atol=0.005)  # fmt: skip
+    conforms.invariance(np.array(FULL)[:, None] - found, Tracker(view).centres(image), atol=0.005)
 
 
 def one_line(call, *arguments):
@@ -331,14 +334,14 @@ def one_line(call, *arguments):
     return str(error.value)
 
 
-def test_without_a_hole_the_corners_have_to_be_given():
+def test_without_a_hole_the_corners_have_to_be_given(conforms):
     markers, at = rows_on(BEAM, hole=None), camera()
     (image,) = filmed(at, [-1.0], markers=markers)
     message = one_line(find_view, image, at, markers)
     assert message.startswith("camera A: ")
     assert "corners_px" in message
     view = sharpen(image, view_of(at, markers, corners(at)))
-    assert off(Tracker(view).centres(image), truth(at, [-1.0])[0]).max() < 0.02
+    conforms.closed_form(off(Tracker(view).centres(image), truth(at, [-1.0])[0]).max(), below=0.02)
 
 
 def test_a_hidden_hole_is_said(rest):
@@ -415,18 +418,18 @@ def test_markers_off_their_grid_are_refused(rest):
 
 
 @pytest.mark.parametrize("noise", [0.0, 2.0])
-def test_given_corners_need_not_be_exact(rest, noise):
+def test_given_corners_need_not_be_exact(conforms, rest, noise):
     at, image, view, _ = rest
     given = corners(at) + noise * np.random.default_rng(3).uniform(-1, 1, (2, 4))
     own = sharpen(image, view_of(at, MARKERS, given))
-    np.testing.assert_allclose(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
+    conforms.invariance(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
 
 
-def test_sharpening_finds_the_spread_of_the_picture(rest):
+def test_sharpening_finds_the_spread_of_the_picture(conforms, rest):
     at, _, view, _ = rest
-    assert 0.5 < view.blur < 0.75
+    conforms.closed_form(view.blur, above=0.5, below=0.75)
     blurred = BeamView(at, MARKERS, MOTION, Sensor(spread=1.1)).frame(-1.0)
-    assert 0.95 < found_view(at, blurred).blur < 1.25
+    conforms.closed_form(found_view(at, blurred).blur, above=0.95, below=1.25)
 
 
 # Corners as the manifest gives them, and reduced widths.
@@ -441,7 +444,7 @@ def video(tmp_path_factory):
     return path, at, times
 
 
-def test_given_corners_are_those_in_the_picture(video):
+def test_given_corners_are_those_in_the_picture(conforms, video):
     path, at, times = video
     length, width = BEAM.extent
     world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
@@ -449,7 +452,9 @@ def test_given_corners_are_those_in_the_picture(video):
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
     given, *_ = following.follow(path, at, markers, [1920], [tuple(p) for p in px.T])
-    assert off(given[0].swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max() < 0.1
+    conforms.closed_form(
+        off(given[0].swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max(), below=0.1
+    )
 
 
 def test_a_video_is_followed_at_several_widths_at_once(video):
@@ -472,7 +477,7 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
 
 
 @pytest.mark.parametrize("width", [640, 960, 1280])
-def test_reduced_frames_show_the_same_places(rest, width):
+def test_reduced_frames_show_the_same_places(conforms, rest, width):
     at, image, _, exact = rest
     small = following.reduced(image, width)
     assert small.shape == (width * 9 // 16, width)
@@ -480,8 +485,8 @@ def test_reduced_frames_show_the_same_places(rest, width):
     view = sharpen(small, find_view(small, own, MARKERS))
     error = Tracker(view).centres(small) - exact * width / 1920
     assert np.mean(np.isnan(error)) < 0.25
-    assert np.sqrt(np.nanmean(error**2)) < 0.04
-    assert np.abs(np.nanmean(error, axis=1)).max() < 0.015
+    conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.04)
+    conforms.closed_form(np.abs(np.nanmean(error, axis=1)).max(), below=0.015)
 
 
 def test_reduced_frames_are_no_larger(rest):
@@ -494,7 +499,7 @@ def test_reduced_frames_are_no_larger(rest):
 
 
 @pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (45.0, 0.1)])
-def test_matches_are_the_centres_to_whole_pixels_of_the_plane(azimuth, k1):
+def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms, azimuth, k1):
     at, times = camera(azimuth, k1=k1), np.arange(3, 9) / 60
     view = found_view(at, *filmed(at, [-1.0]))
     tracker, away = Tracker(view), []
@@ -504,14 +509,14 @@ def test_matches_are_the_centres_to_whole_pixels_of_the_plane(azimuth, k1):
         assert tracker.matched.shape == centres.shape
         away.append(tracker.scale * (view.to_plane(tracker.matched) - view.to_plane(centres)))
     away = np.hypot(*np.moveaxis(away, 1, 0))  # pixels of the plane
-    assert np.nanmax(away) < 0.75 * np.sqrt(2)
+    conforms.closed_form(np.nanmax(away), below=0.75 * np.sqrt(2))
     assert np.nanmedian(away) > 0.15
     tracker.centres(np.full((1080, 1920), 60, np.uint8))
     assert np.isnan(tracker.matched).all()
 
 
 @pytest.mark.parametrize("factor", [0.1, 1.0, 1000.0])
-def test_the_resampled_beam_follows_the_markers_size(rest, factor):
+def test_the_resampled_beam_follows_the_markers_size(conforms, rest, factor):
     _, image, view, exact = rest
     beam = replace(BEAM, length=factor * BEAM.length, width=factor * BEAM.width,
                    marker_spacing=factor * BEAM.marker_spacing)  # fmt: skip
@@ -519,10 +524,10 @@ def test_the_resampled_beam_follows_the_markers_size(rest, factor):
     markers = rows_on(beam, 3, 0.01 * factor, 0.005 * factor, (x * factor, y * factor))
     H = view.H_image_plane @ np.diag([1 / factor, 1 / factor, 1])
     tracker = Tracker(replace(view, markers=markers, H_image_plane=H))
-    assert tracker.scale == pytest.approx(2000 / factor)
-    assert tracker.reach == pytest.approx(0.025 * factor)
+    conforms.closed_form(tracker.scale, 2000 / factor, rtol=1e-6)
+    conforms.closed_form(tracker.reach, 0.025 * factor, rtol=1e-6)
     assert abs(tracker.resampled(image).size - 160 * 1346) < 2000
-    assert off(tracker.centres(image), exact).max() < 0.02
+    conforms.closed_form(off(tracker.centres(image), exact).max(), below=0.02)
 
 
 def test_constants_are_those_of_the_thesis_s_markers(rest):
@@ -543,13 +548,13 @@ def test_a_beam_too_large_for_its_markers_is_refused(rest):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_assignment_has_the_least_sum_of_squares(seed):
+def test_the_assignment_has_the_least_sum_of_squares(conforms, seed):
     rng = np.random.default_rng(seed)
     predicted, found = rng.uniform(0, 1, (2, 5)), rng.uniform(0, 1, (2, 5))
     places, spare = assign(predicted, found, gate=10.0)
     squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
     best = min(sum(squared[i, p[i]] for i in range(5)) for p in permutations(range(5)))
-    assert np.sum((places - predicted) ** 2) == pytest.approx(best, rel=1e-12)
+    conforms.independent(np.sum((places - predicted) ** 2), best, rtol=1e-12)
     assert spare == 0
 
 
@@ -564,23 +569,23 @@ def test_what_is_too_far_is_not_assigned():
     assert spare == 0
 
 
-def test_a_lost_marker_does_not_shift_its_column():
+def test_a_lost_marker_does_not_shift_its_column(conforms):
     # Nearest in the sum without a gate would give every place to the next one's match.
     predicted = np.stack([np.arange(10.0), np.zeros(10)])
     found = np.delete(predicted, 4, axis=1) + 0.2
     places, spare = assign(predicted, found, gate=0.45)
-    np.testing.assert_allclose(np.delete(places, 4, axis=1), found)
+    conforms.invariance(np.delete(places, 4, axis=1), found, rtol=1e-7)
     assert np.isnan(places[:, 4]).all()
     assert spare == 0
 
 
-def test_a_homography_is_found_from_points_some_of_them_missing():
+def test_a_homography_is_found_from_points_some_of_them_missing(conforms):
     H = np.array([[800, 40, 900], [-30, 700, 500], [0.1, -0.2, 1.0]])
     plane = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 20))
     image = apply(H, plane)
     image[:, 3] = np.nan
     again = apply(homography(plane, image), plane)
-    np.testing.assert_allclose(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
+    conforms.closed_form(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
 
 
 def test_fewer_than_four_points_give_no_homography():
@@ -590,13 +595,13 @@ def test_fewer_than_four_points_give_no_homography():
     assert "line" in one_line(homography, np.ones((2, 6)), np.ones((2, 6)))
 
 
-def test_plane_and_picture_are_each_other_s_inverse(rest):
+def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     at, _, _, _ = rest
     view = view_of(at, MARKERS, corners(at))
     plane = np.random.default_rng(0).uniform([[0], [0]], [[0.6], [0.03]], (2, 30))
     world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
-    np.testing.assert_allclose(view.to_image(plane), lens.project(at, world), atol=1e-3)
-    np.testing.assert_allclose(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
+    conforms.independent(view.to_image(plane), lens.project(at, world), atol=1e-3)
+    conforms.invariance(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
 
 
 def test_nothing_to_refine_is_nothing(rest):

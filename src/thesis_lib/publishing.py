@@ -13,6 +13,7 @@ from thesis_lib import (
     benchmark_tables,
     book,
     conclusions_figure,
+    conformance,
     crate,
     cubes,
     downloads,
@@ -146,6 +147,7 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
     told = [executed / f"{name}.md" for name in reference.PIECES]
     own_words = [executed / f"{n}.md" for n in (*thesis_index.PIECES, *assumptions.PIECES)]
     own_words += [executed / f"{name}.html" for name in PAGES]
+    checked = conformance.pieces(executed)
     published = sorted((root / "data" / "published").glob("*.csv"))
     costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
     costs += [path for path in [benchmark_tables.published_path()] if path.is_file()]
@@ -160,6 +162,7 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
         publishing[0]["uptodate"] = [False]  # asked for, so done
     tasks = [
         *runs.job_tasks(plan.ran),
+        *_conformance(plan),
         *publishing,
         runs.task(
             "numbers",
@@ -194,11 +197,27 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
         runs.task(
             "pages",
             lambda: _render(plan),
-            [*sources, picture_of_all, *walk, *told, *own_words, *files.library_files()],
+            [*sources, picture_of_all, *walk, *told, *own_words, *checked, *files.library_files()],
             [plan.index, plan.archive],
         ),
     ]
     return [task for task in tasks if task["name"] not in plan.failed]
+
+
+def _conformance(plan: _Plan) -> list[dict[str, Any]]:
+    """What the tests measure, and whether all of it holds: the page stands when it does not."""
+    report = plan.root / "build" / conformance.REPORT
+
+    def measure() -> None:
+        conformance.run(report)
+        conformance.write(report, plan.executed)
+
+    needs = [*files.library_files(), *conformance.test_files()]
+    steps = [runs.task("conformance", measure, needs, [report, *conformance.pieces(plan.executed)])]
+    if "conformance" not in plan.failed:
+        holds = partial(conformance.verdict, report)
+        steps.append(runs.task("conformance holds", holds, [report], []))
+    return steps
 
 
 def _render(plan: _Plan) -> None:
