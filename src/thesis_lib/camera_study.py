@@ -58,9 +58,9 @@ class Study(BaseModel):
     trials: int = field(
         200,
         "random shifts of the pixel grids beside the literal run",
-        "a whole number from 0 to 10000",
+        "a whole number from 0 to 1000000",
         ge=0,
-        le=10_000,
+        le=1_000_000,
     )
     seed: int = field(
         0, "seed of the random shifts", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63

@@ -157,6 +157,11 @@ class Outline:
         large = (math.prod(self.shape(n)) * np.dtype(self.large[n][1]).itemsize for n in self.large)
         return int(self.cube.nbytes) + sum(large)
 
+    @property
+    def is_held(self) -> bool:
+        """Whether the whole cube is small enough to be held in memory."""
+        return self.nbytes <= HELD_BYTES
+
     def in_memory(self) -> xr.Dataset:
         """The whole cube."""
         values = {name: np.empty(self.shape(name), self.large[name][1]) for name in self.large}

@@ -80,6 +80,11 @@ def from_environment() -> str:
         raise ValueError(f"{ENVIRONMENT}: {error}") from None
 
 
+def alone(name: str) -> str:
+    """What is said of a figure set that no scheduler can help."""
+    return f"{name} is not cut into pieces: it runs in one process, without the scheduler"
+
+
 @contextlib.contextmanager
 def workers(scheduler: str) -> Iterator[Any]:
     """A client of workers that have this library, as it is here.
@@ -153,7 +158,9 @@ def _check(client: Any, scheduler: str) -> None:
         if there != here:
             lacks = f"{type(there).__name__}: {there}"
             if isinstance(there, dict):
-                lacks = ", ".join(f"{k} {there[k]}, here {here[k]}" for k in here if there[k] != here[k])
+                lacks = ", ".join(
+                    f"{k} {there[k]}, here {here[k]}" for k in here if there[k] != here[k]
+                )
             raise SchedulerError(
                 f"scheduler {scheduler}: worker {worker} differs from here ({lacks}); install the "
                 "same versions there and restart it"
@@ -202,10 +209,8 @@ def _result(client: Any, future: Any) -> Any:
         try:
             return future.result(timeout=WAIT_S)
         except TimeoutError:
-            try:
+            with contextlib.suppress(OSError, ValueError):
                 alive = time.monotonic() if client.nthreads() else alive
-            except (OSError, ValueError):
-                pass
             if time.monotonic() - alive > LOST_S:
                 where = client.scheduler.address if client.scheduler else "the scheduler"
                 raise SchedulerError(
