@@ -11,6 +11,7 @@ what was lost with a worker. Every wait is bounded.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import os
@@ -19,6 +20,7 @@ import re
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import numpy as np
@@ -85,6 +87,32 @@ def alone(name: str) -> str:
     return f"{name} is not cut into pieces: it runs in one process, without the scheduler"
 
 
+def check(scheduler: str) -> None:
+    """Refuse, before anything starts, a scheduler that cannot be used.
+
+    Raises
+    ------
+    SchedulerError
+        As :func:`workers`; that worker processes of this machine start is left to them.
+    """
+    if scheduler == PROCESSES:
+        _distributed(scheduler)
+        return
+    with workers(scheduler):
+        pass
+
+
+def _distributed(scheduler: str) -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise SchedulerError(
+            f"scheduler {scheduler}: the package distributed is not installed; "
+            "pip install thesis-lib[scale], or run without a scheduler"
+        ) from None
+    return distributed
+
+
 @contextlib.contextmanager
 def workers(scheduler: str) -> Iterator[Any]:
     """A client of workers that have this library, as it is here.
@@ -105,36 +133,52 @@ def workers(scheduler: str) -> Iterator[Any]:
         If ``distributed`` is not installed, nothing answers within ``WAIT_S``, or a worker has
         another state of the library or of NumPy, whose last bits might differ.
     """
-    try:
-        import dask.system
-        import distributed
-    except ImportError:
-        raise SchedulerError(
-            f"scheduler {scheduler}: the package distributed is not installed; "
-            "pip install thesis-lib[scale], or run without a scheduler"
-        ) from None
+    distributed = _distributed(scheduler)
+    from dask.system import CPU_COUNT  # what this process may use
+
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is raised here
     with contextlib.ExitStack() as stack:
-        try:
-            place: Any = scheduler
-            if scheduler == PROCESSES:
-                place = stack.enter_context(
-                    distributed.LocalCluster(
-                        n_workers=dask.system.CPU_COUNT, threads_per_worker=1, processes=True,
-                        host="127.0.0.1", dashboard_address=None, memory_limit=0,
-                        silence_logs=logging.CRITICAL,
-                    )
-                )  # fmt: skip
-            client = stack.enter_context(
-                distributed.Client(place, timeout=WAIT_S, set_as_default=False)
-            )
-        except (OSError, ValueError) as error:  # TimeoutError is an OSError
-            raise SchedulerError(
-                f"scheduler {scheduler}: no scheduler answers there within {WAIT_S:g} s "
-                f"({type(error).__name__}); start one (dask scheduler), or run without"
-            ) from None
+        place: Any = scheduler
+        if scheduler == PROCESSES:
+            place = stack.enter_context(
+                distributed.LocalCluster(
+                    n_workers=CPU_COUNT, threads_per_worker=1, processes=True,
+                    host="127.0.0.1", dashboard_address=None, memory_limit=0,
+                    silence_logs=logging.CRITICAL,
+                )
+            )  # fmt: skip
+        else:
+            _check_address(scheduler)
+        client = stack.enter_context(
+            distributed.Client(place, timeout=WAIT_S, set_as_default=False)
+        )
         _check(client, scheduler)
         yield client
+
+
+def _check_address(scheduler: str) -> None:
+    """Refuse an address where no scheduler says who it is; a client alone would wait for ever."""
+    from distributed import rpc
+
+    async def ask() -> Any:
+        async with rpc(scheduler, timeout=WAIT_S) as there:
+            return await there.identity()
+
+    def wait() -> Any:
+        return asyncio.run(asyncio.wait_for(ask(), WAIT_S))
+
+    try:
+        with ThreadPoolExecutor(1) as thread:  # a notebook's own thread has a loop already
+            problem = (
+                "" if thread.submit(wait).result()["type"] == "Scheduler" else "another server"
+            )
+    except Exception as error:  # what another server says can be anything
+        problem = type(error).__name__
+    if problem:
+        raise SchedulerError(
+            f"scheduler {scheduler}: no scheduler answers there within {WAIT_S:g} s ({problem}); "
+            "start one (dask scheduler), or run without"
+        )
 
 
 def _check(client: Any, scheduler: str) -> None:
@@ -200,8 +244,6 @@ def in_order(
 
 def _result(client: Any, future: Any) -> Any:
     """What a worker made, however long it takes as long as there is one."""
-    from concurrent.futures import CancelledError
-
     from distributed import KilledWorker
 
     alive = time.monotonic()
