@@ -45,6 +45,7 @@ OWN = {  # what is compared of figure sets without settings of the thesis
 }  # fmt: skip
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
+BAND = (0.05, 0.5, 0.95)  # quantiles of the trials
 DIGITS = 5
 _HDF5 = threading.RLock()  # the HDF5 library crashes if two threads use it at once
 _LOADED_BYTES = 2**20  # variables of a large cube up to this size are read when it is opened
@@ -336,10 +337,10 @@ def band(values: xr.DataArray) -> Any:
     They are (3, setting, ...), NaN without such trials. One setting is read at a time.
     """
     here = values.transpose("setting", ..., "trial")
-    bands = np.full((3, *here.shape[:-1]), np.nan)
+    bands = np.full((len(BAND), *here.shape[:-1]), np.nan)
     for setting in range(here.sizes["setting"] if here.sizes["trial"] > 1 else 0):
         drawn = here.isel(setting=setting).values[..., 1:]
-        bands[:, setting] = np.quantile(drawn, [0.05, 0.5, 0.95], axis=-1)
+        bands[:, setting] = np.quantile(drawn, BAND, axis=-1)
     return bands
 
 

@@ -18,6 +18,7 @@ import os
 import platform
 import re
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
@@ -140,13 +141,14 @@ def workers(scheduler: str) -> Iterator[Any]:
     with contextlib.ExitStack() as stack:
         place: Any = scheduler
         if scheduler == PROCESSES:
-            place = stack.enter_context(
-                distributed.LocalCluster(
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "Port 8787 is already in use")
+                place = distributed.LocalCluster(
                     n_workers=CPU_COUNT, threads_per_worker=1, processes=True,
                     host="127.0.0.1", dashboard_address=None, memory_limit=0,
                     silence_logs=logging.CRITICAL,
-                )
-            )  # fmt: skip
+                )  # fmt: skip
+            stack.enter_context(place)
         else:
             _check_address(scheduler)
         client = stack.enter_context(
