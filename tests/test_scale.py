@@ -179,6 +179,8 @@ def test_a_cube_on_disk_is_the_one_in_memory(tmp_path, small_blocks, monkeypatch
     assert not lazy["measured_deflection"].variable._in_memory  # nor after it was read
     cubes.write(lazy, tmp_path / "large.nc", compact=True)
     xr.testing.assert_equal(cubes.read(tmp_path / "large.nc"), cubes.read(tmp_path / "small.nc"))
+    cubes.write(lazy, tmp_path / "plain.nc")
+    xr.testing.assert_equal(cubes.read(tmp_path / "plain.nc"), held)
     assert cubes.summary(lazy).equals(cubes.summary(held))
 
 
@@ -198,7 +200,7 @@ MEMORY = """
 import sys
 from pathlib import Path
 from thesis_lib import chunks, cubes, effort, notebook
-chunks.HELD_BYTES = cubes.HELD_BYTES = 8 * 2**20
+chunks.HELD_BYTES = cubes.HELD_BYTES = 2**20
 chunks.BLOCK_BYTES = 2 * 2**20
 cubes.project_root = lambda: Path(sys.argv[1])
 values = {"trials": int(sys.argv[2]), "distances_mm": [500.0, 900.0]}
@@ -225,7 +227,7 @@ def test_memory_does_not_grow_with_the_trials(tmp_path):
         sizes.append(size / 1e6)
         peaks.append(peak)
     assert sizes[1] - sizes[0] > 15  # MB; all of it in memory would show
-    assert peaks[1] - peaks[0] < 6
+    assert peaks[1] - peaks[0] < 8
 
 
 # What is refused.

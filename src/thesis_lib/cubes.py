@@ -231,9 +231,11 @@ def _copy(values: xr.DataArray, file: netCDF4.Dataset, encoding: dict[str, Any])
         encoding = {**encoding, "chunksizes": stored}
     dims = tuple(map(str, values.dims))
     target = _created(file, str(values.name), dims, values.dtype, values.attrs, **encoding)
+    if encoding:  # what is stored together is written at once
+        target.set_var_chunk_cache(size=_STORED_BYTES)
     for setting in range(values.sizes["setting"]):
-        for first in range(0, values.sizes["trial"], 16 * step):
-            here = {"setting": setting, "trial": slice(first, first + 16 * step)}
+        for first in range(0, values.sizes["trial"], step):
+            here = {"setting": setting, "trial": slice(first, first + step)}
             target[tuple(here.get(str(dim), slice(None)) for dim in values.dims)] = values.isel(
                 here
             ).values
