@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -25,8 +25,6 @@ from thesis_lib import schedulers
 BLOCK_BYTES = 24 * 2**20  # of images: 200 trials of 150 markers in 3 modes by 12 cameras fit
 PIECE_BYTES = 8 * 2**20  # of images: what a worker is given at a time, in whole blocks
 HELD_BYTES = 64 * 2**20  # a cube up to this size is held in memory
-
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -82,11 +80,11 @@ def pieces(blocks: Iterable[Block], bound: int) -> Iterator[list[Block]]:
 
 
 def computed(
-    work: Callable[[Block], Result],
+    work: Callable[[Block], Any],
     blocks: Iterable[Block],
     scheduler: str = "",
     piece_bytes: int = PIECE_BYTES,
-) -> Iterator[tuple[Block, Result]]:
+) -> Iterator[tuple[Block, Any]]:
     """Blocks and what `work` makes of them, in their order.
 
     Parameters

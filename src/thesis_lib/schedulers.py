@@ -22,7 +22,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -34,9 +34,6 @@ ALLOWED = f"allowed: {PROCESSES}, or tcp://HOST:PORT of a Dask scheduler"
 WAIT_S = 10.0  # for a scheduler, a first worker, and what a worker says of itself
 LOST_S = 60.0  # without any worker, while there is work
 AHEAD = 2  # pieces sent out beforehand, for each worker
-
-Piece = TypeVar("Piece")
-Result = TypeVar("Result")
 
 
 class SchedulerError(RuntimeError):
@@ -223,8 +220,8 @@ def standing() -> dict[str, str]:
 
 
 def in_order(
-    client: Any, work: Callable[[Piece], Result], pieces: Iterable[Piece]
-) -> Iterator[tuple[Piece, Result]]:
+    client: Any, work: Callable[[Any], Any], pieces: Iterable[Any]
+) -> Iterator[tuple[Any, Any]]:
     """Pieces and what workers make of them, in their order, a few of them under way at a time.
 
     Raises
@@ -233,7 +230,7 @@ def in_order(
         If all workers are lost for ``LOST_S``, or a piece ends one worker after another.
     """
     ahead = AHEAD * max(1, len(client.nthreads()))
-    under_way: deque[tuple[Piece, Any]] = deque()
+    under_way: deque[tuple[Any, Any]] = deque()
     for piece in pieces:
         under_way.append((piece, client.submit(work, piece, pure=False)))
         if len(under_way) > ahead:
