@@ -393,7 +393,7 @@ def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
     for key in ("claim", "quantity"):
         if key in new:
             return new.merge(old, on=key, suffixes=("", "_old"), validate="one_to_one")
-    keys = [*KEYS, "error"]
+    keys, old = [*KEYS, "error"], old.astype({"value": float})
     table = new.merge(old, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
     table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])

@@ -34,6 +34,16 @@ ALLOWED = f"allowed: {PROCESSES}, or tcp://HOST:PORT of a Dask scheduler"
 WAIT_S = 10.0  # for a scheduler, a first worker, and what a worker says of itself
 LOST_S = 60.0  # without any worker, while there is work
 AHEAD = 2  # pieces sent out beforehand, for each worker
+# Of worker processes: a BLAS thread each, and memory that a block used is kept for the next one,
+# where Dask would give it back to the system and fault it in again.
+WORKER = {
+    "OMP_NUM_THREADS": 1,
+    "OPENBLAS_NUM_THREADS": 1,
+    "MKL_NUM_THREADS": 1,
+    "MALLOC_ARENA_MAX": 1,
+    "MALLOC_MMAP_THRESHOLD_": 2**25,
+    "MALLOC_TRIM_THRESHOLD_": 2**28,
+}
 
 
 class SchedulerError(RuntimeError):
@@ -132,13 +142,17 @@ def workers(scheduler: str) -> Iterator[Any]:
         another state of the library or of NumPy, whose last bits might differ.
     """
     distributed = _distributed(scheduler)
+    import dask.config
     from dask.system import CPU_COUNT  # what this process may use
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is raised here
     with contextlib.ExitStack() as stack:
         place: Any = scheduler
         if scheduler == PROCESSES:
-            with warnings.catch_warnings():
+            with (
+                warnings.catch_warnings(),
+                dask.config.set({"distributed.nanny.pre-spawn-environ": WORKER}),
+            ):
                 warnings.filterwarnings("ignore", "Port 8787 is already in use")
                 place = distributed.LocalCluster(
                     n_workers=CPU_COUNT, threads_per_worker=1, processes=True,
