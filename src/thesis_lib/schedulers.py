@@ -31,8 +31,8 @@ from thesis_lib.files import library_digest
 ENVIRONMENT = "THESIS_SCHEDULER"
 PROCESSES = "processes"
 ALLOWED = f"allowed: {PROCESSES}, or tcp://HOST:PORT of a Dask scheduler"
-WAIT_S = 10.0  # for a scheduler, a first worker, and what a worker says of itself
-LOST_S = 60.0  # without any worker, while there is work
+WAIT_S = 10.0  # for a scheduler, and for a first worker
+LOST_S = 60.0  # for what workers say of themselves, and for any worker while there is work
 AHEAD = 2  # pieces sent out beforehand, for each worker
 # Of worker processes: a BLAS thread each, and memory that a block used is kept for the next one,
 # where Dask would give it back to the system and fault it in again.
@@ -204,10 +204,10 @@ def _check(client: Any, scheduler: str) -> None:
             f"start some (dask worker {scheduler}), and run the same command again"
         ) from None
     try:
-        said = client.run(standing, on_error="return", callback_timeout=WAIT_S)
+        said = client.run(standing, on_error="return", callback_timeout=LOST_S)
     except TimeoutError:
         raise SchedulerError(
-            f"scheduler {scheduler}: its workers do not answer within {WAIT_S:g} s; "
+            f"scheduler {scheduler}: its workers do not answer within {LOST_S:g} s; "
             "restart them, and run the same command again"
         ) from None
     here = standing()
