@@ -62,7 +62,7 @@ def runs_of_trials(trials: int, trial_bytes: int) -> Iterator[slice]:
     >>> list(runs_of_trials(200, 2 * 2**20))[0], len(list(runs_of_trials(200, 2 * 2**20)))
     (slice(0, 12, None), 17)
     """
-    step = max(1, BLOCK_BYTES // trial_bytes)
+    step = max(1, BLOCK_BYTES // max(1, trial_bytes))
     for first in range(0, trials + 1, step):
         yield slice(first, min(first + step, trials + 1))
 
