@@ -1,6 +1,7 @@
 """Print all measurements and draw the growth: ``python -m benchmarks``, five minutes at most.
 
-``--peers`` measures beside the peers alone; ``--publish`` keeps that as what the book shows.
+``--peers`` measures beside the peers alone, ``--scale`` a large study in pieces alone;
+``--publish`` keeps what either has measured as what the book shows.
 """
 
 from __future__ import annotations
@@ -17,7 +18,17 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import centre, laboratory, limits, measure, peers, publish, rayleigh, recording
+from benchmarks import (
+    centre,
+    laboratory,
+    limits,
+    measure,
+    peers,
+    publish,
+    rayleigh,
+    recording,
+    scale,
+)
 from thesis_lib import benchmark_tables
 
 FIGURE = Path(__file__).parents[1] / "build" / "benchmarks" / "growth.svg"
@@ -59,8 +70,16 @@ def print_peers(keep: bool, counts: Sequence[int] = (2, 4, 12)) -> None:
         print_columns(*getattr(benchmark_tables, part)(data))
         print()
     if keep:
-        publish.write(data, benchmark_tables.published_path())
-        print(f"kept: {benchmark_tables.published_path()}")
+        publish.keep(data)
+
+
+def print_scale(keep: bool) -> None:
+    """A study that is too large to be held, by one process and by workers."""
+    print("\nA study in pieces: case 4a of the plate, written to disk as it is computed")
+    data = publish.rounded({"scale": scale.compare()})
+    print_columns(*benchmark_tables.scale(data))
+    if keep:
+        publish.keep(data)
 
 
 def print_centres() -> None:
@@ -168,12 +187,16 @@ def main() -> None:
     """Run what is asked for, by default everything."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--peers", action="store_true", help="beside the peers alone")
+    parser.add_argument("--scale", action="store_true", help="a large study in pieces alone")
     parser.add_argument("--publish", action="store_true", help="keep that for the book")
     asked = parser.parse_args()
     print(f"Python {platform.python_version()}, NumPy {np.__version__}, "
           f"{os.cpu_count()} processors, one BLAS thread (OPENBLAS_NUM_THREADS=1)")  # fmt: skip
-    print_peers(asked.publish)
-    if not asked.peers:
+    if asked.peers or not asked.scale:
+        print_peers(asked.publish)
+    if asked.scale or not asked.peers:
+        print_scale(asked.publish)
+    if not asked.peers and not asked.scale:
         print_own()
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from benchmarks.limits import Limits, flops, traffic
 from benchmarks.peers import Timed, missing, versions
 from benchmarks.rayleigh import Transfer
-from thesis_lib import files
+from thesis_lib import benchmark_tables, files
 
 
 def processor() -> str:
@@ -31,18 +31,18 @@ def load() -> list[float]:
     return [round(x, 2) for x in os.getloadavg()] if hasattr(os, "getloadavg") else []
 
 
-def _rounded(value: Any) -> Any:
+def rounded(value: Any) -> Any:
     """Numbers to five digits: more is noise."""
     if isinstance(value, float):
         return float(f"{value:.5g}")
     if isinstance(value, dict):
-        return {key: _rounded(entry) for key, entry in value.items()}
-    return [_rounded(entry) for entry in value] if isinstance(value, list) else value
+        return {key: rounded(entry) for key, entry in value.items()}
+    return [rounded(entry) for entry in value] if isinstance(value, list) else value
 
 
 def run(limits: Limits, timed: Sequence[Timed], fields: Sequence[Transfer]) -> dict[str, Any]:
     """What one run measured, where and when."""
-    return _rounded({
+    return rounded({
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "machine": {"processor": processor(), "cores": os.cpu_count(),
                     "system": platform.system(), "load": load()},
@@ -64,3 +64,10 @@ def write(data: dict[str, Any], path: Path) -> None:
     """As JSON, whole or not at all."""
     text = json.dumps(data, indent=1, ensure_ascii=False) + "\n"
     files.whole_file(path, partial(Path.write_text, data=text, encoding="utf-8"))
+
+
+def keep(data: dict[str, Any]) -> None:
+    """Make this what the book shows, beside what else was measured."""
+    path = benchmark_tables.published_path()
+    write(benchmark_tables.read() | data, path)
+    print(f"kept: {path}")

@@ -81,7 +81,7 @@ BAD = [
     (DISTANCE, "trials", 2.0, "", "2.0"),
     (DISTANCE, "trials", "2", "", '"2"'),
     (DISTANCE, "trials", True, "", "true"),
-    (DISTANCE, "trials", 10_001, "", "10001"),
+    (DISTANCE, "trials", 1_000_001, "", "1000001"),
     (DISTANCE, "seed", -1, "", "-1"),
     (DISTANCE, "seed", 2**63, "", "9223372036854775808"),
     (DISTANCE, "seed", 0.5, "", "0.5"),

@@ -78,7 +78,7 @@ SILLY = [
     (DISTANCE, "resolution_px", "320x180", "320x180"),
     (DISTANCE, "trials", "2.0", 2.0),
     (DISTANCE, "trials", "1e3", 1e3),
-    (DISTANCE, "trials", "10001", 10001),
+    (DISTANCE, "trials", "1000001", 1000001),
     (DISTANCE, "trials", "-1", -1),
     (DISTANCE, "seed", "9223372036854775808", 2**63),
     (DISTANCE, "seed", "9" * 70, int("9" * 70)),

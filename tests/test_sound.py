@@ -575,13 +575,13 @@ def library(tmp_path, monkeypatch):
 def computed(monkeypatch):
     """Names of the studies that were computed, in turn."""
     names = []
-    run = studies.run
+    outline = studies.outline
 
-    def counting(study):
+    def counting(study, *more, **values):
         names.append(study.name)
-        return run(study)
+        return outline(study, *more, **values)
 
-    monkeypatch.setattr(studies, "run", counting)
+    monkeypatch.setattr(studies, "outline", counting)
     return names
 
 

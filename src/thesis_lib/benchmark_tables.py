@@ -191,6 +191,35 @@ def plan(data: Row) -> tuple[list[str], list[list[str]]]:
     return header, cells
 
 
+def scale(data: Row) -> tuple[list[str], list[list[str]]]:
+    """A large study in pieces: its rate, what 10⁹ points take at it, and memory."""
+    cells = []
+    for row in data["scale"]["rows"]:
+        rate = row["points"] / row["seconds"]
+        cells.append([
+            row["by"],
+            str(row["workers"]),
+            str(row["trials"]),
+            f"{row['points'] / 1e6:.1f}",
+            f"{row['start']:.1f} s",
+            f"{row['seconds']:.1f} s",
+            f"{rate / 1e6:.2f}",
+            _duration(RECONSTRUCTIONS / rate),
+            f"{row['cube_mb']:.0f} MB",
+            f"{row['memory_mb']:.0f} MB",
+        ])  # fmt: skip
+    header = ["by", "processes", "trials", "million points", "until the first result",
+              "from then on", "million points/s", "10⁹ points", "cube",
+              "largest memory"]  # fmt: skip
+    return header, cells
+
+
+def scale_load(data: Row) -> str:
+    """What else the machine did while the large study was measured."""
+    load = ", ".join(f"{x:.1f}" for x in data["scale"]["load"]) or "unknown"
+    return f"Load of the machine at the end, over 1, 5 and 15 minutes: {load}.\n"
+
+
 def _duration(seconds: float) -> str:
     return f"{seconds / 60:.1f} min" if seconds >= 90 else f"{seconds:.2g} s"
 
@@ -200,6 +229,11 @@ def _piece(make: Callable[[Row], tuple[list[str], list[list[str]]]]) -> str:
     return table(*make(data)) if data else NOT_YET
 
 
+def _scale() -> str:
+    data = read()
+    return f"{table(*scale(data))}\n{scale_load(data)}" if "scale" in data else NOT_YET
+
+
 PIECES: dict[str, Callable[[], str]] = {
     "benchmarks-machine": partial(_piece, machine),
     "benchmarks-targets": partial(_piece, targets),
@@ -207,4 +241,5 @@ PIECES: dict[str, Callable[[], str]] = {
     "benchmarks-needs": partial(_piece, needs),
     "benchmarks-rayleigh": partial(_piece, rayleigh),
     "benchmarks-plan": partial(_piece, plan),
+    "benchmarks-scale": _scale,
 }

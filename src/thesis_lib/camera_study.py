@@ -43,9 +43,9 @@ def trials(default: int) -> Any:
     return field(
         default,
         "random shifts of the pixel grids beside the literal run",
-        "a whole number from 0 to 10000",
+        "a whole number from 0 to 1000000",
         ge=0,
-        le=10_000,
+        le=1_000_000,
     )
 
 

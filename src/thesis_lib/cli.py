@@ -82,7 +82,16 @@ def list_(name: str | None) -> None:
     type=click.Path(path_type=Path),
     help="Folder to write to.  [default: runs/NAME-HASH]",
 )
-def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> None:
+@click.option(
+    "--scheduler",
+    metavar="processes|tcp://HOST:PORT",
+    envvar="THESIS_SCHEDULER",
+    help="Compute camera and sound studies by worker processes on this machine, or by an existing "
+    "Dask cluster; the results are the same.  [default: this process]",
+)
+def run(
+    names: Sequence[str], assignments: Sequence[str], out: Path | None, scheduler: str | None
+) -> None:
     """Run figure sets or chapters (ch3) with your parameters.
 
     Writes notebook, cube and one self-contained page of each set, and prints what changed against
@@ -92,13 +101,16 @@ def run(names: Sequence[str], assignments: Sequence[str], out: Path | None) -> N
 
     studies = _requested(names, _values(assignments))
     folder = _folder(names, studies, out)
+    if scheduler is not None:
+        _use_scheduler(scheduler, studies)
     from thesis_lib import cubes, files, runs
 
     jobs = [
         runs.Job(study, *(folder / f"{study.name}.{kind}" for kind in ("ipynb", "nc", "html")))
         for study in studies
     ]
-    runs.run(runs.job_tasks(jobs), folder / ".state.sqlite")
+    # With a scheduler one set after another: each has all the workers.
+    runs.run(runs.job_tasks(jobs), folder / ".state.sqlite", 2 if scheduler is None else 1)
     if len(jobs) > 1:
         from thesis_lib.pages import index_page
 
@@ -347,6 +359,27 @@ def _requested(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     for note in notes:
         click.echo(note, err=True)
     return studies
+
+
+def _use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
+    """Check that a scheduler can be used, and have the notebooks' kernels use it."""
+    from thesis_lib import schedulers
+    from thesis_lib.parameters import CameraStudy
+
+    try:
+        schedulers.checked(scheduler)
+    except ValueError as error:
+        raise Refused(f"--scheduler: {error}") from None
+    others = [study.name for study in studies if not isinstance(study, CameraStudy)]
+    if len(others) == len(studies):
+        raise Refused(
+            f"--scheduler: given with {', '.join(others)}, allowed with camera and sound studies "
+            "(beam-…, plate-…, sound-…, shape-…), which can be cut into pieces"
+        )
+    for name in others:
+        click.echo(schedulers.alone(name), err=True)
+    schedulers.check(scheduler)
+    os.environ[schedulers.ENVIRONMENT] = scheduler
 
 
 def _folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) -> Path:

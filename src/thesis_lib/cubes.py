@@ -10,17 +10,20 @@ import platform
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from thesis_lib import __version__, effort
 from thesis_lib.camera_study import LEAST_SQUARES
-from thesis_lib.files import library_digest, library_files, project_root, whole_file
+from thesis_lib.chunks import HELD_BYTES, Outline
+from thesis_lib.files import library_digest, library_files, project_root, staging, whole_file
 from thesis_lib.parameters import STUDIES, Study
 
 ERRORS = {  # name in the tables: variable, and plane if it has one
@@ -43,8 +46,11 @@ OWN = {  # what is compared of figure sets without settings of the thesis
 }  # fmt: skip
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
+BAND = (0.05, 0.5, 0.95)  # quantiles of the trials
 BITS = 13  # of a rounded mantissa: to 2⁻¹⁴, 0.006 %
-_HDF5 = threading.Lock()  # the HDF5 library crashes if two threads use it at once
+_HDF5 = threading.RLock()  # the HDF5 library crashes if two threads use it at once
+_LOADED_BYTES = 2**20  # variables of a large cube up to this size are read when it is opened
+_STORED_BYTES = 2**18  # of a large variable are compressed together
 RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
 
 
@@ -53,12 +59,13 @@ class CubeError(ValueError):
 
 
 def cached(
-    study: Study, compute: Callable[[Any], xr.Dataset], sources: Iterable[Path] = ()
+    study: Study, compute: Callable[[Any], xr.Dataset | Outline], sources: Iterable[Path] = ()
 ) -> xr.Dataset:
     """A study's cube, computed once for its parameters and the library as it is.
 
     Notebooks that need the same cube share it through ``build/cache``. What takes long names the
-    `sources` that it depends on; without them it depends on the whole library.
+    `sources` that it depends on; without them it depends on the whole library. An outline that is
+    too large to be held is filled in on disk, and read from there as it is needed.
     """
     total = hashlib.sha256(f"{study.name} {study.digest}".encode())
     for file in sorted(sources) or library_files():
@@ -70,10 +77,53 @@ def cached(
         spared = float(cube.attrs["run_time_s"])
         effort.note_loaded(spared, float(cube.attrs.get("peak_memory_mb", 0)))
         return with_provenance(cube, study, spared)  # of today's commit
-    cube = with_provenance(compute(study), study, 0.0)
+    made = compute(study)
+    if isinstance(made, Outline) and not made.is_held:
+        frame = replace(made, cube=with_provenance(made.cube, study, 0.0))
+        fill_in(frame, path, lambda: time.perf_counter() - start + effort.loaded_seconds() - before)
+        cube = opened(path)
+        return with_provenance(cube, study, float(cube.attrs["run_time_s"]))
+    cube = with_provenance(made.in_memory() if isinstance(made, Outline) else made, study, 0.0)
     seconds = time.perf_counter() - start + effort.loaded_seconds() - before
     write(cube.assign_attrs(run_time_s=seconds), path)
     return with_provenance(opened(path), study, seconds)
+
+
+def fill_in(outline: Outline, path: Path, seconds: Callable[[], float]) -> None:
+    """Write an outline as netCDF-4 and fill it in there, whole or not at all.
+
+    Parameters
+    ----------
+    outline : Outline
+        What to write.
+    path : pathlib.Path
+        Where to.
+    seconds : callable
+        Tells, when all is done, what it took.
+    """
+    with staging(path.parent) as folder, _HDF5:
+        part = folder / path.name
+        outline.cube.to_netcdf(part, engine="netcdf4", format="NETCDF4")
+        with netCDF4.Dataset(part, "a") as file:
+            values = {
+                name: _created(file, name, dims, kind, attributes, contiguous=True)
+                for name, (dims, kind, attributes) in outline.large.items()
+            }
+            outline.fill(values)
+            file.run_time_s = np.float64(seconds())
+            file.peak_memory_mb = np.float64(effort.peak_memory_mb())
+        part.replace(path)
+
+
+def _created(
+    file: netCDF4.Dataset, name: str, dims: tuple[str, ...], kind: Any, said: Mapping[Any, Any],
+    **encoding: Any,
+) -> Any:  # fmt: skip
+    """A new variable of a file, to be filled in entirely."""
+    variable = file.createVariable(name, kind, dims, fill_value=False, **encoding)
+    variable.setncatts(dict(said))
+    variable.set_auto_maskandscale(False)
+    return variable
 
 
 def predicts(cube: xr.Dataset) -> str:
@@ -144,22 +194,52 @@ def write(cube: xr.Dataset, path: Path, compact: bool = False) -> None:
         Whether to compress it. Single precision, which is for what is drawn, is then rounded to
         ``BITS`` bits of mantissa; the file says so itself.
     """
-    encoding: dict[Any, dict[str, Any]] = {}
-    for name, values in cube.variables.items() if compact else ():
-        if values.dtype.kind == "f" and values.size > 1:
-            encoding[name] = {"zlib": True, "complevel": 9, "shuffle": True}
-            if values.dtype == np.float32:
-                encoding[name] |= {
-                    "quantize_mode": "BitRound",
-                    "significant_digits": BITS,
-                }
+    large = {str(n) for n, v in cube.data_vars.items() if "trial" in v.dims}
+    large = large if cube.nbytes > HELD_BYTES else set()
+    small = cube.drop_vars(large)
+    encoding = {n: _compression(v) for n, v in small.variables.items()} if compact else {}
+
+    def fill(part: Path) -> None:
+        small.to_netcdf(part, engine="netcdf4", format="NETCDF4", encoding=encoding)
+        if large:
+            with netCDF4.Dataset(part, "a") as file:
+                for name in cube.data_vars:
+                    if name in large:
+                        _copy(cube[name], file, _compression(cube[name], 4) if compact else {})
+
     with _HDF5:
-        whole_file(
-            path,
-            lambda part: cube.to_netcdf(
-                part, engine="netcdf4", format="NETCDF4", encoding=encoding
-            ),
-        )
+        whole_file(path, fill)
+
+
+def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str, Any]:
+    """How a variable is stored in a compact cube; level 9 takes 15 times as long as 4 for 5 %."""
+    if values.dtype.kind != "f" or values.size <= 1:
+        return {}
+    rounded = {"quantize_mode": "BitRound", "significant_digits": BITS}
+    return {"zlib": True, "complevel": level, "shuffle": True} | (
+        rounded if values.dtype == np.float32 else {}
+    )
+
+
+def _copy(values: xr.DataArray, file: netCDF4.Dataset, encoding: dict[str, Any]) -> None:
+    """Copy a variable with settings and trials into a file, some trials of a setting at a time."""
+    along = values.dims.index("trial")
+    trial_bytes = max(1, values.nbytes // (values.sizes["trial"] * values.sizes["setting"]))
+    step = min(values.sizes["trial"], max(1, _STORED_BYTES * values.sizes["mode"] // trial_bytes))
+    if encoding:
+        stored = [1 if dim in ("setting", "mode") else values.sizes[dim] for dim in values.dims]
+        stored[along] = step
+        encoding = {**encoding, "chunksizes": stored}
+    dims = tuple(map(str, values.dims))
+    target = _created(file, str(values.name), dims, values.dtype, values.attrs, **encoding)
+    if encoding:  # what is stored together is written at once
+        target.set_var_chunk_cache(size=_STORED_BYTES)
+    for setting in range(values.sizes["setting"]):
+        for first in range(0, values.sizes["trial"], step):
+            here = {"setting": setting, "trial": slice(first, first + step)}
+            target[tuple(here.get(str(dim), slice(None)) for dim in values.dims)] = values.isel(
+                here
+            ).values
 
 
 def read(path: Path) -> xr.Dataset:
@@ -185,13 +265,23 @@ def read(path: Path) -> xr.Dataset:
 
 
 def opened(path: Path) -> xr.Dataset:
-    """Open a netCDF file, with one-line errors."""
+    """Open a netCDF file, with one-line errors.
+
+    What is too large to be held stays on disk, and is read as it is needed; nothing of it is kept.
+    """
     if not path.is_file():
         kind = "a folder, not a file" if path.is_dir() else "no such file"
         raise CubeError(f"{path}: {kind}; give a cube (.nc) that `thesis run` has written")
     try:
-        with _HDF5, xr.open_dataset(path, engine="netcdf4") as file:
-            return file.load()
+        with _HDF5:
+            file = xr.open_dataset(path, engine="netcdf4", cache=False, lock=_HDF5)
+            if file.nbytes <= HELD_BYTES:
+                with file:
+                    return file.load()
+            for values in file.variables.values():
+                if values.nbytes <= _LOADED_BYTES:
+                    values.load()
+            return file
     except Exception as error:  # the netCDF and HDF libraries raise what they like
         raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
 
@@ -223,12 +313,8 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
         return pd.DataFrame({column: cube[column].values for column in OWN[name]})
     rows: list[dict[str, Any]] = []
     for quantity, values in errors(cube).items():
-        literal = values.transpose("setting", "mode", "trial").values
-        drawn = literal[:, :, 1:]
-        if drawn.shape[2]:
-            low, median, high = np.quantile(drawn, [0.05, 0.5, 0.95], axis=2)
-        else:
-            low = median = high = np.full(drawn.shape[:2], np.nan)
+        literal = values.isel(trial=0).transpose("setting", "mode").values
+        low, median, high = band(values)
         for s in range(cube.sizes["setting"]):
             for m, mode in enumerate(cube["mode"].values):
                 rows.append(
@@ -239,13 +325,26 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
                         "label": str(cube["label"].values[s]),
                         "mode": int(mode),
                         "error": quantity,
-                        "trial_0": float(literal[s, m, 0]),
+                        "trial_0": float(literal[s, m]),
                         "median": float(median[s, m]),
                         "low": float(low[s, m]),
                         "high": float(high[s, m]),
                     }
                 )
     return pd.DataFrame(rows)
+
+
+def band(values: xr.DataArray) -> Any:
+    """Quantiles 5, 50 and 95 % of errors over their trials but the literal run.
+
+    They are (3, setting, ...), NaN without such trials. One setting is read at a time.
+    """
+    here = values.transpose("setting", ..., "trial")
+    bands = np.full((len(BAND), *here.shape[:-1]), np.nan)
+    for setting in range(here.sizes["setting"] if here.sizes["trial"] > 1 else 0):
+        drawn = here.isel(setting=setting).values[..., 1:]
+        bands[:, setting] = np.quantile(drawn, BAND, axis=-1)
+    return bands
 
 
 def percent_text(value: float) -> str:
@@ -295,7 +394,7 @@ def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
     for key in ("claim", "quantity"):
         if key in new:
             return new.merge(old, on=key, suffixes=("", "_old"), validate="one_to_one")
-    keys = [*KEYS, "error"]
+    keys, old = [*KEYS, "error"], old.astype({"value": float})
     table = new.merge(old, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
     table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])

@@ -138,7 +138,7 @@ def _beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     reference = part["reference_deflection"].values * 1000
     axes[0, 1].plot(x, reference, color=REFERENCE, linewidth=3, label="reference")
     for index in chosen:
-        measured = part["measured_deflection"].values[index, 0] * 1000
+        measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = "best" if index == chosen[0] else "worst"
         axes[0, 1].plot(x, measured, ".-", color=color(index), linewidth=1,
                         label=f"{labels[index]} ({name})")  # fmt: skip
@@ -193,12 +193,10 @@ class Bars:
 def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error") -> Bars:
     """The bars of one error of a case and mode, by the error's name in the tables."""
     part = select(cube, case, mode)
-    values = cubes.errors(part)[quantity].transpose("setting", "trial").values
+    values = cubes.errors(part)[quantity]
     predicted, plane = cubes.predicted(part, quantity), cubes.ERRORS[quantity][1]
-    drawn = values[:, 1:] if values.shape[1] > 1 else np.full_like(values, np.nan)
-    quantiles: Array = np.quantile(drawn, [0.05, 0.5, 0.95], axis=1)
-    claims = stated(cube, case, mode, quantity)
-    return Bars(values[:, 0], predicted.values, quantiles, claims, plane or "")
+    literal, claims = values.isel(trial=0).values, stated(cube, case, mode, quantity)
+    return Bars(literal, predicted.values, cubes.band(values), claims, plane or "")
 
 
 def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:

@@ -34,7 +34,7 @@ def library_files() -> list[Path]:
     """Files that every result depends on: the library, the thesis's facts, the lock."""
     root = project_root()
     files = [p for p in (root / "src" / "thesis_lib").rglob("*") if p.is_file()]
-    files = [p for p in files if p.suffix != ".pyc"]
+    files = [p for p in files if p.suffix != ".pyc" and "__pycache__" not in p.parts]
     return sorted([*files, *(root / "data" / "thesis").iterdir(), root / "requirements.lock"])
 
 

@@ -63,7 +63,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     reference = part["reference_deflection"].values * 1000
     shapes = [("(b) ideal", reference)]
     for index, word in ((chosen[0], "best"), (chosen[-1], "worst")):
-        measured = part["measured_deflection"].values[index, 0] * 1000
+        measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         shapes.append((f"(c) {word}: {part['label'].values[index]}", measured))
     limit = max(float(np.max(np.abs(values))) for _, values in shapes)
     picture: Any = None

@@ -5,9 +5,11 @@ from __future__ import annotations
 import ast
 import base64
 import html
+import sys
 import time
 import warnings
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from thesis_lib import (
     figures,
     files,
     optics_study,
+    schedulers,
     sound,
     studies,
 )
@@ -33,7 +36,14 @@ from thesis_lib.experiment.requests import Experiment
 from thesis_lib.ledger_requests import Claims
 from thesis_lib.markdown import escape, markdown_table
 from thesis_lib.optics_request import Cameras
-from thesis_lib.parameters import STUDIES, CameraStudy, Study, camera_study, validate
+from thesis_lib.parameters import (
+    STUDIES,
+    CameraStudy,
+    ParameterError,
+    Study,
+    camera_study,
+    validate,
+)
 from thesis_lib.planning import planner_study
 from thesis_lib.planning.questions import Planner
 from thesis_lib.viewer_data import viewer_data
@@ -65,9 +75,9 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
         if variable not in fields:
             validate(name, {variable: None})  # which says what is wrong with the name
     request = validate(name, {field: namespace[field] for field in fields if field in namespace})
-    if request.subject == "plate":  # what the sound notebooks need, too
-        assert isinstance(request, CameraStudy)
-        result = cubes.cached(request, studies.run)
+    scheduler = _scheduler(request)
+    if isinstance(request, CameraStudy):
+        result = camera_cube(request, scheduler)
     else:
         start, before = time.perf_counter(), effort.loaded_seconds()
         result = _computed(request)
@@ -89,6 +99,18 @@ def _injected(inputs: Iterable[str]) -> list[str]:
         for target in statement.targets
         if isinstance(target, ast.Name)
     ]
+
+
+def _scheduler(request: Study) -> str:
+    """What ``THESIS_SCHEDULER`` asks for, if the study can be cut into pieces."""
+    try:
+        scheduler = schedulers.from_environment()
+    except ValueError as error:
+        raise ParameterError(str(error)) from None
+    if scheduler and not isinstance(request, CameraStudy):
+        print(schedulers.alone(request.name), file=sys.stderr)
+        return ""
+    return scheduler
 
 
 def _computed(request: Study) -> xr.Dataset:
@@ -119,7 +141,29 @@ def _computed(request: Study) -> xr.Dataset:
     if isinstance(request, Planner):
         return planner_study.run(request)
     assert isinstance(request, CameraStudy)
-    return sound_of(request) if request.subject == "sound" else studies.run(request)
+    return camera_cube(request)
+
+
+def camera_cube(request: CameraStudy, scheduler: str = "") -> xr.Dataset:
+    """The cube of a camera study or, from the plate's deflections, of a sound study.
+
+    What is too large to be held, and the plate's cubes, which sound needs, are kept in a cache.
+    """
+    if request.subject == "plate":
+        return cubes.cached(request, partial(studies.outline, scheduler=scheduler))
+    start, before = time.perf_counter(), effort.loaded_seconds()
+    if request.subject == "sound":
+        plate = camera_study(request.name.replace("sound", "plate"), request.plate_request)  # type: ignore[attr-defined]
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "k times the size of a piston")  # the table says so
+            made = sound.outline(request, camera_cube(plate, scheduler), scheduler)
+    else:
+        made = studies.outline(request, scheduler)
+    if not made.is_held:
+        return cubes.cached(request, lambda _: made)
+    cube = made.in_memory()
+    seconds = time.perf_counter() - start + effort.loaded_seconds() - before
+    return cubes.with_provenance(cube, request, seconds)
 
 
 def ledger_of(request: Claims) -> xr.Dataset:
@@ -135,14 +179,6 @@ def ledger_of(request: Claims) -> xr.Dataset:
     own = cubes.cached(request.own_runs, ledger_runs.run)
     other = cubes.cached(request.other_readings, readings.run)
     return ledger_cube.as_cube(ledger.entries(open_cube, ledger_runs.read_own(own)), other)
-
-
-def sound_of(request: CameraStudy) -> xr.Dataset:
-    """The cube of a sound study, from the plate's deflections with the same parameters."""
-    plate = camera_study(request.name.replace("sound", "plate"), request.plate_request)  # type: ignore[attr-defined]
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "k times the size of a piston")  # the table says so
-        return sound.run(request, cubes.cached(plate, studies.run))
 
 
 def error_table(cube: xr.Dataset) -> Markdown:

@@ -18,19 +18,26 @@ from thesis_lib.triangulation import gain
 Array = NDArray[np.float64]
 
 
-def grid_shifts(seed: int, trials: int, n_cameras: int) -> Array:
+def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array:
     """Shifts of the cameras' pixel grids, a function of (seed, trial, camera) alone.
+
+    Parameters
+    ----------
+    seed, trials, n_cameras : int
+        Seed, last trial, number of cameras.
+    first : int
+        First trial wanted.
 
     Returns
     -------
-    ndarray, shape (trials + 1, n_cameras, 2)
+    ndarray, shape (trials + 1 - first, n_cameras, 2)
         Shifts in px, uniform in ±½; trial 0 is the literal run and has none.
     """
-    shifts = np.zeros((trials + 1, n_cameras, 2))
-    for trial in range(1, trials + 1):
+    shifts = np.zeros((trials + 1 - first, n_cameras, 2))
+    for trial in range(max(first, 1), trials + 1):
         # Philox is counter-based: the trial is its own stream, the camera the place in it.
         stream = np.random.Generator(np.random.Philox(key=[seed, trial]))
-        shifts[trial] = stream.random((n_cameras, 2)) - 0.5
+        shifts[trial - first] = stream.random((n_cameras, 2)) - 0.5
     return shifts
 
 

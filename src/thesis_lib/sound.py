@@ -7,6 +7,8 @@ small triangular factor F of the plane and the frequency: no trial ever needs it
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib import radiation, rounding
+from thesis_lib.chunks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
 from thesis_lib.parameters import CameraStudy
 from thesis_lib.planes import Plane, PlaneOperator, operator, pistons
 from thesis_lib.structures import Plate, resonance
@@ -27,11 +30,53 @@ NODAL = 1e-6
 
 def checksum(plate_cube: xr.Dataset) -> str:
     """SHA-256 of the measured deflections that a plate's cube holds."""
-    return hashlib.sha256(plate_cube["measured_deflection"].values.tobytes()).hexdigest()
+    total, deflections = hashlib.sha256(), plate_cube["measured_deflection"]
+    for block in _runs(deflections):
+        total.update(block.values.tobytes())
+    return total.hexdigest()
 
 
-def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
-    """The cube of a sound study.
+def _runs(values: xr.DataArray) -> Iterator[xr.DataArray]:
+    """Parts of a variable (setting, mode, trial, ...) in the order in which it is stored."""
+    for setting in range(values.sizes["setting"]):
+        for mode in range(values.sizes["mode"]):
+            part = values.isel(setting=setting, mode=mode)
+            for trials in runs_of_trials(part.sizes["trial"] - 1, part[0].nbytes):
+                yield part.isel(trial=trials)
+
+
+@dataclass(frozen=True)
+class _Sound:
+    """What the blocks of a study share: of each mode, ω, the deflections, the planes' factors."""
+
+    study: tuple[float, float, bool]  # focal length and sensor width in mm, rest known
+    omegas: list[float]
+    points: Array  # (modes, 3, 2, markers): at rest and deflected
+    factors: list[list[Array]]
+
+    def __call__(self, block: Block) -> dict[str, Array]:
+        """Rms errors (modes, trials, planes) in Pa; with the first trials what is predicted."""
+        setting, measured = block.load
+        error = measured.astype(float) - self.points[:, 2, 1][:, None]
+        rms = np.empty((*error.shape[:2], len(self.factors[0])))
+        predicted = np.empty((len(self.omegas), len(self.factors[0])))
+        focal_length_mm, sensor_width_mm, known = self.study
+        first = block.trials.start == 0
+        P = setting.cameras(focal_length_mm, sensor_width_mm).P
+        for m, (omega, points, factors) in enumerate(
+            zip(self.omegas, self.points, self.factors, strict=True)
+        ):
+            if first:
+                C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known)
+            for p, factor in enumerate(factors):
+                rms[m, :, p] = omega * np.linalg.norm(error[m] @ factor.T, axis=-1)
+                if first:
+                    predicted[m, p] = omega * np.sqrt(np.sum((factor @ C) * factor))
+        return {"rms": rms, "predicted": predicted} if first else {"rms": rms}
+
+
+def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.Dataset:
+    """The cube of a sound study, in memory.
 
     Parameters
     ----------
@@ -39,6 +84,8 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
         Validated parameters of a sound study.
     plate_cube : xarray.Dataset
         Cube of the plate's study with the same settings, modes and trials.
+    scheduler : str
+        Workers that compute it (:func:`thesis_lib.schedulers.checked`), else this process does.
 
     Returns
     -------
@@ -48,45 +95,35 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
         of the two, NaN where both are; predicted errors; reference fields and those of the best
         and worst settings.
     """
+    return outline(study, plate_cube, scheduler).in_memory()
+
+
+def outline(
+    study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "", piece_bytes: int = PIECE_BYTES
+) -> Outline:
+    """The cube of a sound study, to be filled in block by block."""
     plate = study.structure
     assert isinstance(plate, Plate)
     planes: tuple[Plane, ...] = study.planes  # type: ignore[attr-defined]
     medium: radiation.Medium = study.medium  # type: ignore[attr-defined]
-    reference = plate_cube["reference_deflection"].values
-    measured = plate_cube["measured_deflection"].values.astype(float)
-    known = study.rest == "known"
-    settings = study.settings()
-    rigs = [setting.cameras(study.focal_length_mm, study.sensor_width_mm) for setting in settings]
-    chosen = extremes(plate_cube)
+    reference, deflections = (
+        plate_cube["reference_deflection"].values,
+        plate_cube["measured_deflection"],
+    )
+    settings, chosen = study.settings(), extremes(plate_cube)
 
-    n_settings, n_modes, n_trials, _ = measured.shape
-    rms = np.empty((n_settings, n_modes, n_trials, len(planes)))
-    predicted = np.empty((n_settings, n_modes, len(planes)))
-    independent = np.empty((n_modes, len(planes)))
-    largest = np.empty((n_modes, len(planes)))
+    n_modes = len(study.modes)
+    independent, largest = np.empty((n_modes, len(planes))), np.empty((n_modes, len(planes)))
     fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
-    extreme_fields = np.empty((len(chosen), n_modes, 2, *fields.shape[1:]), complex)
     power, piston_size = np.empty((n_modes, 2)), np.empty(n_modes)
-    for m, mode in enumerate(study.modes):
-        omega = resonance(plate, mode)
-        points = world_points(plate, np.stack([np.zeros_like(reference[m]), reference[m]]))
-        operators = [operator(plate, plane, omega, medium) for plane in planes]
-        factors = [full_factor(op) for op in operators]
-        error = measured[:, m] - reference[m]
-        covariance = [
-            rounding.deflection_covariance(rig.P, points[:, 0], points[:, 1], known) for rig in rigs
-        ]
-        for p, (op, factor) in enumerate(zip(operators, factors, strict=True)):
+    omegas = [resonance(plate, mode) for mode in study.modes]
+    operators = [[operator(plate, plane, omega, medium) for plane in planes] for omega in omegas]
+    factors = [[full_factor(op) for op in of_mode] for of_mode in operators]
+    for m, omega in enumerate(omegas):
+        for p, (op, factor) in enumerate(zip(operators[m], factors[m], strict=True)):
             fields[m, p] = op.field(1j * omega * reference[m])
             largest[m, p] = np.max(np.abs(fields[m, p]))
-            rms[:, m, :, p] = omega * np.linalg.norm(error @ factor.T, axis=-1)
             independent[m, p] = omega * np.linalg.norm(factor)
-            predicted[:, m, p] = [
-                omega * np.sqrt(np.sum((factor @ C) * factor)) for C in covariance
-            ]
-            for c, of_case in enumerate(chosen.values()):
-                for x, setting in enumerate(of_case[m]):
-                    extreme_fields[c, m, x, p] = op.field(1j * omega * measured[setting, m, 0])
         parts = pistons(plate)
         piston_size[m] = omega / medium.speed_of_sound * max(parts.size)
         velocity = 1j * omega * reference[m]
@@ -107,17 +144,18 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
     cube = xr.Dataset(coords={**kept, **field_coordinates(planes, list(chosen))})
     trial = ("setting", "mode", "trial", "plane")
     field = ("mode", "plane", "u", "z")
+    later: dict[str, Any] = {}
+    order = []
     for name, dims, values, units, long_name in (
-        ("plane_error", trial, 100 * rms / usable[:, None], "percent",
+        ("plane_error", trial, None, "percent",
          "rms pressure error over a plane (eq. 6.8), of the plane's largest reference pressure"),
-        ("plane_error_of_larger", trial, 100 * rms / greater[:, None], "percent",
+        ("plane_error_of_larger", trial, None, "percent",
          "rms pressure error over a plane, of the largest reference pressure of both planes"),
-        ("predicted_error", ("setting", "mode", "plane"), 100 * predicted / usable, "percent",
-         study.law),
+        ("predicted_error", ("setting", "mode", "plane"), None, "percent", study.law),
         ("independent_ratio", ("mode", "plane"), independent * amplitude / usable, "1",
          "plane error over mean deflection error for errors of equal size, marker by marker"),
         ("largest_pressure", ("mode", "plane"), largest, "Pa", "largest reference pressure"),
-        ("deflection_error", trial[:3], plate_cube["mean_error"].values, "percent",
+        ("deflection_error", trial[:3], None, "percent",
          "rms deflection error over the markers of the same run (eq. 4.9)"),
         ("best_and_worst", ("case", "mode", "extreme"), np.array(list(chosen.values())), "1",
          "index of the setting with the lowest and highest deflection error in trial 0"),
@@ -132,18 +170,61 @@ def run(study: CameraStudy, plate_cube: xr.Dataset) -> xr.Dataset:
          "radiated power over that of a plane wave of the same mean square velocity"),
         ("pressure_reference_real", field, fields.real, "Pa", "reference pressure, real part"),
         ("pressure_reference_imag", field, fields.imag, "Pa", "reference pressure, imaginary part"),
-        ("pressure_measured_real", ("case", "mode", "extreme", *field[1:]), extreme_fields.real,
+        ("pressure_measured_real", ("case", "mode", "extreme", *field[1:]), None,
          "Pa", "pressure of the measured deflections in trial 0, real part"),
-        ("pressure_measured_imag", ("case", "mode", "extreme", *field[1:]), extreme_fields.imag,
+        ("pressure_measured_imag", ("case", "mode", "extreme", *field[1:]), None,
          "Pa", "pressure of the measured deflections in trial 0, imaginary part"),
     ):  # fmt: skip
-        values = values.astype("float32") if name.startswith("pressure") else values
-        cube[name] = (dims, values, {"units": units, "long_name": long_name})
+        attributes = {"units": units, "long_name": long_name}
+        kind = "float32" if name.startswith("pressure") else "float64"
+        order.append(name)
+        if values is None:
+            later[name] = (dims, kind, attributes)
+        else:
+            values = values.astype("float32") if name.startswith("pressure") else values
+            cube[name] = (dims, values, attributes)
     for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
         cube[name] = plate_cube[name]
     if study.amplitude_mm == "force":
         _add_levels(cube, power[:, 0], largest)
-    return cube.assign_attrs(deflections_sha256=checksum(plate_cube))
+    order += [str(name) for name in cube.data_vars if name not in order]
+
+    rests = np.zeros_like(reference)
+    points = np.stack(
+        [world_points(plate, np.stack(two)) for two in zip(rests, reference, strict=True)]
+    )
+    shared = (study.focal_length_mm, study.sensor_width_mm, study.rest == "known")
+    work = _Sound(shared, omegas, points, factors)
+
+    def blocks() -> Iterator[Block]:
+        trial_bytes = 8 * reference.size
+        for index, setting in enumerate(settings):
+            for trials in runs_of_trials(study.trials, trial_bytes):
+                measured = deflections.isel(setting=index, trial=trials).values
+                nbytes = trial_bytes * measured.shape[1]
+                yield Block(index, trials, nbytes, (setting, measured))
+
+    def fill(target: Mapping[str, Any]) -> None:
+        for block, found in computed(work, blocks(), scheduler, piece_bytes):
+            target["plane_error"][block.place] = 100 * found["rms"] / usable[:, None]
+            target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
+            if "predicted" in found:
+                target["predicted_error"][block.setting] = 100 * found["predicted"] / usable
+            mean = plate_cube["mean_error"].isel(setting=block.setting, trial=block.trials)
+            target["deflection_error"][block.place] = mean.values
+        for c, of_case in enumerate(chosen.values()):
+            for m, omega in enumerate(omegas):
+                for x, setting in enumerate(of_case[m]):
+                    literal = deflections.isel(setting=setting, mode=m, trial=0).values.astype(
+                        float
+                    )
+                    for p, op in enumerate(operators[m]):
+                        pressure = op.field(1j * omega * literal)
+                        target["pressure_measured_real"][c, m, x, p] = pressure.real
+                        target["pressure_measured_imag"][c, m, x, p] = pressure.imag
+
+    cube = cube.assign_attrs(deflections_sha256=checksum(plate_cube))
+    return Outline(cube, later, fill, tuple(order))
 
 
 def full_factor(op: PlaneOperator) -> Array:

@@ -8,7 +8,8 @@ image of a setting are one batch of points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from thesis_lib.cameras import (
     pixelate,
     project,
 )
+from thesis_lib.chunks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
 from thesis_lib.parameters import CameraStudy, Study
 from thesis_lib.polytope import analytic_centre
 from thesis_lib.setups import Setting
@@ -111,23 +113,41 @@ def modal_assurance(measured: Array, reference: Array) -> Array:
     return result
 
 
-def _setting_results(study: CameraStudy, setting: Setting, points: Array) -> dict[str, Any]:
-    cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
-    known = study.rest == "known"
-    shifts = rounding.grid_shifts(study.seed, study.trials, len(cameras))
-    shifts += study.principal_offset_px
+def block_results(
+    block: Block,
+    *,
+    points: Array,
+    focal_length_mm: float,
+    sensor_width_mm: float,
+    seed: int,
+    principal_offset_px: float,
+    rest_is_known: bool,
+    estimator: str,
+) -> dict[str, Any]:
+    """What some trials of a setting give: a value for each of ``VARIABLES``.
+
+    Those without trials are there where the block has the literal run.
+    """
+    cameras = block.load.cameras(focal_length_mm, sensor_width_mm)
+    trials = block.trials
+    shifts = rounding.grid_shifts(seed, trials.stop - 1, len(cameras), trials.start)
+    shifts += principal_offset_px
     reference = points[2, 1:]
-    measured = measure(cameras, points, shifts, known, study.estimator)
+    measured = measure(cameras, points, shifts, rest_is_known, estimator)
     point, mean, largest = percent_errors(measured, reference)
-    variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:], known)
-    scale = 100 / np.max(np.abs(reference), axis=-1)
-    return {
-        "measured_deflection": measured,
-        "point_error": point[:, 0],
+    results = {
+        "measured_deflection": measured.astype("float32"),
         "mean_error": mean,
         "max_point_error": largest,
-        "predicted_error": np.sqrt(np.mean(variance, axis=-1)) * scale,
         "mac": modal_assurance(measured, reference),
+    }
+    if trials.start > 0:
+        return results
+    variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:], rest_is_known)
+    scale = 100 / np.max(np.abs(reference), axis=-1)
+    return results | {
+        "point_error": point[:, 0],
+        "predicted_error": np.sqrt(np.mean(variance, axis=-1)) * scale,
         "in_view": np.mean(on_sensor(project(cameras.P, points[:, 1:]), cameras.size)),
         "ground_sample_distance": ground_sample_distance(cameras),
     }
@@ -151,13 +171,15 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
 }  # fmt: skip
 
 
-def run(study: CameraStudy) -> xr.Dataset:
-    """The cube of a camera study.
+def run(study: CameraStudy, scheduler: str = "") -> xr.Dataset:
+    """The cube of a camera study, in memory.
 
     Parameters
     ----------
     study : CameraStudy
         Validated parameters.
+    scheduler : str
+        Workers that compute it (:func:`thesis_lib.schedulers.checked`), else this process does.
 
     Returns
     -------
@@ -165,6 +187,11 @@ def run(study: CameraStudy) -> xr.Dataset:
         Dimensions ``setting``, ``mode``, ``trial``, ``point``, ``camera``; every variable has
         ``units`` and ``long_name``.
     """
+    return outline(study, scheduler).in_memory()
+
+
+def outline(study: CameraStudy, scheduler: str = "", piece_bytes: int = PIECE_BYTES) -> Outline:
+    """The cube of a camera study, to be filled in block by block."""
     structure, settings = study.structure, study.settings()
     shapes = [
         deflection_shape(structure, mode, structure.markers, peak)
@@ -172,29 +199,56 @@ def run(study: CameraStudy) -> xr.Dataset:
     ]
     reference = np.array(shapes)
     points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
-    results = [_setting_results(study, setting, points) for setting in settings]
-
     cube = xr.Dataset(coords=coordinates(study, study.modes, structure, settings))
     cube["reference_deflection"] = (
         ("mode", "point"), reference,
         {"units": "m", "long_name": "reference deflection of the markers"},
     )  # fmt: skip
-    for name, (dims, dtype, units, long_name) in VARIABLES.items():
-        values = np.array([result[name] for result in results]).astype(dtype)
-        cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
-    cube["predicted_error"].attrs["long_name"] = study.law
     add_cameras(cube, settings)
-    return cube
+    order = ("reference_deflection", *VARIABLES, *CAMERAS)
+    large = {
+        name: (("setting", *dims), dtype, {"units": units, "long_name": long_name})
+        for name, (dims, dtype, units, long_name) in VARIABLES.items()
+    }
+    large["predicted_error"][2]["long_name"] = study.law
+    work = partial(
+        block_results,
+        points=points,
+        focal_length_mm=study.focal_length_mm,
+        sensor_width_mm=study.sensor_width_mm,
+        seed=study.seed,
+        principal_offset_px=study.principal_offset_px,
+        rest_is_known=study.rest == "known",
+        estimator=study.estimator,
+    )
+
+    def fill(values: Mapping[str, Any]) -> None:
+        blocks = _blocks(settings, study.trials, points[0].size)
+        for block, results in computed(work, blocks, scheduler, piece_bytes):
+            for name, result in results.items():
+                of_trials = "trial" in VARIABLES[name][0]
+                values[name][block.place if of_trials else block.setting] = result
+
+    return Outline(cube, large, fill, order)
+
+
+def _blocks(settings: list[Setting], trials: int, n_points: int) -> Iterator[Block]:
+    """Blocks of a study whose cameras see that many points, modes times markers, in a trial."""
+    for index, setting in enumerate(settings):
+        trial_bytes = 16 * len(setting.directions_deg) * n_points
+        for run in runs_of_trials(trials, trial_bytes):
+            yield Block(index, run, (run.stop - run.start) * trial_bytes, setting)
+
+
+CAMERAS = {"camera_distance": "m", "camera_azimuth": "degree", "camera_elevation": "degree"}
 
 
 def add_cameras(cube: xr.Dataset, settings: list[Setting]) -> None:
     """Add distance, azimuth and elevation of every setting's cameras to a cube."""
-    for name, units, column in (
-        ("camera_distance", "m", 0), ("camera_azimuth", "degree", 1),
-        ("camera_elevation", "degree", 2),
-    ):  # fmt: skip
+    table = _camera_table(settings)
+    for column, (name, units) in enumerate(CAMERAS.items()):
         cube[name] = (
-            ("setting", "camera"), _camera_table(settings)[:, :, column],
+            ("setting", "camera"), table[:, :, column],
             {"units": units, "long_name": name.replace("_", " ")},
         )  # fmt: skip
 

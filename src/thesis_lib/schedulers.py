@@ -1,0 +1,283 @@
+"""Workers by Dask: processes on this machine, or an existing cluster.
+
+Which scheduler computes a study is no parameter of it: it changes nothing in the cube. It comes by
+``thesis run --scheduler``, or by the environment variable ``THESIS_SCHEDULER`` where papermill runs
+a notebook. ``distributed`` (``pip install thesis-lib[scale]``) is imported when workers are asked
+for, and not before.
+
+Work goes out a few pieces ahead of what is taken, and comes back in its order. Dask computes again
+what was lost with a worker. Every wait is bounded.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import platform
+import re
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from thesis_lib.files import library_digest
+
+ENVIRONMENT = "THESIS_SCHEDULER"
+PROCESSES = "processes"
+ALLOWED = f"allowed: {PROCESSES}, or tcp://HOST:PORT of a Dask scheduler"
+WAIT_S = 10.0  # for a scheduler, and for a first worker
+LOST_S = 60.0  # for what workers say of themselves, and for any worker while there is work
+AHEAD = 2  # pieces sent out beforehand, for each worker
+# Of worker processes: a BLAS thread each, and memory that a block used is kept for the next one,
+# where Dask would give it back to the system and fault it in again.
+WORKER = {
+    "OMP_NUM_THREADS": 1,
+    "OPENBLAS_NUM_THREADS": 1,
+    "MKL_NUM_THREADS": 1,
+    "MALLOC_ARENA_MAX": 1,
+    "MALLOC_MMAP_THRESHOLD_": 2**25,
+    "MALLOC_TRIM_THRESHOLD_": 2**28,
+}
+
+
+class SchedulerError(RuntimeError):
+    """Workers that cannot be had; the message is one line: which, what is wrong, how to go on."""
+
+
+def checked(scheduler: str) -> str:
+    """The scheduler as it was given.
+
+    Parameters
+    ----------
+    scheduler : str
+        ``processes`` for worker processes on this machine, as many as it has cores, or
+        ``tcp://HOST:PORT`` for an existing cluster.
+
+    Raises
+    ------
+    ValueError
+        In one line: what was given, what is allowed.
+
+    Examples
+    --------
+    >>> checked("tcp://10.0.0.5:8786"), checked("tcp://[::1]:8786")
+    ('tcp://10.0.0.5:8786', 'tcp://[::1]:8786')
+    """
+    match = re.fullmatch(r"tcp://(?:[\w.-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})", scheduler, re.ASCII)
+    if scheduler != PROCESSES and not (match and 0 < int(match[1]) < 2**16):
+        raise ValueError(f"given {scheduler!r:.80}, {ALLOWED}")
+    return scheduler
+
+
+def from_environment() -> str:
+    """The scheduler that ``THESIS_SCHEDULER`` asks for, or empty.
+
+    Raises
+    ------
+    ValueError
+        As :func:`checked`.
+    """
+    given = os.environ.get(ENVIRONMENT, "")
+    try:
+        return checked(given) if given else ""
+    except ValueError as error:
+        raise ValueError(f"{ENVIRONMENT}: {error}") from None
+
+
+def alone(name: str) -> str:
+    """What is said of a figure set that no scheduler can help."""
+    return f"{name} is not cut into pieces: it runs in one process, without the scheduler"
+
+
+def check(scheduler: str) -> None:
+    """Refuse, before anything starts, a scheduler that cannot be used.
+
+    Raises
+    ------
+    SchedulerError
+        As :func:`workers`; that worker processes of this machine start is left to them.
+    """
+    if scheduler == PROCESSES:
+        _distributed(scheduler)
+        return
+    with workers(scheduler):
+        pass
+
+
+def _distributed(scheduler: str) -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise SchedulerError(
+            f"scheduler {scheduler}: the package distributed is not installed; "
+            "pip install thesis-lib[scale], or run without a scheduler"
+        ) from None
+    return distributed
+
+
+@contextlib.contextmanager
+def workers(scheduler: str) -> Iterator[Any]:
+    """A client of workers that have this library, as it is here.
+
+    Parameters
+    ----------
+    scheduler : str
+        As in :func:`checked`.
+
+    Yields
+    ------
+    distributed.Client
+        A client.
+
+    Raises
+    ------
+    SchedulerError
+        If ``distributed`` is not installed, nothing answers within ``WAIT_S``, or a worker has
+        another state of the library or of NumPy, whose last bits might differ.
+    """
+    distributed = _distributed(scheduler)
+    import dask.config
+    from dask.system import CPU_COUNT  # what this process may use
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is raised here
+    with contextlib.ExitStack() as stack:
+        place: Any = scheduler
+        if scheduler == PROCESSES:
+            with (
+                warnings.catch_warnings(),
+                dask.config.set({"distributed.nanny.pre-spawn-environ": WORKER}),
+            ):
+                warnings.filterwarnings("ignore", "Port 8787 is already in use")
+                place = distributed.LocalCluster(
+                    n_workers=CPU_COUNT, threads_per_worker=1, processes=True,
+                    host="127.0.0.1", dashboard_address=None, memory_limit=0,
+                    silence_logs=logging.CRITICAL,
+                )  # fmt: skip
+            stack.enter_context(place)
+        else:
+            _check_address(scheduler)
+        client = stack.enter_context(
+            distributed.Client(place, timeout=WAIT_S, set_as_default=False)
+        )
+        _check(client, scheduler)
+        yield client
+
+
+def _check_address(scheduler: str) -> None:
+    """Refuse an address where no scheduler says who it is; a client alone would wait for ever."""
+    from distributed import rpc
+
+    async def ask() -> Any:
+        async with rpc(scheduler, timeout=WAIT_S) as there:
+            return await there.identity()
+
+    def wait() -> Any:
+        return asyncio.run(asyncio.wait_for(ask(), WAIT_S))
+
+    try:
+        with ThreadPoolExecutor(1) as thread:  # a notebook's own thread has a loop already
+            problem = (
+                "" if thread.submit(wait).result()["type"] == "Scheduler" else "another server"
+            )
+    except Exception as error:  # what another server says can be anything
+        problem = type(error).__name__
+    if problem:
+        raise SchedulerError(
+            f"scheduler {scheduler}: no scheduler answers there within {WAIT_S:g} s ({problem}); "
+            "start one (dask scheduler), or run without"
+        )
+
+
+def _check(client: Any, scheduler: str) -> None:
+    """Refuse a cluster without workers, and workers with another state of the library."""
+    try:
+        client.wait_for_workers(1, timeout=WAIT_S)
+    except TimeoutError:
+        raise SchedulerError(
+            f"scheduler {scheduler}: it has no worker within {WAIT_S:g} s; "
+            f"start some (dask worker {scheduler}), and run the same command again"
+        ) from None
+    try:
+        said = client.run(standing, on_error="return", callback_timeout=LOST_S)
+    except TimeoutError:
+        raise SchedulerError(
+            f"scheduler {scheduler}: its workers do not answer within {LOST_S:g} s; "
+            "restart them, and run the same command again"
+        ) from None
+    here = standing()
+    for worker, there in said.items():
+        if there != here:
+            lacks = f"{type(there).__name__}: {there}"
+            if isinstance(there, dict):
+                lacks = ", ".join(
+                    f"{k} {there[k]}, here {here[k]}" for k in here if there[k] != here[k]
+                )
+            raise SchedulerError(
+                f"scheduler {scheduler}: worker {worker} differs from here ({lacks}); install the "
+                "same versions there and restart it"
+            )
+
+
+def standing() -> dict[str, str]:
+    """What a worker must have in common with the client."""
+    return {
+        "Python": ".".join(platform.python_version_tuple()[:2]),
+        "NumPy": np.__version__,
+        "library": library_digest()[:12],
+    }
+
+
+def in_order(
+    client: Any, work: Callable[[Any], Any], pieces: Iterable[Any]
+) -> Iterator[tuple[Any, Any]]:
+    """Pieces and what workers make of them, in their order, a few of them under way at a time.
+
+    Raises
+    ------
+    SchedulerError
+        If all workers are lost for ``LOST_S``, or a piece ends one worker after another.
+    """
+    ahead = AHEAD * max(1, len(client.nthreads()))
+    under_way: deque[tuple[Any, Any]] = deque()
+    for piece in pieces:
+        under_way.append((piece, client.submit(work, piece, pure=False)))
+        if len(under_way) > ahead:
+            first, future = under_way.popleft()
+            yield first, _result(client, future)
+    while under_way:
+        first, future = under_way.popleft()
+        yield first, _result(client, future)
+
+
+def _result(client: Any, future: Any) -> Any:
+    """What a worker made, however long it takes as long as there is one."""
+    from distributed import KilledWorker
+
+    alive = time.monotonic()
+    while True:
+        try:
+            return future.result(timeout=WAIT_S)
+        except TimeoutError:
+            with contextlib.suppress(OSError, ValueError):
+                alive = time.monotonic() if client.nthreads() else alive
+            if time.monotonic() - alive > LOST_S:
+                where = client.scheduler.address if client.scheduler else "the scheduler"
+                raise SchedulerError(
+                    f"{where} has had no worker for {LOST_S:g} s; start some, and run the same "
+                    "command again"
+                ) from None
+        except KilledWorker as error:
+            raise SchedulerError(
+                f"workers ended one after another while they computed the same piece "
+                f"(the last: {error.last_worker.address}); give them more memory"
+            ) from None
+        except CancelledError:
+            raise SchedulerError(
+                "the scheduler went away; start it again, and run the same command again"
+            ) from None
