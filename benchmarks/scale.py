@@ -42,7 +42,7 @@ def measure(trials: int, scheduler: str) -> dict[str, Any]:
     """Seconds until the first result and from then on, points, and the largest memory here."""
     from dataclasses import replace
 
-    from thesis_lib import cubes, effort, studies
+    from thesis_lib import effort, storage, studies
     from thesis_lib.parameters import camera_study
 
     study = camera_study("plate-arrays", {"trials": trials, "cases": CASES})
@@ -55,7 +55,7 @@ def measure(trials: int, scheduler: str) -> dict[str, Any]:
 
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        cubes.fill_in(replace(outline, fill=fill), Path(folder) / "cube.nc", lambda: 0.0)
+        storage.fill_in(replace(outline, fill=fill), Path(folder) / "cube.nc", lambda: 0.0)
     end = time.perf_counter()
     settings, markers = len(study.settings()), study.structure.markers.shape[1]
     return {

@@ -15,6 +15,7 @@ from thesis_lib import (
     conclusions_tables,
     cubes,
     prose,
+    storage,
     studies,
     triangulation,
 )
@@ -137,7 +138,7 @@ def small(tmp_path_factory):
     for name in ("beam-distance", "plate-distance", "beam-resolution", "beam-arrays"):
         request = validate(name, {"trials": 4})
         made[name] = folder / f"{name}.nc"
-        cubes.write(cubes.with_provenance(studies.run(request), request, 0.0), made[name])
+        storage.write(cubes.with_provenance(studies.run(request), request, 0.0), made[name])
     return made
 
 

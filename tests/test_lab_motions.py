@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion_scene import films, look
 
-from thesis_lib import cubes, figures, setups, viewer_data
+from thesis_lib import cubes, figures, setups, storage, viewer_data
 from thesis_lib.experiment import (
     aliasing,
     direct,
@@ -466,7 +466,7 @@ def test_without_trials_everything_is_still_shown(name):
 def test_the_same_request_gives_the_same_bytes(tmp_path):
     study = modes_study(modes=[3], cases=["read"], trials=2)
     for name in ("one.nc", "other.nc"):
-        cubes.write(lab_modes_study.run(study, films(study, SIGMA)), tmp_path / name)
+        storage.write(lab_modes_study.run(study, films(study, SIGMA)), tmp_path / name)
     assert (tmp_path / "one.nc").read_bytes() == (tmp_path / "other.nc").read_bytes()
 
 

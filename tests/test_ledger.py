@@ -18,6 +18,7 @@ from thesis_lib import (
     ledger_runs,
     readings,
     setups,
+    storage,
     studies,
     trends,
 )
@@ -247,8 +248,8 @@ def test_second_largest_errors_are_those_of_the_claims():
 
 
 def test_own_runs_come_back_from_their_file(tmp_path):
-    cubes.write(own_cube(), tmp_path / "own.nc")
-    back = ledger_runs.read_own(cubes.opened(tmp_path / "own.nc"))
+    storage.write(own_cube(), tmp_path / "own.nc")
+    back = ledger_runs.read_own(storage.opened(tmp_path / "own.nc"))
     assert list(back) == list(own())
     for name, made in own().items():
         assert len(made) == len({(s.quantity, s.case, s.mode) for s in made})
@@ -471,7 +472,7 @@ def filed(tmp_path):
     """A study, and the file with its cube."""
     request = request_of("beam-distance")
     path = tmp_path / "beam-distance.nc"
-    cubes.write(cube_of("beam-distance"), path)
+    storage.write(cube_of("beam-distance"), path)
     return request, path
 
 
@@ -490,10 +491,10 @@ def test_the_right_file_is_taken(filed):
         (lambda path: path.write_bytes(path.read_bytes()[:-1000]), "is not readable"),
         (lambda path: (path.unlink(), path.mkdir()), "is not readable"),
         (lambda path: xr.Dataset({"a": 1}).to_netcdf(path), "is not readable"),
-        (lambda path: cubes.write(cube_of("beam-aperture"), path), "is of beam-aperture"),
-        (lambda path: cubes.write(cube_of("beam-distance").assign_attrs(
+        (lambda path: storage.write(cube_of("beam-aperture"), path), "is of beam-aperture"),
+        (lambda path: storage.write(cube_of("beam-distance").assign_attrs(
             library_sha256="0" * 64), path), "is outdated, the library has changed since"),
-        (lambda path: cubes.write(cube_of("beam-distance").drop_attrs(
+        (lambda path: storage.write(cube_of("beam-distance").drop_attrs(
             deep=False).assign_attrs(figure_set="beam-distance", parameters="{}"), path),
          "was run with other parameters"),
     ],
@@ -516,7 +517,7 @@ def test_a_cube_of_before_the_digest_is_outdated(filed):
     request, path = filed
     cube = cube_of("beam-distance").copy()
     del cube.attrs["library_sha256"]
-    cubes.write(cube, path)
+    storage.write(cube, path)
     assert "is outdated" in ledger.usable(path, request)
 
 
@@ -572,7 +573,7 @@ def cube(found, other_readings):
 
 
 def test_entries_come_back_from_their_cube(found, cube, tmp_path):
-    cubes.write(cube, tmp_path / "claims.nc")
+    storage.write(cube, tmp_path / "claims.nc")
     for made in (cube, cubes.read(tmp_path / "claims.nc")):
         back = ledger_cube.from_cube(made)
         assert [entry.record for entry in back] == [entry.record for entry in found]

@@ -19,6 +19,7 @@ from thesis_lib import (
     optics_tables,
     prose,
     setups,
+    storage,
 )
 from thesis_lib.cameras import CameraArray, hemisphere_cameras, intrinsics, project
 from thesis_lib.figures import svg
@@ -361,7 +362,7 @@ def test_variables_have_units_and_names_and_come_back_from_a_file(cube, tmp_path
         assert variable.attrs["units"], name
         assert variable.attrs["long_name"], name
     path = tmp_path / "cameras.nc"
-    cubes.write(cube, path)
+    storage.write(cube, path)
     assert cubes.read(path).identical(cube)
 
 

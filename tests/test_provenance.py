@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib import commands, cubes, effort, notebook, plotted, provenance, studies
+from thesis_lib import commands, cubes, effort, notebook, plotted, provenance, storage, studies
 from thesis_lib.effort import Effort
 from thesis_lib.parameters import STUDIES, validate
 
@@ -74,7 +74,7 @@ def executed(cube, modes=(1,)):
 
 def record(request, cube, tmp_path):
     file = tmp_path / "cube.nc"
-    cubes.write(cube, file, compact=True)
+    storage.write(cube, file, compact=True)
     return provenance.record(request, cube, file, COST)
 
 
@@ -200,8 +200,8 @@ def test_links_of_a_page_of_the_book_name_the_files_of_its_folder(beam, tmp_path
 
 def test_compact_cube_keeps_errors_exactly_and_shapes_to_thirteen_bits(tmp_path):
     _, cube = made("beam-distance", trials=100)
-    cubes.write(cube, tmp_path / "plain.nc")
-    cubes.write(cube, tmp_path / "compact.nc", compact=True)
+    storage.write(cube, tmp_path / "plain.nc")
+    storage.write(cube, tmp_path / "compact.nc", compact=True)
     plain, compact = (cubes.read(tmp_path / f"{n}.nc") for n in ("plain", "compact"))
     for name, values in plain.variables.items():
         if values.dtype == np.float32:
@@ -209,7 +209,7 @@ def test_compact_cube_keeps_errors_exactly_and_shapes_to_thirteen_bits(tmp_path)
         else:
             np.testing.assert_array_equal(compact[name], values)
     assert (tmp_path / "compact.nc").stat().st_size < (tmp_path / "plain.nc").stat().st_size
-    cubes.write(cube, tmp_path / "again.nc", compact=True)
+    storage.write(cube, tmp_path / "again.nc", compact=True)
     assert (tmp_path / "again.nc").read_bytes() == (tmp_path / "compact.nc").read_bytes()
 
 

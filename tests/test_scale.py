@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from thesis_lib import chunks, cubes, files, notebook, rounding, schedulers, sound, studies
+from thesis_lib import chunks, cubes, files, notebook, rounding, schedulers, sound, storage, studies
 from thesis_lib.parameters import ParameterError, validate
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed")
@@ -162,7 +162,7 @@ def test_a_cube_on_disk_is_the_one_in_memory(tmp_path, small_blocks, monkeypatch
     held = cubes.with_provenance(studies.run(study), study, 0.0)
     outline = studies.outline(study)
     with_attributes = replace(outline, cube=cubes.with_provenance(outline.cube, study, 0.0))
-    cubes.fill_in(with_attributes, tmp_path / "disk.nc", lambda: 1.5)
+    storage.fill_in(with_attributes, tmp_path / "disk.nc", lambda: 1.5)
     assert [path.name for path in tmp_path.iterdir()] == ["disk.nc"]
     found = cubes.read(tmp_path / "disk.nc")
     assert found.attrs["run_time_s"] == 1.5
@@ -170,16 +170,16 @@ def test_a_cube_on_disk_is_the_one_in_memory(tmp_path, small_blocks, monkeypatch
     for name, values in held.variables.items():
         assert found[name].dtype == values.dtype
         assert found[name].attrs == values.attrs
-    cubes.write(held, tmp_path / "small.nc", compact=True)
-    monkeypatch.setattr(cubes, "HELD_BYTES", 2**16)
-    monkeypatch.setattr(cubes, "_LOADED_BYTES", 2**12)
+    storage.write(held, tmp_path / "small.nc", compact=True)
+    monkeypatch.setattr(storage, "HELD_BYTES", 2**16)
+    monkeypatch.setattr(storage, "_LOADED_BYTES", 2**12)
     lazy = cubes.read(tmp_path / "disk.nc")
     assert not lazy["measured_deflection"].variable._in_memory
     xr.testing.assert_equal(lazy, held)
     assert not lazy["measured_deflection"].variable._in_memory  # nor after it was read
-    cubes.write(lazy, tmp_path / "large.nc", compact=True)
+    storage.write(lazy, tmp_path / "large.nc", compact=True)
     xr.testing.assert_equal(cubes.read(tmp_path / "large.nc"), cubes.read(tmp_path / "small.nc"))
-    cubes.write(lazy, tmp_path / "plain.nc")
+    storage.write(lazy, tmp_path / "plain.nc")
     xr.testing.assert_equal(cubes.read(tmp_path / "plain.nc"), held)
     assert cubes.summary(lazy).equals(cubes.summary(held))
 
@@ -192,15 +192,15 @@ def test_what_stops_half_way_leaves_nothing(tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        cubes.fill_in(replace(outline, fill=stop), tmp_path / "x.nc", lambda: 0.0)
+        storage.fill_in(replace(outline, fill=stop), tmp_path / "x.nc", lambda: 0.0)
     assert list(tmp_path.iterdir()) == []
 
 
 MEMORY = """
 import sys
 from pathlib import Path
-from thesis_lib import chunks, cubes, effort, notebook
-chunks.HELD_BYTES = cubes.HELD_BYTES = 2**20
+from thesis_lib import chunks, cubes, effort, notebook, storage
+chunks.HELD_BYTES = storage.HELD_BYTES = 2**20
 chunks.BLOCK_BYTES = 2 * 2**20
 cubes.project_root = lambda: Path(sys.argv[1])
 values = {"trials": int(sys.argv[2]), "distances_mm": [500.0, 900.0]}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from thesis_lib import claims, cubes, files, notebook, rounding, setups, sound, studies
+from thesis_lib import claims, cubes, files, notebook, rounding, setups, sound, storage, studies
 from thesis_lib.parameters import validate
 from thesis_lib.planes import operator, pistons
 from thesis_lib.radiation import rayleigh
@@ -154,7 +154,7 @@ def test_file_opens_without_options_and_holds_the_cube(tmp_path, study):
     request, _, cube = both(study, plane_shape=(8, 6))
     cube = cubes.with_provenance(cube, request, 0.25)
     path = tmp_path / "new" / "cube.nc"
-    cubes.write(cube, path)
+    storage.write(cube, path)
     with xr.open_dataset(path) as opened:
         xr.testing.assert_identical(opened.load(), cube)
         assert opened.attrs["Conventions"] == "CF-1.11"

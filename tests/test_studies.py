@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from benchmarks.reference import svd_triangulate
-from thesis_lib import claims, cubes, notebook, rounding, setups, studies
+from thesis_lib import claims, cubes, notebook, rounding, setups, storage, studies
 from thesis_lib.cameras import project
 from thesis_lib.parameters import validate
 from thesis_lib.polytope import analytic_centre
@@ -382,7 +382,7 @@ def written(path, name="beam-distance", seconds=0.25):
     study = validate(name, {"trials": 5})
     cube = cubes.with_provenance(studies.run(study), study, seconds)
     cube.attrs["created"] = "2000-01-01T00:00:00+00:00"
-    cubes.write(cube, path)
+    storage.write(cube, path)
     return cube
 
 
@@ -419,7 +419,7 @@ def test_what_is_not_a_cube_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "file.nc"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(cubes.CubeError, match=r"file\.nc") as caught:
+    with pytest.raises(storage.CubeError, match=r"file\.nc") as caught:
         cubes.read(path)
     assert "\n" not in str(caught.value)
 

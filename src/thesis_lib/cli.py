@@ -305,12 +305,12 @@ def _one_line(place: Path) -> Iterator[None]:
 @click.argument("old", type=click.Path(path_type=Path), required=False, metavar="[B.nc]")
 def compare(new: Path, old: Path | None) -> None:
     """Show how the errors of cube A differ from those of B, or from the published run."""
-    from thesis_lib import cubes
+    from thesis_lib import cubes, storage
 
     try:
         first = cubes.read(new)
         second = cubes.read(old) if old else None
-    except cubes.CubeError as error:
+    except storage.CubeError as error:
         raise Refused(str(error)) from None
     sets = [cube.attrs["figure_set"] for cube in (first, second) if cube is not None]
     if len(set(sets)) > 1:

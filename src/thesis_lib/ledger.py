@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from thesis_lib import claims, cubes, ledger_runs, setups, trends
+from thesis_lib import claims, cubes, ledger_runs, setups, storage, trends
 from thesis_lib.claims import VERDICTS, Check, Claim
 from thesis_lib.commands import command
 from thesis_lib.files import library_digest, project_root
@@ -115,7 +115,7 @@ def usable(path: Path, study: Study) -> xr.Dataset | str:
     """A cube of exactly this study by this library, or in one line why the file is not that."""
     try:
         cube = cubes.read(path)
-    except cubes.CubeError:
+    except storage.CubeError:
         state = "is not readable" if path.exists() else "is missing"
         return f"cube {path.name} {state}: run `thesis book`"
     if cube.attrs["figure_set"] != study.name:

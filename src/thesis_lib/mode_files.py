@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from thesis_lib import cubes
+from thesis_lib import cubes, storage
 from thesis_lib.structures import Structure, deflection_shape
 
 
@@ -59,5 +59,5 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
 
 def write_modes(structure: Structure, modes: Sequence[int], path: Path) -> Path:
     """Write :func:`modes_of` to a netCDF file, whole or not at all; returns the file."""
-    cubes.write(modes_of(structure, modes), Path(path))
+    storage.write(modes_of(structure, modes), Path(path))
     return Path(path)

@@ -26,6 +26,7 @@ from thesis_lib import (
     optics_study,
     schedulers,
     sound,
+    storage,
     studies,
 )
 from thesis_lib.design_request import DesignLaw
@@ -84,7 +85,7 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
         seconds = time.perf_counter() - start + effort.loaded_seconds() - before
         result = cubes.with_provenance(result, request, seconds)
     if request.cube:  # an absolute path stands
-        cubes.write(result, files.project_root() / request.cube, compact=True)
+        storage.write(result, files.project_root() / request.cube, compact=True)
     return result
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import xarray as xr
 
-from thesis_lib import cubes
+from thesis_lib import storage
 from thesis_lib.files import library_files
 
 
@@ -43,8 +43,8 @@ def kept(folder: Path, name: str, key: str, compute: Callable[[], xr.Dataset]) -
     """The step's result: from its file if that has the key, else computed and written."""
     path = folder / f"{name}.nc"
     try:
-        data = cubes.opened(path)
-    except cubes.CubeError:  # none yet, or damaged
+        data = storage.opened(path)
+    except storage.CubeError:  # none yet, or damaged
         data = None
     if data is None or data.attrs.get("key") != key:
         data = compute().assign_attrs(key=key)
@@ -61,6 +61,6 @@ def write_cube(data: xr.Dataset, path: Path) -> None:
         If the system does not let it; the netCDF library alone says neither which file nor why.
     """
     try:
-        cubes.write(data, path)
+        storage.write(data, path)
     except RuntimeError as error:
         raise OSError(errno.EIO, f"not written ({error}), is the disk full?", str(path)) from None

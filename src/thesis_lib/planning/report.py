@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from thesis_lib import cubes
+from thesis_lib import cubes, storage
 from thesis_lib.figures import svg
 from thesis_lib.files import staging
 from thesis_lib.pages import shell
@@ -64,7 +64,7 @@ def write_plan(
     lines = summary(made, file)
     picture = svg(layout_figure(cube, made.chosen))
     with staging(folder) as part:
-        cubes.write(cube, part / "plan.nc", compact=True)
+        storage.write(cube, part / "plan.nc", compact=True)
         (part / "plan.csv").write_text(camera_table(cube, made.chosen), encoding="utf-8")
         (part / "plan.svg").write_text(picture, encoding="utf-8")
         (part / "plan.html").write_text(page(made, cube, lines, picture), encoding="utf-8")
