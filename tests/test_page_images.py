@@ -82,8 +82,22 @@ def test_a_drawing_is_the_same_in_fewer_letters() -> None:
         "</g></svg>"
     )
     assert squeeze(drawn) == (
-        '<svg><g style="stroke-width: 0.123456"\n transform="scale(0.015625)">'
-        '<path d="M 1234567.89 0 \nL 2 0.13" x="1"/></g></svg>'
+        '<svg><g style="stroke-width:0.123456"\n transform="scale(0.015625)">'
+        '<path d="M1234567.89 0L2 0.13" x="1"/></g></svg>'
+    )
+    assert squeeze(squeeze(drawn)) == squeeze(drawn)
+
+
+def test_marks_of_one_style_share_it() -> None:
+    marks = [
+        f'<use xlink:href="#m" x="{x}" y="2" style="fill: {c}; stroke: {c}"/>'
+        for x, c in ((1, "#009e73"), (2, "#009e73"), (3, "red"))
+    ]
+    drawn = "<svg>" + "\n".join(marks) + "</svg>"
+    assert squeeze(drawn) == (
+        '<svg><g style="fill:#009e73;stroke:#009e73"><use xlink:href="#m" x="1" y="2"/>'
+        '<use xlink:href="#m" x="2" y="2"/></g>'
+        '<use xlink:href="#m" x="3" y="2" style="fill:red;stroke:red"/></svg>'
     )
     assert squeeze(squeeze(drawn)) == squeeze(drawn)
 

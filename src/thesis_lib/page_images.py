@@ -21,6 +21,9 @@ _LENGTH = re.compile(r'\s(width|height)="([\d.]+)(pt|px|)"')
 _PX = {"pt": 4 / 3, "px": 1.0, "": 1.0}
 _PLACES = re.compile(r'(\s(?:d|x|y|x1|x2|y1|y2|points)=")([^"]*)"')
 _LONG = re.compile(r"-?\d+\.\d{3,}(?![\de])")
+_STYLE = re.compile(r'(?<=\sstyle=")[^"]*')
+_MARK = r'<use xlink:href="[^"]+" x="[^"]+" y="[^"]+"'
+_MARKS = re.compile(rf'{_MARK} style="(?P<style>[^"]*)"/>(?:{_MARK} style="(?P=style)"/>)+')
 _IDLE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)", re.DOTALL)
 _PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -85,12 +88,12 @@ def size_px(picture: Path) -> tuple[int, int] | None:
 
 
 def squeeze(svg: str) -> str:
-    r"""The same drawing in fewer letters: places to a hundredth of its unit, nothing idle.
+    r"""The same drawing in fewer letters: places to a hundredth of its unit, nothing idle or twice.
 
     Examples
     --------
     >>> squeeze('<svg>\n <!-- a -->\n <path d="M 1.23456 -0.00012 L 20 3e-05"/>\n</svg>')
-    '<svg><path d="M 1.23 0 L 20 3e-05"/></svg>'
+    '<svg><path d="M1.23 0L20 3e-05"/></svg>'
     """
 
     def short(match: re.Match[str]) -> str:
@@ -98,6 +101,14 @@ def squeeze(svg: str) -> str:
         return "0" if text == "-0" else text
 
     def places(match: re.Match[str]) -> str:
-        return f'{match[1]}{_LONG.sub(short, match[2])}"'
+        values = re.sub(r"\s*([A-Za-z\s])\s*", r"\1", match[2].strip())
+        return f'{match[1]}{_LONG.sub(short, values)}"'
 
-    return _PLACES.sub(places, _IDLE.sub("", svg)) if "<text" not in svg else svg
+    def together(match: re.Match[str]) -> str:
+        style = f' style="{match["style"]}"'
+        return f"<g{style}>{match[0].replace(style, '')}</g>"
+
+    if "<text" in svg:
+        return svg
+    spare = _STYLE.sub(lambda match: re.sub(r"\s*([:;])\s*", r"\1", match[0]), svg)
+    return _MARKS.sub(together, _PLACES.sub(places, _IDLE.sub("", spare)))
