@@ -77,7 +77,7 @@ def test_choices_are_offered_and_words_are_words():
         ("focal_length_mm", -1.0, "allowed: a number above 0"),
         ("distances_mm", "[500, 500]", "a list of different numbers"),
         ("distances_mm", "[100]", "the reach of the structure"),
-        ("trials", 20_000, "a whole number from 0 to 10000"),
+        ("trials", 2_000_000, "a whole number from 0 to 1000000"),
         ("modes", "<b>", "whole numbers from 1 to 30"),
     ],
 )

@@ -28,7 +28,7 @@ from measure_scene import (
     thesis,
 )
 
-from thesis_lib import cubes
+from thesis_lib import storage
 from thesis_lib.experiment import media
 from thesis_lib.experiment.chain import markers_of
 from thesis_lib.experiment.lens import project
@@ -552,7 +552,7 @@ def test_a_full_disk_leaves_the_results_of_before(measured, tmp_path, monkeypatc
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr(cubes, "whole_file", full)
+        patch.setattr(storage, "whole_file", full)
         line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
     assert_words(line, [str(out), "No space left on device", LATER])
     # And where the netCDF library meets the limit, which knows neither file nor reason.

@@ -32,7 +32,11 @@ SOUND = {"trials": 60, "distances_mm": [500.0, 900.0], "plane_shape": [15, 10]}
 def cluster() -> Iterator[Any]:
     """Two worker processes on this machine."""
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
     ) as running:
         yield running
 
@@ -267,7 +271,7 @@ def test_who_listens_but_is_no_scheduler_is_not_waited_for(monkeypatch):
 
 def test_a_cluster_without_workers_is_named(monkeypatch):
     monkeypatch.setattr(schedulers, "WAIT_S", 2.0)
-    empty = {"n_workers": 0, "host": "127.0.0.1", "dashboard_address": None}
+    empty = {"n_workers": 0, "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
     with distributed.LocalCluster(**empty) as own:
         address = own.scheduler_address
         with pytest.raises(schedulers.SchedulerError, match=f"{address}: it has no worker"):
@@ -285,7 +289,7 @@ def test_workers_with_another_library_are_named(cluster, monkeypatch):
 def test_workers_without_the_library_are_named(tmp_path):
     (tmp_path / "thesis_lib").mkdir()
     (tmp_path / "thesis_lib" / "__init__.py").touch()  # a library of that name, without all this
-    empty = {"n_workers": 0, "host": "127.0.0.1", "dashboard_address": None}
+    empty = {"n_workers": 0, "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
     with distributed.LocalCluster(**empty) as own:
         worker = subprocess.Popen(
             [sys.executable, "-m", "distributed.cli.dask_worker", own.scheduler_address,
