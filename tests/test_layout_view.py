@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from browser import Opened, open_offline
 
 from thesis_lib.parameters import plan_request
 from thesis_lib.planning.report import write_plan
 
 if TYPE_CHECKING:
-    from browser import Opened
     from playwright.sync_api import Browser
 
 QUICK = {"counts": [2, 5], "starts": 1, "step_deg": 15, "trials": 20, "target_percent": 12}
@@ -24,23 +22,6 @@ TIPS = """root => [...root.querySelectorAll('.tl-camera')].map(one => {
   const tip = one.querySelector('path:not(.tl-base)').getAttribute('d').slice(1).split('L')[0];
   return [number, ...tip.split(' ').map(Number)];
 }).sort((a, b) => a[0] - b[0])"""
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    pytest.importorskip("playwright", reason="the browser tests need the playwright package")
-    from browser import browser, find_browser
-
-    if find_browser() is None:
-        pytest.skip("no Chromium or Chrome on this machine")
-    with browser() as running:
-        yield running
-
-
-def open_offline(*arguments: Any, **options: Any) -> AbstractContextManager[Opened]:
-    from browser import open_offline
-
-    return open_offline(*arguments, **options)
 
 
 @pytest.fixture(scope="module")
