@@ -18,7 +18,6 @@ import os
 import platform
 import re
 import time
-import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
@@ -149,14 +148,10 @@ def workers(scheduler: str) -> Iterator[Any]:
     with contextlib.ExitStack() as stack:
         place: Any = scheduler
         if scheduler == PROCESSES:
-            with (
-                warnings.catch_warnings(),
-                dask.config.set({"distributed.nanny.pre-spawn-environ": WORKER}),
-            ):
-                warnings.filterwarnings("ignore", "Port 8787 is already in use")
+            with dask.config.set({"distributed.nanny.pre-spawn-environ": WORKER}):
                 place = distributed.LocalCluster(
                     n_workers=CPU_COUNT, threads_per_worker=1, processes=True,
-                    host="127.0.0.1", dashboard_address=None, memory_limit=0,
+                    host="127.0.0.1", dashboard_address="127.0.0.1:0", memory_limit=0,
                     silence_logs=logging.CRITICAL,
                 )  # fmt: skip
             stack.enter_context(place)

@@ -181,8 +181,7 @@ def outline(
         if values is None:
             later[name] = (dims, kind, attributes)
         else:
-            values = values.astype("float32") if name.startswith("pressure") else values
-            cube[name] = (dims, values, attributes)
+            cube[name] = (dims, values.astype(kind) if kind == "float32" else values, attributes)
     for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
         cube[name] = plate_cube[name]
     if study.amplitude_mm == "force":

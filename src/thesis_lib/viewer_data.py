@@ -27,6 +27,9 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     study = STUDIES[cube.attrs["figure_set"]]
     kind = "plate" if study.subject == "shape" else study.subject
     structure = outlines.structure_of(cube)
+    if "measured_deflection" in cube:  # of many trials only the literal run is drawn
+        literal = cube["measured_deflection"].isel(trial=0, drop=True)
+        cube = cube.assign(measured_deflection=literal)
     if kind in ("experiment", "lab"):  # of what is filmed
         kind = "plate" if isinstance(structure, Plate) else "beam"
     if kind == "beam":
@@ -75,15 +78,13 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
 def _in_cells(cube: xr.Dataset) -> xr.Dataset:
     """A panel's markers in the cells of the box around it; where there is none, NaN."""
     x, y, place = outlines.cells(cube)
-    at = np.full(len(x) * len(y), -1)
-    at[place] = np.arange(len(place))
-    wide = cube[["reference_deflection", "measured_deflection", "point_error"]].isel(point=at)
-    wide = wide.where(xr.DataArray(at >= 0, dims="point"))
+    names = ("reference_deflection", "measured_deflection", "point_error")
+    wide = {
+        n: (cube[n].dims, outlines.spread(cube[n].values, place, x.size * y.size)) for n in names
+    }
     columns, rows = np.tile(x, len(y)), np.repeat(y, len(x))
-    rest = cube.drop_vars([*wide.data_vars, "x", "y"])
-    return rest.merge(wide.drop_vars(["x", "y"])).assign_coords(
-        x=("point", columns), y=("point", rows)
-    )
+    rest = cube.drop_vars([*names, "x", "y"])
+    return rest.assign(wide).assign_coords(x=("point", columns), y=("point", rows))
 
 
 def _middle_row(cube: xr.Dataset) -> xr.Dataset:
@@ -140,7 +141,7 @@ def _bar(bars: Bars, index: int) -> dict[str, Any]:
 
 def _shape(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
     return {
-        "measured_mm": _rounded(result["measured_deflection"].isel(trial=0) * 1000),
+        "measured_mm": _rounded(result["measured_deflection"] * 1000),
         "point_error": _rounded(result["point_error"]),
         **_bar(bars["mean_error"], index),
     }
