@@ -6,7 +6,6 @@ import json
 import math
 import random
 import shlex
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -184,17 +183,6 @@ def test_the_piece_stands_alone_and_is_small() -> None:
 
 
 # --- in a browser
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    pytest.importorskip("playwright", reason="the browser tests need the playwright package")
-    from browser import browser, find_browser
-
-    if find_browser() is None:
-        pytest.skip("no Chromium or Chrome on this machine")
-    with browser() as running:
-        yield running
 
 
 def open_offline(*arguments: Any, **options: Any) -> AbstractContextManager[Opened]:
