@@ -2,8 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --nbval tests notebooks
 
-.PHONY: book pdf test check bench photographs lock clean
+.PHONY: book pdf test test-all test-nightly check bench photographs lock clean
 
 book: $(READY)  ## the executed book, in build/html
 	$(BIN)/thesis book
@@ -11,9 +12,14 @@ book: $(READY)  ## the executed book, in build/html
 pdf: book  ## the book as one PDF, in build; needs Chromium
 	$(BIN)/thesis pdf
 
-test: check  ## all tests, notebooks included
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -n 2 --dist loadfile --nbval notebooks
+test: check  ## what a contributor needs, in minutes and without a book
+	$(PYTEST) -m "not (slow or book or nightly)"
+
+test-all: check book  ## all tests, those of the rendered book and all notebooks included
+	$(PYTEST) -m "not nightly"
+
+test-nightly: $(READY)  ## what takes an hour: thousands of inputs, kills at every step
+	$(PYTEST) -m nightly
 
 check: $(READY)  ## lint, format, types
 	$(BIN)/ruff check .

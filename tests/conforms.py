@@ -164,7 +164,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "slow: takes long or needs a browser; --quick leaves it out")
     if not config.getoption("--conformance"):
         return
     # The same examples each time; and a busy machine is no failure of what is checked.

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 import nbformat
 import pytest
@@ -31,8 +32,15 @@ pytestmark = [
     pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome on this machine"),
     pytest.mark.xdist_group("browser"),
 ]
-needs_book = pytest.mark.skipif(not PAGES, reason="no book in build/html: render it first")
 
+
+def needs_book(test: T) -> T:
+    """Mark a test, or a class of them, that opens the rendered book."""
+    rendered = pytest.mark.skipif(not PAGES, reason="no book in build/html: render it first")
+    return pytest.mark.book(rendered(test))
+
+
+T = TypeVar("T")
 PAINT_MS = 1000
 PICTURES = """() => [...document.querySelectorAll('.cell_output svg, .cell_output canvas')]
     .map(one => one.tagName === 'CANVAS' ? one.toDataURL() : one.innerHTML).join()
