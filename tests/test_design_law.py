@@ -27,8 +27,8 @@ from thesis_lib.cameras import hemisphere_cameras, pixelate, project
 from thesis_lib.design_law import ISOTROPIC, MOTION_PX, cone_cameras
 from thesis_lib.design_request import DesignLaw
 from thesis_lib.estimators import exponent
-from thesis_lib.figures import svg
 from thesis_lib.parameters import validate
+from thesis_lib.style import svg
 from thesis_lib.triangulation import covariance, triangulate
 
 SIZE = (320, 180)

@@ -29,6 +29,7 @@ from thesis_lib.experiment.tracking import Tracker
 from thesis_lib.parameters import ParameterError, validate
 from thesis_lib.plate_sound import PlateSound
 from thesis_lib.structures import deflection_shape, resonance
+from thesis_lib.style import svg
 
 BEAM, PLATE = setups.beam(), setups.plate()
 SIGMA = 0.02  # px
@@ -435,7 +436,7 @@ def test_every_figure_table_and_viewer_is_made(name, request):
         assert "<svg" in figures.as_svg(cube, case, int(cube["mode"][0]))
     json.dumps(viewer_data.viewer_data(cube))
     if name == "beam_cube":
-        assert "<svg" in figures.svg(lab_figures.aliases_figure(cube, 3))
+        assert "<svg" in svg(lab_figures.aliases_figure(cube, 3))
         assert lab_tables.aliases(cube, 1) is None
         texts = [lab_tables.frequency_table(cube), lab_tables.parts_table(cube),
                  lab_tables.conditions_table(cube)]  # fmt: skip

@@ -22,9 +22,9 @@ from thesis_lib import (
     storage,
 )
 from thesis_lib.cameras import CameraArray, hemisphere_cameras, intrinsics, project
-from thesis_lib.figures import svg
 from thesis_lib.parameters import ParameterError, validate
 from thesis_lib.studies import world_points
+from thesis_lib.style import svg
 from thesis_lib.triangulation import triangulate
 
 SIZE = (320, 180)

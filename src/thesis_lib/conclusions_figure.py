@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -15,7 +14,7 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from thesis_lib import cubes, files
 from thesis_lib.conclusions import KNOBS, Cubes, Curve, Knob, curves
-from thesis_lib.figures import COLORS, STYLE, svg
+from thesis_lib.style import COLORS, in_style, subplots, svg
 
 NAME = "conclusions.svg"
 GROUPS = dict(zip(("beam", "plate", "sound", "experiment"), COLORS[:2] + COLORS[2:3] + COLORS[4:5],
@@ -32,8 +31,8 @@ def draw(opened: Cubes) -> Figure:
     A line is one case, the geometric mean over modes and planes of the rms over the trials; a
     diamond is one figure that the thesis states.
     """
-    with plt.rc_context(STYLE):
-        drawing, panels = plt.subplots(1, 5, figsize=(9.6, 3.6), sharey=True, layout="constrained")
+    with in_style():
+        drawing, panels = subplots(1, 5, figsize=(9.6, 3.6), sharey=True, layout="constrained")
         for axes, (name, knob) in zip(panels, KNOBS.items(), strict=True):
             _panel(axes, list(curves(opened, knob)))
             _axis(axes, name, knob)
@@ -41,7 +40,6 @@ def draw(opened: Cubes) -> Figure:
         panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         drawing.legend(handles=_legend(), loc="outside lower center", ncols=7, columnspacing=1.2,
                        handlelength=1.8)  # fmt: skip
-    plt.close(drawing)
     return drawing
 
 

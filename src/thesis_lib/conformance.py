@@ -120,12 +120,12 @@ def pieces(folder: Path) -> list[Path]:
 def write(path: Path, folder: Path) -> None:
     """Put the pieces of the page made from a report into a folder."""
     from thesis_lib.conformance_figure import draw
-    from thesis_lib.figures import svg
+    from thesis_lib.style import POWERS, svg
 
     report = read(path)
     for name, piece in PIECES.items():
         whole_text(folder / f"{name}.md", piece(report))
-    whole_text(folder / FIGURE, svg(draw(report)))
+    whole_text(folder / FIGURE, svg(draw(report), POWERS))
 
 
 def module(test: str) -> str:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from thesis_lib.conformance import AREAS, KINDS, area
-from thesis_lib.figures import COLORS, INK, STYLE
+from thesis_lib.style import COLORS, INK, POWERS, in_style, subplots
 
 LEAST = 1e-9  # what uses less is drawn here
 _COLORS = {**dict(zip(AREAS, (*COLORS, INK), strict=True)), "Other": INK}
@@ -29,8 +28,8 @@ def draw(report: dict[str, Any]) -> Figure:
     y = np.array([list(KINDS).index(check["kind"]) for check in checks], float)
     y += np.random.default_rng(0).uniform(-0.36, 0.36, len(y))
     areas = np.array([area(check["test"]) for check in checks], str)
-    with plt.rc_context(STYLE):
-        drawing, axes = plt.subplots(figsize=(8, 3.6), layout="constrained")
+    with in_style(POWERS):
+        drawing, axes = subplots(figsize=(8, 3.6), layout="constrained")
         for name, colour in _COLORS.items():
             mine = areas == name
             axes.plot(x[mine], y[mine], ".", color=colour, markersize=4, alpha=0.75)
@@ -42,5 +41,4 @@ def draw(report: dict[str, Any]) -> Figure:
         handles = [Line2D([], [], color=_COLORS[name], linestyle="", marker=".", label=name)
                    for name in AREAS]  # fmt: skip
         drawing.legend(handles=handles, loc="outside lower center", ncols=4, handletextpad=0.1)
-    plt.close(drawing)
     return drawing

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -13,7 +12,8 @@ from matplotlib.figure import Figure
 
 from thesis_lib import design_dither, dither
 from thesis_lib.design_law import ISOTROPIC, MOTION_PX
-from thesis_lib.figures import COLORS, HIGHLIGHT, INK, REFERENCE, STYLE, color, logarithmic
+from thesis_lib.figures import logarithmic
+from thesis_lib.style import COLORS, HIGHLIGHT, INK, REFERENCE, color, in_style, subplots
 
 SIZE = (7.2, 3.3)  # inches
 SPACING_PX = 4.0  # below which images of neighbouring markers can hardly be told apart
@@ -23,15 +23,13 @@ PERCENT = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 
 def figure(cube: xr.Dataset, name: str) -> Figure:
     """One of :data:`FIGURES` by name."""
-    with plt.rc_context(STYLE):
-        drawing = FIGURES[name](cube)
-    plt.close(drawing)
-    return drawing
+    with in_style():
+        return FIGURES[name](cube)
 
 
 def motion(cube: xr.Dataset) -> Figure:
     """Rounding error of one coordinate against its motion, and relative to it."""
-    drawing, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
     delta, law = cube["motion"].values, cube["motion_error"].values
     drawn = cube["drawn_motion_error"].values
     for axes, scale in ((left, np.ones_like(delta)), (right, 100 / delta)):
@@ -54,7 +52,7 @@ def motion(cube: xr.Dataset) -> Figure:
 
 def settings(cube: xr.Dataset) -> Figure:
     """Predicted against simulated errors of all settings of the thesis."""
-    drawing, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
     simulated = cube["simulated_error"].values
     ends = np.array([simulated.min() / 1.3, simulated.max() * 1.3])
     left.plot(ends, ends, color=REFERENCE, linewidth=1)
@@ -82,7 +80,7 @@ def settings(cube: xr.Dataset) -> Figure:
 
 def cone(cube: xr.Dataset) -> Figure:
     """Errors along and across the normal against the angle of the cone."""
-    drawing, axes = plt.subplots(figsize=(6.0, 3.4), layout="constrained")
+    drawing, axes = subplots(figsize=(6.0, 3.4), layout="constrained")
     angle = cube["angle"].values
     for number, (axis, words) in enumerate(
         (("Z", "along the normal, z"), ("X", "across it, x = y"))
@@ -107,7 +105,7 @@ def cone(cube: xr.Dataset) -> Figure:
 
 def findings(cube: xr.Dataset) -> Figure:
     """Distance, resolution, number, elevation, aperture; and the thesis's growing arrays."""
-    drawing, grid = plt.subplots(2, 3, figsize=(7.6, 5.0), layout="constrained")
+    drawing, grid = subplots(2, 3, figsize=(7.6, 5.0), layout="constrained")
     axes = dict(zip(cube["finding"].values, grid.flat, strict=False))
     labels = {"distance": "distance d in mm", "resolution": "pixels across",
               "number": "number of cameras N", "elevation": "elevation φ in °",
@@ -155,7 +153,7 @@ def _arrays(axes: Axes, cube: xr.Dataset) -> None:
 
 def shares(cube: xr.Dataset) -> Figure:
     """Equal pixels per second in two to many cameras: one frame, a fitted film, the sensors."""
-    drawing, grid = plt.subplots(1, 3, figsize=(7.6, 3.5), layout="constrained")
+    drawing, grid = subplots(1, 3, figsize=(7.6, 3.5), layout="constrained")
     n = cube["count"].values
     order = np.argsort(n)
     for k, rate in enumerate(cube["rate"].values):
@@ -204,7 +202,7 @@ def shares(cube: xr.Dataset) -> Figure:
 
 def estimated(cube: xr.Dataset) -> Figure:
     """Errors of the estimators against the number of cameras and the noise of pixels."""
-    drawing, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
     n = cube["crowd"].values
     for k, name in enumerate(cube["rule"].values):
         part, style = cube.sel(rule=name), {"color": color(k), "marker": "osD^"[k % 4]}
@@ -226,7 +224,7 @@ def estimated(cube: xr.Dataset) -> Figure:
 
 def dithered(cube: xr.Dataset) -> Figure:
     """What is left of the rounding error by motion, shake, and size of the markers."""
-    drawing, grid = plt.subplots(1, 3, figsize=(7.6, 3.1), layout="constrained")
+    drawing, grid = subplots(1, 3, figsize=(7.6, 3.1), layout="constrained")
     panels = (("swing", "(a) fitted amplitude, px", "amplitude of the image, px"),
               ("shake", "(b) mean of frames, px", "camera shake, px"),
               ("disc", "(c) centroid of a disc, px", "diameter of the marker, px"))  # fmt: skip

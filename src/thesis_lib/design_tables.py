@@ -10,10 +10,11 @@ import numpy as np
 import xarray as xr
 from IPython.display import SVG, Markdown
 
-from thesis_lib import design_dither, design_figures, dither, figures
+from thesis_lib import design_dither, design_figures, dither
 from thesis_lib.cubes import percent_text
 from thesis_lib.estimators import exponent
 from thesis_lib.markdown import table
+from thesis_lib.style import svg
 
 REFINED = ("linear", "least-squares")
 
@@ -25,7 +26,7 @@ def show(cube: xr.Dataset, name: str) -> Markdown:
 
 def picture(cube: xr.Dataset, name: str) -> SVG:
     """One of the figures, for a notebook."""
-    return SVG(figures.svg(design_figures.figure(cube, name)))
+    return SVG(svg(design_figures.figure(cube, name)))
 
 
 def _asked(cube: xr.Dataset, name: str) -> Any:

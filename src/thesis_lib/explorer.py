@@ -18,11 +18,11 @@ import traitlets
 
 from thesis_lib import cubes, setups
 from thesis_lib.claims import Claim, claims_of
-from thesis_lib.figures import COLORS
 from thesis_lib.maps import DIVERGING
 from thesis_lib.parameters import CAMERA_STUDIES, CameraStudy, camera_study
 from thesis_lib.setups import Setting
 from thesis_lib.structures import Beam, Plate, cantilever_roots
+from thesis_lib.style import COLORS
 from thesis_lib.widgets import plain, static_html
 
 __all__ = ["Explorer", "explorer_data", "explorer_html"]

@@ -7,12 +7,10 @@ by the law of rounding, and what the thesis states. One colour stands for one se
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -27,33 +25,9 @@ from thesis_lib import cubes, outlines
 from thesis_lib.cameras import hemisphere_directions, hemisphere_rotations
 from thesis_lib.claims import Claim, claims_of
 from thesis_lib.parameters import STUDIES
+from thesis_lib.style import HIGHLIGHT, REFERENCE, color, in_style, subplots, svg
 
 Array = NDArray[np.float64]
-
-# Okabe and Ito's palette: told apart with any colour vision, mid-tone on white and on black.
-COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
-REFERENCE = "#8a8a8a"
-HIGHLIGHT = "#B22222"
-INK = "#444444"
-STYLE: Any = {
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "svg.hashsalt": "thesis",  # the same picture gives the same bytes
-}
-
-
-def color(index: int) -> str:
-    """Colour of the `index`-th setting of a case; they repeat after six."""
-    return COLORS[index % len(COLORS)]
 
 
 def select(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
@@ -121,10 +95,8 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         from thesis_lib.experiment import lab_layout_figures
 
         draw = lab_layout_figures.figure
-    with plt.rc_context(STYLE):
-        drawing = draw(cube, case, mode)
-    plt.close(drawing)
-    return drawing
+    with in_style():
+        return draw(cube, case, mode)
 
 
 def _beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
@@ -132,7 +104,7 @@ def _beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     part = select(cube, case, mode)
     chosen = best_and_worst(part)
     labels = list(part["label"].values)
-    drawing, axes = plt.subplots(2, 2, figsize=(7.6, 5.4), layout="constrained")
+    drawing, axes = subplots(2, 2, figsize=(7.6, 5.4), layout="constrained")
     setup_panel(axes[0, 0], cube, part)
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
@@ -157,14 +129,6 @@ def _beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
     """The figure of one case and mode as SVG; the same cube gives the same text."""
     return svg(figure(cube, case, mode))
-
-
-def svg(drawing: Figure) -> str:
-    """A figure as SVG; the same figure gives the same text."""
-    text = io.StringIO()
-    with plt.rc_context(STYLE):
-        drawing.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue()
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from thesis_lib.figures import COLORS, REFERENCE, STYLE
 from thesis_lib.ledger import Entry
+from thesis_lib.style import COLORS, REFERENCE, in_style, subplots
 
 MARKS = {  # verdict: colour and shape, so that neither says it alone
     "agrees": (COLORS[0], "o"),
@@ -32,11 +31,10 @@ def chapter_figure(found: Sequence[Entry], chapter: int) -> Figure:
     """
     part = [e for e in found if e.kind == "figure" and e.chapter == chapter]
     part = [e for e in part if np.isfinite([e.least, e.most, e.median]).all()]
-    with plt.rc_context(STYLE):
-        drawing, (left, right) = plt.subplots(1, 2, figsize=(7.6, 3.6), layout="constrained")
+    with in_style():
+        drawing, (left, right) = subplots(1, 2, figsize=(7.6, 3.6), layout="constrained")
         _against(left, part)
         _ratios(right, part)
-    plt.close(drawing)
     return drawing
 
 
@@ -96,8 +94,8 @@ def readings_figure(names: Sequence[str], inside: np.ndarray, total: int) -> Fig
     total : int
         How many there are.
     """
-    with plt.rc_context(STYLE):
-        drawing, axes = plt.subplots(figsize=(7.6, 0.5 + 0.22 * len(names)), layout="constrained")
+    with in_style():
+        drawing, axes = subplots(figsize=(7.6, 0.5 + 0.22 * len(names)), layout="constrained")
         place = np.arange(len(names))[::-1]
         left = np.zeros(len(names))
         for chapter, color, part in zip((3, 4, 6), COLORS, inside.T, strict=False):
@@ -109,5 +107,4 @@ def readings_figure(names: Sequence[str], inside: np.ndarray, total: int) -> Fig
         axes.grid(visible=False, axis="y")
         axes.legend(loc="upper center", bbox_to_anchor=(0.4, 1.0), ncols=3,
                     bbox_transform=drawing.transFigure)  # fmt: skip
-    plt.close(drawing)
     return drawing

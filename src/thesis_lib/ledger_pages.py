@@ -7,12 +7,13 @@ import xarray as xr
 from IPython.display import SVG, Markdown
 from scipy.stats import binomtest
 
-from thesis_lib import claims, figures, ledger, ledger_figures, readings, trend_tests, trends
+from thesis_lib import claims, ledger, ledger_figures, readings, trend_tests, trends
 from thesis_lib.claims import VERDICTS
 from thesis_lib.ledger_cube import from_cube
 from thesis_lib.ledger_requests import READINGS
 from thesis_lib.ledger_table import LedgerTable
 from thesis_lib.markdown import markdown_table
+from thesis_lib.style import svg
 
 KINDS = {"figure": "stated figures", "trend": "trends", "number": "stray numbers"}
 
@@ -87,7 +88,7 @@ def ledger_table(cube: xr.Dataset) -> LedgerTable:
 def chapter_picture(cube: xr.Dataset, chapter: int) -> SVG:
     """Stated against reproduced, of one chapter."""
     drawing = ledger_figures.chapter_figure(from_cube(cube), chapter)
-    return SVG(figures.svg(drawing))
+    return SVG(svg(drawing))
 
 
 def readings_table(cube: xr.Dataset) -> Markdown:
@@ -120,7 +121,7 @@ def readings_picture(cube: xr.Dataset) -> SVG:
     inside = cube["reading_inside"].values
     total = int(cube["reading_claims"].isel(reading=0).sum())
     names = cube["reading"].values.tolist()
-    return SVG(figures.svg(ledger_figures.readings_figure(names, inside, total)))
+    return SVG(svg(ledger_figures.readings_figure(names, inside, total)))
 
 
 def readings_commands(cube: xr.Dataset) -> Markdown:

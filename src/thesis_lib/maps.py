@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from thesis_lib import figures, outlines
 from thesis_lib.panels import Panel
+from thesis_lib.style import mosaic
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Setup, ideal shape, best and worst measured shape, bars."""
     part = figures.select(cube, case, mode)
     chosen = figures.best_and_worst(part)
-    drawing, axes = plt.subplot_mosaic(
+    drawing, axes = mosaic(
         "abb;cde", figsize=(8.2, 5.6), layout="constrained", height_ratios=[1.15, 1]
     )
     figures.setup_panel(axes["a"], cube, part)
@@ -86,7 +86,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Setup, bars of both planes, ideal, best and worst field on both planes."""
     part = figures.select(cube, case, mode)
-    drawing, axes = plt.subplot_mosaic(
+    drawing, axes = mosaic(
         "abb;cde;fgh", figsize=(8.2, 7.4), layout="constrained", height_ratios=[1.2, 1, 1]
     )
     figures.setup_panel(axes["a"], cube, part)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from thesis_lib.figures import COLORS, INK, REFERENCE, STYLE, color, logarithmic
+from thesis_lib.figures import logarithmic
+from thesis_lib.style import COLORS, INK, REFERENCE, color, in_style, subplots
 
 Array = NDArray[np.float64]
 
@@ -21,15 +21,13 @@ EVERY = 6  # of the drawn depths, so that dots stand apart
 
 def figure(cube: xr.Dataset, name: str) -> Figure:
     """One of :data:`FIGURES` by name."""
-    with plt.rc_context(STYLE):
-        drawing = FIGURES[name](cube)
-    plt.close(drawing)
-    return drawing
+    with in_style():
+        return FIGURES[name](cube)
 
 
 def view(cube: xr.Dataset) -> Figure:
     """Angle of view against focal length, and against focal length times crop factor."""
-    drawing, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained", sharey=True)
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained", sharey=True)
     f = cube["focal_length"].values * 1000
     order = np.argsort(f)
     for i, sensor in enumerate(cube["sensor"].values):
@@ -51,7 +49,7 @@ def view(cube: xr.Dataset) -> Figure:
 
 def projection(cube: xr.Dataset) -> Figure:
     """The markers by a pinhole and with one depth, and how far they are apart."""
-    drawing, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained",
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained",
                                          width_ratios=[1.25, 1])  # fmt: skip
     near = int(np.argmin(cube["shown_distance"].values))
     (u, v), (flat_u, flat_v) = cube["image"].values[near]
@@ -89,8 +87,8 @@ def pixels(cube: xr.Dataset) -> Figure:
     number = cube.sizes["width"]
     rows, columns = cube["pixelated"].shape[1:]
     height = 6.6 * rows / columns + 0.3
-    drawing, axes = plt.subplots(number, 1, figsize=(6.8, number * height), squeeze=False,
-                                 layout="constrained")  # fmt: skip
+    drawing, axes = subplots(number, 1, figsize=(6.8, number * height), squeeze=False,
+                             layout="constrained")  # fmt: skip
     for one, axis in zip(range(number), axes[:, 0], strict=True):
         part = cube.isel(width=one)
         axis.imshow(part["pixelated"].values, cmap="gray", vmin=0, vmax=255,
@@ -106,7 +104,7 @@ def pixels(cube: xr.Dataset) -> Figure:
 def mosaic(cube: xr.Dataset) -> Figure:
     """A marker in colours, through the filters, interpolated, and the error."""
     true, raw, found = cube["colour_picture"].values
-    drawing, axes = plt.subplots(2, 2, figsize=(6.4, 4.6), layout="constrained")
+    drawing, axes = subplots(2, 2, figsize=(6.4, 4.6), layout="constrained")
     shown = (
         (true, "(a) what is there"), (raw, "(b) what the sensor records"),
         (found, "(c) interpolated"),
@@ -126,7 +124,7 @@ def mosaic(cube: xr.Dataset) -> Figure:
 
 def sharpness(cube: xr.Dataset) -> Figure:
     """Nearest and farthest sharp depth against the focused distance."""
-    drawing, axes = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
+    drawing, axes = subplots(figsize=(6.0, 3.6), layout="constrained")
     d = cube["distance"].values * 1000
     top = 2 * d.max()
     least = float(cube["near_limit"].min()) * 1000
@@ -150,7 +148,7 @@ def sharpness(cube: xr.Dataset) -> Figure:
 
 def stereo(cube: xr.Dataset) -> Figure:
     """Depth error of two parallel cameras against distance."""
-    drawing, axes = plt.subplots(figsize=(6.0, 3.8), layout="constrained")
+    drawing, axes = subplots(figsize=(6.0, 3.8), layout="constrained")
     d = cube["distance"].values * 1000
     for i, baseline in enumerate(cube["baseline"].values):
         part = cube.isel(baseline=i)

@@ -11,10 +11,11 @@ import numpy as np
 import xarray as xr
 from IPython.display import SVG, Markdown
 
-from thesis_lib import figures, optics_figures, setups
+from thesis_lib import optics_figures, setups
 from thesis_lib.markdown import escape, table
 from thesis_lib.optics import picture_height
 from thesis_lib.stated_numbers import StatedNumber, read_numbers
+from thesis_lib.style import svg
 
 NORMAL_MM = 50  # the lens of eq. 2.20
 PRINTED = {  # stated numbers of eq. 2.20 by side
@@ -30,7 +31,7 @@ def show(cube: xr.Dataset, name: str) -> Markdown:
 
 def picture(cube: xr.Dataset, name: str) -> SVG:
     """One of the figures, for a notebook."""
-    return SVG(figures.svg(optics_figures.figure(cube, name)))
+    return SVG(svg(optics_figures.figure(cube, name)))
 
 
 def _asked(cube: xr.Dataset, name: str) -> Any:

@@ -12,11 +12,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib import cubes, outlines, setups
-from thesis_lib.figures import COLORS, Bars, error_bars, select
+from thesis_lib.figures import Bars, error_bars, select
 from thesis_lib.maps import DIVERGING
 from thesis_lib.panels import Panel
 from thesis_lib.parameters import STUDIES
 from thesis_lib.structures import Plate
+from thesis_lib.style import COLORS
 
 Array = NDArray[np.float64]
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture

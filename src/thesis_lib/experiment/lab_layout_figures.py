@@ -9,7 +9,6 @@ against the law, (c) their ratio, (d) the error by the number of cameras.
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -22,7 +21,8 @@ from numpy.typing import NDArray
 from thesis_lib import setups
 from thesis_lib.cameras import hemisphere_directions
 from thesis_lib.experiment.lab_layout_numbers import complete, expected, optimum, ratios
-from thesis_lib.figures import COLORS, HIGHLIGHT, REFERENCE, color, select, setup_panel
+from thesis_lib.figures import select, setup_panel
+from thesis_lib.style import COLORS, HIGHLIGHT, REFERENCE, color, subplots
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 def _sweep(cube: xr.Dataset, part: xr.Dataset) -> Figure:
     part = part.isel(setting=np.argsort(part["value"].values, kind="stable"))
-    drawing, axes = plt.subplots(2, 2, figsize=(7.6, 6.0), layout="constrained")
+    drawing, axes = subplots(2, 2, figsize=(7.6, 6.0), layout="constrained")
     setup_panel(axes[0, 0], cube, part)
     varied = AXES[str(part["parameter"].values[0])].partition(" in ")[0]
     axes[0, 0].set_title(f"(a) setups: {varied} varied")
@@ -159,7 +159,7 @@ def _along(axes: Axes, part: xr.Dataset) -> None:
 
 
 def _sets(part: xr.Dataset) -> Figure:
-    drawing = plt.figure(figsize=(7.6, 6.6), layout="constrained")
+    drawing = Figure(figsize=(7.6, 6.6), layout="constrained")
     parts = drawing.subfigures(2, 2, squeeze=False, height_ratios=[1.0, 1.05])
     _plans(parts[0, 0], part)
     count = part["n_cameras"].values

@@ -9,17 +9,18 @@ import xarray as xr
 from IPython.display import SVG, Markdown
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib import cubes, figures
+from thesis_lib import cubes
 from thesis_lib.experiment.aliasing import detuning_loss
 from thesis_lib.experiment.lab_figures import aliases_figure
 from thesis_lib.markdown import table
+from thesis_lib.style import POWERS, svg
 
 Array = NDArray[np.float64]
 
 
 def aliases(cube: xr.Dataset, mode: int) -> SVG | None:
     """The figure of a mode's aliases, or nothing if the mode was not run."""
-    return SVG(figures.svg(aliases_figure(cube, mode))) if mode in cube["mode"] else None
+    return SVG(svg(aliases_figure(cube, mode), POWERS)) if mode in cube["mode"] else None
 
 
 def frequency_table(cube: xr.Dataset) -> Markdown:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib import patheffects
@@ -24,7 +23,7 @@ from thesis_lib.experiment.calibration import central
 from thesis_lib.experiment.following import reduced
 from thesis_lib.experiment.scene import rows_on
 from thesis_lib.experiment.sketches import INK, WIDE, names_of, tip_marker
-from thesis_lib.figures import COLORS, STYLE
+from thesis_lib.style import COLORS, in_style, mosaic, subplots
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -104,8 +103,8 @@ def views(data: xr.Dataset) -> Figure:
     """The first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
     markers = rows_on(setups.beam())
-    with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(
+    with in_style():
+        figure, grid = subplots(
             2, 2, figsize=(WIDE, WIDE * 9 / 16 + 0.03), layout="constrained",
             gridspec_kw={"wspace": 0.01, "hspace": 0.01},
         )  # fmt: skip
@@ -118,7 +117,6 @@ def views(data: xr.Dataset) -> Figure:
                   transform=axes.transAxes)  # fmt: skip
             for place, text in ((row[:, 0], "clamp"), (row[:, -1], "tip")):
                 _note(axes, place + [0, 34], text, fontsize=8.5)
-    plt.close(figure)
     return figure
 
 
@@ -131,8 +129,8 @@ def board(data: xr.Dataset) -> Figure:
     part = central(shape)
     used = corners[:, part].reshape(2, -1, 6)
     rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
-    with plt.rc_context(STYLE):
-        figure, (left, right) = plt.subplots(
+    with in_style():
+        figure, (left, right) = subplots(
             1, 2, figsize=(WIDE, 0.436 * WIDE), layout="constrained", width_ratios=[1.32, 1]
         )
         _photo(left, picture, _around(corners, 1.32, 95, picture.shape[::-1]), smooth=True)
@@ -152,7 +150,6 @@ def board(data: xr.Dataset) -> Figure:
         _crosses(right, zoomed, SKY, 22)
         left.set_title("(a) one shot of camera A")
         right.set_title("(b) one corner, pixel by pixel")
-    plt.close(figure)
     return figure
 
 
@@ -169,8 +166,8 @@ def outline(data: xr.Dataset) -> Figure:
     ends = {"tip": [row - 3, row - 1, 3 * row - 3, 3 * row - 1],
             "clamped end": [0, 2, 2 * row, 2 * row + 2]}  # fmt: skip
     tints = {"tip": GREEN, "clamped end": PINK}
-    with plt.rc_context(STYLE):
-        figure, panels = plt.subplot_mosaic(
+    with in_style():
+        figure, panels = mosaic(
             [["all", "all"], ["tip", "clamped end"]],
             figsize=(WIDE, 0.79 * WIDE), layout="constrained", height_ratios=[1.45, 1],
         )  # fmt: skip
@@ -194,7 +191,6 @@ def outline(data: xr.Dataset) -> Figure:
             inside = (centres[0] > box[0]) & (centres[0] < box[1])
             _crosses(axes, centres[:, inside], SKY, 6, rim=False)
             axes.set_title(f"({'b' if name == 'tip' else 'c'}) the {name}")
-    plt.close(figure)
     return figure
 
 
@@ -215,8 +211,8 @@ def plane(data: xr.Dataset) -> Figure:
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(
+    with in_style():
+        figure, axes = subplots(
             3, 1, figsize=(WIDE, 1.03 * WIDE), layout="constrained",
             height_ratios=[size[1] / size[0], size[1] / box[1], size[1] / box[1]],
         )  # fmt: skip
@@ -236,7 +232,6 @@ def plane(data: xr.Dataset) -> Figure:
         axes[0].set_title(f"(a) the frame on the beam's plane; spare matches: {spare}")
         axes[1].set_title(f"(b) clamped end, with the ideal grid of {grid.shape[1]} points")
         axes[2].set_title("(c) matches: circles belong to the grid, squares are spare")
-    plt.close(figure)
     return figure
 
 
@@ -250,8 +245,8 @@ def centres(data: xr.Dataset) -> Figure:
     pictures = data["picture_first"].values, data["picture_moved"].values
     box = _around(np.column_stack([still[:, shown], moved[:, shown]]), 2.5, 12,
                   pictures[0].shape[::-1])  # fmt: skip
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(2, 1, figsize=(WIDE, 0.89 * WIDE), layout="constrained")
+    with in_style():
+        figure, axes = subplots(2, 1, figsize=(WIDE, 0.89 * WIDE), layout="constrained")
         for panel, picture in zip(axes, pictures, strict=True):
             _photo(panel, picture, box)
             _crosses(panel, still[:, shown], SKY, 10)
@@ -263,7 +258,6 @@ def centres(data: xr.Dataset) -> Figure:
         most = np.nanmax(np.abs(moved - still)[1, tip_marker(markers)])
         axes[0].set_title("(a) at rest")
         axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {most:.1f} px")
-    plt.close(figure)
     return figure
 
 
@@ -278,8 +272,8 @@ def widths(data: xr.Dataset) -> Figure:
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
     box = _around(_rest(data)[:, shown], 2.3, 16, full.shape[::-1])
     every = sorted(int(width) for width in data["width"].values)
-    with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(
+    with in_style():
+        figure, grid = subplots(
             -(-len(every) // 2), 2, figsize=(WIDE, 0.245 * WIDE * -(-len(every) // 2)),
             layout="constrained", squeeze=False,
         )  # fmt: skip
@@ -295,5 +289,4 @@ def widths(data: xr.Dataset) -> Figure:
             axes.set_title(f"{width}×{small.shape[0]}: {text}", color=INK)
         for axes in grid.flat[len(every) :]:
             axes.axis("off")
-    plt.close(figure)
     return figure

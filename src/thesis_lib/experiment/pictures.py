@@ -7,14 +7,13 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import xarray as xr
 from matplotlib.figure import Figure
 from PIL import Image
 
 from thesis_lib import files
 from thesis_lib.experiment import photographs, signals, sketches
-from thesis_lib.figures import STYLE
+from thesis_lib.style import saved
 
 PIXELS = 1500  # width of pictures that hold photographs
 TONES = 160  # colours they are kept in
@@ -52,24 +51,15 @@ def write(data: xr.Dataset, folder: Path) -> list[Path]:
     paths = []
     for name, draw in PICTURES.items():
         path = folder / file_name(name)
-        encode = _svg if path.suffix == ".svg" else _png
-        files.whole_file(path, partial(Path.write_bytes, data=encode(draw(data))))
+        content = _png(draw(data)) if path.suffix == ".png" else saved(draw(data), "svg")
+        files.whole_file(path, partial(Path.write_bytes, data=content))
         paths.append(path)
     return paths
 
 
-def _svg(figure: Figure) -> bytes:
-    file = io.BytesIO()
-    with plt.rc_context(STYLE):
-        figure.savefig(file, format="svg", metadata={"Date": None})
-    return file.getvalue()
-
-
 def _png(figure: Figure) -> bytes:
     """As PNG: grey where all of it is grey, else in few colours."""
-    file = io.BytesIO()
-    with plt.rc_context(STYLE):
-        figure.savefig(file, format="png", dpi=PIXELS / figure.get_figwidth())
+    file = io.BytesIO(saved(figure, "png", dpi=PIXELS / figure.get_figwidth()))
     picture = Image.open(file).convert("RGB")
     red, green, blue = picture.split()
     if red.tobytes() == green.tobytes() == blue.tobytes():

@@ -5,7 +5,6 @@ Each function makes one figure from the measured dataset. Cameras keep their col
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -16,7 +15,7 @@ from thesis_lib.experiment.harmonics import fit_harmonics
 from thesis_lib.experiment.scene import rows_on
 from thesis_lib.experiment.shapes import ORDER
 from thesis_lib.experiment.sketches import INK, WIDE, names_of, tip_marker
-from thesis_lib.figures import STYLE, color
+from thesis_lib.style import color, in_style, mosaic, subplots
 
 Array = NDArray[np.float64]
 
@@ -29,8 +28,8 @@ def sound(data: xr.Dataset) -> Figure:
     delay = data["delay"].values
     whole = data["delay_frames"].values / data["frame_rate"].values
     begin = float(data["steady"][0])
-    with plt.rc_context(STYLE):
-        figure, panels = plt.subplot_mosaic([["own", "own"], ["whole", "part"]],
+    with in_style():
+        figure, panels = mosaic([["own", "own"], ["whole", "part"]],
                                             figsize=(WIDE, 5.2), layout="constrained")  # fmt: skip
         top, below = panels["own"], [panels["whole"], panels["part"]]
         for i, (own, name) in enumerate(zip(signal, names_of(data), strict=True)):
@@ -57,7 +56,6 @@ def sound(data: xr.Dataset) -> Figure:
         half = 500 / float(data["frame_rate"][0])
         below[0].axvspan(-half, half, color="#eeeeee", zorder=-1)
         below[0].text(0, -0.43, "one frame", ha="center", va="bottom", fontsize=7.5, color=INK)
-    plt.close(figure)
     return figure
 
 
@@ -79,9 +77,9 @@ def tracks(data: xr.Dataset) -> Figure:
     own = np.arange(v.shape[1]) / data["frame_rate"].values[:, None]
     common = own + data["delay"].values[:, None]
     omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(3, 1, figsize=(WIDE, 6.4), layout="constrained",
-                                    height_ratios=[1.1, 1.1, 0.8])  # fmt: skip
+    with in_style():
+        figure, axes = subplots(3, 1, figsize=(WIDE, 6.4), layout="constrained",
+                                height_ratios=[1.1, 1.1, 0.8])  # fmt: skip
         for i, name in enumerate(names_of(data)):
             rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
             moved = v[i] - rest
@@ -108,5 +106,4 @@ def tracks(data: xr.Dataset) -> Figure:
             panel.axvspan(begin, end, color="#eeeeee", zorder=-1)
         axes[1].text(begin + 0.02, 0.98, "steady part", ha="left", va="top", color=INK,
                      transform=axes[1].get_xaxis_transform())  # fmt: skip
-    plt.close(figure)
     return figure

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from thesis_lib import setups
 from thesis_lib.experiment import shapes
 from thesis_lib.experiment.scene import Markers, rows_on
-from thesis_lib.figures import COLORS, HIGHLIGHT, REFERENCE, STYLE, color
+from thesis_lib.style import COLORS, HIGHLIGHT, REFERENCE, color, in_style, subplots
 
 Array = NDArray[np.float64]
 
@@ -49,8 +48,8 @@ def rig(data: xr.Dataset) -> Figure:
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(
+    with in_style():
+        figure, axes = subplots(
             4, 1, figsize=(WIDE, 7.7), layout="constrained",
             height_ratios=[3.9, 1.75, 0.75, 1.6],
         )  # fmt: skip
@@ -58,7 +57,6 @@ def rig(data: xr.Dataset) -> Figure:
         _aside(axes[1], markers, centres, looks)
         _layout(axes[2], markers, whole=True)
         _layout(axes[3], markers, whole=False)
-    plt.close(figure)
     return figure
 
 
@@ -192,14 +190,13 @@ def _measure(axes: Axes, start: tuple[float, float], end: tuple[float, float], t
 
 def coverage(data: xr.Dataset) -> Figure:
     """All corners of all shots on each sensor, with their residuals exaggerated (figure D.5)."""
-    with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(2, 2, figsize=(WIDE, 3.6), layout="constrained")
+    with in_style():
+        figure, grid = subplots(2, 2, figsize=(WIDE, 3.6), layout="constrained")
         for i, axes in enumerate(grid.flat):
             if i < data.sizes["camera"]:
                 _sensor(axes, data.isel(camera=i), i)
             else:
                 axes.axis("off")
-    plt.close(figure)
     return figure
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -17,8 +15,8 @@ from numpy.typing import NDArray
 from thesis_lib.experiment import media
 from thesis_lib.experiment.chain import markers_of
 from thesis_lib.experiment.manifest import Manifest
-from thesis_lib.figures import COLORS, HIGHLIGHT, REFERENCE, STYLE, color
 from thesis_lib.measuring.recording import Recording
+from thesis_lib.style import COLORS, HIGHLIGHT, REFERENCE, color, in_style, subplots
 
 Array = NDArray[np.float64]
 
@@ -27,34 +25,17 @@ SHOWN = 1000  # px of the width at which photographs are kept
 SIGMAS = 2  # standard errors that bars show
 
 
-def svg(figure: Figure) -> bytes:
-    """The picture as SVG, the same bytes for the same data."""
-    text = io.BytesIO()
-    with plt.rc_context(STYLE):
-        figure.savefig(text, format="svg", metadata={"Date": None})
-    plt.close(figure)
-    return text.getvalue()
-
-
-def png(figure: Figure) -> bytes:
-    """The picture as PNG, for photographs."""
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=140, metadata={"Software": None})
-    plt.close(figure)
-    return content.getvalue()
-
-
 def shape(data: xr.Dataset, manifest: Manifest) -> Figure:
     """The deflection of every marker with its standard error, and the most similar mode."""
     rows = markers_of(manifest).rows
-    with plt.rc_context(STYLE):
+    with in_style():
         if len(rows) <= 6 and max(row.stop - row.start for row in rows) >= 4:
             return _rows(data, rows)
         return _map(data, manifest)
 
 
 def _rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
-    figure, axes = plt.subplots(figsize=(WIDE, 3.6), layout="constrained")
+    figure, axes = subplots(figsize=(WIDE, 3.6), layout="constrained")
     x, y = 1e3 * data["x"].values, 1e3 * data["y"].values
     w, error = 1e3 * data["deflection"].values, 1e3 * data["standard_error"].values
     reference = 1e3 * data["reference_deflection"].values
@@ -80,8 +61,8 @@ def _map(data: xr.Dataset, manifest: Manifest) -> Figure:
         panels[f"{data.attrs['most_similar']} in mm"] = 1e3 * data["reference_deflection"].values
     count = len(panels)
     side = WIDE / count
-    figure, axes = plt.subplots(1, count, figsize=(WIDE, min(side * width / length + 0.9, 6)),
-                                layout="constrained", squeeze=False)  # fmt: skip
+    figure, axes = subplots(1, count, figsize=(WIDE, min(side * width / length + 0.9, 6)),
+                            layout="constrained", squeeze=False)  # fmt: skip
     most = float(np.nanmax(np.abs(panels["deflection in mm"])))
     for panel, (title, values) in zip(axes[0], panels.items(), strict=True):
         signed = "error" not in title
@@ -97,8 +78,8 @@ def _map(data: xr.Dataset, manifest: Manifest) -> Figure:
 
 def cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
     """Where the cameras stood, from above and from the side."""
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(1, 2, figsize=(WIDE, 3.4), layout="constrained")
+    with in_style():
+        figure, axes = subplots(1, 2, figsize=(WIDE, 3.4), layout="constrained")
         length, width = manifest.structure.length_mm, manifest.structure.width_mm
         centre = 1e3 * data["camera_centre"].values
         rest = 1e3 * data["rest_position"].values
@@ -121,8 +102,8 @@ def cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
 def corners(data: xr.Dataset) -> Figure:
     """What is left of the board's corners after the adjustment, camera by camera."""
     residuals = data["residuals"].values
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(4.2, 3.8), layout="constrained")
+    with in_style():
+        figure, axes = subplots(figsize=(4.2, 3.8), layout="constrained")
         for k, name in enumerate(data["camera"].values):
             u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
             axes.plot(u, v, ".", color=color(k), markersize=2, alpha=0.5, label=str(name))
@@ -139,9 +120,9 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording]) -> Figure:
     begin, end = data["steady"].values
     marker = int(np.nanargmax(np.abs(data["deflection"].values)))
     rows = -(-len(recordings) // 2)
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(rows, 2, figsize=(WIDE, 0.5 + 1.5 * rows), sharex=True,
-                                    layout="constrained", squeeze=False)  # fmt: skip
+    with in_style():
+        figure, axes = subplots(rows, 2, figsize=(WIDE, 0.5 + 1.5 * rows), sharex=True,
+                                layout="constrained", squeeze=False)  # fmt: skip
         for k, (panel, own) in enumerate(zip(axes.flat, recordings, strict=False)):
             parts = [
                 (t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - 2000 / own.rate), end)
@@ -169,13 +150,14 @@ def photograph(own: Recording, video: Path, manifest: Manifest, outline: Array) 
     left, top = np.clip(np.min(around, axis=1) - margin, 0, None)
     right, bottom = np.minimum(np.max(around, axis=1) + margin, (width, height))
     step = max(int(right - left) // SHOWN, 1)
-    figure = plt.figure(figsize=(WIDE, WIDE * (bottom - top) / (right - left)))
-    axes: Axes = figure.add_axes((0, 0, 1, 1))
-    axes.imshow(image[::step, ::step], cmap="gray", vmin=0, vmax=255,
-                extent=(0, width, height, 0))  # fmt: skip
-    axes.plot(*found, "+", color=HIGHLIGHT, markersize=5, markeredgewidth=0.8)
-    axes.plot(*np.column_stack([outline, outline[:, :1]]), color=COLORS[5], linewidth=0.8)
-    axes.set_xlim(left, right)
-    axes.set_ylim(bottom, top)
-    axes.set_axis_off()
+    with in_style():
+        figure = Figure(figsize=(WIDE, WIDE * (bottom - top) / (right - left)))
+        axes: Axes = figure.add_axes((0, 0, 1, 1))
+        axes.imshow(image[::step, ::step], cmap="gray", vmin=0, vmax=255,
+                    extent=(0, width, height, 0))  # fmt: skip
+        axes.plot(*found, "+", color=HIGHLIGHT, markersize=5, markeredgewidth=0.8)
+        axes.plot(*np.column_stack([outline, outline[:, :1]]), color=COLORS[5], linewidth=0.8)
+        axes.set_xlim(left, right)
+        axes.set_ylim(bottom, top)
+        axes.set_axis_off()
     return figure

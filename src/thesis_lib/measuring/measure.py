@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import xarray as xr
 from tqdm import tqdm
@@ -75,7 +74,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     calibration = calibrated(manifest, folder, steps, say)
     recordings = tracked(manifest, folder, steps, calibration, sound, counts)
     say("fitting the deflection")
-    with warnings.catch_warnings(), matplotlib.rc_context({"text.parse_math": False}):
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         data = result(manifest, sound, recordings)
         _check_plane(data, manifest)

@@ -20,6 +20,7 @@ from thesis_lib.measuring.feasibility import Assessment, describe
 from thesis_lib.measuring.recording import Recording
 from thesis_lib.measuring.result import rms
 from thesis_lib.pages import shell
+from thesis_lib.style import saved
 
 Pictures = dict[str, tuple[str, bytes]]  # name: kind of file and content
 LOST = 0.05  # share of the frames from which on a camera's lost markers are told
@@ -37,11 +38,11 @@ def figures(
         "corners": draw.corners(data),
         "motion": draw.motion(data, recordings),
     }
-    pictures = {name: ("svg", draw.svg(figure)) for name, figure in made.items()}
+    pictures = {name: ("svg", saved(figure, "svg")) for name, figure in made.items()}
     for i, (own, files) in enumerate(zip(recordings, manifest.cameras, strict=True)):
         outline = _outline(data, manifest, own)
         photo = draw.photograph(own, folder / files.video, manifest, outline)
-        pictures[f"camera-{i:02d}"] = ("png", draw.png(photo))
+        pictures[f"camera-{i:02d}"] = ("png", saved(photo, "png", dpi=140))
     return pictures
 
 

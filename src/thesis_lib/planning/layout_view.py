@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.cubes import percent_text
-from thesis_lib.figures import COLORS
+from thesis_lib.style import COLORS
 from thesis_lib.widgets import VIEWER_CSS, joined, static_html
 
 WITHOUT = "This picture needs JavaScript to be turned; the ones beside it show the same cameras."

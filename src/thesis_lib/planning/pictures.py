@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -10,7 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from thesis_lib.cameras import hemisphere_rotations
-from thesis_lib.figures import HIGHLIGHT, INK, REFERENCE, STYLE, color, logarithmic
+from thesis_lib.figures import logarithmic
+from thesis_lib.style import HIGHLIGHT, INK, REFERENCE, color, in_style, subplots
 
 Array = NDArray[np.float64]
 
@@ -21,13 +21,12 @@ _TICKS = [a * 10.0**b for b in range(-4, 5) for a in (1, 2, 5)]
 
 def layout_figure(cube: xr.Dataset, option: int) -> Figure:
     """The cameras of an option from three sides, with lines of sight."""
-    with plt.rc_context(STYLE):
-        drawing, axes = plt.subplots(1, 3, figsize=(7.6, 3.1), layout="constrained",
-                                     width_ratios=[1.3, 1, 1])  # fmt: skip
+    with in_style():
+        drawing, axes = subplots(1, 3, figsize=(7.6, 3.1), layout="constrained",
+                                 width_ratios=[1.3, 1, 1])  # fmt: skip
         for axis, (words, azimuth, elevation) in zip(axes, VIEWS, strict=True):
             layout_panel(axis, cube.isel(option=option), azimuth, elevation)
             axis.set_title(words)
-    plt.close(drawing)
     return drawing
 
 
@@ -70,10 +69,9 @@ def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float)
 
 def front_figure(cube: xr.Dataset, target: float | None = None) -> Figure:
     """Error against cost of every option, and the front of those that nothing beats."""
-    with plt.rc_context(STYLE):
-        drawing, axes = plt.subplots(figsize=(7.2, 3.8), layout="constrained")
+    with in_style():
+        drawing, axes = subplots(figsize=(7.2, 3.8), layout="constrained")
         front_panel(axes, cube, target)
-    plt.close(drawing)
     return drawing
 
 

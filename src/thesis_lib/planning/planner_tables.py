@@ -6,20 +6,19 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from IPython.display import HTML, SVG, Markdown
 from matplotlib.figure import Figure
 
-from thesis_lib import figures
 from thesis_lib.cubes import percent_text
-from thesis_lib.figures import REFERENCE, STYLE, color, logarithmic
+from thesis_lib.figures import logarithmic
 from thesis_lib.markdown import table
 from thesis_lib.planning.layout_view import layout_view
 from thesis_lib.planning.pictures import VIEWS, front_panel, layout_panel
 from thesis_lib.planning.planner_study import cheapest
 from thesis_lib.planning.questions import THESIS
+from thesis_lib.style import REFERENCE, color, in_style, subplots, svg
 
 FRONT = "beam: nearer or farther, too"  # of which the front is drawn
 DRAWN = 4  # cameras of the layouts that are drawn, or the number next to it
@@ -154,7 +153,7 @@ def _near(cube: xr.Dataset, question: str, count: int) -> int:
 
 def gain_figure(cube: xr.Dataset) -> Figure:
     """Errors of the thesis's layouts and of planned ones against the number of cameras."""
-    drawing, axes = plt.subplots(1, 2, figsize=(7.4, 3.4), layout="constrained")
+    drawing, axes = subplots(1, 2, figsize=(7.4, 3.4), layout="constrained")
     n = cube["count"].values
     for panel, (body, question) in zip(axes, THESIS.items(), strict=True):
         own = cube.sel(structure=body)["thesis_expected"]
@@ -179,8 +178,8 @@ def layouts_figure(cube: xr.Dataset) -> Figure:
     shown = [q for q in cube["question"].values.tolist() if "read" not in str(q)]
     across = 3
     rows = -(-len(shown) // across)
-    drawing, grid = plt.subplots(2 * rows, across, figsize=(7.6, 3.6 * rows), layout="constrained",
-                                 squeeze=False)  # fmt: skip
+    drawing, grid = subplots(2 * rows, across, figsize=(7.6, 3.6 * rows), layout="constrained",
+                             squeeze=False)  # fmt: skip
     columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
     for column, question in zip(columns, shown, strict=False):
         part = cube.sel(question=question).isel(option=_near(cube, question, DRAWN))
@@ -195,7 +194,7 @@ def layouts_figure(cube: xr.Dataset) -> Figure:
 
 def front_picture(cube: xr.Dataset) -> Figure:
     """Error against cost for one question."""
-    drawing, panel = plt.subplots(figsize=(7.2, 3.8), layout="constrained")
+    drawing, panel = subplots(figsize=(7.2, 3.8), layout="constrained")
     one = cube.sel(question=FRONT)
     best = cheapest(one, _asked(cube, "target_percent"))
     one = one.isel(option=np.flatnonzero(np.isfinite(one["cost"].values)))
@@ -234,7 +233,6 @@ def view(cube: xr.Dataset) -> HTML:
 
 def picture(cube: xr.Dataset, name: str) -> SVG:
     """One of :data:`FIGURES`, for a notebook."""
-    with plt.rc_context(STYLE):
+    with in_style():
         drawing = FIGURES[name](cube)
-    plt.close(drawing)
-    return SVG(figures.svg(drawing))
+    return SVG(svg(drawing))

@@ -15,7 +15,6 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib import cubes, storage
-from thesis_lib.figures import svg
 from thesis_lib.files import staging
 from thesis_lib.pages import shell
 from thesis_lib.planning.layout_view import layout_view
@@ -24,6 +23,7 @@ from thesis_lib.planning.pictures import front_figure, layout_figure
 from thesis_lib.planning.plan_cube import as_cube
 from thesis_lib.planning.planner import Plan, plan
 from thesis_lib.planning.request import PlanRequest, command, study_of
+from thesis_lib.style import svg
 
 COLUMNS = ("camera", "x_mm", "y_mm", "z_mm", "azimuth_deg", "elevation_deg", "distance_mm",
            "focal_length_mm", "width_px", "height_px", "frame_rate_hz")  # fmt: skip
