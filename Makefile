@@ -16,7 +16,7 @@ test: check  ## what a contributor needs, in minutes and without a book
 	$(PYTEST) -m "not (slow or book or nightly)"
 
 test-all: check book  ## all tests, those of the rendered book and all notebooks included
-	$(PYTEST) -m "not nightly"
+	$(PYTEST) -m "not nightly" --conformance build/conformance.json
 
 test-nightly: $(READY)  ## what takes an hour: thousands of inputs, kills at every step
 	$(PYTEST) -m nightly

@@ -6,8 +6,8 @@ A test takes the fixture `conforms` and says what kind of check it makes::
     conforms.order(orders(errors), 2, atol=0.05)
     conforms.sampled(scatter / predicted, above=0.95, below=1.05)
 
-``pytest --conformance FILE.json`` runs the tests that do so, and no others, and writes what they
-measured: one entry per check, the worst of its values, examples and parameters.
+``pytest --conformance FILE.json`` also writes what was measured: one entry per check, the worst of
+its values, examples and parameters. ``-m conforms`` chooses the tests that measure, and no others.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import ast
 import json
 import sys
 import textwrap
-import time
 from collections.abc import Generator
+from datetime import UTC, datetime
 from functools import cache, partialmethod
 from pathlib import Path
 from types import CodeType
@@ -26,6 +26,7 @@ from typing import Any
 import hypothesis
 import numpy as np
 import pytest
+from hypothesis import is_hypothesis_test
 
 Record = dict[str, Any]
 _SHOWN = 70  # characters of an expression
@@ -158,37 +159,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--conformance",
         type=Path,
         metavar="FILE.json",
-        help="run the tests that use the fixture `conforms`; write what they measured",
+        help="write what the tests that use the fixture `conforms` measured",
     )
-    parser.addoption("--quick", action="store_true", help="leave out tests that are marked slow")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if not config.getoption("--conformance"):
-        return
-    # The same examples each time; and a busy machine is no failure of what is checked.
-    hypothesis.settings.register_profile("conformance", derandomize=True, deadline=None)
-    hypothesis.settings.load_profile("conformance")
-    if not hasattr(config, "workerinput"):
-        config.pluginmanager.register(_Report(config.getoption("--conformance"), config.rootpath))
+    config.addinivalue_line("markers", "conforms: uses the fixture `conforms`; set by itself")
+    path = config.getoption("--conformance")
+    if path and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(_Report(path.resolve(), config.rootpath))
 
 
-def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out files that have no such test: importing them takes time."""
-    if config.getoption("--conformance") and collection_path.suffix == ".py":
-        return "conforms" not in collection_path.read_text(encoding="utf-8") or None
-    return None
-
-
+@pytest.hookimpl(tryfirst=True)  # before -m chooses
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--conformance"):
-        chosen = [item for item in items if "conforms" in getattr(item, "fixturenames", ())]
-        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
-        items[:] = chosen
-    if config.getoption("--quick"):
-        for item in items:
-            if item.get_closest_marker("slow"):  # a skipped test is told of in the report
-                item.add_marker(pytest.mark.skip(reason="Left out: takes long or needs a browser"))
+    for item in items:
+        if "conforms" in getattr(item, "fixturenames", ()):
+            item.add_marker("conforms")
+            if config.getoption("--conformance") and is_hypothesis_test(item.function):
+                hypothesis.seed(0)(item.function)  # what is published is the same each time
 
 
 @pytest.hookimpl(wrapper=True)
@@ -205,13 +193,16 @@ class _Report:
 
     def __init__(self, path: Path, root: Path) -> None:
         self.path, self.root = path, root
-        self.begin = time.monotonic()
+        self.seconds = 0.0
         self.checks: dict[tuple[str, int], Record] = {}
         self.failed: dict[str, str] = {}
         self.skipped: dict[str, str] = {}
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if "conforms" not in report.keywords:
+            return
         test = report.nodeid.partition("[")[0]
+        self.seconds += report.duration
         if report.failed:
             self.failed.setdefault(test, _reason(report))
         elif report.skipped:
@@ -227,17 +218,22 @@ class _Report:
         if report.failed:
             self.failed.setdefault(report.nodeid, _reason(report))
 
-    def pytest_sessionfinish(self) -> None:
-        files = sorted({test.partition("::")[0] for test, _ in self.checks})
+    def pytest_sessionfinish(self, exitstatus: int) -> None:
+        if exitstatus not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+            return  # an interrupted run has not measured all
+        from thesis_lib import conformance, files  # not needed by every run of pytest
+
+        tested = sorted({test.partition("::")[0] for test, _ in self.checks})
         report = {
-            "seconds": round(time.monotonic() - self.begin, 1),
+            "date": datetime.now(UTC).date().isoformat(),
+            "seconds": round(self.seconds, 1),
             "checks": [{"test": test, **self.checks[test, n]} for test, n in sorted(self.checks)],
-            "files": {file: _about(self.root / file) for file in files},
+            "files": {file: _about(self.root / file) for file in tested},
             "failed": self.failed,
             "skipped": self.skipped,
+            "code": conformance.code(self.root / file for file in tested),
         }
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.path.write_text(json.dumps(report, indent=1, ensure_ascii=False), encoding="utf-8")
+        files.whole_text(self.path, json.dumps(report, indent=1, ensure_ascii=False))
 
 
 def _about(file: Path) -> str:

@@ -32,7 +32,7 @@ def test_examples_count(conforms, n):
 def test_without_the_fixture():
     raise RuntimeError("not to be run")
 """
-BAD = {"kind": "order", **compare(2, 1, atol=0.5)}
+GOOD = {"kind": "order", **compare(2, 1, atol=1.5)}
 DOCTOR = """
 from thesis_lib import structures
 
@@ -47,7 +47,7 @@ def pytest_run(cwd, *words, **extra):
     paths = [str(PROJECT / "tests"), str(PROJECT / "src"), str(PROJECT), str(cwd)]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-p", "conforms", "-p", "no:cacheprovider",
-         "--conformance", "report.json", *map(str, words)],
+         "-m", "conforms", "--conformance", "report.json", *map(str, words)],
         cwd=cwd, capture_output=True, text=True, timeout=150,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), **extra},
     )  # fmt: skip
@@ -151,7 +151,7 @@ def test_report_has_one_row_for_each_check_however_many_workers(tmp_path, worker
     assert (report["failed"], report["skipped"]) == ({}, {})
 
 
-def test_a_doctored_law_fails_in_the_report_and_in_the_book(tmp_path):
+def test_a_doctored_law_fails_in_the_report_which_is_not_published(tmp_path):
     (tmp_path / "doctor.py").write_text(DOCTOR, encoding="utf-8")
     chosen = PROJECT / "tests" / "test_plate.py"
     done, report = pytest_run(
@@ -164,51 +164,65 @@ def test_a_doctored_law_fails_in_the_report_and_in_the_book(tmp_path):
     assert row["share"] == pytest.approx(1e-3 / 1e-13, rel=1e-3)
     assert test in report["failed"]
     with pytest.raises(RunError, match=f"{test}.* failed: .*AssertionError"):
-        conformance.verdict(tmp_path / "report.json")
-    conformance.write(tmp_path / "report.json", tmp_path)
-    pieces = [path.read_text(encoding="utf-8") for path in conformance.pieces(tmp_path)]
-    assert f"`{test}` FAILED" in pieces[0]
-    assert "All hold" not in pieces[0]
-    (line,) = [line for line in pieces[1].splitlines() if "those of the closed form" in line]
-    assert line.endswith("<b>FAILED</b>")
+        conformance.publish(tmp_path / "report.json")
 
 
-def test_book_with_a_failed_check_says_so_and_is_made_all_the_same(tmp_path, monkeypatch):
-    report = {
-        "checks": [{"test": "tests/test_plate.py::test_of_it", "line": 1, "code": "x", **BAD}],
-        "failed": {"tests/test_plate.py::test_of_it": "AssertionError: x: value 2"},
-        "skipped": {},
-        "seconds": 1.0,
-    }
-    ran = []
-
-    def run(path):
-        ran.append(path)
-        path.write_text(json.dumps(report), encoding="utf-8")
-
-    monkeypatch.setattr(conformance, "run", run)
-    (tmp_path / "build").mkdir()
-    plan = publishing._Plan(tmp_path, [], False)
-    for _ in range(2):  # what is unchanged is not measured again, and fails again
-        with pytest.raises(RunError, match=r"^conformance holds: .*test_of_it failed: .*value 2$"):
-            runs.run(publishing._conformance(plan), tmp_path / "build" / "state.sqlite")
-    assert len(ran) == 1
-    words = [path.read_text(encoding="utf-8") for path in conformance.pieces(plan.executed)]
-    assert "FAILED: 1 of them" in words[0]
-    assert "<b>FAILED</b>" in words[1]
-    report["failed"] = {}
-    monkeypatch.setattr(conformance, "test_files", lambda: [])
-    runs.run(publishing._conformance(plan), tmp_path / "build" / "state.sqlite")
-    assert len(ran) == 2
+def test_what_failed_is_not_published_and_what_holds_is(tmp_path, monkeypatch):
+    published = tmp_path / "data" / "published" / conformance.REPORT
+    monkeypatch.setattr(conformance, "published_path", lambda: published)
+    (tmp_path / "report.json").write_text(json.dumps({"failed": {"a": "x", "b": "y"}}))
+    with pytest.raises(RunError, match=r"report\.json is not published: a and 1 more failed: x$"):
+        publishing._publish([], tmp_path / "picture.svg", tmp_path / "report.json")
+    assert not published.exists()
+    (tmp_path / "report.json").write_text(json.dumps({"failed": {}}))
+    conformance.publish(tmp_path / "report.json")
+    assert published.read_bytes() == (tmp_path / "report.json").read_bytes()
 
 
-def test_a_slow_test_is_left_out_and_named(tmp_path):
-    text = TESTS.replace("@given", "@pytest.mark.slow\n@given")
+def test_a_book_shows_the_published_report_and_marks_what_changed_since(tmp_path, monkeypatch):
+    plate, beam = "tests/test_plate.py", "tests/test_structures.py"
+    rows = [
+        {"test": f"{file}::test_of_it", "line": 1, "code": "x", **GOOD} for file in (plate, beam)
+    ]
+    code = conformance.code([PROJECT / plate, PROJECT / beam])
+    assert {plate, beam, "src/thesis_lib/structures.py"} <= code.keys()
+    report = {"date": "2026-01-02", "seconds": 1.0, "checks": rows, "failed": {}, "skipped": {},
+              "files": {plate: "Plates.", beam: "Beams."}, "code": code}  # fmt: skip
+    published = tmp_path / "published.json"
+    monkeypatch.setattr(conformance, "published_path", lambda: published)
+
+    def pieces():
+        plan = publishing._Plan(tmp_path, [], False)
+        runs.run([publishing._conformance(plan)], tmp_path / "build" / "state.sqlite")
+        return [path.read_text(encoding="utf-8") for path in conformance.pieces(plan.executed)]
+
+    assert pieces()[:2] == [conformance.NOT_YET, ""]
+    published.write_text(json.dumps(report), encoding="utf-8")
+    totals, tables, _ = pieces()
+    assert "**All held** on 2026-01-02" in totals
+    assert "change" not in totals + tables
+    code[plate] = "other"
+    published.write_text(json.dumps(report), encoding="utf-8")
+    totals, tables, _ = pieces()
+    assert "The code of 1 of them has changed since" in totals
+    assert tables.count("<b>before a change</b>") == 1
+    assert tables.index("### tests/test_structures.py") < tables.index("before a change")
+    assert f"**Changed since:** `{plate}`." in tables
+    del code["src/thesis_lib/structures.py"]
+    assert conformance.changed(report) == {
+        plate: ["src/thesis_lib/structures.py", plate], beam: ["src/thesis_lib/structures.py"]
+    }  # fmt: skip
+    report["files"] = {"tests/test_gone.py": ""}
+    assert conformance.changed(report) == {"tests/test_gone.py": ["tests/test_gone.py"]}
+
+
+def test_a_skipped_test_is_named(tmp_path):
+    text = TESTS.replace("@given", "@pytest.mark.skip(reason='no *stars*')\n@given")
     (tmp_path / "test_small.py").write_text(text, encoding="utf-8")
-    _, report = pytest_run(tmp_path, "--quick")
+    _, report = pytest_run(tmp_path)
     assert list(report["skipped"]) == ["test_small.py::test_examples_count"]
-    said = conformance.tables(report)
-    assert "Left out: takes long or needs a browser" in said
+    said = conformance.tables({**report, "changed": {}})
+    assert "no &#42;stars&#42;:" in said
     assert "examples count" in said
 
 
@@ -219,16 +233,6 @@ def test_a_file_that_does_not_import_is_a_failure(tmp_path):
     assert list(report["failed"]) == ["test_broken.py"]
     assert "nothing_of_the_kind" in report["failed"]["test_broken.py"]
     assert len(report["checks"]) == 3
-
-
-def test_without_tests_or_pytest_the_page_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(conformance, "test_files", list)
-    conformance.run(tmp_path / "report.json")
-    conformance.verdict(tmp_path / "report.json")
-    conformance.write(tmp_path / "report.json", tmp_path)
-    said = (tmp_path / "conformance-totals.md").read_text(encoding="utf-8")
-    assert "Nothing was checked" in said
-    assert "tests" in said
 
 
 def test_every_file_with_checks_has_an_area():

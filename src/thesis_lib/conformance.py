@@ -1,25 +1,24 @@
 """The report of conformance: what the tests measured, with its tolerance, for the book.
 
-The tests themselves tell what they compare (`tests/conforms.py`); here their report is asked for
-and laid out. No number of it is kept anywhere else.
+The tests themselves tell what they compare (`tests/conforms.py`), `make test-all` leaves their
+report in `build`, and `thesis book --publish` makes it the published one, which is laid out here.
 """
 
 from __future__ import annotations
 
+import hashlib
 import html
 import json
 import math
 import re
-import subprocess
-import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
-from importlib.util import find_spec
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from thesis_lib.files import project_root, whole_text
 from thesis_lib.markdown import escape, table
+from thesis_lib.reach import digest, reached
 from thesis_lib.runs import RunError
 
 Record = dict[str, Any]
@@ -42,74 +41,60 @@ KINDS = {
     "independent": "independent evaluations",
     "sampled": "predictions against samples",
 }
-NEEDED = ("pytest", "xdist", "hypothesis")
 REPORT = "conformance.json"
+NOT_YET = "Nothing is published yet; `make test-all` measures, `thesis book --publish` publishes.\n"
 FIGURE = "conformance.svg"
-_HEADER = ("Check", "Kind", "Today", "Allowed", "Off by", "Used")
+_HEADER = ("Check", "Kind", "Value", "Allowed", "Off by", "Used")
+
+
+def published_path() -> Path:
+    """Where the published report is kept."""
+    return project_root() / "data" / "published" / REPORT
+
+
+def read(path: Path | None = None) -> Record:
+    """A report as the tests wrote it, the published one by default; one of nothing if none is."""
+    path = path or published_path()
+    if path.is_file():
+        return json.loads(path.read_text(encoding="utf-8"))
+    return {"checks": [], "files": {}, "failed": {}, "skipped": {}, "code": {}}
+
+
+def publish(path: Path) -> None:
+    """Make a report the published one.
+
+    Raises
+    ------
+    RunError
+        If something failed in it, naming what.
+    """
+    if failed := read(path)["failed"]:
+        first, reason = next(iter(failed.items()))
+        others = f" and {len(failed) - 1} more" if len(failed) > 1 else ""
+        raise RunError(f"{path} is not published: {first}{others} failed: {reason}")
+    whole_text(published_path(), path.read_text(encoding="utf-8"))
 
 
 def test_files() -> list[Path]:
-    """Files that the report depends on besides the library; none in a book without tests."""
+    """The code that measures; none in a book without tests."""
     root = project_root()
-    folders = [root / name for name in ("tests", "benchmarks")]
-    return sorted(path for folder in folders for path in folder.rglob("*.py"))
+    return sorted(path for name in ("tests", "benchmarks") for path in (root / name).rglob("*.py"))
 
 
-def run(path: Path) -> None:
-    """Run the tests that measure something, and let them write their report.
-
-    Checks that fail are in the report, and no error here. Tests that take long are left out.
-
-    Parameters
-    ----------
-    path : Path
-        The report, JSON.
-
-    Raises
-    ------
-    RunError
-        If the tests could not be run.
-    """
-    absent = [name for name in NEEDED if find_spec(name) is None]
-    if not test_files():
-        absent = ["tests"]
-    if absent:
-        whole_text(path, json.dumps({"checks": [], "failed": {}, "skipped": {}, "absent": absent}))
-        return
-    path.unlink(missing_ok=True)
-    words = ["-q", "-n", "2", "--dist", "loadfile", "--conformance", str(path), "--quick"]
-    words += ["--continue-on-collection-errors", "-p", "no:cacheprovider", "tests"]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", *words],
-        cwd=project_root(),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-    )
-    if done.returncode not in (0, 1) or not path.is_file():
-        said = (done.stdout + done.stderr).strip().splitlines() or ["nothing was said"]
-        raise RunError(f"pytest ended with status {done.returncode}: {said[-1]}")
+def code(files: Iterable[Path]) -> dict[str, str]:
+    """Digests of all code that some files rest on, by the place in the project."""
+    root = project_root()
+    every = {one for file in files for one in reached(file) if one.is_relative_to(root)}
+    return {path.relative_to(root).as_posix(): digest(path) for path in sorted(every)}
 
 
-def read(path: Path) -> Record:
-    """A report as the tests wrote it."""
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
-def verdict(path: Path) -> None:
-    """Refuse a report with failures.
-
-    Raises
-    ------
-    RunError
-        Naming the tests that failed.
-    """
-    failed = read(path)["failed"]
-    if failed:
-        first, reason = next(iter(failed.items()))
-        others = f" and {len(failed) - 1} more" if len(failed) > 1 else ""
-        raise RunError(f"{first}{others} failed: {reason}")
+def changed(report: Record) -> dict[str, list[str]]:
+    """Code that has changed since it was measured, for each file of tests that rests on such."""
+    root, found = project_root(), {}
+    for test in report["files"]:
+        now = code([root / test]) if (root / test).is_file() else {test: ""}
+        found[test] = [file for file, is_now in now.items() if report["code"].get(file) != is_now]
+    return {test: files for test, files in found.items() if files}
 
 
 def pieces(folder: Path) -> list[Path]:
@@ -117,12 +102,13 @@ def pieces(folder: Path) -> list[Path]:
     return [*(folder / f"{name}.md" for name in PIECES), folder / FIGURE]
 
 
-def write(path: Path, folder: Path) -> None:
-    """Put the pieces of the page made from a report into a folder."""
+def write(folder: Path) -> None:
+    """Put the pieces of the page, made from the published report, into a folder."""
     from thesis_lib.conformance_figure import draw
     from thesis_lib.style import POWERS, svg
 
-    report = read(path)
+    report = read()
+    report["changed"] = changed(report)
     for name, piece in PIECES.items():
         whole_text(folder / f"{name}.md", piece(report))
     whole_text(folder / FIGURE, svg(draw(report), POWERS))
@@ -145,22 +131,23 @@ def sentence(test: str) -> str:
 
 
 def totals(report: Record) -> str:
-    """How many checks there are, of which kinds and areas, and what was not checked."""
-    if "absent" in report:
-        names = ", ".join(report["absent"])
-        return f"*Nothing was checked here: {names} missing. A clone of the project has them.*\n"
-    checks, failed = report["checks"], report["failed"]
+    """How many checks there are, of which kinds and areas, when they held, and what changed."""
+    if not report["checks"]:
+        return NOT_YET
+    checks = report["checks"]
     tests = {check["test"] for check in checks}
     kinds = Counter(check["kind"] for check in checks)
     values = sum(check["count"] for check in checks)
     counted = ", ".join(f"{kinds[kind]} {plural}" for kind, plural in KINDS.items())
-    outcome = "**All hold.**"
-    if failed:
-        outcome = f"**FAILED: {len(failed)} of them**, named below and marked in the tables."
+    stale = sum(_file(check) in report["changed"] for check in checks)
+    total = hashlib.sha256(json.dumps(report["code"], sort_keys=True).encode()).hexdigest()
     lines = [
         f"{len(checks)} checks in {len(tests)} tests compared {_thousands(values)} numbers in "
-        f"{report['seconds']:.0f} s: {counted}. {outcome}\n"
+        f"{report['seconds']:.0f} s: {counted}. **All held** on {report['date']}, with the code "
+        f"whose digest is `{total[:16]}`.\n"
     ]
+    if stale:
+        lines.append(f"The code of {stale} of them has changed since; they are marked.\n")
     rows = []
     for name in [*AREAS, "Other"]:
         mine = [check for check in checks if area(check["test"]) == name]
@@ -170,7 +157,6 @@ def totals(report: Record) -> str:
             rows.append([name, *(str(by[kind]) for kind in KINDS), str(len(mine)), used(most)])
     rows.append(["all", *(str(kinds[kind]) for kind in KINDS), str(len(checks)), ""])
     lines.append(table(["Area", *KINDS, "all", "most used"], rows))
-    lines += [f"* `{test}` FAILED: {escape(reason)}\n" for test, reason in failed.items()]
     return "\n".join(lines)
 
 
@@ -197,7 +183,7 @@ def tables(report: Record) -> str:
         files: dict[str, list[Record]] = {}
         for check in report["checks"]:
             if area(check["test"]) == name:
-                files.setdefault(check["test"].partition("::")[0], []).append(check)
+                files.setdefault(_file(check), []).append(check)
         order = AREAS.get(name, "").split()
         if files:
             parts.append(f"## {name}\n")
@@ -216,6 +202,11 @@ def tables(report: Record) -> str:
     return "\n".join(parts)
 
 
+def _file(check: Record) -> str:
+    """The file of a check's test."""
+    return str(check["test"]).partition("::")[0]
+
+
 def _by_file(tests: Sequence[str]) -> dict[str, list[str]]:
     """The names of tests as words, by file."""
     found: dict[str, list[str]] = {}
@@ -225,7 +216,10 @@ def _by_file(tests: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _of_file(file: str, checks: Sequence[Record], report: Record) -> str:
-    about = report.get("files", {}).get(file, "")
+    changed = report["changed"].get(file, [])
+    about = escape(report["files"].get(file, ""))
+    if changed:
+        about += f"\n\n**Changed since:** {', '.join(f'`{name}`' for name in changed)}."
     tests: dict[str, list[Record]] = {}
     for check in sorted(checks, key=lambda check: int(check["line"])):
         tests.setdefault(check["test"], []).append(check)
@@ -233,12 +227,11 @@ def _of_file(file: str, checks: Sequence[Record], report: Record) -> str:
     for test, own in tests.items():
         words = html.escape(sentence(test))
         if len(own) == 1:
-            rows.append(_row(words, own[0], test in report["failed"]))
+            rows.append(_row(words, own[0], bool(changed)))
             continue
         rows.append(f'<tr><th colspan="{len(_HEADER)}" scope="rowgroup">{words}')
         rows += [
-            _row(f"<code>{html.escape(one['code'])}</code>", one, test in report["failed"])
-            for one in own
+            _row(f"<code>{html.escape(one['code'])}</code>", one, bool(changed)) for one in own
         ]
     most = max(check["share"] or 0 for check in checks)
     head = "".join(f'<th scope="col">{name}' for name in _HEADER)
@@ -246,22 +239,18 @@ def _of_file(file: str, checks: Sequence[Record], report: Record) -> str:
         f"{len(checks)} checks in {len(tests)} tests, the tolerance used to {used(most)} at most"
     )
     return (
-        f"{escape(about)}\n\n"
+        f"{about}\n\n"
         f'<details class="tl-conformance"><summary>{summary}</summary>'
         f'<div tabindex="0" role="region" aria-label="Checks of {file}"><table class="table">'
         f"<thead><tr>{head}</thead><tbody>\n" + "\n".join(rows) + "\n</table></div></details>\n"
     )
 
 
-def _row(what: str, check: Record, test_failed: bool) -> str:
-    """One check; a test that fails elsewhere does not let its other checks pass for sound."""
+def _row(what: str, check: Record, stale: bool) -> str:
+    """One check; it tells if its code has changed since."""
     share = check["share"]
-    if not check["passed"]:
-        said, bar = "<b>FAILED</b>", ""
-    elif test_failed:
-        said, bar = f"{used(share)} <b>test FAILED</b>", ""
-    else:
-        said, bar = used(share), f' style="--u:{100 * (share or 0):.0f}%"'
+    said = used(share) + (" <b>before a change</b>" if stale else "")
+    bar = f' style="--u:{100 * (share or 0):.0f}%"'
     many = f" <small>{_thousands(check['count'])} values</small>" if check["count"] > 1 else ""
     off = _number(check["apart"], 2) if "apart" in check else "–"
     cells = "".join(

@@ -16,9 +16,8 @@ _COLORS = {**dict(zip(AREAS, (*COLORS, INK), strict=True)), "Other": INK}
 
 
 def _place(check: dict[str, Any]) -> float:
-    """Where on the axis a check stands; what fails is beyond the line, however far off it is."""
-    share = check["share"] or 0
-    return min(max(share, LEAST), 1.0) if check["passed"] else 2.0
+    """Where on the axis a check stands."""
+    return min(max(check["share"] or 0, LEAST), 1.0)
 
 
 def draw(report: dict[str, Any]) -> Figure:

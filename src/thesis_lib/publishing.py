@@ -156,14 +156,21 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
     if plan.publish and not plan.failed:
         picture = root / "book" / "assets" / "overview.svg"
         made_known = [picture, effort.published_path()]
+        measured = root / "build" / conformance.REPORT
+        made_known += [conformance.published_path()] if measured.is_file() else []
         publishing = [
-            runs.task("published run", lambda: _publish(plan.jobs, picture), made, made_known)
+            runs.task(
+                "published run",
+                lambda: _publish(plan.jobs, picture, measured),
+                made,
+                made_known,
+            )
         ]
         publishing[0]["uptodate"] = [False]  # asked for, so done
     tasks = [
         *runs.job_tasks(plan.ran),
-        *_conformance(plan),
         *publishing,
+        _conformance(plan),
         runs.task(
             "numbers",
             lambda: prose.write(made, executed, without),
@@ -204,20 +211,17 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
     return [task for task in tasks if task["name"] not in plan.failed]
 
 
-def _conformance(plan: _Plan) -> list[dict[str, Any]]:
-    """What the tests measure, and whether all of it holds: the page stands when it does not."""
-    report = plan.root / "build" / conformance.REPORT
-
-    def measure() -> None:
-        conformance.run(report)
-        conformance.write(report, plan.executed)
-
-    needs = [*files.library_files(), *conformance.test_files()]
-    steps = [runs.task("conformance", measure, needs, [report, *conformance.pieces(plan.executed)])]
-    if "conformance" not in plan.failed:
-        holds = partial(conformance.verdict, report)
-        steps.append(runs.task("conformance holds", holds, [report], []))
-    return steps
+def _conformance(plan: _Plan) -> dict[str, Any]:
+    """The page of what the tests measured when it was published."""
+    published = conformance.published_path()
+    there = [published] if published.is_file() else []
+    library = [file for file in files.library_files() if file.suffix == ".py"]
+    return runs.task(
+        "conformance",
+        lambda: conformance.write(plan.executed),
+        [*there, *library, *conformance.test_files()],
+        conformance.pieces(plan.executed),
+    )
 
 
 def _render(plan: _Plan) -> None:
@@ -248,7 +252,9 @@ def _walk_through(executed: Path) -> None:
         files.whole_text(executed / f"{name}.md", piece(data))
 
 
-def _publish(jobs: Sequence[runs.Job], picture: Path) -> None:
+def _publish(jobs: Sequence[runs.Job], picture: Path, measured: Path) -> None:
+    if measured.is_file():  # first, for what failed in it publishes nothing
+        conformance.publish(measured)
     for job in jobs:
         cubes.publish(cubes.read(job.cube))
         keep_outputs(runs.source(job.study.name), job.notebook)

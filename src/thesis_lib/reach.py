@@ -1,0 +1,103 @@
+"""What code a file of this project rests on: followed from import to import, never run."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterable, Iterator
+from functools import cache
+from pathlib import Path
+
+from thesis_lib.files import project_root
+
+
+def folders() -> list[Path]:
+    """Where modules of the project are: the library, its tests with their scenes, benchmarks."""
+    root = project_root()
+    return [root / "src", root / "tests", root]
+
+
+def reached(file: Path) -> dict[Path, int]:
+    """All files of this project that a Python file rests on, itself included.
+
+    A name that is imported through a package's ``__init__`` counts as the module that defines it.
+    Imports inside functions count, too; what is only named in a string does not.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        A module, a test, or a script of the project.
+
+    Returns
+    -------
+    dict
+        How many imports away each file is; 0 is the file itself.
+    """
+    found, todo = {file: 0}, [file]
+    for one in todo:
+        for other in imported(one) - found.keys():
+            found[other] = found[one] + 1
+            todo.append(other)
+    return found
+
+
+def digest(file: Path) -> str:
+    """The first 16 digits of a file's SHA-256."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
+@cache
+def imported(file: Path) -> frozenset[Path]:
+    """The files of this project that a Python file itself imports from."""
+    found = {_defining(module, name) for module, name, _ in _imports(file)}
+    return frozenset(found - {None, file})  # type: ignore[arg-type]
+
+
+@cache
+def _imports(file: Path) -> tuple[tuple[str, str, str], ...]:
+    """Module, name in it and name here of every import of a file; names may be empty."""
+    found = []
+    for node in _statements(ast.parse(file.read_bytes()).body):
+        if isinstance(node, ast.Import):
+            found += [(alias.name, "", alias.asname or alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            module = node.module or ""
+            if node.level:
+                package = file.parents[node.level - 1].relative_to(_home(file))
+                module = ".".join([*package.parts, *filter(None, [module])])
+            found += [(module, alias.name, alias.asname or alias.name) for alias in node.names]
+    return tuple(found)
+
+
+def _statements(nodes: Iterable[ast.AST]) -> Iterator[ast.AST]:
+    """All statements, those inside others included."""
+    for node in nodes:
+        yield node
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from _statements(getattr(node, part, ()))
+
+
+def _home(file: Path) -> Path:
+    """The folder from which a file is imported."""
+    return next(folder for folder in folders() if file.is_relative_to(folder))
+
+
+def _defining(module: str, name: str) -> Path | None:
+    """The file where a name of a module is defined; None if that is not of this project."""
+    file = _file(f"{module}.{name}") or _file(module)
+    if file and file.name == "__init__.py" and name:
+        for source, inner, here in _imports(file):
+            if here == name and (through := _defining(source, inner)):
+                return through
+    return file
+
+
+@cache
+def _file(module: str) -> Path | None:
+    """The file of a module by its name, if it is one of this project's."""
+    for folder in folders():
+        place = folder.joinpath(*module.rstrip(".").split("."))
+        for file in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
+            if file.is_file():
+                return file
+    return None
