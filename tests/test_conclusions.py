@@ -9,7 +9,6 @@ import pytest
 import xarray as xr
 
 from thesis_lib import (
-    cameras,
     conclusions,
     conclusions_figure,
     conclusions_tables,
@@ -17,7 +16,6 @@ from thesis_lib import (
     prose,
     storage,
     studies,
-    triangulation,
 )
 from thesis_lib.conclusions import KNOBS
 from thesis_lib.parameters import validate
@@ -85,21 +83,6 @@ def test_stated_factors_are_those_of_the_stated_figures():
     expected = [figures[0] / figures[-1] for figures in stated.values()]
     np.testing.assert_allclose(one.stated, [v for v in expected if np.isfinite(v)])
     assert one.stated.size
-
-
-@pytest.mark.parametrize("half_aperture", [8.0, 30.0, 80.0])
-@pytest.mark.parametrize("elevation", [5.0, 25.0, 60.0])
-def test_a_pairs_error_is_that_of_triangulation(conforms, half_aperture, elevation):
-    def deviation(a, phi):
-        azimuth = np.radians([a, -a])
-        rig = cameras.hemisphere_cameras(
-            0.6, azimuth, np.radians([phi, phi]), focal_px=400, size=(640, 360)
-        )
-        return triangulation.covariance(rig.P, np.zeros((3, 1)))[2, 2].item() ** 0.5
-
-    formula = conclusions.pair_error(np.array([half_aperture]), elevation)[0]
-    unit = deviation(90.0, 1e-6)  # where the formula is 1
-    conforms.independent(formula, deviation(half_aperture, elevation) / unit, rtol=1e-9)
 
 
 def test_settings_without_a_result_are_left_out_and_counted():

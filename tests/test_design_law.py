@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import zeta
+from scipy.stats import qmc
 
 from thesis_lib import (
     cubes,
@@ -69,20 +72,96 @@ def test_deflection_error_of_a_cone_holds_from_two_cameras_on(conforms, distance
 
 
 @given(distances, focals, st.floats(0.05, 3.1), st.floats(0.02, 1.4), st.floats(-3, 3))
-def test_pair_error_is_that_of_the_jacobian_wherever_the_pair_looks_from(
+def test_noise_of_a_pair_is_that_of_the_jacobian_wherever_it_looks_from(
     conforms, d, f, alpha, phi, turn
 ):
     P = hemisphere_cameras(d, [turn + alpha / 2, turn - alpha / 2], [phi, phi], f, SIZE).P
     exact = np.sqrt(covariance(P, np.zeros(3), 0.5)[2, 2])
-    closed = design_law.pair_deflection_error(d, f, alpha, phi, 0.5)
+    closed = design_law.pair_noise_error(d, f, alpha, phi, 0.5)
     conforms.closed_form(closed, exact, rtol=1e-9)
 
 
-def test_opposite_pair_is_a_cone_of_two(conforms):
-    pair = design_law.pair_deflection_error(0.7, 300, np.pi, 0.3)
-    conforms.invariance(
-        pair, design_law.cone_deflection_error(0.7, 300, 2, np.pi / 2 - 0.3), rtol=1e-12
+@pytest.mark.parametrize("form", [design_law.pair_deflection_error, design_law.pair_noise_error])
+def test_opposite_pair_is_a_cone_of_two(conforms, form):
+    cone = design_law.cone_deflection_error(0.7, 300, 2, np.pi / 2 - 0.3)
+    conforms.invariance(form(0.7, 300, np.pi, 0.3), cone, rtol=1e-12)
+
+
+# Brute force: images, whole pixels and triangulation; no law.
+
+
+def drawn(rig, points, draws):
+    """Errors (3, moved, draws, markers) of motions from the first of points (3, 1 + moved, m)."""
+    shift = qmc.Sobol(2 * len(rig), rng=0).random_base2(draws) - 0.5
+    shift = np.moveaxis(shift.reshape(-1, len(rig), 2), 0, 2)[:, :, None, :, None]
+    found = triangulate(rig.P, np.rint(project(rig.P, points)[:, :, :, None] + shift) - shift)
+    return found[:, 1:] - found[:, :1] - (points[:, 1:] - points[:, :1])[:, :, None]
+
+
+MOVED_PX = np.array([0.1, 0.5, 0.8, 1.3, 1.5, 2.2])  # of the image, about
+DIRECTIONS = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [0.6, -0.3, 0.7], [-0.2, 0.5, 0.8]])
+
+
+def motions(distance, focal):
+    """Motions (3, n) of the centre, deflections first."""
+    return np.concatenate(distance / focal * MOVED_PX[:, None] * DIRECTIONS[:, None]).T
+
+
+@pytest.mark.parametrize("aperture", [16, 60, 120, 180])
+@pytest.mark.parametrize("elevation", [10, 25, 60])
+def test_law_of_a_pair_is_that_of_draws_for_any_motion(conforms, aperture, elevation):
+    alpha, phi, distance, focal = np.radians(aperture), np.radians(elevation), 0.5, 8000.0
+    rig = hemisphere_cameras(distance, [alpha / 2, -alpha / 2], [phi, phi], focal, SIZE)
+    moved = motions(distance, focal)
+    points = np.concatenate([np.zeros((3, 1)), moved], axis=1)[..., None]
+    found = np.sqrt(np.mean(drawn(rig, points, 13)[2] ** 2, axis=(1, 2)))
+    law = design_law.pair_motion_error(distance, focal, alpha, phi, moved)
+    conforms.sampled(found, law, rtol=0.01, atol=1e-4 * distance / focal)
+    # Deflections alone, over all amplitudes: the aperture is nowhere in it.
+    bent = np.zeros((3, 257, 1))
+    bent[2, :, 0] = np.linspace(0, distance / focal / np.cos(phi), 257)
+    rms = np.sqrt(np.mean(drawn(rig, bent, 10)[2] ** 2))
+    closed = distance / focal * np.sqrt(1 / 6) / np.sqrt(2) / np.cos(phi)
+    conforms.sampled(rms, closed, rtol=0.01)
+    conforms.closed_form(
+        design_law.pair_deflection_error(distance, focal, alpha, phi), closed, rtol=1e-12
     )
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 8])
+@pytest.mark.parametrize("angle", [20, 55, 80])
+def test_law_of_a_cone_is_that_of_draws_for_any_motion(conforms, n, angle):
+    theta, distance, focal = np.radians(angle), 0.5, 8000.0
+    rig = cone_cameras(distance, theta, n, focal, SIZE)
+    moved = motions(distance, focal)
+    points = np.concatenate([np.zeros((3, 1)), moved], axis=1)[..., None]
+    found = np.sqrt(np.mean(drawn(rig, points, 13)[2] ** 2, axis=(1, 2)))
+    law = design_law.cone_motion_error(distance, focal, n, theta, moved)
+    conforms.sampled(found, law, rtol=0.01, atol=1e-4 * distance / focal)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", design_study.PARTS)
+@pytest.mark.parametrize("structure", ["beam", "plate"])
+def test_law_of_each_setting_of_the_thesis_is_that_of_draws(conforms, structure, part):
+    study = validate("design-law", {})
+    request = design_sweeps.thesis_study(study, structure, part)
+    peak = request.peaks_m[0]
+    points = design_sweeps.shapes(request.structure, peak)
+    points = points[..., :: 1 if structure == "beam" else 6]  # 25 markers of each
+    for setting in request.settings():
+        rig = setting.cameras(24, 36)
+        variance = rounding.deflection_variance(rig.P, points[:, :1], points[:, 1:])
+        found = np.sqrt(np.mean(drawn(rig, points, 10)[2] ** 2, axis=(1, 2)))
+        conforms.sampled(found, np.sqrt(np.mean(variance, axis=-1)), rtol=0.01)
+
+
+@given(st.floats(0, 30), st.floats(0, 2), st.floats(0.01, 2))
+def test_mean_over_amplitudes_is_that_of_many(conforms, displacement, least, more):
+    scale = least + more * (np.arange(20000) + 0.5) / 20000
+    many = np.mean(rounding.difference_variance(scale * displacement))
+    closed = rounding.mean_difference_variance(displacement, least, least + more)
+    conforms.closed_form(closed, many, atol=1e-4)
 
 
 def test_all_directions_are_alike_at_two_thirds(conforms):
@@ -247,9 +326,9 @@ def test_findings_follow_the_law_at_the_centre(conforms, cube):
 
 
 def test_findings_follow_the_law_over_all_markers(conforms, cube):
-    conforms.order(of(cube, "expected", "distance"), 1, atol=0.05)
-    conforms.order(of(cube, "expected", "resolution"), -1, atol=1e-9)
-    conforms.order(of(cube, "expected", "number"), -0.5, atol=0.002)
+    conforms.order(of(cube, "expected", "distance"), above=0.85, below=1)
+    conforms.order(of(cube, "expected", "resolution"), above=-1, below=-0.9)
+    conforms.order(of(cube, "expected", "number"), -0.5, atol=0.005)
     conforms.order(of(cube, "expected", "elevation"), below=-0.6)
     conforms.order(of(cube, "expected", "elevation"), above=-1)
     assert np.isnan(of(cube, "expected", "aperture")).all()
@@ -261,28 +340,55 @@ def test_far_below_a_pixel_distance_and_resolution_are_worth_the_root(conforms, 
     conforms.order(of(cube, "small", "number"), -0.5, atol=0.002)
 
 
-def test_closed_form_is_the_first_order_at_the_centre(conforms, study):
+def test_closed_forms_are_the_first_order_at_the_centre(conforms, study):
+    many = np.zeros((3, 2001, 1))  # a marker at the centre, over ten pixels of motion
     for finding in design_sweeps.FINDINGS:
         for value in design_sweeps.swept("plate", finding)[::20]:
             rig = design_sweeps.rig(study, "plate", finding, float(value))
-            centre = design_sweeps.expected(rig.cameras(), np.zeros((3, 1)))
-            conforms.closed_form(rig.centre_error(), centre, rtol=1e-9)
+            noise = design_sweeps.noisy(rig.cameras(), np.zeros((3, 1)))
+            conforms.closed_form(rig.centre_error(noisy=True), noise, rtol=1e-9)
+            far = replace(rig, focal=1000 * rig.focal)  # so that a pixel is nothing to the distance
+            lift = np.sin(rig.angle) if rig.count else np.cos(rig.elevation)
+            reach = 10 * rig.distance / (1000 * rig.focal * rig.size[0] * lift)
+            many[2, 1:, 0] = reach * (np.arange(2000) + 0.5) / 2000
+            rounded = design_sweeps.exact(far.cameras(), many)
+            conforms.closed_form(far.centre_error(), rounded, rtol=2e-3)
 
 
-@pytest.mark.parametrize("number", [0, 1])
-def test_wide_apertures_stop_helping_at_about_110_degrees(conforms, cube, number):
-    structure = str(cube["structure"].values[number])
-    best = float(cube["best_aperture"][number])
-    conforms.closed_form(best, above=105, below=120)
+@pytest.mark.parametrize("aperture", [16.0, 60.0, 124.0, 180.0])
+def test_averaged_law_is_that_of_draws_at_many_amplitudes(conforms, study, aperture):
+    rig = design_sweeps.rig(study, "beam", "aperture", aperture).cameras()
+    rest, *bent = np.moveaxis(design_sweeps.shapes(setups.beam(), 5.5e-3), 1, 0)
+    scale = np.linspace(*design_sweeps.AMPLITUDES, 64)
+    many = [rest + a * (one - rest) for one in bent for a in scale]
+    points = np.stack([rest, *many], axis=1)
+    found = np.sqrt(np.mean(drawn(rig, points, 7)[2] ** 2))
+    law = design_sweeps.expected(rig, np.stack([rest, *bent], axis=1))
+    conforms.sampled(found, law, rtol=0.02)
+
+
+@pytest.mark.parametrize("structure", ["beam", "plate"])
+def test_wide_apertures_stop_helping_over_the_markers(conforms, cube, structure):
     part = cube.sel(finding="aperture", structure=structure)
-    swept, error = part["swept"].values, part["expected_error"].values
-    conforms.independent(
-        abs(swept[np.argmin(error)] - best), below=3
-    )  # where the sweep has its least
-    assert np.all(np.diff(error[swept < best - 3]) < 0)
-    assert np.all(np.diff(error[swept > best + 3])[:10] > 0)
-    conforms.closed_form(float(cube["wide_gain"][number]), above=1.03, below=1.1)
-    assert np.all(np.diff(part["centre_error"]) < 0)  # at the centre it helps all the way
+    for kind, name in (("of the thesis", "exact_error"), ("averaged", "expected_error")):
+        best = float(part["best_aperture"].sel(amplitudes=kind))
+        conforms.closed_form(best, above=120, below=135)
+        at = part["swept"].values[np.argmin(part[name].values)]
+        conforms.independent(abs(at - best), below=3)  # where the sweep has its least
+        conforms.closed_form(float(part["wide_gain"].sel(amplitudes=kind)), above=1.03, below=1.12)
+    conforms.closed_form(part["centre_error"] / part["centre_error"][0], 1, rtol=1e-12)
+    assert np.all(np.diff(part["noisy_centre_error"]) < 0)  # to noise it helps all the way
+
+
+def test_pairs_tell_rounding_from_noise(conforms, cube):
+    for kind in ("", "_noise"):
+        ratio = cube[f"drawn_pair{kind}_error"] / cube[f"pair{kind}_error"]
+        conforms.sampled(ratio, 1, atol=0.1)
+    conforms.closed_form(cube["pair_error"].std("opening"), 0, atol=1e-15)
+    wide = cube.sel(opening=180)
+    conforms.closed_form(wide["pair_noise_error"], wide["pair_error"], rtol=1e-12)
+    conforms.closed_form(cube["pair_noise_error"].sel(tilt=60, opening=16) / cube["pair_error"].sel(
+        tilt=60, opening=16), above=6, below=6.5)  # fmt: skip
 
 
 def test_sweeps_are_over_the_ranges_of_the_thesis(cube):
@@ -294,7 +400,7 @@ def test_sweeps_are_over_the_ranges_of_the_thesis(cube):
 
 def test_growing_arrays_are_not_a_cone(conforms, cube):
     exponents = cube["array_exponent"]
-    conforms.order(exponents.sel(array=["4a", "4c"]), -1, atol=0.05)
+    conforms.order(exponents.sel(array="4a"), -0.79, atol=0.05)  # it starts with a poor pair
     conforms.order(exponents, below=-0.35)
     beam = exponents.sel(structure="beam")
     assert abs(float(beam.sel(array="4a'")) + 0.5) < abs(float(beam.sel(array="4a")) + 0.5)
@@ -443,7 +549,7 @@ def test_figures_are_drawn_from_the_cube_alone(cube, name):
 
 
 FROM = {"motion": "motion_error", "settings": "law_error", "cone": "cone_error",
-        "exponents": "small_exponent", "shares": "frame_error",
+        "exponents": "small_exponent", "pairs": "pair_error", "shares": "frame_error",
     "estimators": "crowd_error", "refined": "stand_error", "dither": "swing_error",
 }  # fmt: skip
 
@@ -459,7 +565,7 @@ def test_tables_have_the_numbers_of_the_cube(cube, name):
 
 def test_findings_of_the_page_have_the_numbers_of_the_cube(cube):
     text = design_tables.findings(cube)
-    best = " / ".join(f"{value:.0f}" for value in cube["best_aperture"].values)
+    best = " / ".join(f"{value:.0f}" for value in cube["best_aperture"].values[0])
     assert f"least error at {best}°" in text
     assert f"{float(of(cube, 'expected', 'elevation')[0]):.2f}".replace("-", "−") in text
     assert len([line for line in text.splitlines() if line.startswith("|")]) == 7

@@ -204,20 +204,6 @@ def exponent(x: Array, y: Array) -> float:
     return float(np.polyfit(np.log(x[kept]), np.log(y[kept]), 1)[0])
 
 
-def pair_error(half_aperture_deg: Array, elevation_deg: float) -> Array:
-    """Error of a vertical deflection by a pair at azimuths ± a, up to a factor.
-
-    sqrt(1 + sin² φ / tan² a) / cos φ at the centre, if all image coordinates are equally noisy.
-
-    Examples
-    --------
-    >>> pair_error(np.array([90.0]), 60.0).round(12).tolist()
-    [2.0]
-    """
-    a, phi = np.radians(half_aperture_deg), np.radians(elevation_deg)
-    return np.asarray(np.sqrt(1 + (np.sin(phi) / np.tan(a)) ** 2) / np.cos(phi))
-
-
 def step(values: Array, better: int) -> float:
     """The last value over the first, in the direction in which a knob is turned to measure better.
 

@@ -19,7 +19,6 @@ from thesis_lib.conclusions import (
     Strength,
     curves,
     exponent,
-    pair_error,
     shape_and_sound,
     signed,
     spread,
@@ -27,6 +26,7 @@ from thesis_lib.conclusions import (
     strengths,
 )
 from thesis_lib.cubes import percent_text
+from thesis_lib.design_law import pair_noise_error
 from thesis_lib.ledger_cube import from_cube
 from thesis_lib.markdown import table
 from thesis_lib.parameters import STUDIES
@@ -66,13 +66,15 @@ def _knob(name: str, opened: Cubes) -> str:
 
 
 def _pair(opened: Cubes) -> str:
-    """What the geometry of a pair would give if all its coordinates were equally noisy."""
+    """What a pair gives at the centre: to noise in all its coordinates, and to whole pixels."""
     at: dict[float, float] = {}
     for curve in curves(opened, KNOBS["wider"]):
-        at[curve.elevation] = step(pair_error(curve.values / 2, curve.elevation), 1)
+        angles = np.radians(curve.values), np.radians(curve.elevation)
+        at[curve.elevation] = step(pair_noise_error(1, 1, *angles), 1)
     words = [f"×{at[elevation]:.2f} at {elevation:g}°" for elevation in sorted(at)]
     return (
-        f"\nBy {{eq}}`eq-errata-pair` one expects, by the elevation, {', '.join(words)}.\n"
+        f"\nAt the centre one expects of noise, {{eq}}`eq-pair-noise`, by the elevation, "
+        f"{', '.join(words)}; and of whole pixels, {{eq}}`eq-pair-rounded`, no change.\n"
         if words
         else ""
     )

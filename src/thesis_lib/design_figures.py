@@ -119,7 +119,9 @@ def findings(cube: xr.Dataset) -> Figure:
             axis.plot(x, part["expected_error"], color=color(2 * s), linewidth=1.8, label=one)
             axis.plot(x, part["centre_error"], ":", color=color(2 * s), linewidth=1.3)
             if name == "aperture":
-                axis.axvline(float(part["best_aperture"]), color=color(2 * s), linewidth=0.8)
+                axis.plot(x, part["noisy_error"], "--", color=color(2 * s), linewidth=1)
+                axis.axvline(float(part["best_aperture"].isel(amplitudes=1)), color=color(2 * s),
+                             linewidth=0.8)  # fmt: skip
         axis.set(title=f"({'abcde'[number]})", xlabel=words)
         logarithmic(axis.yaxis, PERCENT)
     logarithmic(axes["distance"].xaxis, [500, 750, 1000, 1500])
@@ -136,6 +138,8 @@ def findings(cube: xr.Dataset) -> Figure:
     ):
         axes["resolution"].plot([], [], style[0], linewidth=style[1], color=INK, label=words)
     axes["resolution"].legend(loc="lower left")
+    (noise,) = axes["aperture"].plot([], [], "--", linewidth=1, color=INK)
+    axes["aperture"].legend([noise], ["independent noise"], loc="upper center")
     return drawing
 
 

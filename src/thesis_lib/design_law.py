@@ -1,13 +1,18 @@
-"""Closed forms for whoever must place cameras: what the law of rounding is on average.
+"""Closed forms for whoever must place cameras, at the centre that all of them look at.
 
-Averaged over amplitudes, the rounding error of a motion has variance 1/6 px², the mean of f(1 − f)
-of :mod:`thesis_lib.rounding`. With σ² in its place, cameras in unit directions e at distance R and
-focal length f (px) leave a point at their centre with the covariance
+An image coordinate j that is wrong by σⱼ moves the refined point by gⱼ = ∂X/∂mⱼ times as much. With
+JᵀJ = (f/R)² Σ (I − e eᵀ), of cameras in unit directions e at distance R with a focal length of f
+px, the response along the normal is
 
-    C = σ² (JᵀJ)⁻¹,  JᵀJ = (f/R)² Σ (I − e eᵀ).
+    pair at elevation φ, azimuths α apart:   g_v = R / (2 f cos φ),  g_u = ± tan φ cot(α/2) R / 2f,
+    N cameras on a cone, θ from the normal:  g_v = R / (N f sin θ),  g_u = 0,
 
-On a cone of angle θ about the normal, N ≥ 3 cameras at equal steps of azimuth have
-Σ e eᵀ = N diag(½ sin²θ, ½ sin²θ, cos²θ), so that everything is known in closed form.
+and Var z = Σ gⱼ² σⱼ². What σⱼ is depends on what makes the error:
+
+* *Independent noise* gives all coordinates the same σ, whether they move or not.
+* *Rounding* gives a coordinate that moves by δ px the variance f(1 − f), f = frac |δ|, of
+  :mod:`thesis_lib.rounding`: 1/6 px² averaged over amplitudes, and nothing if it does not move. A
+  deflection of the centre moves v alone. It is spared what u adds for a narrow pair.
 """
 
 from __future__ import annotations
@@ -16,7 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import jv
 
-from thesis_lib.cameras import CameraArray, hemisphere_cameras
+from thesis_lib.cameras import CameraArray, hemisphere_cameras, project
+from thesis_lib.rounding import difference_variance
 
 Array = NDArray[np.float64]
 
@@ -59,7 +65,10 @@ def cone_deflection_error(
     angle: ArrayLike,
     sigma_px: float = MOTION_PX,
 ) -> Array:
-    """Standard deviation R σ / (f √N sin θ) along the normal, of 2 or more cameras on a cone, m."""
+    """Standard deviation R σ / (f √N sin θ) along the normal, of 2 or more cameras on a cone, m.
+
+    For independent noise, and for a rounded deflection, since u does not count: g_u = 0.
+    """
     n = np.asarray(n_cameras, float)
     if not np.all(n >= 2):
         raise ValueError(f"n_cameras: given {np.min(n):g}, allowed: 2 or more")
@@ -72,7 +81,10 @@ def cone_covariance(
 ) -> Array:
     """Covariance of a point at the centre of a cone of 3 or more cameras.
 
+    Since Σ e eᵀ = N diag(½ sin²θ, ½ sin²θ, cos²θ) it is diagonal, with
     σ_x = σ_y = R σ / (f √(N (1 − ½ sin²θ))), σ_z = R σ / (f √N sin θ): equal at sin²θ = ⅔.
+    Of independent noise; of rounding, each axis for motions along it, on average over amplitudes:
+    a coordinate that such a motion does not move does not count for that axis either.
 
     Parameters
     ----------
@@ -110,16 +122,90 @@ def pair_deflection_error(
     focal_px: ArrayLike,
     aperture: ArrayLike,
     elevation: ArrayLike,
-    sigma_px: float = MOTION_PX,
+    sigma_px: ArrayLike = MOTION_PX,
+    sideways_px: ArrayLike = 0.0,
 ) -> Array:
     """Standard deviation along the normal, in m, of two cameras that share an elevation.
 
-    R σ / (f √2) · √(1 + tan²φ / sin²(α/2)), with the azimuths α apart. For opposite cameras
-    (α = 180°) this is R σ / (f √2 cos φ).
+    R / (f √2) · √(σ_v² / cos²φ + σ_u² tan²φ / tan²(α/2)). A rounded deflection of the centre has
+    σ_u = 0, which leaves R σ_v / (f √2 cos φ), whatever the aperture.
+
+    Parameters
+    ----------
+    distance, focal_px : array_like
+        Distance R in m and focal length f in px.
+    aperture, elevation : array_like
+        Difference α of the azimuths and elevation φ in rad.
+    sigma_px, sideways_px : array_like
+        Standard deviations σ_v and σ_u in px of the image coordinates down and to the right.
     """
-    tilt = np.tan(elevation) / np.sin(np.asarray(aperture, float) / 2)
-    scale = np.asarray(distance, float) * sigma_px / np.asarray(focal_px, float)
-    return np.asarray(scale * np.sqrt((1 + tilt**2) / 2))
+    upright = np.asarray(sigma_px, float) / np.cos(elevation)
+    across = sideways_px * np.tan(elevation) / np.tan(np.asarray(aperture, float) / 2)
+    scale = np.asarray(distance, float) / np.asarray(focal_px, float)
+    return np.asarray(scale * np.sqrt((upright**2 + across**2) / 2))
+
+
+def pair_noise_error(
+    distance: ArrayLike,
+    focal_px: ArrayLike,
+    aperture: ArrayLike,
+    elevation: ArrayLike,
+    sigma_px: float = MOTION_PX,
+) -> Array:
+    """The same for independent noise, alike in all coordinates, as in filmed recordings.
+
+    R σ / (f √2) · √(1 + tan²φ / sin²(α/2)); for opposite cameras R σ / (f √2 cos φ), as for
+    rounding.
+    """
+    return pair_deflection_error(distance, focal_px, aperture, elevation, sigma_px, sigma_px)
+
+
+def pair_motion_error(
+    distance: float, focal_px: float, aperture: float, elevation: float, motion: ArrayLike
+) -> Array:
+    """The same for one rounded motion of the centre, in any direction and of any size, in m.
+
+    R / 2f · √(Σ V / cos²φ + Σ U tan²φ / tan²(α/2)), summed over both cameras, with the f(1 − f) of
+    what each coordinate moves by.
+
+    Parameters
+    ----------
+    distance, focal_px, aperture, elevation : float
+        As above; the azimuths are ± α/2 from +Y.
+    motion : array_like, shape (3, ...)
+        Motion in m, small against the distance.
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    azimuth = np.array([aperture, -aperture]) / 2
+    variance = _rounded(distance, focal_px, azimuth, np.full(2, elevation), motion)
+    u, v = np.sqrt(variance.mean(axis=0))
+    return pair_deflection_error(distance, focal_px, aperture, elevation, v, u)
+
+
+def cone_motion_error(
+    distance: float, focal_px: float, n_cameras: int, angle: float, motion: ArrayLike
+) -> Array:
+    """Error along the normal, in m, of one rounded motion of the centre of a cone.
+
+    R / (N f sin θ) · √(Σ V), summed over the 2 or more cameras, with V = f(1 − f) of what each
+    image moves down by: `motion` as in :func:`pair_motion_error`.
+    """
+    directions = cone_directions(angle, n_cameras)
+    v = np.sqrt(_rounded(distance, focal_px, *directions, motion)[:, 1].mean(axis=0))
+    return cone_deflection_error(distance, focal_px, n_cameras, angle) * v / MOTION_PX
+
+
+def _rounded(
+    distance: float, focal_px: float, azimuth: Array, elevation: Array, motion: ArrayLike
+) -> Array:
+    """Variances f(1 − f) in px² (cameras, 2, ...) of images of the centre that moves."""
+    rig = hemisphere_cameras(distance, azimuth, elevation, focal_px, (2, 2))
+    moved = np.asarray(motion, float)
+    images = project(rig.P, np.stack([np.zeros_like(moved), moved], axis=1))
+    return difference_variance(images[:, :, 1] - images[:, :, 0])
 
 
 def swing_error(amplitude_px: ArrayLike) -> Array:

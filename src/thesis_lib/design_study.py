@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from thesis_lib import design_dither, design_law, estimators, rounding, setups, studies
 from thesis_lib.cameras import pixelate, project
 from thesis_lib.design_law import MOTION_PX, cone_cameras
+from thesis_lib.design_pairs import OPENINGS, TILTS, pairs
 from thesis_lib.design_request import DesignLaw
 from thesis_lib.design_shares import ESTIMATORS, equal_pixels
 from thesis_lib.design_sweeps import FINDINGS, MODES, STRUCTURES, arrays, findings, thesis_study
@@ -44,19 +45,32 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
     "cone_difference": ((), "1", "largest relative difference of closed form and Jacobian"),
     "swept": (("finding", "structure", "step"), "1", "value of the varied parameter"),
     "expected_error": (
-        ("finding", "structure", "step"), "percent", "rms error of markers, amplitudes averaged"),
+        ("finding", "structure", "step"), "percent",
+        "rms error of markers by the law, amplitudes averaged"),
     "exact_error": (
         ("finding", "structure", "step"), "percent", "rms error of markers in modes 1 to 3"),
     "centre_error": (
         ("finding", "structure", "step"), "percent", "error at the centre, closed form"),
+    "noisy_error": (
+        ("finding", "structure", "step"), "percent", "rms error of markers by independent noise"),
+    "noisy_centre_error": (
+        ("finding", "structure", "step"), "percent",
+        "error at the centre by independent noise, closed form"),
     "expected_exponent": (
         ("finding", "structure"), "1", "exponent of the error of the markers"),
     "centre_exponent": (("finding", "structure"), "1", "exponent of the error at the centre"),
     "small_exponent": (
         ("finding", "structure"), "1", "exponent of the error of motions far below a pixel"),
-    "best_aperture": (("structure",), "degree", "aperture of the least error, low elevation"),
+    "best_aperture": (
+        ("amplitudes", "structure"), "degree", "aperture of the least error, low elevation"),
     "wide_gain": (
-        ("structure",), "1", "error at an aperture of 60 degrees over the least error"),
+        ("amplitudes", "structure"), "1", "error at an aperture of 60 degrees over the least"),
+    "pair_error": (("tilt", "opening"), "m", "error at the centre of a pair, rounded, closed form"),
+    "drawn_pair_error": (("tilt", "opening"), "m", "error at the centre of a pair, rounded, drawn"),
+    "pair_noise_error": (
+        ("tilt", "opening"), "m", "error at the centre of a pair, independent noise, closed form"),
+    "drawn_pair_noise_error": (
+        ("tilt", "opening"), "m", "error at the centre of a pair, independent noise, drawn"),
     "array_exponent": (
         ("array", "structure"), "1", "exponent of the error in the number of cameras"),
     "width_px": (("count", "rate"), "1", "width of the sensor in px"),
@@ -109,13 +123,14 @@ def run(study: DesignLaw) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        (a) along ``motion`` and ``setting``, (b) along ``angle``, (c) along ``finding``,
+        (a) along ``motion`` and ``setting``, (b) along ``angle``, (c) along ``finding`` and for
+        pairs along ``tilt`` and ``opening``,
         (d) along ``count`` and ``rate``, (e) estimators along ``crowd``, ``noise`` and ``stand``,
         (f) dither along ``swing``, ``shake`` and ``disc``; ``quantity``, ``value`` and ``unit``
         are what runs are compared by.
     """
     cube = xr.Dataset(coords=_coordinates(study))
-    parts = (_motions, _settings, _cone, findings, arrays, equal_pixels,
+    parts = (_motions, _settings, _cone, findings, arrays, pairs, equal_pixels,
              design_dither.estimated, design_dither.dithered)  # fmt: skip
     for part in parts:
         _add(cube, part(study))
@@ -144,6 +159,10 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "finding": ("finding", list(FINDINGS), "1", "what is varied"),
         "structure": ("structure", list(STRUCTURES), "1", "what is measured"),
         "array": ("array", list(setups.pairs()), "1", "growing array of the thesis"),
+        "amplitudes": (
+            "amplitudes", ["of the thesis", "averaged"], "1", "what the law is taken for"),
+        "tilt": ("tilt", list(TILTS), "degree", "elevation of a pair"),
+        "opening": ("opening", list(OPENINGS), "degree", "aperture of a pair"),
         "count": ("count", study.counts, "1", "number of cameras"),
         "rate": ("rate", study.frame_rates_hz, "Hz", "frames per second, about"),
         "estimator": ("estimator", list(ESTIMATORS), "1", "how points are estimated"),
@@ -248,6 +267,9 @@ def _summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
     for axis in "XYZ":
         over = cube["cone_drawn_error"].sel(axis=axis) / cube["cone_error"].sel(axis=axis)
         of(f"cone, drawn over closed form, {axis}", np.sqrt(np.mean(over**2)))
+    for words, kind in (("rounded", ""), ("independent noise", "_noise")):
+        over = cube[f"drawn_pair{kind}_error"] / cube[f"pair{kind}_error"]
+        of(f"pairs, drawn over closed form, {words}", np.sqrt(np.mean(over**2)))
     for one in STRUCTURES:
         part = cube.sel(structure=one)
         for finding in FINDINGS[:-1]:
@@ -256,8 +278,10 @@ def _summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
                part["centre_exponent"].sel(finding=finding))  # fmt: skip
             of(f"exponent of {finding} far below a pixel, {one}",
                part["small_exponent"].sel(finding=finding))  # fmt: skip
-        of(f"best aperture, {one}", part["best_aperture"], "degree")
-        of(f"error at 60 degrees over the least, {one}", part["wide_gain"])
+        for kind in cube["amplitudes"].values:
+            taken, words = part.sel(amplitudes=kind), f"amplitudes {kind}, {one}"
+            of(f"best aperture, {words}", taken["best_aperture"], "degree")
+            of(f"error at 60 degrees over the least, {words}", taken["wide_gain"])
         for array in setups.pairs():
             of(f"exponent of number in {array}, {one}", part["array_exponent"].sel(array=array))
     for count in study.counts:

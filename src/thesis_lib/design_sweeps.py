@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
 
 from thesis_lib import design_law, rounding, setups
-from thesis_lib.cameras import CameraArray, hemisphere_cameras
+from thesis_lib.cameras import CameraArray, hemisphere_cameras, project
 from thesis_lib.design_law import MOTION_PX
 from thesis_lib.design_request import DesignLaw
 from thesis_lib.estimators import exponent
@@ -27,6 +26,7 @@ STRUCTURES: dict[str, Callable[[], Structure]] = {"beam": setups.beam, "plate": 
 FINDINGS = ("distance", "resolution", "number", "elevation", "aperture")
 STEPS = 61  # of a sweep
 WIDE_DEG = 60.0  # aperture from which on the rest is counted
+AMPLITUDES = (0.5, 1.5)  # from and to how many times the thesis's is averaged
 
 
 @dataclass(frozen=True)
@@ -66,17 +66,19 @@ class Rig:
         elevation = np.full(2, self.elevation)
         return hemisphere_cameras(self.distance, azimuth, elevation, focal_px, self.size)
 
-    def centre_error(self) -> float:
-        """Error at the centre in m by the closed forms, averaged over amplitudes."""
+    def centre_error(self, noisy: bool = False) -> float:
+        """Error of a deflection at the centre in m by the closed forms, amplitudes averaged.
+
+        Of rounding, or of independent noise as large in every coordinate.
+        """
         focal_px = self.focal * self.size[0]
         if self.count:
             error = design_law.cone_deflection_error(
                 self.distance, focal_px, self.count, self.angle
             )
         else:
-            error = design_law.pair_deflection_error(
-                self.distance, focal_px, self.aperture, self.elevation
-            )
+            pair = design_law.pair_noise_error if noisy else design_law.pair_deflection_error
+            error = pair(self.distance, focal_px, self.aperture, self.elevation)
         return float(error)
 
 
@@ -118,10 +120,22 @@ def shapes(structure: Structure, peak: float) -> Array:
     return world_points(structure, np.array([np.zeros_like(bent[0]), *bent]))
 
 
-def expected(cameras: CameraArray, points: Array) -> float:
-    """Rms deflection error in m of markers (3, m), averaged over amplitudes."""
+def noisy(cameras: CameraArray, points: Array) -> float:
+    """Rms deflection error in m of markers (3, m) by independent noise, 1/6 px² a coordinate."""
     g = gain(cameras.P, points)[2]
     return float(MOTION_PX * np.sqrt(np.mean(np.sum(g**2, axis=(0, 1)))))
+
+
+def expected(cameras: CameraArray, points: Array) -> float:
+    """Rms deflection error in m of markers (3, 1 + modes, m) by the law of rounding.
+
+    Averaged over amplitudes from half to one and a half of theirs; the first are at rest.
+    """
+    g = gain(cameras.P, points[:, 0])[2]
+    images = project(cameras.P, points)
+    moved = images[:, :, 1:] - images[:, :, :1]
+    variance = rounding.mean_difference_variance(moved, *AMPLITUDES)
+    return float(np.sqrt(np.mean(np.sum(g[:, :, None] ** 2 * variance, axis=(0, 1)))))
 
 
 def exact(cameras: CameraArray, points: Array) -> float:
@@ -133,41 +147,52 @@ def exact(cameras: CameraArray, points: Array) -> float:
 def findings(study: DesignLaw) -> dict[str, ArrayLike]:
     """Distance, resolution, number, elevation and aperture, each by itself."""
     shape = (len(FINDINGS), len(STRUCTURES), STEPS)
-    values, averaged, usual, small, centre = (np.empty(shape) for _ in range(5))
-    best, gained = [], []
+    values, averaged, usual, small, centre, noise, noisy_centre = (
+        np.empty(shape) for _ in range(7)
+    )
+    best, gained = np.empty((2, len(STRUCTURES))), np.empty((2, len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
         peak = float(setups.reading(name)["amplitude_mm"]) / 1000
         tiny_peak = study.small_amplitude_mm / 1000
         points, tiny = shapes(make(), peak), shapes(make(), tiny_peak)
-        rest = points[:, 0]
         for f, finding in enumerate(FINDINGS):
             values[f, s] = swept(name, finding)
             for i, value in enumerate(values[f, s]):
                 one = rig(study, name, finding, value)
                 cameras = one.cameras()
-                averaged[f, s, i] = 100 * expected(cameras, rest) / peak
+                averaged[f, s, i] = 100 * expected(cameras, points) / peak
                 usual[f, s, i] = 100 * exact(cameras, points) / peak
                 small[f, s, i] = 100 * exact(cameras, tiny) / tiny_peak
                 centre[f, s, i] = 100 * one.centre_error() / peak
-        least, wide = best_aperture(study, name, rest)
-        best.append(least)
-        gained.append(wide)
+                noise[f, s, i] = 100 * noisy(cameras, points[:, 0]) / peak
+                noisy_centre[f, s, i] = 100 * one.centre_error(noisy=True) / peak
+        for k, error in enumerate((exact, expected)):
+            best[k, s], gained[k, s] = best_aperture(study, name, points, error)
     return {
         "swept": values, "expected_error": averaged, "exact_error": usual, "centre_error": centre,
+        "noisy_error": noise, "noisy_centre_error": noisy_centre,
         "expected_exponent": _exponents(values, averaged),
         "centre_exponent": _exponents(values, centre), "small_exponent": _exponents(values, small),
         "best_aperture": best, "wide_gain": gained,
     }  # fmt: skip
 
 
-def best_aperture(study: DesignLaw, structure: str, markers: Array) -> tuple[float, float]:
-    """Aperture in degrees of the least error, and the error at `WIDE_DEG` over it."""
+def best_aperture(
+    study: DesignLaw,
+    structure: str,
+    points: Array,
+    law: Callable[[CameraArray, Array], float],
+) -> tuple[float, float]:
+    """Aperture in whole degrees of the least error, and the error at `WIDE_DEG` over it."""
 
     def error(aperture: float) -> float:
-        return expected(rig(study, structure, "aperture", aperture).cameras(), markers)
+        return law(rig(study, structure, "aperture", aperture).cameras(), points)
 
-    found = minimize_scalar(error, bounds=(10, 180), method="bounded", options={"xatol": 1e-3})
-    return float(found.x), error(WIDE_DEG) / float(found.fun)
+    # Every degree: with amplitudes as they are the law has many dips.
+    apertures = np.arange(10.0, 181.0)
+    errors = [error(aperture) for aperture in apertures]
+    best = int(np.argmin(errors))
+    return float(apertures[best]), error(WIDE_DEG) / errors[best]
 
 
 def _exponents(values: Array, errors: Array) -> Array:
@@ -191,11 +216,11 @@ def arrays(study: DesignLaw) -> dict[str, ArrayLike]:
     """The exponent in the number of cameras of the thesis's growing arrays."""
     found = np.empty((len(setups.pairs()), len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
-        rest = shapes(make(), 1.0)[:, 0]
+        points = shapes(make(), float(setups.reading(name)["amplitude_mm"]) / 1000)
         settings = thesis_study(study, name, "arrays").settings()
         for c, case in enumerate(setups.pairs()):
             grown = [setting for setting in settings if setting.case == case]
             lens = study.focal_length_mm, study.sensor_width_mm
-            errors = [expected(one.cameras(*lens), rest) for one in grown]
+            errors = [expected(one.cameras(*lens), points) for one in grown]
             found[c, s] = exponent([len(one.directions_deg) for one in grown], errors)
     return {"array_exponent": found}

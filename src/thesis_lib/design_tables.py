@@ -12,6 +12,7 @@ from IPython.display import SVG, Markdown
 
 from thesis_lib import design_dither, design_figures, dither
 from thesis_lib.cubes import percent_text
+from thesis_lib.design_pairs import paired
 from thesis_lib.estimators import exponent
 from thesis_lib.markdown import table
 from thesis_lib.style import svg
@@ -112,18 +113,24 @@ def exponents(cube: xr.Dataset) -> str:
         if np.isfinite(cube["centre_exponent"].sel(finding=finding)).all()
     ]  # fmt: skip
     header = ["", "at the centre", "over all markers", "far below a pixel"]
-    return table(header, rows) + (
-        f"\nExponents for {' / '.join(_structures(cube))}, that of elevation of cos φ. The least "
-        f"error has an aperture of {_both(cube['best_aperture'].values, 1)}°; at 60° it is "
-        f"{_both(cube['wide_gain'].values, 3)} times as large.\n"
-    )
+    text = f"\nExponents for {' / '.join(_structures(cube))}, that of elevation of cos φ.\n"
+    for kind in cube["amplitudes"].values:
+        at = cube.sel(amplitudes=kind)
+        text += (
+            f"With amplitudes {kind} the least error has an aperture of "
+            f"{_both(at['best_aperture'].values, 0)}°; at 60° it is "
+            f"{_both(at['wide_gain'].values, 3)} times as large.\n"
+        )
+    return table(header, rows) + text
 
 
 def findings(cube: xr.Dataset) -> str:
     """The thesis's five findings: what it says, the law, what is measured, where it ends."""
     spread = _range(cube["array_exponent"].transpose("array", "structure"))
-    best = _both(cube["best_aperture"].values, 0)
-    late = " / ".join(f"{100 * (gain - 1):.0f} %" for gain in cube["wide_gain"].values)
+    best, late = (
+        [_both(scale * (row - less), 0) for row in cube[name].values]
+        for name, scale, less in (("best_aperture", 1, 0), ("wide_gain", 100, 1))
+    )
     low = cube.sel(finding="elevation")["expected_error"]
     values = cube.sel(finding="elevation")["swept"]
     gains = [
@@ -144,8 +151,9 @@ def findings(cube: xr.Dataset) -> str:
         "elevation": ("lower cameras measure better", "$(\\cos\\varphi)^{-1}$",
                       f"from 20° down to {lowest:g}° there is {below} left to gain"),
         "aperture": ("wider apertures measure better",
-                     "$\\sqrt{1 + \\tan^2\\varphi / \\sin^2(\\alpha/2)}$",
-                     f"least error at {best}°; from 60° on there is {late} left to gain"),
+                     "no effect: $u$ does not move",
+                     f"least error at {best[0]}°; from 60° on there is {late[0]} % left to gain "
+                     f"(amplitudes averaged: {best[1]}°, {late[1]} %)"),
     }  # fmt: skip
     rows = []
     for finding, (words, law, end) in said.items():
@@ -282,10 +290,11 @@ def dithered(cube: xr.Dataset) -> str:
 
 
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
-    "motion": motion, "settings": settings, "cone": cone, "exponents": exponents, "shares": shares,
+    "motion": motion, "settings": settings, "cone": cone, "exponents": exponents,
+    "pairs": paired, "shares": shares,
     "estimators": estimated, "refined": refined, "dither": dithered,
 }  # fmt: skip
 PIECES: dict[str, Callable[[xr.Dataset], str]] = {
-    "settings": settings, "findings": findings, "shares": few_shares,
+    "settings": settings, "findings": findings, "pairs": paired, "shares": few_shares,
     "estimators": estimated, "refined": refined, "dither": dithered,
 }  # fmt: skip

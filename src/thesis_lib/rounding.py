@@ -48,6 +48,26 @@ def difference_variance(displacement_px: ArrayLike) -> Array:
     return f * (1 - f)
 
 
+def mean_difference_variance(displacement_px: ArrayLike, least: float, most: float) -> Array:
+    """Mean of f(1 − f) in px² over motions from `least` to `most` times a displacement, evenly.
+
+    Towards 1/6 for a range of many pixels, to 0 for what does not move: of ⌊x⌋/6 + f²/2 − f³/3, the
+    integral of f(1 − f) from 0 to x, the difference between both ends.
+    """
+    delta = np.abs(np.asarray(displacement_px, float))
+
+    def total(x: Array) -> Array:
+        whole = np.floor(x)
+        f = x - whole
+        return np.asarray(whole / 6 + f**2 / 2 - f**3 / 3)
+
+    span = (most - least) * delta
+    rise = total(most * delta) - total(least * delta)
+    # Of next to no motion f(1 − f) is the motion, and the difference of integrals rounding noise.
+    small = span < 1e-6
+    return np.where(small, (least + most) / 2 * delta, rise / np.where(small, 1, span))
+
+
 def deflection_variance(
     P: ArrayLike,
     rest: ArrayLike,
