@@ -170,7 +170,7 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
     tasks = [
         *runs.job_tasks(plan.ran),
         *publishing,
-        _conformance(plan),
+        {**_conformance(plan), "task_dep": [f"thesis:{one['name']}" for one in publishing]},
         runs.task(
             "numbers",
             lambda: prose.write(made, executed, without),
