@@ -11,11 +11,29 @@ from typing import Any
 
 from playwright.sync_api import Page
 
-from thesis_lib.book import npm_ci
+from thesis_lib.book import BookError, npm_ci
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "build" / "axe"
 WORST = ("serious", "critical")
+# What folds is opened at once; of many rows, entries and words of code that are alike, some stand
+# for all.
+PREPARE = """() => {
+  const style = document.createElement('style');
+  style.textContent = '* { animation: none !important; transition: none !important; }';
+  document.head.append(style);
+  for (const one of document.querySelectorAll('details')) one.open = true;
+  const most = { SECTION: 8 };
+  for (const tag of 'A DD DL DT EM LI P SPAN TBODY TR'.split(' ')) most[tag] = 3;
+  for (const parent of document.querySelectorAll('.bd-article, .bd-article *')) {
+    const seen = {};
+    for (const child of [...parent.children]) {
+      const kind = `${child.tagName}.${child.getAttribute('class')}.${child.getAttribute('style')}`;
+      seen[kind] = (seen[kind] ?? 0) + 1;
+      if (seen[kind] > (most[child.tagName] ?? Infinity)) child.remove();
+    }
+  }
+}"""
 
 
 @cache
@@ -41,6 +59,16 @@ def source() -> str:
                 shutil.copy(package / part, FOLDER)
         stamp.write_text(digest)
     return file.read_text(encoding="utf-8")
+
+
+@cache
+def absent() -> str:
+    """Why there is no checker; empty if there is one."""
+    try:
+        source()
+    except BookError as error:
+        return f"no axe-core: {error}"
+    return ""
 
 
 def findings(page: Page, *rules: str, without: tuple[str, ...] = ()) -> list[str]:
@@ -69,3 +97,26 @@ def findings(page: Page, *rules: str, without: tuple[str, ...] = ()) -> list[str
         if rule["impact"] in WORST
         for node in rule["nodes"]
     ]
+
+
+def light_and_dark(page: Page, *, theme: bool = False, without: tuple[str, ...] = ()) -> list[str]:
+    """What is seriously wrong with an open page, by any rule in the light, by contrast in the dark.
+
+    Parameters
+    ----------
+    page : Page
+        Cut short where it repeats itself: nothing else can be asked of it afterwards.
+    theme : bool
+        Whether the page has a theme of its own that follows the browser's.
+    without : tuple of str
+        Selectors of parts to leave out.
+    """
+    page.evaluate(PREPARE)
+    page.emulate_media(color_scheme="light")
+    found = findings(page, without=without)
+    page.emulate_media(color_scheme="dark")
+    if theme:
+        page.wait_for_function(
+            "() => document.documentElement.dataset.theme === 'dark'", timeout=120_000
+        )
+    return found + findings(page, "color-contrast", without=without)

@@ -1,4 +1,7 @@
-"""Names, roles, alternatives and contrast of every page, as axe-core sees them, light and dark."""
+"""Names, roles, alternatives and contrast as axe-core sees them, light and dark.
+
+The pages of the book are held against it where they are opened: in ``test_book_pages``.
+"""
 
 from __future__ import annotations
 
@@ -12,67 +15,32 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 import axe
 from browser import browser, find_browser
 from playwright.sync_api import Page
-from test_book_pages import BOOK, PAGES, needs_book, notebook  # noqa: F401
+from test_book_pages import notebook  # noqa: F401
 
 from thesis_lib import book, rerun_form
 from thesis_lib.accessible import mend
 
-pytestmark = [
-    pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome on this machine"),
-    pytest.mark.xdist_group("browser"),
-]
-
-# What folds is opened at once; of many rows, entries and words of code that are alike, some stand
-# for all.
-PREPARE = """() => {
-  const style = document.createElement('style');
-  style.textContent = '* { animation: none !important; transition: none !important; }';
-  document.head.append(style);
-  for (const one of document.querySelectorAll('details')) one.open = true;
-  const most = { SECTION: 8 };
-  for (const tag of 'A DD DL DT EM LI P SPAN TBODY TR'.split(' ')) most[tag] = 3;
-  for (const parent of document.querySelectorAll('.bd-article, .bd-article *')) {
-    const seen = {};
-    for (const child of [...parent.children]) {
-      const kind = `${child.tagName}.${child.getAttribute('class')}.${child.getAttribute('style')}`;
-      seen[kind] = (seen[kind] ?? 0) + 1;
-      if (seen[kind] > (most[child.tagName] ?? Infinity)) child.remove();
-    }
-  }
-}"""
-SAME = (".bd-sidebar-primary", ".bd-header-article", ".bd-footer")  # on every page
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="no Chromium or Chrome on this machine"
+)
 
 
 @pytest.fixture(scope="module")
 def page() -> Iterator[Page]:
     """A tab that all tests share; skipped where the checker cannot be installed."""
-    try:
-        axe.source()
-    except book.BookError as error:
-        pytest.skip(f"no axe-core: {error}")
+    if axe.absent():
+        pytest.skip(axe.absent())
     with browser() as running:
         context = running.new_context(viewport={"width": 1280, "height": 900}, offline=True)
         context.set_default_timeout(120_000)
         yield context.new_page()
 
 
-def check(page: Page, path: Path, *, theme: bool = True, without: tuple[str, ...] = ()) -> None:
-    """Open a file and expect nothing serious, of any rule in the light, of contrast in the dark."""
-    page.emulate_media(color_scheme="light")
+def opened(page: Page, path: Path) -> Page:
+    """The tab with a file in it, its equations included."""
     page.goto(path.resolve().as_uri())
     page.evaluate("() => window.MathJax?.startup?.promise")
-    page.evaluate(PREPARE)
-    assert axe.findings(page, without=without) == []
-    page.emulate_media(color_scheme="dark")
-    if theme:
-        page.wait_for_function("() => document.documentElement.dataset.theme === 'dark'")
-    assert axe.findings(page, "color-contrast", without=without) == []
-
-
-@needs_book
-@pytest.mark.parametrize("name", [name for name in PAGES if name != "index.html"])  # it is intro
-def test_nothing_serious_on_a_page_of_the_book(page: Page, name: str) -> None:
-    check(page, BOOK / name, without=() if name == "intro.html" else SAME)
+    return page
 
 
 def test_nothing_serious_on_a_page_of_a_run(
@@ -81,9 +49,9 @@ def test_nothing_serious_on_a_page_of_a_run(
 ) -> None:
     html = notebook.with_suffix(".html")
     html.write_text(book.page(notebook, "Run"), encoding="utf-8")
-    check(page, html, theme=False)
+    assert axe.light_and_dark(opened(page, html)) == []
     html.write_text(book.index_page("Runs", [("A", "a.html")]), encoding="utf-8")
-    check(page, html, theme=False)
+    assert axe.light_and_dark(opened(page, html)) == []
 
 
 def test_nothing_serious_in_the_form(page: Page, tmp_path: Path) -> None:
@@ -95,7 +63,7 @@ def test_nothing_serious_in_the_form(page: Page, tmp_path: Path) -> None:
         page.emulate_media(color_scheme="dark" if dark else "light")
         for query in ("set=beam-arrays&modes=1", "set=lab-plate&frames=x", "set=ch3&seed=-1"):
             page.goto(f"{html.as_uri()}?{query}")
-            page.evaluate(PREPARE)
+            page.evaluate(axe.PREPARE)
             assert axe.findings(page) == []
 
 

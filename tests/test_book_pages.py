@@ -15,9 +15,10 @@ import pytest
 
 pytest.importorskip("playwright", reason="the browser tests need the playwright package")
 
+import axe
 from browser import Opened, browser, find_browser, open_offline, server
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page, TimeoutError
 
 from thesis_lib import book
 
@@ -28,10 +29,9 @@ PAGES = sorted(
     if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
 )
 
-pytestmark = [
-    pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome on this machine"),
-    pytest.mark.xdist_group("browser"),
-]
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="no Chromium or Chrome on this machine"
+)
 
 
 def needs_book(test: T) -> T:
@@ -59,6 +59,7 @@ FACTS = """async () => {
         paint_ms: performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN,
     };
 }"""
+SAME = (".bd-sidebar-primary", ".bd-header-article", ".bd-footer")  # on every page
 
 
 @dataclass
@@ -73,6 +74,8 @@ class Visit:
     mistakes: list[str]
     text: str
     paint_ms: float
+    answers: bool | None = None  # whether a choice changes a picture; None without a choice
+    inaccessible: tuple[str, ...] = ()
 
 
 def look(opened: Opened) -> Visit:
@@ -82,6 +85,38 @@ def look(opened: Opened) -> Visit:
         trouble=opened.trouble,
         **opened.page.evaluate(FACTS),
     )
+
+
+def choose(page: Page) -> bool | None:
+    """Take another choice in the first widget that has one: whether its picture changes."""
+    lists = page.locator(".cell_output select:has(option:nth-of-type(2))")
+    buttons = page.locator(".cell_output input[type=radio]:not(:checked)")
+    before = page.evaluate(PICTURES)
+    if lists.count():
+        chosen = lists.first.evaluate("one => one.selectedIndex")
+        lists.first.select_option(index=1 if chosen == 0 else 0)
+    elif buttons.count():
+        buttons.first.check(force=True)
+    else:
+        return None
+    try:
+        page.wait_for_function(f"before => ({PICTURES})() !== before", arg=before, timeout=5_000)
+    except TimeoutError:
+        return False
+    return True
+
+
+def use(opened: Opened, name: str) -> Visit:
+    """Look at a page, use its widget, and let the checker of accessibility have it at last."""
+    seen = look(opened)
+    if name.startswith("executed/"):
+        seen.answers = choose(opened.page)
+    seen.trouble = opened.trouble
+    if name != "index.html" and not axe.absent():  # it is intro
+        without = () if name == "intro.html" else SAME
+        found = axe.light_and_dark(opened.page, theme=True, without=without)
+        seen.inaccessible = tuple(found)
+    return seen
 
 
 @pytest.fixture(scope="module")
@@ -98,23 +133,24 @@ def address() -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def visit(running: Browser) -> Callable[[str, bool], Visit]:
-    """Open a page of the book once on a screen in the light, and once on a phone in the dark."""
-    seen: dict[tuple[str, bool], Visit] = {}
+def visit(running: Browser, address: str) -> Callable[[str, bool], Visit]:
+    """Open a page of the book once from its folder, and once on a phone in the dark over HTTP."""
 
+    @cache
     def once(name: str, phone: bool) -> Visit:
-        if (name, phone) not in seen:
-            width = 390 if phone else 1280
-            with open_offline(running, BOOK / name, width=width, dark=phone) as opened:
-                seen[name, phone] = look(opened)
-        return seen[name, phone]
+        if phone:
+            where = {"width": 390, "dark": True, "served": f"{address}/{name}"}
+            with open_offline(running, BOOK / name, **where) as opened:
+                return look(opened)
+        with open_offline(running, BOOK / name) as opened:
+            return use(opened, name)
 
     return once
 
 
 @needs_book
 @pytest.mark.parametrize("name", PAGES)
-@pytest.mark.parametrize("phone", [False, True], ids=["screen", "phone"])
+@pytest.mark.parametrize("phone", [False, True], ids=["screen, folder", "phone, http"])
 class TestPage:
     def test_loads_nothing_from_outside_and_makes_no_error(
         self, visit: Callable[[str, bool], Visit], name: str, phone: bool
@@ -155,13 +191,6 @@ def test_first_paint_within_a_second(
 
 @needs_book
 @pytest.mark.parametrize("name", PAGES)
-def test_over_http_as_from_the_folder(running: Browser, address: str, name: str) -> None:
-    with open_offline(running, BOOK / name, served=f"{address}/{name}") as opened:
-        assert look(opened).trouble == []
-
-
-@needs_book
-@pytest.mark.parametrize("name", PAGES)
 def test_references_are_resolved(visit: Callable[[str, bool], Visit], name: str) -> None:
     assert re.findall(r"\{(?:numref|eq|ref|doc|cite\S*)\}`", visit(name, False).text) == []
 
@@ -192,22 +221,22 @@ def test_the_book_with_its_downloads_is_small() -> None:
 
 @needs_book
 @pytest.mark.parametrize("name", [name for name in PAGES if name.startswith("executed/")])
-def test_a_choice_in_a_widget_changes_its_picture(running: Browser, name: str) -> None:
-    with open_offline(running, BOOK / name) as opened:
-        lists = opened.page.locator(".cell_output select:has(option:nth-of-type(2))")
-        buttons = opened.page.locator(".cell_output input[type=radio]:not(:checked)")
-        before = opened.page.evaluate(PICTURES)
-        if lists.count():
-            chosen = lists.first.evaluate("one => one.selectedIndex")
-            lists.first.select_option(index=1 if chosen == 0 else 0)
-        elif buttons.count():
-            buttons.first.check(force=True)
-        else:
-            pytest.skip("no widget with a choice on this page")
-        opened.page.wait_for_function(
-            f"before => ({PICTURES})() !== before", arg=before, timeout=5_000
-        )
-        assert opened.trouble == []
+def test_a_choice_in_a_widget_changes_its_picture(
+    visit: Callable[[str, bool], Visit], name: str
+) -> None:
+    if visit(name, False).answers is None:
+        pytest.skip("no widget with a choice on this page")
+    assert visit(name, False).answers
+
+
+@needs_book
+@pytest.mark.parametrize("name", [name for name in PAGES if name != "index.html"])
+def test_nothing_serious_for_those_who_cannot_see_well(
+    visit: Callable[[str, bool], Visit], name: str
+) -> None:
+    if axe.absent():
+        pytest.skip(axe.absent())
+    assert visit(name, False).inaccessible == ()
 
 
 @needs_book
