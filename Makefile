@@ -4,7 +4,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --nbval tests notebooks
 
-.PHONY: book pdf test test-all test-nightly check bench photographs lock clean
+.PHONY: book pdf test test-all test-nightly quick check bench photographs lock clean
 
 book: $(READY)  ## the executed book, in build/html
 	$(BIN)/thesis book
@@ -17,6 +17,9 @@ test: check  ## what a contributor needs, in minutes and without a book
 
 test-all: check book  ## all tests, those of the rendered book and all notebooks included
 	$(PYTEST) -m "not nightly" --conformance build/conformance.json
+
+quick: $(READY)  ## half a minute of tests: those that the edited files reach, the nearest first
+	$(BIN)/python tests/quick.py
 
 test-nightly: $(READY)  ## what takes an hour: thousands of inputs, kills at every step
 	$(PYTEST) -m nightly

@@ -18,7 +18,7 @@ from browser import browser, find_browser
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytest_plugins = ["conforms"]
+pytest_plugins = ["conforms", "quick"]
 PROJECT = Path(__file__).parents[1]
 PARTS = ["src", "notebooks", "data", "requirements.lock", "pyproject.toml"]
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import shutil
 import signal
 import subprocess
 import sys
 import time
-import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from html.parser import HTMLParser
 from pathlib import Path
@@ -20,40 +16,10 @@ import av
 import numpy as np
 import pytest
 import yaml
-
-from thesis_lib import cli
+from command import Done
 
 RESULTS = {"report.html", "measured.nc", "shapes.csv", "shapes.uff", "figures"}
 SAMPLE_RATE = 48000
-
-
-@dataclass(frozen=True)
-class Done:
-    """How a command ended, what it said, and what Python warned of."""
-
-    status: int
-    out: str
-    err: str
-    warned: tuple[str, ...] = ()
-
-
-def thesis(*arguments: str | Path) -> Done:
-    """Run the command in this process, as a shell would."""
-    out, err = io.StringIO(), io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("default")
-        patch.setattr(sys, "argv", ["thesis", *map(str, arguments)])
-        patch.setattr(signal, "signal", lambda *_: None)  # the tests keep their own handlers
-        with (
-            contextlib.redirect_stdout(out),
-            contextlib.redirect_stderr(err),
-            pytest.raises(SystemExit) as end,
-        ):
-            cli.main()
-    warned = [
-        str(w.message) for w in caught if issubclass(w.category, RuntimeWarning | UserWarning)
-    ]
-    return Done(int(end.value.code or 0), out.getvalue(), err.getvalue(), tuple(warned))
 
 
 class Running:

@@ -1,4 +1,8 @@
-"""The ``thesis`` command as people call it: from another folder, in a process of its own."""
+"""The ``thesis`` command as people call it: from another folder.
+
+What runs notebooks does so in a process of its own; what is listed, compared or refused is asked in
+this one, and once by the command.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from command import Done, refusal, thesis
 
 from thesis_lib import effort
 from thesis_lib.parameters import CHAPTERS, STUDIES, describe, validate
@@ -19,16 +24,12 @@ RUN = ["run", "beam-distance", "-p", "trials=3", "-p", "distances_mm=[500,800]"]
 KINDS = ("ipynb", "nc", "html")
 
 
-def refused(checkout, cwd: Path, *arguments: str) -> str:
+def refused(cwd: Path, *arguments: str | Path) -> str:
     """The one line of a refused request, which writes nothing."""
     before = sorted(cwd.rglob("*"))
-    done = checkout.thesis(*arguments, cwd=cwd)
-    assert done.returncode == 2, done.stderr
-    assert done.stdout == ""
-    assert done.stderr.endswith("\n")
-    assert len(done.stderr.splitlines()) == 1, done.stderr
+    line = refusal(thesis(*arguments, cwd=cwd))
     assert sorted(cwd.rglob("*")) == before
-    return done.stderr.strip()
+    return line
 
 
 class Loads(HTMLParser):
@@ -59,27 +60,27 @@ def files(folder: Path) -> list[str]:
 # What is listed.
 
 
-def test_list_names_sets_and_chapters(checkout, tmp_path):
-    done = checkout.thesis("list", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+def test_list_names_sets_and_chapters():
+    done = thesis("list")
+    assert (done.status, done.err) == (0, "")
     costs = effort.read()
     for name, model in STUDIES.items():
-        line = next(line for line in done.stdout.splitlines() if line.startswith(name))
+        line = next(line for line in done.out.splitlines() if line.startswith(name))
         assert re.search(rf" {costs[name].kind} +{costs[name].time} +{costs[name].memory} ", line)
         number = len(model().settings())
         assert (f" {number} settings" in line) == (number > 0)
         assert line.endswith(model.title)
     for chapter, names in CHAPTERS.items():
-        line = next(line for line in done.stdout.splitlines() if line.startswith(f"{chapter} "))
+        line = next(line for line in done.out.splitlines() if line.startswith(f"{chapter} "))
         assert all(name in line for name in names)
 
 
 @pytest.mark.parametrize("name", ["beam-arrays", "ch3"])
-def test_list_of_a_set_or_chapter_shows_every_parameter(checkout, tmp_path, name):
-    done = checkout.thesis("list", name, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+def test_list_of_a_set_or_chapter_shows_every_parameter(name):
+    done = thesis("list", name)
+    assert (done.status, done.err) == (0, "")
     for set_ in CHAPTERS.get(name, [name]):
-        shown = done.stdout.partition(f"{set_}: {STUDIES[set_].title}\n")[2]
+        shown = done.out.partition(f"{set_}: {STUDIES[set_].title}\n")[2]
         for row in describe(STUDIES[set_]):
             first, second = (f"{row['name']} = {row['default']}", row["allowed"])
             assert f"{first} {row['unit']}".strip() + "\n" in shown
@@ -98,18 +99,18 @@ def test_claims_without_cubes_names_them_and_ends_well(checkout, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_claims_as_json_has_every_claim_once(checkout, tmp_path):
-    done = checkout.thesis("claims", "--json", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    entries = json.loads(done.stdout)
+def test_claims_as_json_has_every_claim_once():
+    done = thesis("claims", "--json")
+    assert (done.status, done.err) == (0, "")
+    entries = json.loads(done.out)
     ids = [entry["id"] for entry in entries]
     assert len(set(ids)) == len(ids) > 400
     assert {entry["kind"] for entry in entries} == {"figure", "trend", "number"}
     assert all(entry["note"] for entry in entries if entry["verdict"] == "undefined")
 
 
-def test_other_readings_are_refused_by_name(checkout, tmp_path):
-    line = refused(checkout, tmp_path, "run", "claims", "-p", 'readings=["51 mm lens"]')
+def test_other_readings_are_refused_by_name(tmp_path):
+    line = refused(tmp_path, "run", "claims", "-p", 'readings=["51 mm lens"]')
     assert "51 mm lens" in line
     assert "rest known" in line
 
@@ -145,19 +146,26 @@ def test_other_readings_are_refused_by_name(checkout, tmp_path):
     ],
     ids=lambda value: " ".join(value)[:40] if isinstance(value, list) else None,
 )
-def test_wrong_request_is_one_line_and_writes_nothing(checkout, tmp_path, arguments, words):
+def test_wrong_request_is_one_line_and_writes_nothing(tmp_path, arguments, words):
     if arguments[0] == "run":
         arguments = [*arguments, "--out", "out"]
-    message = refused(checkout, tmp_path, *arguments)
+    message = refused(tmp_path, *arguments)
     assert message.startswith("thesis: ")
     for word in words:
         assert word in message
 
 
+def test_the_command_refuses_in_the_same_words(checkout, tmp_path):
+    wrong = ["run", "beam-distance", "-p", "rest=known\nrebuilt", "--out", "out"]
+    done = checkout.thesis(*wrong, cwd=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    assert Done(done.returncode, done.stdout, done.stderr) == thesis(*wrong, cwd=tmp_path)
+
+
 @pytest.mark.parametrize("out", ["file", "file/below/it"])
-def test_out_that_is_a_file_is_refused(checkout, tmp_path, out):
+def test_out_that_is_a_file_is_refused(tmp_path, out):
     (tmp_path / "file").write_text("mine")
-    message = refused(checkout, tmp_path, "run", "beam-distance", "--out", out)
+    message = refused(tmp_path, "run", "beam-distance", "--out", out)
     assert "--out" in message
     assert "allowed: a folder" in message
     assert (tmp_path / "file").read_text() == "mine"
@@ -236,6 +244,7 @@ def test_second_call_does_nothing_and_a_changed_parameter_runs_again(ran, checko
         assert cube.attrs["seed"] == 1
 
 
+@pytest.mark.slow
 def test_without_out_the_folder_is_named_by_set_and_hash(own_checkout, tmp_path):
     def short(document):
         document.cells = document.cells[:3]
@@ -249,6 +258,7 @@ def test_without_out_the_folder_is_named_by_set_and_hash(own_checkout, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["project"]
 
 
+@pytest.mark.slow
 def test_chapter_makes_four_pages_and_an_index(checkout, tmp_path):
     chapter = ["run", "ch3", "-p", "trials=2", "-p", "focal_length_mm=35", "--out", "out"]
     done = checkout.thesis(*chapter, cwd=tmp_path, timeout=280)
@@ -267,6 +277,7 @@ def test_chapter_makes_four_pages_and_an_index(checkout, tmp_path):
             assert json.loads(cube.attrs["parameters"])["focal_length_mm"] == 35
 
 
+@pytest.mark.slow
 def test_own_layout_runs_and_its_name_is_text(checkout, tmp_path):
     name = "tilted <b>&\"x' *y*"
     layouts = {name: [[[80, 10], [-80, 10]], [[80, 10], [-80, 10], [0, 30]]]}
@@ -282,6 +293,7 @@ def test_own_layout_runs_and_its_name_is_text(checkout, tmp_path):
         assert cube["n_cameras"].values.tolist() == [2, 3]
 
 
+@pytest.mark.slow
 def test_sets_run_without_what_they_do_not_have(checkout, tmp_path, own_checkout):
     def short(document):
         document.cells = document.cells[:3]
@@ -321,23 +333,23 @@ def test_failing_cell_is_told_with_what_where_and_how_to_go_on(own_checkout, tmp
 # Two cubes.
 
 
-def test_cube_compared_with_itself_has_no_difference(ran, checkout, tmp_path):
+def test_cube_compared_with_itself_has_no_difference(ran):
     cube = ran[0] / "beam-distance.nc"
-    done = checkout.thesis("compare", cube, cube, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == [
+    done = thesis("compare", cube, cube)
+    assert (done.status, done.err) == (0, "")
+    assert done.out.splitlines() == [
         "no difference from beam-distance.nc (12 errors compared)"  # 2 settings × 3 modes × 2
     ]
 
 
-def test_cube_compared_with_the_published_run(ran, checkout, tmp_path):
-    done = checkout.thesis("compare", ran[0] / "beam-distance.nc", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.strip() in ran[1].stdout
-    assert "published" in done.stdout
+def test_cube_compared_with_the_published_run(ran):
+    done = thesis("compare", ran[0] / "beam-distance.nc")
+    assert (done.status, done.err) == (0, "")
+    assert done.out.strip() in ran[1].stdout
+    assert "published" in done.out
 
 
-def test_compare_shows_what_differs(ran, checkout, tmp_path):
+def test_compare_shows_what_differs(ran, tmp_path):
     cube = ran[0] / "beam-distance.nc"
     with xr.open_dataset(cube) as opened:
         other = opened.load()
@@ -345,16 +357,16 @@ def test_compare_shows_what_differs(ran, checkout, tmp_path):
     error[1, 2, :] += 5
     other = other.assign(mean_error=(other["mean_error"].dims, error))
     other.to_netcdf(tmp_path / "other.nc")
-    done = checkout.thesis("compare", tmp_path / "other.nc", cube, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "beam-distance.nc" in done.stdout.splitlines()[0]
-    line = next(line for line in done.stdout.splitlines() if "+5.0" in line)
+    done = thesis("compare", tmp_path / "other.nc", cube)
+    assert (done.status, done.err) == (0, "")
+    assert "beam-distance.nc" in done.out.splitlines()[0]
+    line = next(line for line in done.out.splitlines() if "+5.0" in line)
     assert line.split()[:4] == ["1", "800", "mm", "3"]
     assert " mean | " in line
-    assert done.stdout.count("+5.0") == 1
+    assert done.out.count("+5.0") == 1
 
 
-def test_compare_refuses_what_is_not_a_cube(ran, checkout, tmp_path):
+def test_compare_refuses_what_is_not_a_cube(ran, tmp_path):
     cube = ran[0] / "beam-distance.nc"
     (tmp_path / "text.nc").write_text("not netCDF at all")
     (tmp_path / "empty.nc").write_bytes(b"")
@@ -367,6 +379,6 @@ def test_compare_refuses_what_is_not_a_cube(ran, checkout, tmp_path):
     (tmp_path / "folder.nc").mkdir()
     for name in ("text", "empty", "cut", "foreign", "posing", "folder", "missing"):
         bad = f"{name}.nc"
-        assert f"{bad}: " in refused(checkout, tmp_path, "compare", bad)
-    assert "text.nc: " in refused(checkout, tmp_path, "compare", str(cube), "text.nc")
-    assert "A.nc" in refused(checkout, tmp_path, "compare")
+        assert f"{bad}: " in refused(tmp_path, "compare", bad)
+    assert "text.nc: " in refused(tmp_path, "compare", cube, "text.nc")
+    assert "A.nc" in refused(tmp_path, "compare")

@@ -16,6 +16,7 @@ import pandas as pd
 import pytest
 import pyuff
 import xarray as xr
+from command import thesis
 from measure_scene import (
     RESULTS,
     SAMPLE_RATE,
@@ -25,7 +26,6 @@ from measure_scene import (
     copied,
     few_shots,
     remux,
-    thesis,
 )
 
 from thesis_lib import storage

@@ -1,0 +1,53 @@
+"""The ``thesis`` command, run in this process: what a process of its own would say, in no time."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import signal
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from thesis_lib import cli
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a command ended, what it said, and what Python warned of."""
+
+    status: int
+    out: str
+    err: str
+    warned: tuple[str, ...] = ()
+
+
+def thesis(*arguments: str | Path, cwd: Path | str = ".") -> Done:
+    """Run the command in this process, as a shell would in the folder `cwd`."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        patch.setattr(sys, "argv", ["thesis", *map(str, arguments)])
+        patch.setattr(signal, "signal", lambda *_: None)  # the tests keep their own handlers
+        with (
+            contextlib.chdir(cwd),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+            pytest.raises(SystemExit) as end,
+        ):
+            cli.main()
+    warned = [
+        str(w.message) for w in caught if issubclass(w.category, RuntimeWarning | UserWarning)
+    ]
+    return Done(int(end.value.code or 0), out.getvalue(), err.getvalue(), tuple(warned))
+
+
+def refusal(done: Done) -> str:
+    """The one line of a refused request."""
+    assert (done.status, done.out) == (2, ""), done.err
+    assert done.err.endswith("\n")
+    assert len(done.err.splitlines()) == 1, done.err
+    return done.err.strip()
