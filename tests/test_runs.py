@@ -182,7 +182,7 @@ STALE = {
     "new library file": lambda root: append(library(root) / "new.py"),
     "asset": lambda root: append(next((library(root) / "assets").iterdir())),
     "data": lambda root: append(root / "data" / "thesis" / "setups.toml"),
-    "lock": lambda root: append(root / "requirements.lock"),
+    "lock": lambda root: append(root / "requirements" / "book.txt"),
     "cell": lambda root: edit_notebook(
         root, lambda cells, _: cells[2].update(source="".join(cells[2]["source"]) + "\n")
     ),
@@ -354,7 +354,7 @@ def test_damaged_cube_is_made_anew(tmp_path):
 
     def make() -> None:
         log.append("made")
-        xr.Dataset({"a": ("x", [1.0] * 3000)}).to_netcdf(cube, engine="netcdf4")
+        xr.Dataset({"a": ("x", [1.0] * 3000)}).to_netcdf(cube, engine="h5netcdf")
 
     tasks = [runs.task("cube", make, [], [cube], "key")]
     runs.run(tasks, tmp_path / "state.sqlite")

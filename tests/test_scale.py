@@ -223,7 +223,7 @@ def test_memory_does_not_grow_with_the_trials(tmp_path):
         (tmp_path / str(trials)).mkdir()
         done = subprocess.run(
             [sys.executable, "-c", MEMORY, str(tmp_path / str(trials)), str(trials)],
-            capture_output=True, text=True, timeout=120, check=False, stdin=subprocess.DEVNULL,
+            capture_output=True, text=True, timeout=600, check=False, stdin=subprocess.DEVNULL,
             env={**os.environ, "PYTHONPATH": str(ROOT / "src"), "MPLBACKEND": "agg"},
         )  # fmt: skip
         assert done.returncode == 0, done.stderr

@@ -425,7 +425,7 @@ def test_what_is_not_a_cube_is_refused_in_one_line(tmp_path, content):
 
 
 def test_physics_needs_neither_labels_nor_figures():
-    forbidden = ["xarray", "matplotlib", "ipywidgets", "pandas", "pydantic", "netCDF4"]
+    forbidden = ["xarray", "matplotlib", "ipywidgets", "pandas", "pydantic", "h5py"]
     code = (
         "import sys; from thesis_lib import structures, cameras, triangulation, rounding, "
         "polytope, estimators, dither, radiation, planes, optics, design_law, "

@@ -123,7 +123,7 @@ def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Datase
 
 def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:
     """The data with attributes that say where they come from, and with which versions."""
-    packages = ("numpy", "xarray", "netCDF4")
+    packages = ("numpy", "xarray", "h5netcdf", "h5py")
     versions = {name: importlib.metadata.version(name) for name in packages}
     now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     return data.assign_attrs(

@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import netCDF4
+import h5py
 from doit.cmd_base import ModuleTaskLoader
 from doit.dependency import SqliteDB
 from doit.doit_cmd import DoitMain
@@ -235,7 +235,7 @@ def _cubes_open(made: Sequence[Path]) -> bool:
     try:
         for path in made:
             if path.suffix == ".nc" and path.is_file():
-                netCDF4.Dataset(path).close()
+                h5py.File(path).close()
     except OSError:
         return False
     return True

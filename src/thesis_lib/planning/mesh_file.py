@@ -95,7 +95,7 @@ def _opened(path: Path) -> xr.Dataset:
         kind = "is a folder" if path.is_dir() else "is not there"
         raise _refusal(path, kind, "a netCDF file with x, y, z, shape and frequency")
     try:
-        with xr.open_dataset(path, engine="netcdf4", decode_times=False) as file:
+        with xr.open_dataset(path, decode_times=False) as file:
             return file.load()
     except Exception as error:  # the netCDF and HDF libraries raise what they like
         kind = f"is not readable as netCDF ({type(error).__name__})"
