@@ -1,15 +1,22 @@
 # Two targets set everything up on a fresh machine: `make book` and `make test`.
 PYTHON ?= python3
+export UV_PYTHON_DOWNLOADS := never
 BIN := .venv/bin
-READY := .venv/.ready
+digest = $(firstword $(shell cat $(1) | cksum))
+BOOK := .venv/.book-$(call digest,requirements/*.txt)
+ALL := .venv/.all-$(call digest,requirements.lock)
+UV := $(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps
+WHEELS := --only-binary :all: --require-hashes
+LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+	--no-emit-index-url --no-emit-find-links
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --nbval tests notebooks
 
-.PHONY: book pdf test test-all test-nightly quick check bench photographs lock clean
+.PHONY: book pdf test test-all test-nightly quick check bench photographs platforms lock clean
 
-book: $(READY)  ## the executed book, in build/html
+book: $(BOOK)  ## the executed book, in build/html
 	$(BIN)/thesis book
 
-pdf: book  ## the book as one PDF, in build; needs Chromium
+pdf: book $(ALL)  ## the book as one PDF, in build; needs Chromium
 	$(BIN)/thesis pdf
 
 test: check  ## what a contributor needs, in minutes and without a book
@@ -18,34 +25,48 @@ test: check  ## what a contributor needs, in minutes and without a book
 test-all: check book  ## all tests, those of the rendered book and all notebooks included
 	$(PYTEST) -m "not nightly" --conformance build/conformance.json
 
-quick: $(READY)  ## half a minute of tests: those that the edited files reach, the nearest first
+quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the nearest first
 	$(BIN)/python tests/quick.py
 
-test-nightly: $(READY)  ## what takes an hour: thousands of inputs, kills at every step
+test-nightly: $(ALL)  ## what takes an hour: thousands of inputs, kills at every step
 	$(PYTEST) -m nightly
 
-check: $(READY)  ## lint, format, types
+check: $(ALL)  ## lint, format, types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
 photographs: build/photographs/left01.jpg  ## real pictures of a board, for tests that are else skipped
 
-build/photographs/left01.jpg: | $(READY)
+build/photographs/left01.jpg: | $(ALL)
 	$(BIN)/python tests/foreign/photographs.py
 
-bench: $(READY)  ## speed, as ratios measured in one run, beside the peers that are installed
+bench: $(ALL)  ## speed, as ratios measured in one run, beside the peers that are installed
 	$(BIN)/python -m benchmarks
 
-lock:  ## requirements.lock anew from pyproject.toml; needs uv
-	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-		--no-header --all-extras pyproject.toml -o requirements.lock
+platforms: $(BOOK)  ## whether all wheels are there for every platform and Python; asks the registry
+	$(BIN)/python requirements/platforms.py
+
+lock: $(BOOK)  ## all pins anew from pyproject.toml: one resolution, and the book's part of it
+	$(LOCK) --all-extras pyproject.toml -o requirements.lock
+	$(LOCK) --extra book --constraint requirements.lock pyproject.toml -o requirements/book.txt
+	$(LOCK) --group install -o requirements/uv.txt
+	$(LOCK) --group npm -o requirements/npm.txt
 
 clean:
 	rm -rf build runs data/results book/executed
 
-$(READY): requirements.lock pyproject.toml
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+# The environment: what the book needs, and with the tests all of requirements.lock. Named by what the
+# locks say, so that only their change makes it anew, and an interrupted one is not taken for whole.
+$(BOOK):
+	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and '$(PYTHON) is too old: give one from 3.11 on, as in make PYTHON=python3.12')"
+	$(PYTHON) -m venv --clear .venv
+	$(BIN)/python -I -m pip install --quiet --disable-pip-version-check --no-deps $(WHEELS) -r requirements/uv.txt
+	$(UV) $(WHEELS) -r requirements/book.txt
+	command -v npm >/dev/null || $(UV) $(WHEELS) -r requirements/npm.txt
+	$(UV) --no-build-isolation -e .
+	touch $@
+
+$(ALL): | $(BOOK)
+	$(UV) $(WHEELS) -r requirements.lock
 	touch $@

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 pytest_plugins = ["conforms", "quick"]
 PROJECT = Path(__file__).parents[1]
-PARTS = ["src", "notebooks", "data", "requirements.lock", "pyproject.toml"]
+PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml"]
 
 
 class Checkout:

@@ -35,7 +35,9 @@ def library_files() -> list[Path]:
     root = project_root()
     files = [p for p in (root / "src" / "thesis_lib").rglob("*") if p.is_file()]
     files = [p for p in files if p.suffix != ".pyc" and "__pycache__" not in p.parts]
-    return sorted([*files, *(root / "data" / "thesis").iterdir(), root / "requirements.lock"])
+    return sorted(
+        [*files, *(root / "data" / "thesis").iterdir(), root / "requirements" / "book.txt"]
+    )
 
 
 @cache

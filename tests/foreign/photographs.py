@@ -26,11 +26,11 @@ PACKAGE = "opencv-python-headless"
 def fetch() -> None:
     """Put the photographs into FOLDER; nothing is built or installed."""
     lock = (PROJECT / "requirements.lock").read_text(encoding="utf-8")
-    pinned = re.search(rf"^{PACKAGE}==(?:.*\\\n)+.*\n", lock, re.MULTILINE)
-    assert pinned is not None, f"requirements.lock: no {PACKAGE}"
+    pinned = re.findall(rf"^{PACKAGE}==(?:.*\\\n)+.*\n", lock, re.MULTILINE)  # by platform
+    assert pinned, f"requirements.lock: no {PACKAGE}"
     with tempfile.TemporaryDirectory() as folder:
         wanted = Path(folder) / "wanted.lock"
-        wanted.write_text(pinned[0], encoding="utf-8")
+        wanted.write_text("".join(pinned), encoding="utf-8")
         subprocess.run(
             [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check",
              "--no-deps", "--no-binary", PACKAGE, "--require-hashes", "-r", wanted,

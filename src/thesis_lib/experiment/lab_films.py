@@ -43,7 +43,11 @@ def sources() -> list[Path]:
              "view"]  # fmt: skip
     files = [here / f"{name}.py" for name in names]
     files += [here.parent / name for name in ("cameras.py", "structures.py", "triangulation.py")]
-    return [*files, setups.data_folder() / "structures.toml", project_root() / "requirements.lock"]
+    return [
+        *files,
+        setups.data_folder() / "structures.toml",
+        project_root() / "requirements" / "book.txt",
+    ]
 
 
 def sensor(film: Film) -> Sensor:

@@ -49,7 +49,11 @@ def sources() -> list[Path]:
         here.parent / f"{name}.py"
         for name in ("cameras", "compiled", "structures", "triangulation")
     ]
-    return [*files, setups.data_folder() / "structures.toml", project_root() / "requirements.lock"]
+    return [
+        *files,
+        setups.data_folder() / "structures.toml",
+        project_root() / "requirements" / "book.txt",
+    ]
 
 
 def markers_of(beam: Beam, case: str) -> Markers:
