@@ -139,15 +139,15 @@ def nbval(checkout, folder: Path, *options: str) -> dict[str, list[str]]:
 
 @pytest.fixture(scope="module")
 def doctored(checkout):
-    """A folder with a notebook as committed and copies with one digit changed in an output."""
+    """A folder with the start of a notebook as committed, and with one digit of it changed."""
     shutil.copytree(PROJECT / "tests", checkout.root / "tests")
     shutil.copy(PROJECT / "conftest.py", checkout.root)
     folder = checkout.root / "doctored"
     folder.mkdir()
-    source = PROJECT / "notebooks" / "beam-distance.ipynb"
-    shutil.copy(source, folder / "untouched.ipynb")
-    document = nbformat.read(source, as_version=4)
+    document = nbformat.read(PROJECT / "notebooks" / "beam-distance.ipynb", as_version=4)
     marked = next(cell for cell in document.cells if MARK in cell.source.splitlines())
+    document.cells = document.cells[: document.cells.index(marked) + 1]
+    nbformat.write(document, folder / "untouched.ipynb")
     data = marked.outputs[0].data
     before = data["text/markdown"]
     found = re.search(r"\d+\.(\d) ·", before)

@@ -18,7 +18,12 @@ from thesis_lib.parameters import STUDIES
 ROOT = Path(__file__).parents[1]
 PDF = ROOT / "build" / "vibration-by-many-cameras.pdf"
 ESM = "export default { render({ el }) { el.textContent = 'alive'; } };"
-needs_pdf = pytest.mark.skipif(not PDF.is_file(), reason="no PDF in build: `make pdf` first")
+
+
+def needs_pdf(test):
+    """Mark a test that reads the printed book."""
+    printed = pytest.mark.skipif(not PDF.is_file(), reason="no PDF in build: `make pdf` first")
+    return pytest.mark.book(printed(test))
 
 
 def test_widgets_give_way_to_a_line_that_says_where_they_are():

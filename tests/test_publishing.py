@@ -87,6 +87,7 @@ def page(book: Path, name: str) -> str:
     return (book / "executed" / f"{name}.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.book
 def test_every_download_is_there_and_is_what_the_page_says(whole):
     for name in (GOOD, BAD):
         text = page(whole, name)
@@ -101,6 +102,7 @@ def test_every_download_is_there_and_is_what_the_page_says(whole):
         assert text.count(f'href="#provenance-{name}"') == 3
 
 
+@pytest.mark.book
 def test_offered_notebooks_hold_their_text_and_no_pictures(whole):
     for path in (whole / "_sources" / "executed").glob("*.ipynb"):
         document = nbformat.read(path, as_version=4)
@@ -109,6 +111,7 @@ def test_offered_notebooks_hold_their_text_and_no_pictures(whole):
         assert path.stat().st_size < 100_000
 
 
+@pytest.mark.book
 def test_research_object_reads_back_and_tells_every_run(whole):
     found = ROCrate(whole)
     root = found.root_dataset
@@ -143,6 +146,7 @@ def test_research_object_reads_back_and_tells_every_run(whole):
                     assert one["@id"] in described
 
 
+@pytest.mark.book
 def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
     made = small.root / f"{downloads.ARCHIVE}.zip"
     again = downloads.archive(whole, tmp_path / "again.zip")
@@ -157,6 +161,7 @@ def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
     assert inside == (whole / "data" / f"{GOOD}.nc").read_bytes()
 
 
+@pytest.mark.book
 def test_damaged_cube_is_made_anew(whole, small):
     cube = small.root / "data" / "results" / f"{GOOD}.nc"
     before = cubes.read(cube)
@@ -170,6 +175,7 @@ def test_damaged_cube_is_made_anew(whole, small):
     assert cubes.read(cube).equals(before)
 
 
+@pytest.mark.book
 def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
     def breaks(document):
         document.cells[4].source = "raise RuntimeError('<b>the lamp</b> went out')"

@@ -11,6 +11,8 @@ from thesis_lib import cubes, notebook
 from thesis_lib.experiment import filmed, numbers, pictures, study
 from thesis_lib.parameters import validate
 
+pytestmark = pytest.mark.slow  # a fresh clone films first
+
 SOURCES = {path.name for path in filmed.sources()}
 
 
