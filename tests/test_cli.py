@@ -122,7 +122,7 @@ def test_other_readings_are_refused_by_name(tmp_path):
     ("arguments", "words"),
     [
         (["list", "beam-distnce"], ["beam-distnce", "did you mean beam-distance?"]),
-        (["run", "beam-aperture2"], ["did you mean beam-aperture?", *STUDIES]),
+        (["run", "beam-aperture2"], ["did you mean beam-aperture?", "`thesis list`"]),
         (["run", "ch33"], ["ch33: no such figure set", "did you mean ch3?"]),
         (["run", "beam-distance", "nosuch", "-p", "layouts={}"], ["nosuch: no such figure set"]),
         (["run"], ["NAME"]),

@@ -105,7 +105,6 @@ BAD = [
     (DISTANCE, "sensor_width_mm", -36, "", "-36"),
     (DISTANCE, "rest", "rebuild", "", '"rebuild"'),
     (DISTANCE, "rest", None, "", "null"),
-    (DISTANCE, "rest", "a\nb\u2028c", "", r'"a\nb\u2028c"'),
     (DISTANCE, "cube", "out.txt", "", '"out.txt"'),
     (DISTANCE, "cube", "folder/", "", '"folder/"'),
     (DISTANCE, "cube", 3, "", "3"),
@@ -142,7 +141,6 @@ BAD = [
     (ARRAYS, "layouts", {"": [PAIR]}, '[""]', '""'),
     (ARRAYS, "layouts", {" x": [PAIR]}, '[" x"]', '" x"'),
     (ARRAYS, "layouts", {"x" * 41: [PAIR]}, f'["{"x" * 41}"]', '"' + "x" * 41 + '"'),
-    (ARRAYS, "layouts", {"a\nb": [PAIR]}, r'["a\nb"]', r'"a\nb"'),
     (ARRAYS, "layouts", [PAIR], "", "[[[80, 10], [-80, 10]]]"),
     (DISTANCE, "azimuth_zero", "Z", "", '"Z"'),
     (DISTANCE, "azimuth_zero", "x", "", '"x"'),
@@ -242,14 +240,16 @@ def test_unknown_parameter_gets_the_nearest_name_and_all_names(name):
     for field in STUDIES[name].model_fields:
         message = refusal(name, {field + "x": 1})
         assert f"no parameter {field}x (did you mean {field}?)" in message
-        assert all(other in message for other in set(STUDIES[name].model_fields) - {"cube"})
+        others = set(STUDIES[name].model_fields) - {"cube"}
+        assert all(other in message for other in others) or f"`thesis list {name}`" in message
+        assert len(message) <= 400
     assert "did you mean" not in refusal(name, {"wxyz": 1})
 
 
 def test_unknown_figure_set_gets_the_nearest_name_and_all_names():
     message = refusal("beam-distanc", {})
     assert "(did you mean beam-distance?)" in message
-    assert all(name in message for name in STUDIES)
+    assert "`thesis list` names them all" in message
     assert "did you mean" not in refusal("42", {})
 
 
@@ -291,7 +291,6 @@ def test_cameras_stay_out_of_the_structures_reach(name, values, field, given):
         (APERTURE, {"elevations_deg": [90], "cases": ["2d"]}, "elevations_deg", "2d"),
         (ARRAYS, {"layouts": {"mine": [[[10, 20], [10, 20]]]}}, "layouts", "mine"),
         (ARRAYS, {"layouts": {"mine": [[[-90, 20], [0, 5], [270, 20]]]}}, "layouts", "mine"),
-        (ARRAYS, {"layouts": {"a\u2028b": [[[0, 90], [30, 90]]]}}, "layouts", r"a\u2028b"),
     ],
 )
 def test_two_cameras_at_the_same_place_are_refused(name, values, field, case):
@@ -332,7 +331,7 @@ def test_values_that_are_not_json_are_refused_by_name():
     nested: list = []
     for _ in range(50_000):
         nested = [nested]
-    hopeless = [nested, nested[0], object(), {1, 2}, {(1, 2): 3}, "\ud800", 10**5000]
+    hopeless = [nested, nested[0], object(), {1, 2}, {(1, 2): 3}, 10**5000]
     for value in hopeless:
         for field in ("modes", "cube", "trials"):
             message = refusal(DISTANCE, {field: value})

@@ -15,6 +15,7 @@ from thesis_lib import setups
 from thesis_lib.cameras import hemisphere_directions
 from thesis_lib.setups import Setting
 from thesis_lib.structures import Structure, peak_deflection
+from thesis_lib.text import one_line
 
 Positive = Annotated[float, Field(gt=0, le=1e5)]
 Azimuth = Annotated[float, Field(ge=-360, le=360)]
@@ -209,12 +210,6 @@ def allowed_text(model: type[BaseModel], field: str) -> str:
 def permitted(model: type[BaseModel], field: str) -> str:
     """What a field allows, with its unit, as it stands in a refusal."""
     return f"allowed: {allowed_text(model, field)}" + (f", in {unit(field)}" if unit(field) else "")
-
-
-def one_line(text: str) -> str:
-    """At most 60 characters of a text, on one line."""
-    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def shown(value: Any) -> str:

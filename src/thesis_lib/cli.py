@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import importlib.metadata
 import json
+import logging
 import os
 import shlex
 import signal
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from thesis_lib.text import message, of_error, one_line
+
 if TYPE_CHECKING:
     from thesis_lib.parameters import Study
 
 REFUSED, FAILED, INTERRUPTED = 2, 1, 130
+LONGEST_FILE = 80  # characters of the names of files in the folders that are written
 _ASSIGNMENTS = click.option(
     "-p",
     "assignments",
@@ -160,7 +168,10 @@ def plan(
         request = plan_request(_values(assignments))
         if structure is not None and "body" in request.model_fields_set:
             raise ParameterError("plan: body is given beside --structure, allowed: one of them")
-        folder = _folder([f"plan-{structure.stem}" if structure else "plan"], [request], out)
+    except ParameterError as error:
+        raise Refused(str(error)) from None
+    folder = _folder([f"plan-{structure.stem}" if structure else "plan"], [request], out)
+    try:
         from thesis_lib.planning.report import write_plan
 
         lines = write_plan(request, folder, structure, lambda line: click.echo(line, err=True))
@@ -296,8 +307,7 @@ def _one_line(place: Path) -> Iterator[None]:
             "command goes on where this one stopped"
         ) from None
     except Exception as error:
-        text = " ".join(str(error).split())
-        raise click.ClickException(text or type(error).__name__) from None
+        raise click.ClickException(str(error) or type(error).__name__) from None
 
 
 @cli.command()
@@ -329,10 +339,20 @@ def _values(assignments: Sequence[str]) -> dict[str, Any]:
         if key == "cube":
             raise Refused("-p: cube is where a notebook writes; use --out to choose the folder")
         try:
-            values[key] = json.loads(text)
+            values[key] = json.loads(text, object_pairs_hook=partial(_once, key))
         except (ValueError, RecursionError):  # no JSON, or beyond its limits
             values[key] = text
     return values
+
+
+def _once(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON, in which no key may stand twice: nobody knows which was meant."""
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise Refused(f"-p: {key}: {one_line(repr(name))} is given twice, allowed: once")
+        found[name] = value
+    return found
 
 
 def _requested(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
@@ -392,15 +412,23 @@ def _folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) ->
         if len(studies) > 1:
             joined = " ".join(study.digest for study in studies)
             digest = hashlib.sha256(joined.encode()).hexdigest()[:10]
-        return project_root() / "runs" / f"{'+'.join(dict.fromkeys(names))}-{digest}"
-    if str(out) in ("", "."):
-        raise Refused("--out: given no folder of its own, allowed: a folder, new or not")
+        out = project_root() / "runs" / f"{'+'.join(dict.fromkeys(names))}-{digest}"
     return _new_folder(out)
 
 
 def _new_folder(out: Path, option: str = "--out") -> Path:
     """A folder to write to, refused where a file stands in its way or writing is not allowed."""
+    if str(out) in ("", "."):
+        raise Refused(f"{option}: given no folder of its own, allowed: a folder, new or not")
     folder = out.absolute()
+    try:
+        (folder / ("x" * LONGEST_FILE)).lstat()
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise Refused(
+                f"{option}: given {one_line(str(out))}, but a file in it would have too long a "
+                "name; allowed: a shorter one"
+            ) from None
     there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
     problem = "" if os.access(there, os.W_OK | os.X_OK) else "cannot be written to"
     if not there.is_dir():
@@ -412,8 +440,31 @@ def _new_folder(out: Path, option: str = "--out") -> Path:
     return folder
 
 
+def _lacking(error: ModuleNotFoundError) -> str:
+    """Which optional part of the project a package that is not there belongs to."""
+    package = (error.name or "").partition(".")[0]
+    wanted = package.replace("_", "-")
+    for line in importlib.metadata.requires("thesis-lib") or []:
+        name, _, extra = line.partition("; extra == ")
+        if extra and name.startswith(wanted):
+            return f"needs the package {wanted}: pip install 'thesis-lib[{extra.strip(chr(39))}]'"
+    return of_error(error)
+
+
+def _said(error: Exception) -> str:
+    """What an error says: ours are written to be read, others may say anything."""
+    if isinstance(error, ModuleNotFoundError):
+        return _lacking(error)
+    ours = type(error).__module__.startswith("thesis_lib") or isinstance(error, OSError)
+    lines = (str(error) if ours else of_error(error)).splitlines() or [type(error).__name__]
+    return "\n".join(map(message, lines))
+
+
 def main() -> None:
-    """Run the command; errors are one line on standard error."""
+    """Run the command; errors are one line on standard error, and nothing foreign is beside it."""
+    logging.disable(logging.CRITICAL)
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # clean up as after Ctrl-C
     try:
         status = cli.main(standalone_mode=False)
@@ -421,12 +472,12 @@ def main() -> None:
         click.echo("interrupted; the same command goes on where this one stopped", err=True)
         status = INTERRUPTED
     except click.ClickException as error:
-        click.echo(f"thesis: {error.format_message()}", err=True)
+        click.echo(message(f"thesis: {error.format_message()}"), err=True)
         status = error.exit_code
     except KeyboardInterrupt:
         click.echo("\ninterrupted; the same command goes on where this one stopped", err=True)
         status = INTERRUPTED
     except Exception as error:
-        click.echo(f"thesis: {str(error) or type(error).__name__}", err=True)
+        click.echo(f"thesis: {_said(error)}", err=True)
         status = FAILED
     sys.exit(status)

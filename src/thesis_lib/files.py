@@ -31,13 +31,17 @@ def project_root() -> Path:
 
 
 def library_files() -> list[Path]:
-    """Files that every result depends on: the library, the thesis's facts, the lock."""
-    root = project_root()
-    files = [p for p in (root / "src" / "thesis_lib").rglob("*") if p.is_file()]
+    """Files that every result depends on: the library, the thesis's facts, the lock.
+
+    Of a package that was installed without its checkout: all its files, the facts among them.
+    """
+    package = Path(__file__).parent
+    files = [p for p in package.rglob("*") if p.is_file()]
     files = [p for p in files if p.suffix != ".pyc" and "__pycache__" not in p.parts]
-    return sorted(
-        [*files, *(root / "data" / "thesis").iterdir(), root / "requirements" / "book.txt"]
-    )
+    root = package.parents[1]
+    if (lock := root / "requirements" / "book.txt").is_file():
+        files += [*(root / "data" / "thesis").iterdir(), lock]
+    return sorted(files)
 
 
 @cache

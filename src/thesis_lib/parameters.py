@@ -31,7 +31,6 @@ from thesis_lib.camera_study import (
     Width,
     allowed_text,
     field,
-    one_line,
     permitted,
     shown,
     trials,
@@ -50,6 +49,7 @@ from thesis_lib.setups import Setting
 from thesis_lib.shapes import CONTOURS, ShapeMarkers
 from thesis_lib.sound_planes import PlateMarkers, SoundPlanes
 from thesis_lib.structures import Structure
+from thesis_lib.text import first_hidden, listed, one_line
 
 __all__ = ["CHAPTERS", "STUDIES", "CameraStudy", "ParameterError", "Study", "camera_study",
            "chapter_title", "describe", "nearest", "plan_request", "unit", "validate"]  # fmt: skip
@@ -348,7 +348,7 @@ def validate(name: str, values: Mapping[str, Any]) -> Study:
     if name not in STUDIES:
         raise ParameterError(
             f"{one_line(name)}: no such figure set{_hint(name, [*STUDIES, *CHAPTERS])}; "
-            f"there are {', '.join([*STUDIES, *CHAPTERS])}"
+            f"{listed([*STUDIES, *CHAPTERS], 'thesis list')}"
         )
     return _validated(STUDIES[name], values)
 
@@ -363,15 +363,16 @@ def plan_request(values: Mapping[str, Any]) -> PlanRequest:
 def _validated(model: type[Study], values: Mapping[str, Any]) -> Study:
     """A model's parameters from plain values, refused in one line."""
     name = model.name
+    if problem := first_hidden(values):
+        raise ParameterError(f"{name}: {problem}")
     parts = []
     for key, value in values.items():
         if key not in model.model_fields:
             names = list(model.model_fields)
             hint = _hint(str(key), names)
-            there = ", ".join(parameter for parameter in names if parameter != "cube")
-            raise ParameterError(
-                f"{name}: no parameter {one_line(str(key))}{hint}; there are {there}"
-            )
+            command = "thesis plan --parameters" if name == "plan" else f"thesis list {name}"
+            there = listed((one for one in names if one != "cube"), command)
+            raise ParameterError(f"{name}: no parameter {one_line(str(key))}{hint}; {there}")
         try:
             text = json.dumps(value).replace("4a\\u2032", "4a'")
             from_json(f"[{text}]")

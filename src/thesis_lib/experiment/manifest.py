@@ -13,7 +13,7 @@ import yaml  # type: ignore[import-untyped]
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ValidationError
 
-from thesis_lib.camera_study import one_line, permitted, shown
+from thesis_lib.camera_study import permitted, shown
 from thesis_lib.experiment.manifest_model import (
     INSIDE,
     BoardSpec,
@@ -26,6 +26,7 @@ from thesis_lib.experiment.manifest_model import (
 from thesis_lib.experiment.media import MediaError, VideoInfo, probe, read_png
 from thesis_lib.files import whole_text
 from thesis_lib.parameters import nearest
+from thesis_lib.text import first_hidden, one_line
 
 __all__ = ["BoardSpec", "CameraFiles", "Excitation", "Manifest", "ManifestError", "Markers",
            "Structure", "check_excitation", "check_recordings", "on_one_line", "read_manifest",
@@ -116,6 +117,8 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         raise ManifestError(f"{path}: not a YAML text in UTF-8") from None
     if not isinstance(values, dict):
         raise ManifestError(f"{path}: given {shown(values)}, allowed: fields and their values")
+    if problem := first_hidden(values):
+        raise ManifestError(f"{path}: {problem}")
     try:
         text = json.dumps(values)
         manifest = Manifest.model_validate_json(text)

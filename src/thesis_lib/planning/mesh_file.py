@@ -24,8 +24,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from thesis_lib.camera_study import ParameterError, one_line
+from thesis_lib.camera_study import ParameterError
 from thesis_lib.planning.bodies import Body
+from thesis_lib.text import first_hidden, one_line
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,8 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     MeshError
         In one line: the file, what is wrong with it, and what is needed.
     """
+    if problem := first_hidden(path.name, "--structure"):  # the plan is named for it
+        raise MeshError(problem)
     mesh = _opened(path)
     for name, dims in NEEDED.items():
         if name not in mesh.variables:
