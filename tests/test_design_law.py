@@ -13,6 +13,7 @@ from scipy.special import zeta
 from scipy.stats import qmc
 
 from thesis_lib import (
+    comparison,
     cubes,
     design_dither,
     design_figures,
@@ -519,9 +520,11 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(cube, tmp_path):
     assert list(table) == ["quantity", "value", "unit"]
     assert table["quantity"].is_unique
     assert np.isfinite(table["value"]).all()
-    assert cubes.difference_lines(cube, cube, "itself")[0].startswith("no difference from itself")
+    assert comparison.difference_lines(cube, cube, "itself")[0].startswith(
+        "no difference from itself"
+    )
     other = cube.assign(value=cube["value"] * 1.01)
-    lines = cubes.difference_lines(other, cube, "x")
+    lines = comparison.difference_lines(other, cube, "x")
     assert len(lines) == len(table)
     storage.write(cube.drop_vars("quantity"), path)
     with pytest.raises(storage.CubeError, match="it lacks quantity"):

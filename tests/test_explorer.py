@@ -15,7 +15,7 @@ import pytest
 from browser import Opened, open_offline
 from numpy.typing import NDArray
 
-from thesis_lib import claims, cubes, rounding, studies
+from thesis_lib import claims, published, rounding, studies
 from thesis_lib.cameras import (
     ground_sample_distance,
     hemisphere_cameras,
@@ -71,7 +71,7 @@ def test_errors_are_the_published_ones() -> None:
     for subject in SUBJECTS:
         number = 0
         for study in STUDIES_OF[subject]:
-            table = cubes.read_published(study.name)
+            table = published.read_published(study.name)
             assert table is not None
             for setting in study.settings():
                 one = DATA["structures"][subject]["setups"][number]
@@ -541,7 +541,7 @@ def test_a_setup_of_the_thesis_shows_its_published_errors(chromium: Browser, pat
             for one in opened.page.locator(f"td.tl-ex-{kind}").all_inner_texts()
         ]
 
-    table = cubes.read_published("plate-aperture")
+    table = published.read_published("plate-aperture")
     assert table is not None
     with open_offline(chromium, path) as opened:
         state(opened)

@@ -14,7 +14,7 @@ from IPython.core.interactiveshell import InteractiveShell
 from jupyter_client.manager import start_new_kernel
 
 from conftest import PROJECT
-from thesis_lib import cubes, live, notebook, studies
+from thesis_lib import comparison, live, notebook, studies
 from thesis_lib.commands import command
 from thesis_lib.parameters import STUDIES, validate
 
@@ -118,7 +118,7 @@ def test_a_click_gives_the_librarys_cube_and_shows_what_changed():
     expected = studies.run(validate("beam-distance", {**start.request, "azimuth_deg": 45.0}))
     (cube,) = kept
     np.testing.assert_array_equal(cube["mean_error"], expected["mean_error"])
-    assert "\n".join(cubes.difference_lines(cube)) in text_of(made)
+    assert "\n".join(comparison.difference_lines(cube)) in text_of(made)
     shown = [one["data"] for one in made.output.outputs if one["output_type"] == "display_data"]
     assert "application/vnd.jupyter.widget-view+json" in shown[0]
     assert notebook.error_table(cube).data == shown[1]["text/markdown"]

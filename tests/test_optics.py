@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thesis_lib import (
+    comparison,
     cubes,
     optics,
     optics_figures,
@@ -18,6 +19,7 @@ from thesis_lib import (
     optics_study,
     optics_tables,
     prose,
+    published,
     setups,
     storage,
 )
@@ -467,27 +469,27 @@ def test_what_cannot_be_computed_is_refused_in_one_line(values, words):
 
 def test_runs_are_compared_quantity_by_quantity(cube, tmp_path, monkeypatch):
     monkeypatch.setattr(cubes, "published_path", lambda name: tmp_path / f"{name}.csv")
-    assert cubes.difference_lines(cube) == ["nothing is published yet to compare with"]
-    cubes.publish(cube)
+    assert comparison.difference_lines(cube) == ["nothing is published yet to compare with"]
+    published.publish(cube)
     number = cube.sizes["quantity"]
     same = [f"no difference from published ({number} quantities compared)"]
-    assert cubes.difference_lines(cube) == same
+    assert comparison.difference_lines(cube) == same
     changed = cube.assign(
         value=cube["value"].where(cube["quantity"] != "centre shift by colour", 1)
     )
-    (line,) = cubes.difference_lines(changed)
+    (line,) = comparison.difference_lines(changed)
     assert line.startswith("centre shift by colour: 0.0")
     assert line.endswith(" → 1 px")
     request = validate("cameras", {"distances_mm": [500], "circle_mm": 0.02})
     other = cubes.with_provenance(optics_study.run(request), request, 0.0)
-    lines = cubes.difference_lines(other, cube, "old.nc")
+    lines = comparison.difference_lines(other, cube, "old.nc")
     assert lines
     assert all(line.startswith(("hyperfocal", "near limit", "far limit")) for line in lines)
 
 
 def test_what_is_published_is_what_comes_out(cube):
     number = cube.sizes["quantity"]
-    assert cubes.difference_lines(cube) == [
+    assert comparison.difference_lines(cube) == [
         f"no difference from published ({number} quantities compared)"
     ]
 

@@ -111,7 +111,7 @@ def run(
     folder = _folder(names, studies, out)
     if scheduler is not None:
         _use_scheduler(scheduler, studies)
-    from thesis_lib import cubes, files, runs
+    from thesis_lib import comparison, cubes, files, runs
 
     jobs = [
         runs.Job(study, *(folder / f"{study.name}.{kind}" for kind in ("ipynb", "nc", "html")))
@@ -130,7 +130,7 @@ def run(
         files.whole_text(folder / "index.html", html)
     for job in jobs:
         click.echo(f"\n{job.study.name}")
-        click.echo("\n".join(cubes.difference_lines(cubes.read(job.cube))))
+        click.echo("\n".join(comparison.difference_lines(cubes.read(job.cube))))
     click.echo(
         f"\nOpen {folder / ('index.html' if len(jobs) > 1 else f'{jobs[0].study.name}.html')}"
     )
@@ -314,8 +314,8 @@ def _one_line(place: Path) -> Iterator[None]:
 @click.argument("new", type=click.Path(path_type=Path), metavar="A.nc")
 @click.argument("old", type=click.Path(path_type=Path), required=False, metavar="[B.nc]")
 def compare(new: Path, old: Path | None) -> None:
-    """Show how the errors of cube A differ from those of B, or from the published run."""
-    from thesis_lib import cubes, storage
+    """Show how cube A differs from B, in everything, or from the published run, in errors."""
+    from thesis_lib import comparison, cubes, storage
 
     try:
         first = cubes.read(new)
@@ -325,7 +325,11 @@ def compare(new: Path, old: Path | None) -> None:
     sets = [cube.attrs["figure_set"] for cube in (first, second) if cube is not None]
     if len(set(sets)) > 1:
         raise Refused(f"{old}: given a cube of {sets[1]}, allowed: one of {sets[0]}, as {new} is")
-    click.echo("\n".join(cubes.difference_lines(first, second, old.name if old else "")))
+    try:
+        name = old.name if old else ""
+        click.echo("\n".join(comparison.all_difference_lines(first, second, name)))
+    except storage.CubeError as error:  # of the published run
+        raise Refused(str(error)) from None
 
 
 def _values(assignments: Sequence[str]) -> dict[str, Any]:

@@ -21,9 +21,10 @@ import xarray as xr
 from thesis_lib import __version__, effort
 from thesis_lib.camera_study import LEAST_SQUARES
 from thesis_lib.chunks import Outline
-from thesis_lib.files import library_digest, library_files, project_root, whole_file
+from thesis_lib.cube_check import check
+from thesis_lib.files import library_digest, library_files, project_root
 from thesis_lib.parameters import STUDIES, Study
-from thesis_lib.storage import CubeError, fill_in, opened, write
+from thesis_lib.storage import fill_in, opened, write
 
 ERRORS = {  # name in the tables: variable, and plane if it has one
     "mean_error": ("mean_error", None),
@@ -144,16 +145,11 @@ def read(path: Path) -> xr.Dataset:
         In one line: the file, and what is wrong with it.
     """
     cube = opened(path)
-    missing = {"figure_set", "parameters"} - set(cube.attrs)
-    if (name := str(cube.attrs.get("figure_set"))) in OWN:
-        missing |= set(OWN[name]) - set(cube.variables)
+    name = str(cube.attrs.get("figure_set"))
+    if name in OWN:
+        check(cube, path, set(OWN[name]), set())
     else:
-        missing |= set(KEYS) - set(cube.variables)
-        errors_ = {variable for variable, _ in ERRORS.values()}
-        missing |= set() if errors_ & set(cube) else {"errors"}
-    if missing or str(cube.attrs["figure_set"]) not in STUDIES:
-        lacks = ", ".join(sorted(map(str, missing))) or "a known figure set"
-        raise CubeError(f"{path}: not a cube of this project (it lacks {lacks})")
+        check(cube, path, set(KEYS), {variable for variable, _ in ERRORS.values()})
     return cube
 
 
@@ -228,96 +224,3 @@ def band_text(median: float, low: float, high: float) -> str:
     """Median and band as they stand in tables; a dash where there were no trials."""
     text = percent_text
     return "—" if np.isnan(median) else f"{text(median)} ({text(low)}–{text(high)})"
-
-
-def published_path(name: str) -> Path:
-    """Where the published figures of a figure set are kept."""
-    return project_root() / "data" / "published" / f"{name}.csv"
-
-
-def read_published(name: str) -> pd.DataFrame | None:
-    """The published summary of a figure set, if there is one."""
-    path = published_path(name)
-    text = dict.fromkeys(("case", "label", "pair_order", "claim", "quantity", "unit"), str)
-    return (
-        pd.read_csv(path, dtype=text, keep_default_na=False, na_values=["nan"])
-        if path.is_file()
-        else None
-    )
-
-
-def publish(cube: xr.Dataset) -> Path:
-    """Make this cube's errors the published ones; returns the file."""
-    path = published_path(cube.attrs["figure_set"])
-    table = summary(cube)
-    whole_file(
-        path, lambda part: table.to_csv(part, index=False, float_format="%.6g", na_rep="nan")
-    )
-    return path
-
-
-def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
-    """Two summaries side by side, for the settings and modes that both have.
-
-    Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
-    and ``apart`` tells whether the 5–95 % bands do not meet.
-    """
-    for key in ("claim", "quantity"):
-        if key in new:
-            return new.merge(old, on=key, suffixes=("", "_old"), validate="one_to_one")
-    keys, old = [*KEYS, "error"], old.astype({"value": float})
-    table = new.merge(old, on=keys, suffixes=("", "_old"), validate="one_to_one")
-    table["difference"] = table["median"] - table["median_old"]
-    table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
-    return table
-
-
-def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
-    """The comparison as text: one line per setting and mode, in % of the largest deflection."""
-    if "verdict" in table:
-        changed = table[table["verdict"] != table["verdict_old"]]
-        lines = [f"{r.claim}: {r.verdict_old} → {r.verdict}" for r in changed.itertuples()]
-        return lines or [f"no difference from {old_name} ({len(table)} claims compared)"]
-    if table.empty:
-        return [f"no setting in common with {old_name}"]
-    if "quantity" in table:
-        same = np.isclose(table["value"], table["value_old"], rtol=1e-4, equal_nan=True)
-        lines = [
-            f"{r.quantity}: {r.value_old:.5g} → {r.value:.5g}" + f" {r.unit}" * (r.unit != "1")
-            for r in table[~same].itertuples()
-        ]
-        return lines or [f"no difference from {old_name} ({len(table)} quantities compared)"]
-    old = table[[f"{name}_old" for name in STATISTICS]]
-    changed = ~np.isclose(table[STATISTICS], old, rtol=1e-4, equal_nan=True)
-    if not changed.any():
-        return [f"no difference from {old_name} ({len(table)} errors compared)"]
-    header = (
-        f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | "
-        f"{'median (5–95 %)':>20} | {old_name:>20} | {'change':>7} | {'trial 0':>15}"
-    )
-    lines = [header, "-" * len(header)]
-    for row in table[np.isfinite(table["trial_0"])].itertuples():
-        new = band_text(row.median, row.low, row.high)
-        old = band_text(row.median_old, row.low_old, row.high_old)
-        change = "—" if np.isnan(row.difference) else f"{round(row.difference, 1) + 0.0:+.1f}"
-        lines.append(
-            f"{row.case:>6} {row.label:>12} {row.mode:>4} "
-            f"{SHORT[row.error]:>5} | "
-            f"{new:>20} | {old:>20} | {change:>7} | "
-            f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
-            f"{' *' if row.apart else ''}"
-        )
-    lines.append("errors in % of the largest reference value; * the bands do not meet")
-    return lines
-
-
-def difference_lines(
-    cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
-) -> list[str]:
-    """How a cube's errors differ from those of another, or from the published run."""
-    if other is not None:
-        return comparison_lines(compare(summary(cube), summary(other)), name)
-    published = read_published(cube.attrs["figure_set"])
-    if published is None:
-        return ["nothing is published yet to compare with"]
-    return comparison_lines(compare(summary(cube), published), "published")

@@ -20,6 +20,7 @@ from thesis_lib import cubes, setups
 from thesis_lib.claims import Claim, claims_of
 from thesis_lib.maps import DIVERGING
 from thesis_lib.parameters import CAMERA_STUDIES, CameraStudy, camera_study
+from thesis_lib.published import read_published
 from thesis_lib.setups import Setting
 from thesis_lib.structures import Beam, Plate, cantilever_roots
 from thesis_lib.style import COLORS
@@ -105,7 +106,7 @@ def _shapes(structure: object) -> dict[str, Any]:
 
 
 def _setups(study: CameraStudy) -> list[dict[str, Any]]:
-    published, claims = cubes.read_published(study.name), claims_of(study.name)
+    published, claims = read_published(study.name), claims_of(study.name)
     found: dict[tuple[object, ...], list[float]] = {}
     if published is not None:
         keys, numbers = published[[*cubes.KEYS, "error"]], published[cubes.STATISTICS]

@@ -17,7 +17,7 @@ from typing import Any
 import ipywidgets
 import xarray as xr
 
-from thesis_lib import cubes, effort, notebook
+from thesis_lib import comparison, cubes, effort, notebook
 from thesis_lib.camera_study import ParameterError, Study
 from thesis_lib.commands import command
 from thesis_lib.parameters import STUDIES, describe, validate
@@ -227,7 +227,7 @@ def _run(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -
         keep(cube)
         seconds = time.perf_counter() - start
         made.output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
-        made.output.append_stdout("\n".join(cubes.difference_lines(cube)) + "\n")
+        made.output.append_stdout("\n".join(comparison.difference_lines(cube)) + "\n")
         for shown in _results(request, cube):
             made.output.append_display_data(shown)
     except Exception as error:  # a kernel shows nothing of what a button raises

@@ -23,6 +23,7 @@ from thesis_lib import (
     files,
     missing,
     prose,
+    published,
     rerun_form,
     runs,
     thesis_index,
@@ -256,7 +257,7 @@ def _publish(jobs: Sequence[runs.Job], picture: Path, measured: Path) -> None:
     if measured.is_file():  # first, for what failed in it publishes nothing
         conformance.publish(measured)
     for job in jobs:
-        cubes.publish(cubes.read(job.cube))
+        published.publish(cubes.read(job.cube))
         keep_outputs(runs.source(job.study.name), job.notebook)
     costs = {job.study.name: effort.of(job.notebook) for job in jobs}
     effort.write((name, costs[name]) for name in STUDIES)

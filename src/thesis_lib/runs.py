@@ -27,11 +27,12 @@ from doit.doit_cmd import DoitMain
 from doit.exceptions import TaskFailed, UnmetDependency
 from doit.tools import config_changed
 
-from thesis_lib import cubes, effort, executed_notebook
+from thesis_lib import comparison, cubes, effort, executed_notebook
 from thesis_lib.commands import given
 from thesis_lib.files import library_files, project_root, staging, sweep
 from thesis_lib.pages import BookError
 from thesis_lib.parameters import STUDIES, Study
+from thesis_lib.published import published_path
 
 _LAST_WORDS = "import thesis_lib.effort\n\nprint(thesis_lib.effort.told())"
 
@@ -95,7 +96,7 @@ def digest(job: Job) -> str:
     cells = [[c["cell_type"], "".join(c["source"]), c["metadata"]] for c in notebook["cells"]]
     total = hashlib.sha256(json.dumps(cells, sort_keys=True).encode())
     total.update(json.dumps([job.study.name, job.study.request]).encode())
-    published = [cubes.published_path(job.study.name)] if job.page else []
+    published = [published_path(job.study.name)] if job.page else []
     for path in [*library_files(), *filter(Path.is_file, published)]:
         total.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
     return total.hexdigest()
@@ -147,7 +148,7 @@ def execute(job: Job) -> None:
         if job.page:
             from thesis_lib.viewer_data import as_in_the_thesis
 
-            text = "\n".join(cubes.difference_lines(result))
+            text = "\n".join(comparison.difference_lines(result))
             text = f"## Difference from the published run\n\n```text\n{text}\n```"
             cell = nbformat.v4.new_markdown_cell(text, id=f"{name}-difference")
             notebook.cells.insert(-1, cell)
