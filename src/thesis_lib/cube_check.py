@@ -102,7 +102,7 @@ def _problems(
     if "plane" in cube.dims and set(cube["plane"].values.tolist()) != {"XZ", "YZ"}:
         yield "its planes are not XZ and YZ"
     if isinstance(request, CameraStudy) and "point" in cube.dims:
-        markers = np.stack(request.structure.markers)
+        markers = np.stack(list(request.structure.markers))
         places = [cube[axis].values if axis in cube else np.array([]) for axis in ("x", "y")]
         if any((p.shape, p.dtype.kind) != (markers[0].shape, "f") for p in places) or not np.all(
             np.abs(np.stack(places) - markers) < FAR

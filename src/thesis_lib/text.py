@@ -39,7 +39,7 @@ def strings(value: Any, place: str = "") -> Iterator[tuple[str, str]]:
         if isinstance(value, str):
             yield place, value
         elif isinstance(value, Mapping):
-            for key, inside in reversed(value.items()):
+            for key, inside in reversed(list(value.items())):
                 yield place or "a field's name", str(key)
                 shown = key if str(key).isidentifier() else one_line(repr(key))
                 left.append((f"{place[:80]}.{shown}".lstrip("."), inside))
