@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import signal
 import sys
 import warnings
@@ -32,6 +33,8 @@ def thesis(*arguments: str | Path, cwd: Path | str = ".") -> Done:
         warnings.simplefilter("default")
         patch.setattr(sys, "argv", ["thesis", *map(str, arguments)])
         patch.setattr(signal, "signal", lambda *_: None)  # the tests keep their own handlers
+        patch.setattr(sys, "warnoptions", ["default"])  # or the command silences warnings
+        patch.setattr(logging, "disable", lambda _: None)
         with (
             contextlib.chdir(cwd),
             contextlib.redirect_stdout(out),
