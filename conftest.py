@@ -9,7 +9,8 @@ hypothesis.settings.register_profile("project", deadline=None)  # other jobs may
 hypothesis.settings.load_profile("project")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the notebooks' kernels, as in every run
 
-SLOW_NOTEBOOKS = ("claims", "design-law", "experiment-", "lab-", "planner")  # the start of a name
+SLOW_NOTEBOOKS = ["claims", "design-law", "planner", "experiment-*", "lab-*", "shape-holes"]
+SLOW_NOTEBOOKS += ["*-arrays", "*-aperture"]
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -21,7 +22,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what takes long among the notebooks: recordings to film, and wide searches."""
+    """Mark the notebooks that take long, and those whose like is quicker."""
     for item in items:
-        if item.path.suffix == ".ipynb" and item.path.stem.startswith(SLOW_NOTEBOOKS):
+        if any(item.path.match(f"{name}.ipynb") for name in SLOW_NOTEBOOKS):
             item.add_marker("slow")

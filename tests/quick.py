@@ -58,7 +58,7 @@ def edited(root: Path) -> set[Path]:
 def steps_to(files: Iterable[Path], test: Path) -> dict[Path, int]:
     """How far each of some files is from a test; those that it does not reach are left out."""
     steps = dict(reached(test))
-    behind = [test.parent / "conftest.py"]  # its fixtures are not imported
+    behind = [project_root() / "tests" / "conftest.py"]  # its fixtures are not imported
     if "checkout" in test.read_text(encoding="utf-8"):
         behind.append(project_root() / "src" / "thesis_lib" / "__main__.py")
     for start in behind:

@@ -26,6 +26,8 @@ from thesis_lib.experiment.scene import Component, Motion, amplitudes
 from thesis_lib.experiment.synchronisation import SynchronisationError
 from thesis_lib.experiment.view import TrackingError
 
+pytestmark = pytest.mark.slow  # films first
+
 BEAM = setups.beam()
 SIZE = (960, 540)
 OPPOSITE = [(10, 22), (190, 22)]

@@ -135,6 +135,7 @@ def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     assert tuple(min(found)[1]) == sets[int(np.argmin(costs))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", optimum.OBJECTIVES)
 @pytest.mark.slow
 def test_nothing_better_is_found_by_another_global_search(conforms, objective):

@@ -82,6 +82,7 @@ def stopped(own_checkout, tmp_path, start):
     return stop
 
 
+@pytest.mark.slow
 def test_kill_leaves_nothing_half_written_and_the_next_call_goes_on(
     stopped, own_checkout, tmp_path
 ):
@@ -101,6 +102,7 @@ def test_kill_leaves_nothing_half_written_and_the_next_call_goes_on(
     assert {path: path.stat().st_mtime_ns for path in out.glob(f"{GOOD}.*")} == done
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("politely", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_says_so_and_leaves_nothing_behind(stopped, tmp_path, politely):
     running = stopped(politely)
@@ -139,6 +141,7 @@ def test_what_was_done_beside_a_failure_is_not_done_again(own_checkout, tmp_path
     assert made(tmp_path / "out") == sorted([*targets(GOOD, SLOW), "index.html"])
 
 
+@pytest.mark.slow
 def test_a_failure_keeps_the_files_of_the_run_before(own_checkout, tmp_path):
     shorten(own_checkout, SLOW)
     assert own_checkout.thesis(*ONE, cwd=tmp_path).returncode == 0
@@ -245,6 +248,7 @@ def test_published_figures_make_a_page_stale(root, tmp_path):
     assert runs.digest(with_page) != before
 
 
+@pytest.mark.slow
 def test_edited_library_runs_again_and_new_outputs_do_not(own_checkout, tmp_path):
     shorten(own_checkout, SLOW)
     first = own_checkout.thesis(*ONE, cwd=tmp_path)
