@@ -214,7 +214,7 @@ def error_table(cube: xr.Dataset) -> Markdown:
             "% of the other plane's."
         )
     cut = [
-        f"{row[0]}, {row[1]} ({row[-1]})"
+        escape(f"{row[0]}, {row[1]} ({row[-1]})")
         for row, share in zip(rows_, cube["in_view"].values, strict=True)
         if share < 1
     ]
@@ -224,7 +224,7 @@ def error_table(cube: xr.Dataset) -> Markdown:
         )
     if "missing" in cube and float(cube["missing"].max()) > 0:
         rare = [
-            f"{row[0]}, {row[1]} ({share:.0%})"
+            escape(f"{row[0]}, {row[1]} ({share:.0%})")
             for row, share in zip(rows_, cube["missing"].values[:, 0, 0], strict=True)
             if share > 0
         ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,12 @@ mjx-container[jax="SVG"] > svg { max-width: none; }
 @media (max-width: 600px) { pre, table { font-size: .72rem; } }
 @media print { details::details-content { content-visibility: visible !important; } pre { white-space: pre-wrap; } }
 """  # noqa: E501
+# Equations are where `_math` has put them, and nowhere else: not in what readers have named. And
+# what they say makes no links, attributes or scripts.
+_MATHJAX_SETUP = """{
+  options: {enableMenu: false, ignoreHtmlClass: "plain", processHtmlClass: "math"},
+  tex: {packages: {"[-]": ["html", "require", "autoload"]}},
+  svg: {fontCache: "local"}}"""
 _CODE_CSS = "\n".join(
     (
         HtmlFormatter(style="xcode", nobackground=True).get_style_defs(".highlight"),
@@ -113,11 +120,16 @@ def page(notebook: Path, title: str) -> str:
         raise BookError(f"cannot read the notebook {notebook}: {reason[0]}") from error
     text = _Text(cells)
     body = "\n".join(_cell(cell, text) for cell in cells)
-    mathjax = Path(__file__).resolve().parents[2] / "build" / "assets" / MATHJAX
+    mathjax = mathjax_path()
     script = ""
     if 'class="math ' in body and mathjax.is_file():
         script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
     return shell(title, body, script)
+
+
+def mathjax_path() -> Path:
+    """Where MathJax is, once a book was rendered."""
+    return Path(__file__).resolve().parents[2] / "build" / "assets" / MATHJAX
 
 
 def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
@@ -147,23 +159,33 @@ class _Text:
     def __init__(self, cells: Sequence[Mapping[str, Any]]) -> None:
         prose = "\n".join(cell["source"] for cell in cells if cell["cell_type"] == "markdown")
         self.equations = {name: i for i, name in enumerate(_LABELLED.findall(prose), 1)}
-        self.parser = (
-            MarkdownIt("commonmark", {"html": True})
+        self.parser = self._parser(html=True)
+        self.of_outputs = self._parser(html=False)
+
+    def _parser(self, html: bool) -> MarkdownIt:
+        parser = (
+            MarkdownIt("commonmark", {"html": html})
             .enable("table")
             .use(dollarmath_plugin, renderer=_math, label_renderer=str, double_inline=True)
             .use(amsmath_plugin, renderer=lambda tex: _math(tex, {"display_mode": True}))
             .use(colon_fence_plugin)
             .use(deflist_plugin)
         )
-        rules: dict[str, Any] = self.parser.renderer.rules  # type: ignore[attr-defined]
+        rules: dict[str, Any] = parser.renderer.rules  # type: ignore[attr-defined]
         rules["math_block_label"] = self._equation
-        rules["colon_fence"] = self._aside
+        rules["colon_fence"] = partial(self._aside, parser)
         rules["table_open"] = lambda *_: '<div class="scroll" tabindex="0"><table>\n'
         rules["table_close"] = lambda *_: "</table></div>\n"
+        return parser
 
-    def html(self, source: str) -> str:
-        """Render Markdown; a link into the book, which is not there, becomes plain words."""
-        html = str(self.parser.render(_ROLE.sub(self._role, source)))
+    def html(self, source: str, own: bool = True) -> str:
+        """Render Markdown; a link into the book, which is not there, becomes plain words.
+
+        HTML in it counts if the notebook itself says so (`own`). What a program has put out may
+        hold a reader's words, and stays text.
+        """
+        parser = self.parser if own else self.of_outputs
+        html = str(parser.render(_ROLE.sub(self._role, source)))
         return _BOOK_LINK.sub(r"\1", html)
 
     def _role(self, match: re.Match[str]) -> str:
@@ -184,12 +206,12 @@ class _Text:
         equation = _math(tex, {"display_mode": True}, number)
         return f'<div id="equation-{escape(label)}">{equation}</div>\n'
 
-    def _aside(self, tokens: Sequence[Any], index: int, *_: object) -> str:
+    def _aside(self, parser: MarkdownIt, tokens: Sequence[Any], index: int, *_: object) -> str:
         info = re.sub(r"^\{[\w-]+\}\s*", "", tokens[index].info)
         lines = tokens[index].content.splitlines()
         inner = "\n".join(line for line in lines if not re.match(r":[\w-]+:", line))
         heading = f"<p><strong>{escape(info)}</strong></p>" if info else ""
-        return f"<aside>{heading}{self.parser.render(inner)}</aside>\n"
+        return f"<aside>{heading}{parser.render(inner)}</aside>\n"
 
 
 def _math(tex: str, options: Mapping[str, Any], number: int = 0) -> str:
@@ -252,7 +274,7 @@ def _data(data: Mapping[str, Any], alt: str, text: _Text) -> str:
             content = "".join(content.split())
             return f'<img src="data:{mime};base64,{content}" alt="{escape(alt)}">'
     if "text/markdown" in data:
-        return text.html(data["text/markdown"])
+        return text.html(data["text/markdown"], own=False)
     if "text/latex" in data:
         return f'<div class="math block">{escape(data["text/latex"])}</div>'
     return _pre(data["text/plain"]) if "text/plain" in data else ""
@@ -275,7 +297,7 @@ def shell(title: str, body: str, mathjax: str = "") -> str:
     body = body.replace("<pre>", '<pre tabindex="0">')  # wide ones scroll, also by keyboard
     scripts = ""
     if mathjax:
-        setup = "window.MathJax = {options: {enableMenu: false}, svg: {fontCache: 'local'}};"
+        setup = f"window.MathJax = {_MATHJAX_SETUP};"
         scripts = f"<script>{setup}</script>\n<script>{mathjax}</script>\n"
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -287,7 +309,7 @@ def shell(title: str, body: str, mathjax: str = "") -> str:
 <link rel="icon" href="data:,">
 <style>{_CSS}{_CODE_CSS}</style>
 </head>
-<body>
+<body class="plain">
 <main>
 {body}
 </main>
