@@ -1,23 +1,49 @@
 """What every pytest run needs, plain or with ``--nbval``, from whatever folder it is started."""
 
+import json
 import os
+import tempfile
+from pathlib import Path
 
 import hypothesis
 import pytest
 
+from thesis_lib.kernel_main import FIXED
+
 hypothesis.settings.register_profile("project", deadline=None)  # other jobs may have the machine
 hypothesis.settings.load_profile("project")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the notebooks' kernels, as in every run
+os.environ.update(FIXED)  # before NumPy is imported, as every command does
 
 SLOW_NOTEBOOKS = ["claims", "design-law", "planner", "experiment-*", "lab-*", "shape-holes"]
 SLOW_NOTEBOOKS += ["*-arrays", "*-aperture"]
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Sanitise the notebooks' outputs: an option with a relative path works in one folder only."""
+    """Sanitise the notebooks' outputs, and execute them by the kernel that runs have.
+
+    An option with a relative path works in one folder only.
+    """
     if config.getoption("nbval_sanitize_with", None) is None:
         file = config.rootpath / "tests" / "nbval_sanitize.cfg"
         config.option.nbval_sanitize_with = str(file)
+    if config.getoption("nbval", False) or config.getoption("nbval_lax", False):
+        _own_kernel(config)
+
+
+def _own_kernel(config: pytest.Config) -> None:
+    """Let nbval find our kernel, and nothing of the reader's Jupyter."""
+    from thesis_lib import kernel
+
+    folder = tempfile.TemporaryDirectory(prefix="thesis-kernel-")
+    config.add_cleanup(folder.cleanup)
+    place = Path(folder.name) / "kernels" / "python3"
+    place.mkdir(parents=True)
+    (place / "kernel.json").write_text(json.dumps(kernel.spec().to_dict()), encoding="utf-8")
+    os.environ["JUPYTER_PATH"] = folder.name
+    for name in ("CONFIG_DIR", "RUNTIME_DIR"):  # the latter is the kernels' home
+        empty = Path(folder.name) / name.lower()
+        empty.mkdir()
+        os.environ[f"JUPYTER_{name}"] = str(empty)
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import logging
-import signal
 import sys
 import warnings
 from dataclasses import dataclass
@@ -13,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib import cli
+from thesis_lib import cli, ending
 
 
 @dataclass(frozen=True)
@@ -32,9 +30,7 @@ def thesis(*arguments: str | Path, cwd: Path | str = ".") -> Done:
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         patch.setattr(sys, "argv", ["thesis", *map(str, arguments)])
-        patch.setattr(signal, "signal", lambda *_: None)  # the tests keep their own handlers
-        patch.setattr(sys, "warnoptions", ["default"])  # or the command silences warnings
-        patch.setattr(logging, "disable", lambda _: None)
+        patch.setattr(ending, "prepare", lambda: None)  # the tests keep handlers and warnings
         with (
             contextlib.chdir(cwd),
             contextlib.redirect_stdout(out),

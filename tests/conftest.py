@@ -89,12 +89,12 @@ class Running:
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition` holds while the command is still running."""
-        for _ in range(1200):
+        for _ in range(6000):
             if condition():
                 return
             assert self.process.poll() is None, f"ended too early:\n{self.said()}"
             time.sleep(0.05)
-        pytest.fail(f"nothing came of it within a minute:\n{self.said()}")
+        pytest.fail(f"nothing came of it within five minutes:\n{self.said()}")
 
     def end(self) -> None:
         if self.process.poll() is None:

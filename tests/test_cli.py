@@ -230,7 +230,6 @@ def test_nothing_tells_where_it_was_made(ran, checkout):
 
 def test_second_call_does_nothing_and_a_changed_parameter_runs_again(ran, checkout, tmp_path):
     folder = shutil.copytree(ran[0], tmp_path / "out")
-    # doit knows targets by their place: run the first call's command where it was made
     made = {path: path.stat().st_mtime_ns for path in ran[0].glob("beam-*")}
     again = checkout.thesis(*RUN, "--out", ran[0], cwd=tmp_path)
     assert again.returncode == 0

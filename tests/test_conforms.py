@@ -12,8 +12,8 @@ import pytest
 from conforms import RECORDER, compare, worse
 
 from conftest import PROJECT
-from thesis_lib import conformance, publishing, runs
-from thesis_lib.runs import RunError
+from thesis_lib import conformance, publishing, tasks
+from thesis_lib.tasks import RunError
 
 TESTS = """
 import pytest
@@ -191,9 +191,11 @@ def test_a_book_shows_the_published_report_and_marks_what_changed_since(tmp_path
     published = tmp_path / "published.json"
     monkeypatch.setattr(conformance, "published_path", lambda: published)
 
+    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+
     def pieces():
         plan = publishing._Plan(tmp_path, [], False)
-        runs.run([publishing._conformance(plan)], tmp_path / "build" / "state.sqlite")
+        tasks.run([publishing._conformance(plan)])
         return [path.read_text(encoding="utf-8") for path in conformance.pieces(plan.executed)]
 
     assert pieces()[:2] == [conformance.NOT_YET, ""]

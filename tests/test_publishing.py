@@ -25,7 +25,7 @@ GOOD, BAD = "beam-resolution", "beam-distance"
 ASSETS = PROJECT / "build" / "assets"
 MAKE = f"""
 import sys
-from thesis_lib import publishing as p, prose, runs
+from thesis_lib import publishing as p, prose, tasks
 
 p.STUDIES = {{name: p.STUDIES[name] for name in ("{GOOD}", "{BAD}")}}
 prose.PIECES = {{"beam-results": prose.PIECES["beam-results"]}}
@@ -34,7 +34,7 @@ p.PAGES = p.reference.PIECES = p.thesis_index.PIECES = p.assumptions.PIECES = {{
 p.reference.write = p._walk_through = p._tell = lambda executed: None
 try:
     print(p.build())
-except runs.RunError as error:
+except tasks.RunError as error:
     sys.exit(str(error))
 """
 INTRO = """# A small book

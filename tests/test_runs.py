@@ -7,13 +7,15 @@ import json
 import os
 import signal
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import nbformat
 import pytest
 import xarray as xr
 
-from thesis_lib import cubes, files, runs
+from thesis_lib import files, published, runs, tasks
 from thesis_lib.parameters import validate
 
 GOOD, SLOW = "beam-resolution", "beam-distance"
@@ -113,13 +115,23 @@ def test_interrupt_says_so_and_leaves_nothing_behind(stopped, tmp_path, politely
     assert left_over(tmp_path / "out") == []
 
 
-def test_folder_of_a_running_process_stays(tmp_path):
-    alive = tmp_path / f".staging-{os.getpid()}-x"
-    alive.mkdir()
-    with files.staging(tmp_path) as folder:
-        assert folder.parent == tmp_path
-        assert alive.is_dir()
-    assert not folder.exists()
+def test_folder_of_another_process_stays_while_it_lives(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from thesis_lib import files\n"
+        "with files.staging(Path(sys.argv[1])) as folder:\n"
+        "    print(folder, flush=True); sys.stdin.read()\n"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    with subprocess.Popen(command, stdin=-1, stdout=-1, text=True) as other:
+        theirs = Path(other.stdout.readline().strip())
+        assert theirs.parent == tmp_path
+        with files.staging(tmp_path) as folder:
+            assert folder.parent == tmp_path
+            assert theirs.is_dir()
+        assert not folder.exists()
+        other.kill()
+    with files.staging(tmp_path):
+        assert not theirs.exists()
 
 
 # Failed.
@@ -156,8 +168,9 @@ def test_a_failure_keeps_the_files_of_the_run_before(own_checkout, tmp_path):
 
 @pytest.fixture
 def root(own_checkout, monkeypatch):
-    for module in (runs, cubes, files):
+    for module in (runs, published, files, tasks):
         monkeypatch.setattr(module, "project_root", lambda: own_checkout.root)
+    monkeypatch.setattr(files, "__file__", str(library(own_checkout.root) / "files.py"))
     return own_checkout.root
 
 
@@ -273,6 +286,13 @@ def test_edited_library_runs_again_and_new_outputs_do_not(own_checkout, tmp_path
 # Tasks of any kind.
 
 
+@pytest.fixture
+def task(tmp_path, monkeypatch):
+    """A task whose record is in a folder of this test."""
+    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path / "project")
+    return tasks.task
+
+
 def writer(path: Path, log: list[str]):
     def write() -> None:
         log.append(path.name)
@@ -281,13 +301,12 @@ def writer(path: Path, log: list[str]):
     return write
 
 
-def test_task_runs_once_until_its_key_or_its_file_changes(tmp_path):
+def test_task_runs_once_until_its_key_or_its_file_changes(tmp_path, task):
     log: list[str] = []
     target = tmp_path / "made"
 
     def run(key: str) -> None:
-        task = runs.task("t", writer(target, log), [], [target], key)
-        runs.run([task], tmp_path / "state.sqlite")
+        tasks.run([task("t", writer(target, log), [], [target], key)])
 
     run("one")
     run("one")
@@ -299,30 +318,32 @@ def test_task_runs_once_until_its_key_or_its_file_changes(tmp_path):
     assert len(log) == 3
 
 
-def test_failing_task_is_told_and_the_others_are_done(tmp_path):
+def test_failing_task_is_told_and_the_others_are_done(tmp_path, task):
     log: list[str] = []
 
     def fails() -> None:
         raise ValueError("no ink left")
 
-    tasks = [
-        runs.task("bad", fails, [], [tmp_path / "bad"], "key"),
-        runs.task("good", writer(tmp_path / "good", log), [], [tmp_path / "good"], "key"),
+    jobs = [
+        task("bad", fails, [], [tmp_path / "bad"], "key"),
+        task("good", writer(tmp_path / "good", log), [], [tmp_path / "good"], "key"),
     ]
     for _ in range(2):
-        with pytest.raises(runs.RunError, match=r"^bad: ValueError: no ink left; the traceback is"):
-            runs.run(tasks, tmp_path / "state.sqlite")
+        with pytest.raises(
+            tasks.RunError, match=r"^bad: ValueError: no ink left; the traceback is"
+        ):
+            tasks.run(jobs)
     assert log == ["good"]
 
 
-def test_tasks_run_in_the_order_of_their_files(tmp_path):
+def test_tasks_run_in_the_order_of_their_files(tmp_path, task):
     log: list[str] = []
     first, second = tmp_path / "first", tmp_path / "second"
-    tasks = [
-        runs.task("b", writer(second, log), [first], [second]),
-        runs.task("a", writer(first, log), [], [first], "key"),
+    jobs = [
+        task("b", writer(second, log), [first], [second]),
+        task("a", writer(first, log), [], [first], "key"),
     ]
-    runs.run(tasks, tmp_path / "state.sqlite")
+    tasks.run(jobs)
     assert log == ["first", "second"]
 
 
@@ -353,17 +374,17 @@ def test_whole_file_leaves_the_old_one_if_writing_fails(tmp_path, error):
     assert [path.name for path in tmp_path.iterdir()] == ["file.txt"]
 
 
-def test_damaged_cube_is_made_anew(tmp_path):
+def test_damaged_cube_is_made_anew(tmp_path, task):
     cube, log = tmp_path / "cube.nc", []
 
     def make() -> None:
         log.append("made")
         xr.Dataset({"a": ("x", [1.0] * 3000)}).to_netcdf(cube, engine="h5netcdf")
 
-    tasks = [runs.task("cube", make, [], [cube], "key")]
-    runs.run(tasks, tmp_path / "state.sqlite")
-    runs.run(tasks, tmp_path / "state.sqlite")
+    jobs = [task("cube", make, [], [cube], "key")]
+    tasks.run(jobs)
+    tasks.run(jobs)
     assert log == ["made"]
     cube.write_bytes(cube.read_bytes()[:2000])
-    runs.run(tasks, tmp_path / "state.sqlite")
+    tasks.run(jobs)
     assert log == ["made", "made"]

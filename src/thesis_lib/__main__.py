@@ -1,6 +1,12 @@
 """``python -m thesis_lib`` is the ``thesis`` command."""
 
-from thesis_lib.cli import main
+import os
+import sys
+from pathlib import Path
 
 if __name__ == "__main__":
+    if sys.path[0] == os.getcwd():  # noqa: PTH109
+        sys.path[0] = str(Path(__file__).resolve().parents[1])  # no module of the reader's
+    from thesis_lib.cli import main
+
     main()

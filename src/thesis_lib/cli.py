@@ -6,12 +6,9 @@ import contextlib
 import errno
 import importlib.metadata
 import json
-import logging
 import os
 import shlex
-import signal
 import sys
-import warnings
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from thesis_lib.text import message, of_error, one_line
+from thesis_lib.text import hidden, message, of_error, one_line
 
 if TYPE_CHECKING:
     from thesis_lib.parameters import Study
@@ -111,14 +108,14 @@ def run(
     folder = _folder(names, studies, out)
     if scheduler is not None:
         _use_scheduler(scheduler, studies)
-    from thesis_lib import comparison, cubes, files, runs
+    from thesis_lib import comparison, cubes, files, runs, tasks
 
     jobs = [
         runs.Job(study, *(folder / f"{study.name}.{kind}" for kind in ("ipynb", "nc", "html")))
         for study in studies
     ]
     # With a scheduler one set after another: each has all the workers.
-    runs.run(runs.job_tasks(jobs), folder / ".state.sqlite", 2 if scheduler is None else 1)
+    tasks.run(runs.job_tasks(jobs), 2 if scheduler is None else 1)
     if len(jobs) > 1:
         from thesis_lib.pages import index_page
 
@@ -425,6 +422,8 @@ def _new_folder(out: Path, option: str = "--out") -> Path:
     if str(out) in ("", "."):
         raise Refused(f"{option}: given no folder of its own, allowed: a folder, new or not")
     folder = out.absolute()
+    if found := hidden(str(folder)):
+        raise Refused(f"{option}: given {out} with {found}; allowed: visible text")
     try:
         (folder / ("x" * LONGEST_FILE)).lstat()
     except OSError as error:
@@ -459,28 +458,23 @@ def _said(error: Exception) -> str:
     """What an error says: ours are written to be read, others may say anything."""
     if isinstance(error, ModuleNotFoundError):
         return _lacking(error)
-    ours = type(error).__module__.startswith("thesis_lib") or isinstance(error, OSError)
+    ours = type(error).__module__.startswith("thesis_lib")
     lines = (str(error) if ours else of_error(error)).splitlines() or [type(error).__name__]
     return "\n".join(map(message, lines))
 
 
 def main() -> None:
-    """Run the command; errors are one line on standard error, and nothing foreign is beside it."""
-    logging.disable(logging.CRITICAL)
-    if not sys.warnoptions:
-        warnings.simplefilter("ignore")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # clean up as after Ctrl-C
+    """Run the command; errors are lines on standard error, and nothing else is."""
+    from thesis_lib import ending
+
+    ending.prepare()
     try:
         status = cli.main(standalone_mode=False)
-    except click.exceptions.Abort:  # click has ended the line
-        click.echo("interrupted; the same command goes on where this one stopped", err=True)
-        status = INTERRUPTED
+    except (click.exceptions.Abort, KeyboardInterrupt):
+        ending.stop(INTERRUPTED)
     except click.ClickException as error:
         click.echo(message(f"thesis: {error.format_message()}"), err=True)
         status = error.exit_code
-    except KeyboardInterrupt:
-        click.echo("\ninterrupted; the same command goes on where this one stopped", err=True)
-        status = INTERRUPTED
     except Exception as error:
         click.echo(f"thesis: {_said(error)}", err=True)
         status = FAILED

@@ -19,7 +19,7 @@ from typing import Any
 from thesis_lib.files import project_root, whole_text
 from thesis_lib.markdown import escape, table
 from thesis_lib.reach import digest, reached
-from thesis_lib.runs import RunError
+from thesis_lib.tasks import RunError
 
 Record = dict[str, Any]
 

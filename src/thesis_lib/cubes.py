@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from thesis_lib import __version__, effort
+from thesis_lib import __version__, effort, kept
 from thesis_lib.camera_study import LEAST_SQUARES
 from thesis_lib.chunks import Outline
 from thesis_lib.cube_check import check
@@ -64,8 +64,7 @@ def cached(
         total.update(file.read_bytes())
     path = project_root() / "build" / "cache" / f"{study.name}-{total.hexdigest()[:16]}.nc"
     start, before = time.perf_counter(), effort.loaded_seconds()
-    if path.is_file():
-        cube = opened(path)
+    if (cube := kept.read(path)) is not None:
         spared = float(cube.attrs["run_time_s"])
         effort.note_loaded(spared, float(cube.attrs.get("peak_memory_mb", 0)))
         return with_provenance(cube, study, spared)  # of today's commit
@@ -73,11 +72,13 @@ def cached(
     if isinstance(made, Outline) and not made.is_held:
         frame = replace(made, cube=with_provenance(made.cube, study, 0.0))
         fill_in(frame, path, lambda: time.perf_counter() - start + effort.loaded_seconds() - before)
+        kept.keep(path)
         cube = opened(path)
         return with_provenance(cube, study, float(cube.attrs["run_time_s"]))
     cube = with_provenance(made.in_memory() if isinstance(made, Outline) else made, study, 0.0)
     seconds = time.perf_counter() - start + effort.loaded_seconds() - before
     write(cube.assign_attrs(run_time_s=seconds), path)
+    kept.keep(path)
     return with_provenance(opened(path), study, seconds)
 
 

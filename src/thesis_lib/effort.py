@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from thesis_lib.asides import asides
 from thesis_lib.files import project_root, whole_file
 
 FIELDS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
@@ -120,7 +121,8 @@ def _own_peak_mb() -> float:
 
 def told() -> str:
     """The last words of a notebook that is executed for its files: what :func:`heard` reads."""
-    return json.dumps({"loaded_s": loaded_seconds(), "peak_memory_mb": peak_memory_mb()})
+    said = {"loaded_s": loaded_seconds(), "peak_memory_mb": peak_memory_mb(), "asides": asides()}
+    return json.dumps(said)
 
 
 def heard(text: str, seconds: float, cube: Path) -> Effort:

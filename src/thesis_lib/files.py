@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import hashlib
 import os
+import re
 import shutil
+import sys
 import tempfile
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
+
+_STAGING = ".staging-"
+_NAME = re.compile(re.escape(_STAGING) + r"[a-z0-9_]{8}")  # as mkdtemp makes them
+_LOCK = ".lock"
+_held: set[Path] = set()  # staging folders of this process
 
 
 def project_root() -> Path:
@@ -47,24 +54,47 @@ def library_files() -> list[Path]:
 @cache
 def library_digest() -> str:
     """SHA-256 of the library's files as they were when this was first asked."""
+    return digest_of(library_files())
+
+
+def digest_of(paths: Iterable[Path]) -> str:
+    """SHA-256 of files and folders by name and content; what is missing counts as missing."""
     total = hashlib.sha256()
-    for path in library_files():
-        total.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    for path in paths:
+        total.update(f"{path.name} {sha256(path)}\n".encode())
     return total.hexdigest()
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file, or of all files in a folder; empty if there is neither.
+
+    Content is read anew unless the file has been read before by this process and its size, times
+    and inode are what they were.
+    """
+    try:
+        if path.is_dir():
+            inside = sorted(p for p in path.rglob("*") if p.is_file())
+            lines = [f"{p.relative_to(path).as_posix()} {sha256(p)}\n" for p in inside]
+            return hashlib.sha256("".join(lines).encode()).hexdigest()
+        now = path.stat()
+        return _sha256(path, (now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns))
+    except (FileNotFoundError, NotADirectoryError):
+        return ""
+
+
+@cache
+def _sha256(path: Path, _as_it_is: tuple[int, ...]) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def whole_file(path: Path, write: Callable[[Path], object]) -> None:
     """Let `write` fill a temporary file beside `path`, then rename it: never a half-written one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
+    with staging(path.parent) as folder:
+        temporary = folder / path.name
         write(temporary)
         temporary.chmod(0o644)
         temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def whole_text(path: Path, text: str) -> None:
@@ -74,29 +104,104 @@ def whole_text(path: Path, text: str) -> None:
 
 @contextlib.contextmanager
 def staging(folder: Path) -> Iterator[Path]:
-    """A folder inside `folder` to write in; those that dead processes left are removed."""
+    """A folder inside `folder` to write in, which is removed in the end.
+
+    It holds a file that its process has locked. What has the name of such a folder and no lock was
+    left by a process that was killed, and is removed.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     sweep(folder)
-    path = Path(tempfile.mkdtemp(prefix=f".staging-{os.getpid()}-", dir=folder))
-    atexit.register(shutil.rmtree, path, ignore_errors=True)  # an interrupt unwinds no thread
+    lock = None
+    while lock is None:  # another process may sweep the folder just before it is locked
+        path = Path(tempfile.mkdtemp(prefix=_STAGING, dir=folder))
+        _held.add(path)
+        try:
+            lock = _locked(path, wait=True)
+        finally:
+            if lock is None:
+                _let_go(path)
     try:
         yield path
     finally:
-        shutil.rmtree(path, ignore_errors=True)
+        _let_go(path)
+        os.close(lock)
 
 
-def sweep(folder: Path) -> None:
-    """Remove the staging folders in `folder` that dead processes left."""
-    for left in folder.glob(".staging-*"):
-        if not _alive(int(left.name.split("-")[1])):
-            shutil.rmtree(left, ignore_errors=True)
+@contextlib.contextmanager
+def one_at_a_time(folder: Path) -> Iterator[None]:
+    """Let no other process be here for the same folder, on disks that have locks."""
+    if sys.platform == "win32":
+        yield
+        return
+    import fcntl
 
-
-def _alive(pid: int) -> bool:
+    place = os.open(folder, os.O_RDONLY)
     try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
+        with contextlib.suppress(OSError):
+            fcntl.flock(place, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(place)
+
+
+def sweep(*folders: Path) -> None:
+    """Remove the staging folders in some folders that killed processes left."""
+    if sys.platform == "win32":
+        return  # where nothing is locked in this way
+    for folder in folders:
+        for left in folder.glob(f"{_STAGING}*"):
+            if not _NAME.fullmatch(left.name) or left.is_symlink() or not left.is_dir():
+                continue  # none of ours
+            with contextlib.suppress(OSError):
+                lock = _locked(left, wait=False)
+                if lock is not None:
+                    _remove(left)
+                    os.close(lock)
+
+
+def let_go() -> None:
+    """Remove the staging folders of this process, which is about to end without unwinding."""
+    for path in list(_held):
+        _let_go(path)
+
+
+def _let_go(path: Path) -> None:
+    _remove(path)
+    _held.discard(path)
+
+
+def _remove(folder: Path) -> None:
+    for _ in range(5):  # a kernel whose runner was killed writes for a second more
+        shutil.rmtree(folder, ignore_errors=True)
+        if not folder.exists():
+            return
+        time.sleep(0.2)
+
+
+def _locked(folder: Path, wait: bool) -> int | None:
+    """The lock of a staging folder, an open file; None if another holds it, or it has gone.
+
+    Raises
+    ------
+    OSError
+        If the folder may not be written to, or cannot be locked and nobody waits for it.
+    """
+    if sys.platform == "win32":
+        return os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT)
+    import fcntl
+
+    try:
+        lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+    except FileNotFoundError:
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        if os.path.samestat(os.fstat(lock), (folder / _LOCK).stat()):
+            return lock
+    except (FileNotFoundError, BlockingIOError):
+        pass
+    except OSError:  # a disk without locks: what is there is never swept
+        if wait:
+            return lock
+    os.close(lock)
+    return None

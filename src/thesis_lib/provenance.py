@@ -8,7 +8,6 @@ what is small is in the page itself.
 from __future__ import annotations
 
 import base64
-import hashlib
 import json
 from dataclasses import dataclass
 from html import escape
@@ -22,15 +21,10 @@ from thesis_lib import __version__, plotted
 from thesis_lib.camera_study import Study
 from thesis_lib.commands import command, given
 from thesis_lib.effort import Effort
+from thesis_lib.files import sha256
 
 FOLDER = "data"
 """Folder of the rendered book that holds the cubes and the numbers of the figures."""
-
-
-def sha256(path: Path) -> str:
-    """SHA-256 of a file."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 @dataclass(frozen=True)

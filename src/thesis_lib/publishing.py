@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from thesis_lib import (
     assumptions,
@@ -26,6 +25,7 @@ from thesis_lib import (
     published,
     rerun_form,
     runs,
+    tasks,
     thesis_index,
 )
 from thesis_lib.experiment import filmed, pictures
@@ -106,34 +106,34 @@ def build(publish: bool = False) -> Path:
     while True:  # each time round without what failed before
         steps = _tasks(plan)
         try:
-            runs.run(steps, root / "build" / "state.sqlite")
+            tasks.run(steps)
             break
-        except runs.RunError as error:
+        except tasks.RunError as error:
             new = {name: text for name, text in error.failed.items() if name not in error.unmet}
             if not new or "pages" in new:
-                raise runs.RunError("\n".join([*plan.failed.values(), str(error)])) from None
+                raise tasks.RunError("\n".join([*plan.failed.values(), str(error)])) from None
             plan.failed.update(new)
             _stand_in(plan, steps, new)
     if plan.failed:
         lines = [*plan.failed.values(), f"the book without these is {plan.index}"]
-        raise runs.RunError("\n".join(lines))
+        raise tasks.RunError("\n".join(lines))
     return plan.index
 
 
-def _stand_in(plan: _Plan, steps: Sequence[dict[str, Any]], failed: Mapping[str, str]) -> None:
+def _stand_in(plan: _Plan, steps: Sequence[tasks.Task], failed: Mapping[str, str]) -> None:
     """Let what is missing say so where it would be."""
     jobs = {job.study.name: job for job in plan.jobs}
-    made = {step["name"]: step["targets"] for step in steps}
+    made = {step.name: step.makes for step in steps}
     for name, reason in failed.items():
         if name in jobs:
             missing.write_page(runs.source(name), name, reason, jobs[name].notebook)
             continue
         for target in made[name]:
-            if Path(target).parent == plan.executed:
-                missing.write_placeholder(Path(target), name)
+            if target.parent == plan.executed:
+                missing.write_placeholder(target, name)
 
 
-def _tasks(plan: _Plan) -> list[dict[str, Any]]:
+def _tasks(plan: _Plan) -> list[tasks.Task]:
     """All steps of the book that have not failed."""
     root, executed = plan.root, plan.executed
     made = [job.cube for job in plan.ran]
@@ -159,65 +159,58 @@ def _tasks(plan: _Plan) -> list[dict[str, Any]]:
         made_known = [picture, effort.published_path()]
         measured = root / "build" / conformance.REPORT
         made_known += [conformance.published_path()] if measured.is_file() else []
-        publishing = [
-            runs.task(
-                "published run",
-                lambda: _publish(plan.jobs, picture, measured),
-                made,
-                made_known,
-            )
-        ]
-        publishing[0]["uptodate"] = [False]  # asked for, so done
-    tasks = [
+        publish = partial(_publish, plan.jobs, picture, measured)
+        publishing = [tasks.task("published run", publish, made, made_known, always=True)]
+    steps = [
         *runs.job_tasks(plan.ran),
         *publishing,
-        {**_conformance(plan), "task_dep": [f"thesis:{one['name']}" for one in publishing]},
-        runs.task(
+        replace(_conformance(plan), after=frozenset(one.name for one in publishing)),
+        tasks.task(
             "numbers",
             lambda: prose.write(made, executed, without),
             [*made, *costs, *files.library_files()],
             numbers,
         ),
-        runs.task(
+        tasks.task(
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),
             [*made, *files.library_files()],
             [picture_of_all],
         ),
-        runs.task(
+        tasks.task(
             "walk through chapter 5",
             lambda: _walk_through(executed),
             [*made, *files.library_files()],
             walk,
         ),
-        runs.task(
+        tasks.task(
             "reference of own recordings",
             lambda: reference.write(executed),
             files.library_files(),
             told,
         ),
-        runs.task(
+        tasks.task(
             "index, assumptions, explorer, form",
             lambda: _tell(executed),
             [*files.library_files(), *(root / "book").glob("*.md"), *published],
             own_words,
         ),
-        runs.task(
+        tasks.task(
             "pages",
             lambda: _render(plan),
             [*sources, picture_of_all, *walk, *told, *own_words, *checked, *files.library_files()],
-            [plan.index, plan.archive],
+            [plan.index.parent, plan.archive],
         ),
     ]
-    return [task for task in tasks if task["name"] not in plan.failed]
+    return [step for step in steps if step.name not in plan.failed]
 
 
-def _conformance(plan: _Plan) -> dict[str, Any]:
+def _conformance(plan: _Plan) -> tasks.Task:
     """The page of what the tests measured when it was published."""
     published = conformance.published_path()
     there = [published] if published.is_file() else []
     library = [file for file in files.library_files() if file.suffix == ".py"]
-    return runs.task(
+    return tasks.task(
         "conformance",
         lambda: conformance.write(plan.executed),
         [*there, *library, *conformance.test_files()],

@@ -24,6 +24,7 @@ BITS = 13  # of a rounded mantissa: to 2⁻¹⁴, 0.006 %
 _ROUNDED = {"_QuantizeBitRoundNumberOfSignificantBits": np.int32(BITS)}
 _HDF5 = threading.RLock()  # the HDF5 library crashes if two threads use it at once
 _LOADED_BYTES = 2**20  # variables of a large cube up to this size are read when it is opened
+_TEXTS: Any = {"decode_vlen_strings": True}  # to str, as xarray has it
 _STORED_BYTES = 2**18  # of a large variable are compressed together
 
 
@@ -172,7 +173,10 @@ def opened(path: Path) -> xr.Dataset:
         raise CubeError(f"{path}: {kind}; give a cube (.nc) that `thesis run` has written")
     try:
         with _HDF5:
-            with _Indexed(path) as indexed, h5netcdf.File(indexed) as file:
+            with (
+                _Indexed(path) as indexed,
+                h5netcdf.File(indexed, decode_vlen_strings=True) as file,
+            ):
                 held = xr.open_dataset(xr.backends.H5NetCDFStore(file), cache=False)
                 if held.nbytes <= HELD_BYTES:
                     return held.load()

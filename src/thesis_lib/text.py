@@ -83,6 +83,18 @@ def message(text: str) -> str:
 
 
 def of_error(error: BaseException) -> str:
-    """An error that nobody foresaw, in words: its kind comes first, its text may be anything."""
+    """An error that nobody foresaw, in words: its kind comes first, its text may be anything.
+
+    The system's errors are told by their file and what is wrong with it.
+
+    Examples
+    --------
+    >>> of_error(OSError(28, "No space left on device", "cubes/a.nc"))
+    'cubes/a.nc: No space left on device'
+    >>> of_error(KeyError("case"))
+    "KeyError: 'case'"
+    """
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     said = " ".join(str(error).split())
     return f"{type(error).__name__}: {said}" if said else type(error).__name__

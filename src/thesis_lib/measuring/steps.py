@@ -10,23 +10,14 @@ import errno
 import hashlib
 import json
 from collections.abc import Callable, Iterable
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
+from thesis_lib import kept as kept_cubes
 from thesis_lib import storage
-from thesis_lib.files import library_files
-
-
-@cache
-def library_digest() -> str:
-    """Digest of the library as it is."""
-    total = hashlib.sha256()
-    for file in library_files():
-        total.update(file.read_bytes())
-    return total.hexdigest()
+from thesis_lib.files import library_digest
 
 
 def key_of(values: Any, files: Iterable[Path] = ()) -> str:
@@ -42,13 +33,11 @@ def key_of(values: Any, files: Iterable[Path] = ()) -> str:
 def kept(folder: Path, name: str, key: str, compute: Callable[[], xr.Dataset]) -> xr.Dataset:
     """The step's result: from its file if that has the key, else computed and written."""
     path = folder / f"{name}.nc"
-    try:
-        data = storage.opened(path)
-    except storage.CubeError:  # none yet, or damaged
-        data = None
+    data = kept_cubes.read(path)
     if data is None or data.attrs.get("key") != key:
         data = compute().assign_attrs(key=key)
         write_cube(data, path)
+        kept_cubes.keep(path)
     return data
 
 

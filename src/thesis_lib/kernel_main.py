@@ -1,0 +1,69 @@
+"""The process that executes a notebook: ``python -I kernel_main.py -f CONNECTION_FILE``.
+
+A result depends on its request, the library and the lock file, not on the machine of whoever makes
+it. So no configuration of IPython or Jupyter is read, no start-up file is run, nothing is imported
+from the working directory or from ``PYTHONPATH``, the library is the one that this file belongs
+to, and of the environment only what :data:`KEPT` names is left. The folder of the connection file,
+in which there is nothing else, is home and working directory.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+SOURCE = Path(__file__).resolve().parents[1]
+FIXED = {
+    "OPENBLAS_NUM_THREADS": "1",  # sums depend on it, and every core has a notebook already
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "BLIS_NUM_THREADS": "1",
+    "NUMEXPR_NUM_THREADS": "1",
+    "VECLIB_MAXIMUM_THREADS": "1",
+    "MPLCONFIGDIR": str(SOURCE.parent / "build" / "cache" / "matplotlib"),  # list of fonts
+}
+QUIET = "THESIS_QUIET"  # see asides.aside
+KEPT = (
+    "PATH", "TMPDIR", "TEMP", "TMP", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT",
+    "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES",  # an older processor
+    "THESIS_SCHEDULER", "JPY_PARENT_PID", "GIT_CONFIG_GLOBAL",
+)  # fmt: skip
+
+
+def environment(of: Mapping[str, str], home: Path) -> dict[str, str]:
+    """What is left of an environment."""
+    kept = {name: of[name] for name in KEPT if name in of}
+    git = Path(of.get("HOME", os.sep)) / ".gitconfig"  # which owners of checkouts are trusted
+    own = {"HOME": str(home), "LANG": "C.UTF-8", "GIT_CONFIG_GLOBAL": str(git), QUIET: "1"}
+    return own | kept | FIXED
+
+
+def main(arguments: list[str]) -> None:
+    """Be the kernel that the connection file asks for."""
+    home = Path(arguments[arguments.index("-f") + 1]).resolve().parent
+    left = environment(os.environ, home)
+    os.environ.clear()
+    os.environ.update(left)
+    os.chdir(home)
+    sys.path.insert(0, str(SOURCE))
+    logging.getLogger().addHandler(logging.NullHandler())  # libraries' remarks are no output
+
+    from ipykernel.kernelapp import IPKernelApp
+
+    class Kernel(IPKernelApp):
+        """A kernel that reads nothing but its connection file."""
+
+        def load_config_file(self, *_: object, **__: object) -> None:
+            """Read no configuration, the system's neither."""
+
+        def init_code(self) -> None:
+            """Run no start-up files."""
+
+    Kernel.launch_instance(arguments)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
