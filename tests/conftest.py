@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -68,6 +69,12 @@ class Checkout:
         return self.python("-m", "thesis_lib", *arguments, cwd=cwd, timeout=timeout)
 
 
+def _hears_signals() -> None:
+    """Undo what a shell ignores, as one does for jobs in the background and ``nohup``."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 class Running:
     """A ``thesis`` command under way, in a session of its own."""
 
@@ -82,6 +89,7 @@ class Running:
                 stdout=stream,
                 stderr=stream,
                 start_new_session=True,
+                preexec_fn=_hears_signals,
             )
 
     def said(self) -> str:

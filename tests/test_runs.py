@@ -388,3 +388,48 @@ def test_damaged_cube_is_made_anew(tmp_path, task):
     cube.write_bytes(cube.read_bytes()[:2000])
     tasks.run(jobs)
     assert log == ["made", "made"]
+
+
+def test_two_requests_at_once_into_one_folder_are_not_mixed_up(own_checkout, tmp_path, start):
+    go = tmp_path / "go"
+    shorten(own_checkout, SLOW, WAITS.format(go=str(go)))
+    both = [
+        start(own_checkout, tmp_path / f"{seed}.txt", *ONE, "-p", f"seed={seed}") for seed in (1, 2)
+    ]
+    for running in both:
+        running.wait_for(
+            lambda: (
+                sum((path / "begun").exists() for path in left_over(tmp_path / "out")) == 2
+                if (tmp_path / "out").is_dir()
+                else False
+            )
+        )
+    go.touch()
+    status = sorted(running.process.wait(timeout=300) for running in both)
+    assert status in ([0, 0], [0, 1])  # the first may see what the second has put there
+    for running in both:
+        if running.process.returncode == 1:
+            assert "another run has meanwhile been written there" in running.said()
+    assert made(tmp_path / "out") == targets(SLOW)
+    assert left_over(tmp_path / "out") == []
+    with xr.open_dataset(tmp_path / "out" / f"{SLOW}.nc") as cube:
+        seed = int(cube.attrs["seed"])
+    again = own_checkout.thesis(*ONE, "-p", f"seed={seed}", cwd=tmp_path)
+    assert f"{SLOW}: up to date" in again.stderr  # all three files are of one of them
+
+
+def test_a_kernel_that_is_killed_is_told_in_one_line(own_checkout, tmp_path):
+    shorten(own_checkout, SLOW, "import os\n\nos.kill(os.getpid(), 9)")
+    done = own_checkout.thesis(*ONE, cwd=tmp_path)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"thesis: {SLOW}: the process that executes its notebook has ended")
+    assert len(done.stderr.splitlines()) == 3
+    assert made(tmp_path / "out") == left_over(tmp_path / "out") == []
+
+
+def test_hanging_up_is_an_interrupt(stopped, tmp_path):
+    running = stopped(signal.SIGHUP)
+    assert running.process.returncode == 130
+    assert "Traceback" not in running.said()
+    assert left_over(tmp_path / "out") == []

@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 from killing import NAME, REQUESTS, hand_out, job, wrong
 
-from thesis_lib import files, kept, pages, records, runs, storage, tasks, text
+from thesis_lib import ending, files, kept, pages, records, runs, storage, tasks, text
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
 
@@ -322,3 +322,41 @@ def test_logs_that_cannot_be_written_are_said(tmp_path, monkeypatch):
 def test_texts_beyond_ascii_come_back(tmp_path):
     storage.write(xr.Dataset({"a": ("x", ["320×180", "ψ"])}), tmp_path / "a.nc", compact=True)
     assert storage.opened(tmp_path / "a.nc")["a"].values.tolist() == ["320×180", "ψ"]
+
+
+def test_bytecode_of_an_edit_that_keeps_size_and_time_is_not_used(tmp_path):
+    source = tmp_path / "module.py"
+
+    def value() -> str:
+        code = "import sys; sys.path.insert(0, sys.argv[1]); import module; print(module.value)"
+        command = [sys.executable, "-I", "-c", code, str(tmp_path)]
+        return subprocess.check_output(command, text=True).strip()
+
+    source.write_text("value = 1")
+    assert value() == "1"
+    before = source.stat()
+    source.write_text("value = 2")
+    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert value() == "1"  # as Python is
+    ending.forget_old_bytecode(tmp_path)
+    assert value() == "2"
+
+
+def test_a_full_disk_is_called_so(tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)._replace(free=4096)
+    monkeypatch.setattr(tasks.shutil, "disk_usage", lambda _: usage)
+    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+
+    def fails() -> None:
+        raise RuntimeError("NetCDF: HDF error")
+
+    with pytest.raises(tasks.RunError, match=r"^bad: the disk of .* is full; make room, and run"):
+        tasks.run([tasks.task("bad", fails, [], [])])
+
+
+def test_nobody_listening_is_no_failure(tmp_path, monkeypatch):
+    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(sys, "stderr", open(os.devnull))  # noqa: PTH123, SIM115
+    made = tmp_path / "made"
+    tasks.run([tasks.task("good", made.touch, [], [made])])
+    assert made.exists()

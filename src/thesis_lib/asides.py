@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import sys
 
-from thesis_lib.kernel_main import QUIET
 from thesis_lib.text import message
 
+QUIET = "THESIS_QUIET"
+"""Set in the environment of kernels, whose standard error would be an output of the notebook."""
 _told: list[str] = []
 
 

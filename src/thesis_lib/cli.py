@@ -19,7 +19,10 @@ import click
 from thesis_lib.text import hidden, message, of_error, one_line
 
 if TYPE_CHECKING:
+    from xarray import Dataset
+
     from thesis_lib.parameters import Study
+    from thesis_lib.runs import Job
 
 REFUSED, FAILED, INTERRUPTED = 2, 1, 130
 LONGEST_FILE = 80  # characters of the names of files in the folders that are written
@@ -108,7 +111,7 @@ def run(
     folder = _folder(names, studies, out)
     if scheduler is not None:
         _use_scheduler(scheduler, studies)
-    from thesis_lib import comparison, cubes, files, runs, tasks
+    from thesis_lib import comparison, files, runs, tasks
 
     jobs = [
         runs.Job(study, *(folder / f"{study.name}.{kind}" for kind in ("ipynb", "nc", "html")))
@@ -127,10 +130,23 @@ def run(
         files.whole_text(folder / "index.html", html)
     for job in jobs:
         click.echo(f"\n{job.study.name}")
-        click.echo("\n".join(comparison.difference_lines(cubes.read(job.cube))))
+        click.echo("\n".join(comparison.difference_lines(_own_cube(job))))
     click.echo(
         f"\nOpen {folder / ('index.html' if len(jobs) > 1 else f'{jobs[0].study.name}.html')}"
     )
+
+
+def _own_cube(job: Job) -> Dataset:
+    """The cube of a job that has run, unless another run has taken its place since."""
+    from thesis_lib import cubes
+
+    cube = cubes.read(job.cube)
+    if cube.attrs.get("parameters_hash") != job.study.digest:
+        raise click.ClickException(
+            f"{job.cube}: another run has meanwhile been written there; "
+            "give each a folder of its own by --out"
+        )
+    return cube
 
 
 @cli.command()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import logging
 import os
 import signal
@@ -10,6 +11,7 @@ import sys
 import threading
 import time
 import warnings
+from pathlib import Path
 from typing import Any, NoReturn
 
 from thesis_lib import files
@@ -31,9 +33,23 @@ def prepare() -> None:
     warnings.simplefilter("ignore")  # of libraries; ours are errors or results
     logging.getLogger().addHandler(logging.NullHandler())
     sys.unraisablehook = threading.excepthook = _say_nothing
+    forget_old_bytecode(Path(__file__).parent)
     for number in _SIGNALS[1:]:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)
+
+
+def forget_old_bytecode(package: Path) -> None:
+    """Have modules compiled anew that were changed after they were compiled.
+
+    Python compares their size and the second of their last change, so an edit within that second,
+    or one that keeps the time, leaves the old code at work under the new code's digest.
+    """
+    for source in package.rglob("*.py"):
+        with contextlib.suppress(OSError):
+            compiled = Path(importlib.util.cache_from_source(str(source)))
+            if compiled.stat().st_mtime_ns < source.stat().st_ctime_ns:
+                compiled.unlink()
 
 
 def _say_nothing(_: Any) -> None:

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-SOURCE = Path(__file__).resolve().parents[1]
+SOURCE = next(p.parent for p in Path(__file__).resolve().parents if p.name == "thesis_lib")
 FIXED = {
     "OPENBLAS_NUM_THREADS": "1",  # sums depend on it, and every core has a notebook already
     "OMP_NUM_THREADS": "1",
@@ -25,7 +25,6 @@ FIXED = {
     "VECLIB_MAXIMUM_THREADS": "1",
     "MPLCONFIGDIR": str(SOURCE.parent / "build" / "cache" / "matplotlib"),  # list of fonts
 }
-QUIET = "THESIS_QUIET"  # see asides.aside
 KEPT = (
     "PATH", "TMPDIR", "TEMP", "TMP", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT",
     "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES",  # an older processor
@@ -35,6 +34,8 @@ KEPT = (
 
 def environment(of: Mapping[str, str], home: Path) -> dict[str, str]:
     """What is left of an environment."""
+    from thesis_lib.asides import QUIET
+
     kept = {name: of[name] for name in KEPT if name in of}
     git = Path(of.get("HOME", os.sep)) / ".gitconfig"  # which owners of checkouts are trusted
     own = {"HOME": str(home), "LANG": "C.UTF-8", "GIT_CONFIG_GLOBAL": str(git), QUIET: "1"}
@@ -44,11 +45,11 @@ def environment(of: Mapping[str, str], home: Path) -> dict[str, str]:
 def main(arguments: list[str]) -> None:
     """Be the kernel that the connection file asks for."""
     home = Path(arguments[arguments.index("-f") + 1]).resolve().parent
+    sys.path.insert(0, str(SOURCE))
     left = environment(os.environ, home)
     os.environ.clear()
     os.environ.update(left)
     os.chdir(home)
-    sys.path.insert(0, str(SOURCE))
     logging.getLogger().addHandler(logging.NullHandler())  # libraries' remarks are no output
 
     from ipykernel.kernelapp import IPKernelApp
