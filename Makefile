@@ -1,6 +1,7 @@
 # Two targets set everything up on a fresh machine: `make book` and `make test`.
 PYTHON ?= python3
 export UV_PYTHON_DOWNLOADS := never
+unexport PYTHONDONTWRITEBYTECODE  # or every process would compile what it imports: 8 s for a notebook
 BIN := .venv/bin
 digest = $(firstword $(shell cat $(1) | cksum))
 BOOK := .venv/.book-$(call digest,requirements/*.txt)

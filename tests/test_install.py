@@ -301,12 +301,13 @@ def test_both_tiers_are_installed_for_the_tests_of_a_fresh_clone(project):
     assert len(installs) == 4
 
 
-def test_uv_downloads_no_python(project):
+def test_no_python_is_downloaded_and_what_is_imported_is_compiled_once(project):
     with (project / "Makefile").open("a", encoding="utf-8") as file:
-        file.write("\ntold:\n\t@echo $$UV_PYTHON_DOWNLOADS\n")
+        file.write("\ntold:\n\t@echo $$UV_PYTHON_DOWNLOADS$$PYTHONDONTWRITEBYTECODE\n")
+    others = {"UV_PYTHON_DOWNLOADS": "automatic", "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
-        ["make", "told"], cwd=project, capture_output=True, text=True, check=True,
-        env={**os.environ, "UV_PYTHON_DOWNLOADS": "automatic"},
+        ["make", "told"], cwd=project, env=os.environ | others, capture_output=True, text=True,
+        check=True,
     )  # fmt: skip
     assert done.stdout == "never\n"
 

@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from functools import cache
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -422,6 +423,50 @@ def test_what_is_not_a_cube_is_refused_in_one_line(tmp_path, content):
     with pytest.raises(storage.CubeError, match=r"file\.nc") as caught:
         cubes.read(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_cut_cube_is_refused_wherever_it_is_cut(tmp_path):
+    whole, cut = tmp_path / "whole.nc", tmp_path / "cut.nc"
+    values = np.linspace(0.0, 1.0, 3000, dtype=np.float32).reshape(3, 1000)
+    cube = xr.Dataset({"a": (("x", "y"), values), "case": ("x", ["1", "2", "3"])})
+    storage.write(cube, whole, compact=True)
+    content = whole.read_bytes()
+    for size in range(0, len(content), len(content) // 20):
+        cut.write_bytes(content[:size])
+        with pytest.raises(storage.CubeError, match=r"^[^\n]*cut\.nc[^\n]*$"):
+            storage.opened(cut)
+    xr.testing.assert_identical(storage.opened(whole)["case"], cube["case"])
+
+
+@pytest.mark.parametrize("kind", ["netCDF-3", "HDF5", "empty HDF5"])
+def test_a_cube_in_another_format_is_refused_in_one_line(tmp_path, kind):
+    path = tmp_path / "foreign.nc"
+    if kind == "netCDF-3":
+        xr.Dataset({"a": ("x", [1.0, 2.0])}).to_netcdf(path, engine="scipy")
+    else:
+        with h5py.File(path, "w") as file:
+            if kind == "HDF5":
+                file.create_group("deep")["values"] = np.arange(5.0)
+                file["values"] = np.arange(7.0)
+    with pytest.raises(storage.CubeError, match=r"^[^\n]*foreign\.nc[^\n]*$"):
+        cubes.read(path)
+
+
+@pytest.mark.parametrize("kind", ["numbers", "halves", "tiny", "large", "odd"])
+def test_rounded_mantissas_are_the_nearest(kind):
+    random = np.random.default_rng(3)
+    values = {
+        "numbers": random.normal(size=1000),
+        "halves": 1 + (2 * np.arange(100) + 1) * 2.0**-14,  # between two
+        "tiny": random.normal(size=1000) * 1e-42,
+        "large": np.array([3.4e38, -3.4e38]),
+        "odd": np.array([0.0, -0.0, np.nan, np.inf, -np.inf]),
+    }[kind].astype(np.float32)
+    kept = storage._nearest(values)
+    left = kept[np.isfinite(kept)].view(np.uint32)
+    assert not np.any(left & np.uint32(2 ** (23 - storage.BITS) - 1))
+    np.testing.assert_allclose(kept, values, rtol=2.0**-14, atol=2.0**-136)
+    assert np.array_equal(np.signbit(kept), np.signbit(values))
 
 
 def test_physics_needs_neither_labels_nor_figures():
