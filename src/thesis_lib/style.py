@@ -41,7 +41,15 @@ POWERS = {"text.parse_math": True}
 
 _ONE_AT_A_TIME = threading.RLock()
 
-_LAYOUT = ("sharex", "sharey", "squeeze", "width_ratios", "height_ratios", "subplot_kw")
+_LAYOUT = (
+    "sharex",
+    "sharey",
+    "squeeze",
+    "width_ratios",
+    "height_ratios",
+    "subplot_kw",
+    "gridspec_kw",
+)
 
 
 def color(index: int) -> str:
