@@ -468,7 +468,7 @@ def test_what_cannot_be_computed_is_refused_in_one_line(values, words):
 
 
 def test_runs_are_compared_quantity_by_quantity(cube, tmp_path, monkeypatch):
-    monkeypatch.setattr(cubes, "published_path", lambda name: tmp_path / f"{name}.csv")
+    monkeypatch.setattr(published, "published_path", lambda name: tmp_path / f"{name}.csv")
     assert comparison.difference_lines(cube) == ["nothing is published yet to compare with"]
     published.publish(cube)
     number = cube.sizes["quantity"]
