@@ -31,8 +31,6 @@ from thesis_lib.structures import deflection_shape
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
 
-pytestmark = pytest.mark.xdist_group("browser")
-
 EVIL = "</script><script>alert(1)</script><!-- \u2028 <img src=x onerror=alert(2)> & ]]>"
 DATA = explorer_data()
 SUBJECTS = ("beam", "plate")

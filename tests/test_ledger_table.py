@@ -16,8 +16,6 @@ from thesis_lib.ledger_table import VERDICTS, LedgerTable
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
 
-pytestmark = pytest.mark.xdist_group("browser")
-
 EVIL = "</script><script>alert(1)</script><!-- \u2028 <img src=x onerror=alert(2)> & ]]>"
 KINDS = ("figure", "trend", "number")
 CASES = ("", "1", "2a", "2b, 2c", "4a'")

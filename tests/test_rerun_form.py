@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from browser import Opened
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.xdist_group("browser")
-
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(2)> & '\" \u2028"
 ODD = "a\u00a0b\u2028c\u200bd\U000e0001"
 DISTANCE, ARRAYS, SOUND = "beam-distance", "beam-arrays", "sound-aperture"

@@ -20,8 +20,6 @@ from thesis_lib.widgets import Viewer, static_html
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
 
-pytestmark = pytest.mark.xdist_group("browser")
-
 LENGTH = 623.0
 POINTS = 25
 MODES = ((1, 6.31), (2, 39.5), (3, 110.6))

@@ -45,6 +45,14 @@ def test_the_book_is_uploaded_after_the_tests_and_deployed_from_main_alone(workf
     assert deploy["environment"]["url"] == f"${{{{ steps.{step['id']}.outputs.page_url }}}}"
 
 
+def test_what_takes_an_hour_runs_at_night_alone(workflow):
+    assert workflow["on"]["schedule"]
+    nightly = workflow["jobs"]["nightly"]
+    assert nightly["if"] == "github.event_name == 'schedule'"
+    assert nightly["steps"][-1] == {"run": "make test-nightly"}
+    assert "permissions" not in nightly
+
+
 def test_nothing_but_the_deployment_may_write(workflow):
     assert workflow["permissions"] == {"contents": "read"}
     assert "permissions" not in workflow["jobs"]["book-and-tests"]
