@@ -360,3 +360,30 @@ def test_nobody_listening_is_no_failure(tmp_path, monkeypatch):
     made = tmp_path / "made"
     tasks.run([tasks.task("good", made.touch, [], [made])])
     assert made.exists()
+
+
+def test_a_damaged_library_of_the_pages_is_installed_anew(tmp_path, monkeypatch):
+    book = pytest.importorskip("thesis_lib.book")
+    installed = []
+
+    def npm(work: Path, *_: str) -> None:
+        installed.append(work)
+        (work / "node_modules" / "mathjax" / "es5").mkdir(parents=True)
+        for name in (f"es5/{Path(book.MATHJAX).name}", "LICENSE"):
+            (work / "node_modules" / "mathjax" / name).write_text("x = 1")
+
+    monkeypatch.setattr(book, "npm_ci", npm)
+    for name in ("package.json", "package-lock.json"):
+        (tmp_path / name).write_text("{}")
+    for wanted in (1, 1):
+        assets = book.install_assets(tmp_path)
+        assert len(installed) == wanted
+    os.truncate(assets / book.MATHJAX, 2)
+    book.install_assets(tmp_path)
+    (assets / book.MATHJAX).unlink()
+    book.install_assets(tmp_path)
+    (tmp_path / "package-lock.json").write_text("[]")
+    book.install_assets(tmp_path)
+    assert len(installed) == 4
+    assert (assets / book.MATHJAX).read_text() == "x = 1"
+    assert sorted(p.name for p in (tmp_path / "build").iterdir()) == ["assets"]

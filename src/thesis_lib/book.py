@@ -12,18 +12,20 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from thesis_lib import records
 from thesis_lib.accessible import mend
+from thesis_lib.files import staging
 from thesis_lib.page_images import in_files, lazy, squeeze
 from thesis_lib.pages import MATHJAX, BookError, index_page, page
 
 __all__ = ["BookError", "index_page", "install_assets", "page", "render"]
 
-_STAMP = ".lock-sha256"
+_RECORD = ".record.json"
+_OWN = ("searchindex.js", "index.html", "objects.inv")  # one of them is in whatever we rendered
 _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 _BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
 _WIDGET_STATE = re.compile(
@@ -54,12 +56,11 @@ def install_assets(root: Path) -> Path:
         digest = hashlib.sha256(lock.read_bytes()).hexdigest()
     except OSError as error:
         raise BookError(f"cannot read {lock}: {error.strerror}") from error
-    stamp = assets / _STAMP
-    if (assets / MATHJAX).is_file() and stamp.is_file() and stamp.read_text() == digest:
+    record = records.read(assets / _RECORD)
+    made_from = record.made_from if record else ""
+    if made_from == digest and not records.damage(assets / _RECORD, [assets / "mathjax"]):
         return assets
-    assets.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=assets.parent, prefix="npm-") as name:
-        work = Path(name)
+    with staging(assets.parent) as work:
         for file in (lock, root / "package.json"):
             shutil.copy(file, work)
         npm_ci(work, "MathJax for the book", "--omit=dev")
@@ -67,7 +68,7 @@ def install_assets(root: Path) -> Path:
         (new / "mathjax").mkdir(parents=True)
         shutil.copy(package / "es5" / Path(MATHJAX).name, new / MATHJAX)
         shutil.copy(package / "LICENSE", new / "mathjax")
-        (new / _STAMP).write_text(digest)
+        records.write(new / _RECORD, digest, [new / "mathjax"])
         _swap(new, assets)
     return assets
 
@@ -98,18 +99,14 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
         If the build fails or warns, or if `out` holds something that is not a book.
     """
     root, out = root.resolve(), out.resolve()
-    replaceable = not out.exists() or (out / "searchindex.js").is_file()
+    replaceable = not out.exists() or any((out / name).is_file() for name in _OWN)
     if not replaceable and (not out.is_dir() or any(out.iterdir())):
         raise BookError(f"{out} is not a book: give a new folder, or empty this one")
     install_assets(root)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with (
-        tempfile.TemporaryDirectory(dir=root / "build", prefix="sphinx-") as work,
-        tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as beside,
-    ):
-        _build(root, Path(work))
-        new = Path(beside) / "html"
-        shutil.move(Path(work) / "_build" / "html", new)
+    with staging(root / "build") as work, staging(out.parent) as beside:
+        _build(root, work)
+        new = beside / "html"
+        shutil.move(work / "_build" / "html", new)
         for file in new.rglob("*.html"):  # the state repeats the data of the widgets' own html
             text = file.read_text(encoding="utf-8")
             text = in_files(_WIDGET_STATE.sub("", text), file.parent, new / "_images")

@@ -10,11 +10,10 @@ import logging
 import os
 import re
 import shutil
-import tempfile
 from pathlib import Path
 
 from thesis_lib import book
-from thesis_lib.files import whole_file
+from thesis_lib.files import staging, whole_file
 
 TITLE = "Vibration by many cameras"
 _WIDGET = re.compile(
@@ -121,8 +120,8 @@ def build(root: Path) -> Path:
     if not (root / "build" / "html" / "index.html").is_file():
         raise book.BookError("there is no book to print yet: run `thesis book` first")
     book.install_assets(root)
-    with tempfile.TemporaryDirectory(dir=root / "build", prefix="print-") as work:
-        pages = book.in_one_page(root, Path(work))
+    with staging(root / "build") as work:
+        pages = book.in_one_page(root, work)
         text = pages.read_text(encoding="utf-8")
         pages.write_text(without_widgets(text), encoding="utf-8")
 

@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from thesis_lib import comparison, cubes, effort, executed_notebook, files, kernel, records
+from thesis_lib import comparison, cubes, effort, executed_notebook, files, records
 from thesis_lib.asides import aside
 from thesis_lib.commands import given
 from thesis_lib.files import digest_of, library_files, project_root, staging
@@ -122,6 +122,8 @@ def _in_kernel(job: Job, folder: Path, executed: Path, cube: Path) -> None:
     import nbformat
     import papermill
     from nbclient.exceptions import DeadKernelError
+
+    from thesis_lib import kernel
 
     name = job.study.name
     asked = nbformat.read(source(name), as_version=4)
