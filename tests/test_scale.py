@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -308,6 +310,70 @@ def test_workers_without_the_library_are_named(tmp_path):
             worker.kill()
             worker.wait(timeout=30)
     assert "\n" not in str(caught.value)
+
+
+def late_worker(address: str, folder: Path) -> subprocess.Popen[bytes]:
+    """Start a worker with the library of a folder."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-nanny",
+         "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1"],
+        cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)},
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["a changed line", "no library"])
+def test_a_worker_that_joins_late_with_another_library_is_refused(tmp_path, monkeypatch, kind):
+    library = tmp_path / "thesis_lib"
+    if kind == "no library":
+        library.mkdir()
+        (library / "__init__.py").touch()
+    else:
+        folder = files.project_root() / "src" / "thesis_lib"
+        shutil.copytree(folder, library, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(files.project_root() / "data" / "thesis", library / "data")
+        with (library / "rounding.py").open("a") as stream:
+            stream.write("\n# another line\n")
+    one = {"n_workers": 1, "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
+    slowly = lambda piece: (time.sleep(0.1), piece)[1]  # noqa: E731  # goes to workers by value
+    with (
+        distributed.LocalCluster(**one, threads_per_worker=1) as own,
+        schedulers.workers(own.scheduler_address) as client,
+    ):
+        found = schedulers.in_order(client, slowly, range(3000))
+        assert next(found) == (0, 0)
+        worker = late_worker(own.scheduler_address, tmp_path)
+        try:
+            with pytest.raises(schedulers.SchedulerError, match="differs from here") as caught:
+                assert all(piece == result for piece, result in found)
+        finally:
+            worker.kill()
+            worker.wait(timeout=30)
+    said = str(caught.value)
+    assert re.search(r"worker tcp://127.0.0.1:\d+ differs", said)
+    assert ("library" in said) == (kind == "a changed line")
+    assert "\n" not in said
+
+
+def test_a_result_of_another_worker_is_refused_and_work_fails_as_it_is(monkeypatch):
+    class Future:
+        def __init__(self, value: Any) -> None:
+            self.value = value
+
+        def result(self, timeout: float) -> Any:
+            if isinstance(self.value, Exception):
+                raise self.value
+            return self.value
+
+    here = schedulers.standing()
+    assert schedulers._result(None, Future(("tcp://a:1", here, 5))) == 5
+    for key in here:
+        with pytest.raises(schedulers.SchedulerError, match=f"tcp://a:1 differs.*{key}"):
+            schedulers._result(None, Future(("tcp://a:1", {**here, key: "0"}, None)))
+        old = {k: v for k, v in here.items() if k != key}
+        with pytest.raises(schedulers.SchedulerError, match=f"{key} unknown"):
+            schedulers._result(None, Future(("tcp://a:1", old, None)))
 
 
 def test_without_dask_it_says_what_to_install(monkeypatch):

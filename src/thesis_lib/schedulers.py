@@ -6,13 +6,15 @@ a notebook. ``distributed`` (``pip install thesis-lib[scale]``) is imported when
 for, and not before.
 
 Work goes out a few pieces ahead of what is taken, and comes back in its order. Dask computes again
-what was lost with a worker. Every wait is bounded.
+what was lost with a worker. Every wait is bounded. Workers may come and go: each piece comes back
+with what its worker is, and one that differs from here, however late it joined, ends the run.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import importlib.metadata
 import logging
 import os
 import platform
@@ -21,6 +23,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -205,18 +208,25 @@ def _check(client: Any, scheduler: str) -> None:
             f"scheduler {scheduler}: its workers do not answer within {LOST_S:g} s; "
             "restart them, and run the same command again"
         ) from None
-    here = standing()
     for worker, there in said.items():
-        if there != here:
-            lacks = f"{type(there).__name__}: {there}"
-            if isinstance(there, dict):
-                lacks = ", ".join(
-                    f"{k} {there[k]}, here {here[k]}" for k in here if there[k] != here[k]
-                )
-            raise SchedulerError(
-                f"scheduler {scheduler}: worker {worker} differs from here ({lacks}); install the "
-                "same versions there and restart it"
-            )
+        _refuse_other(f"scheduler {scheduler}: worker {worker}", there)
+
+
+def _refuse_other(who: str, there: Any) -> None:
+    """Refuse a worker that says of itself other than we say of us."""
+    here = standing()
+    if there == here:
+        return
+    lacks = f"{type(there).__name__}: {there}"
+    if isinstance(there, dict):
+        lacks = ", ".join(
+            f"{k} {there.get(k, 'unknown')}, here {here[k]}"
+            for k in here
+            if there.get(k) != here[k]
+        )
+    raise SchedulerError(
+        f"{who} differs from here ({lacks}); install the same versions there and restart it"
+    )
 
 
 def standing() -> dict[str, str]:
@@ -224,8 +234,24 @@ def standing() -> dict[str, str]:
     return {
         "Python": ".".join(platform.python_version_tuple()[:2]),
         "NumPy": np.__version__,
+        "SciPy": importlib.metadata.version("scipy"),
         "library": library_digest()[:12],
     }
+
+
+@dataclass(frozen=True)
+class _Signed:
+    """Work whose result says which worker made it, and what that is; others do not begin."""
+
+    work: Callable[[Any], Any]
+    asked_by: dict[str, str]
+
+    def __call__(self, piece: Any) -> tuple[str, dict[str, str], Any]:
+        from distributed import get_worker
+
+        there = standing()
+        made = self.work(piece) if there == self.asked_by else None
+        return str(get_worker().address), there, made
 
 
 def in_order(
@@ -236,12 +262,14 @@ def in_order(
     Raises
     ------
     SchedulerError
-        If all workers are lost for ``LOST_S``, or a piece ends one worker after another.
+        If all workers are lost for ``LOST_S``, a piece ends one worker after another, or the
+        worker that was given a piece is another than those that were checked at the start.
     """
+    signed = _Signed(work, standing())
     ahead = AHEAD * max(1, len(client.nthreads()))
     under_way: deque[tuple[Any, Any]] = deque()
     for piece in pieces:
-        under_way.append((piece, client.submit(work, piece, pure=False)))
+        under_way.append((piece, client.submit(signed, piece, pure=False)))
         if len(under_way) > ahead:
             first, future = under_way.popleft()
             yield first, _result(client, future)
@@ -257,7 +285,9 @@ def _result(client: Any, future: Any) -> Any:
     alive = time.monotonic()
     while True:
         try:
-            return future.result(timeout=WAIT_S)
+            worker, there, made = future.result(timeout=WAIT_S)
+            _refuse_other(f"worker {worker}", there)
+            return made
         except TimeoutError:
             with contextlib.suppress(OSError, ValueError):
                 alive = time.monotonic() if client.nthreads() else alive
@@ -276,3 +306,8 @@ def _result(client: Any, future: Any) -> Any:
             raise SchedulerError(
                 "the scheduler went away; start it again, and run the same command again"
             ) from None
+        except SchedulerError:
+            raise
+        except Exception:  # of a worker that cannot even read what it is given, or of the work
+            _check(client, client.scheduler.address)
+            raise
