@@ -341,7 +341,7 @@ def test_a_worker_that_joins_late_with_another_library_is_refused(tmp_path, monk
         distributed.LocalCluster(**one, threads_per_worker=1) as own,
         schedulers.workers(own.scheduler_address) as client,
     ):
-        found = schedulers.in_order(client, slowly, range(3000))
+        found = schedulers.in_order(client, slowly, range(20_000))
         assert next(found) == (0, 0)
         worker = late_worker(own.scheduler_address, tmp_path)
         try:

@@ -290,7 +290,14 @@ def test_a_page_of_a_folder_counts(tmp_path):
     records.write(record, "x", [book])
     assert records.damage(record, [book]) == ""
     (book / "deep" / "script.js").unlink()
-    assert "html is not what was made" in records.damage(record, [book])
+    assert records.damage(record, [book]) == f"{book}/deep/script.js is missing"
+    (book / "deep" / "script.js").write_text("")
+    assert records.damage(record, [book]) == f"{book}/deep/script.js is not what was made"
+    (book / "deep" / "script.js").write_text("1")
+    (book / "another.html").write_text("")
+    assert records.damage(record, [book]) == f"{book}/another.html is not what was made"
+    shutil.rmtree(book)
+    assert f"{book}/" in records.damage(record, [book])
 
 
 # Messages.

@@ -18,14 +18,13 @@ from typing import Any
 
 from thesis_lib import records
 from thesis_lib.accessible import mend
+from thesis_lib.asides import aside
 from thesis_lib.files import staging
 from thesis_lib.page_images import in_files, lazy, squeeze
-from thesis_lib.pages import MATHJAX, BookError, index_page, page
+from thesis_lib.pages import INSTALLED, MATHJAX, BookError, damaged_assets, index_page, page
 
 __all__ = ["BookError", "index_page", "install_assets", "page", "render"]
 
-_RECORD = ".record.json"
-_OWN = ("searchindex.js", "index.html", "objects.inv")  # one of them is in whatever we rendered
 _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 _BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
 _WIDGET_STATE = re.compile(
@@ -56,10 +55,11 @@ def install_assets(root: Path) -> Path:
         digest = hashlib.sha256(lock.read_bytes()).hexdigest()
     except OSError as error:
         raise BookError(f"cannot read {lock}: {error.strerror}") from error
-    record = records.read(assets / _RECORD)
-    made_from = record.made_from if record else ""
-    if made_from == digest and not records.damage(assets / _RECORD, [assets / "mathjax"]):
+    kept, damage = records.read(assets / INSTALLED), damaged_assets(assets)
+    if kept is not None and kept.made_from == digest and not damage:
         return assets
+    if damage:
+        aside(f"{damage}; it is installed anew")
     with staging(assets.parent) as work:
         for file in (lock, root / "package.json"):
             shutil.copy(file, work)
@@ -68,7 +68,7 @@ def install_assets(root: Path) -> Path:
         (new / "mathjax").mkdir(parents=True)
         shutil.copy(package / "es5" / Path(MATHJAX).name, new / MATHJAX)
         shutil.copy(package / "LICENSE", new / "mathjax")
-        records.write(new / _RECORD, digest, [new / "mathjax"])
+        records.write(new / INSTALLED, digest, [new / "mathjax"])
         _swap(new, assets)
     return assets
 
@@ -99,7 +99,8 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
         If the build fails or warns, or if `out` holds something that is not a book.
     """
     root, out = root.resolve(), out.resolve()
-    replaceable = not out.exists() or any((out / name).is_file() for name in _OWN)
+    ours = root / "build" in out.parents  # and whatever has become of what is there
+    replaceable = ours or not out.exists() or (out / "searchindex.js").is_file()
     if not replaceable and (not out.is_dir() or any(out.iterdir())):
         raise BookError(f"{out} is not a book: give a new folder, or empty this one")
     install_assets(root)

@@ -215,9 +215,16 @@ def _parameter_lines(rows: Sequence[dict[str, str]]) -> list[str]:
 @click.option("--publish", is_flag=True, help="Make these results the published ones.")
 def book(publish: bool) -> None:
     """Run what is stale, render the book, say where to open it."""
-    from thesis_lib import publishing
+    from thesis_lib import unchanged
 
-    click.echo(f"Open {publishing.build(publish)}")
+    index = None if publish else unchanged.is_unchanged()
+    if index is None:
+        from thesis_lib import publishing
+
+        index = publishing.build(publish)
+    else:
+        click.echo("the book is up to date", err=True)
+    click.echo(f"Open {index}")
 
 
 @cli.command()

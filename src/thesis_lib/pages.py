@@ -24,10 +24,15 @@ from pygments import highlight  # type: ignore[import-untyped, unused-ignore]
 from pygments.formatters import HtmlFormatter  # type: ignore[import-untyped, unused-ignore]
 from pygments.lexers import PythonLexer  # type: ignore[import-untyped, unused-ignore]
 
-__all__ = ["MATHJAX", "BookError", "index_page", "page", "shell"]
+from thesis_lib import records
+from thesis_lib.asides import aside
+
+__all__ = ["INSTALLED", "MATHJAX", "BookError", "index_page", "page", "shell"]
 
 MATHJAX = "mathjax/tex-svg-full.js"
 """Path of MathJax inside ``build/assets``: one file, drawing with SVG, without fonts to load."""
+INSTALLED = ".installed.json"
+"""Record of what was installed there."""
 
 _SUMMARY = {"parameters": "Default parameters", "injected-parameters": "Parameters of this run"}
 _IMAGES = ("image/svg+xml", "image/png", "image/jpeg", "image/gif")
@@ -123,6 +128,9 @@ def page(notebook: Path, title: str) -> str:
     mathjax = mathjax_path()
     script = ""
     if 'class="math ' in body and mathjax.is_file():
+        if damage := damaged_assets(mathjax.parents[1]):
+            aside(f"{damage}; equations stay as TeX until `thesis book` installs it anew")
+            return shell(title, body)
         script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
     return shell(title, body, script)
 
@@ -130,6 +138,11 @@ def page(notebook: Path, title: str) -> str:
 def mathjax_path() -> Path:
     """Where MathJax is, once a book was rendered."""
     return Path(__file__).resolve().parents[2] / "build" / "assets" / MATHJAX
+
+
+def damaged_assets(assets: Path) -> str:
+    """What in a folder of installed assets is not what was installed, or empty."""
+    return records.damage(assets / INSTALLED, [assets / Path(MATHJAX).parent])
 
 
 def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:

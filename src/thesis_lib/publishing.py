@@ -27,12 +27,14 @@ from thesis_lib import (
     runs,
     tasks,
     thesis_index,
+    unchanged,
 )
 from thesis_lib.experiment import filmed, pictures
 from thesis_lib.experiment import numbers as walk_numbers
 from thesis_lib.experiment.requests import ExperimentResolution
 from thesis_lib.files import project_root
 from thesis_lib.measuring import reference
+from thesis_lib.pages import MATHJAX
 from thesis_lib.parameters import STUDIES
 
 PAGES: dict[str, Callable[[], str]] = {
@@ -117,6 +119,7 @@ def build(publish: bool = False) -> Path:
     if plan.failed:
         lines = [*plan.failed.values(), f"the book without these is {plan.index}"]
         raise tasks.RunError("\n".join(lines))
+    unchanged.remember([plan.index.parent, plan.archive])
     return plan.index
 
 
@@ -161,8 +164,16 @@ def _tasks(plan: _Plan) -> list[tasks.Task]:
         made_known += [conformance.published_path()] if measured.is_file() else []
         publish = partial(_publish, plan.jobs, picture, measured)
         publishing = [tasks.task("published run", publish, made, made_known, always=True)]
+    assets = root / "build" / "assets"
+    mathjax = [assets / Path(MATHJAX).parent]
     steps = [
         *runs.job_tasks(plan.ran),
+        tasks.task(
+            "MathJax",
+            lambda: book.install_assets(root),
+            [root / "package-lock.json", root / "package.json"],
+            mathjax,
+        ),
         *publishing,
         replace(_conformance(plan), after=frozenset(one.name for one in publishing)),
         tasks.task(
@@ -198,7 +209,16 @@ def _tasks(plan: _Plan) -> list[tasks.Task]:
         tasks.task(
             "pages",
             lambda: _render(plan),
-            [*sources, picture_of_all, *walk, *told, *own_words, *checked, *files.library_files()],
+            [
+                *sources,
+                picture_of_all,
+                *walk,
+                *told,
+                *own_words,
+                *checked,
+                *mathjax,
+                *files.library_files(),
+            ],
             [plan.index.parent, plan.archive],
         ),
     ]

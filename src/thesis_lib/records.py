@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -28,8 +28,8 @@ class Record:
     made_from : str
         Of all that it depends on: request, code, inputs.
     made : mapping
-        Of each file or folder that it has made, by name; of the notebook that holds the record,
-        of all but the record.
+        Of each file that it has made, by name, in a folder with the folder's before it; of the
+        notebook that holds the record, of all but the record.
     """
 
     made_from: str
@@ -48,8 +48,15 @@ def read(path: Path) -> Record | None:
 
 def write(path: Path, made_from: str, made: Iterable[Path]) -> None:
     """Record in a file of its own what was made."""
-    record = Record(made_from, {one.name: sha256(one) for one in made})
+    record = Record(made_from, {name: digest for one in made for name, digest in _files(one)})
     whole_text(path, json.dumps(asdict(record), indent=1) + "\n")
+
+
+def _files(path: Path) -> Iterator[tuple[str, str]]:
+    """A file, or every file of a folder, by name from the folder's on, with its digest."""
+    inside = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+    for one in inside:
+        yield one.relative_to(path.parent).as_posix(), sha256(one)
 
 
 def seal(document: dict[str, Any], name: str, made_from: str, made: Mapping[str, Path]) -> str:
@@ -86,11 +93,16 @@ def damage(path: Path, made: Iterable[Path]) -> str:
     if record is None:
         return f"{path} holds no record of a run" if path.exists() else ""
     for one in made:
-        now = sha256(one)
+        found = dict(_files(one))
         if one == path:
-            now = _of_notebook(json.loads(one.read_text(encoding="utf-8")))
-        if not now:
+            found[one.name] = _of_notebook(json.loads(one.read_text(encoding="utf-8")))
+        begin = f"{one.name}/"
+        expected = {n: d for n, d in record.made.items() if n == one.name or n.startswith(begin)}
+        for name in sorted({*found, *expected}):
+            if not found.get(name):
+                return f"{one.parent / name} is missing"
+            if found[name] != expected.get(name):
+                return f"{one.parent / name} is not what was made"
+        if not found:
             return f"{one} is missing"
-        if now != record.made.get(one.name):
-            return f"{one} is not what was made"
     return ""
