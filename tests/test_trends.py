@@ -95,6 +95,15 @@ CLEAR = [
     ("below 40 last", {"a": [20, 60]}, False, {}),
     ("below 40 first", {"a": [20, 60]}, True, {}),
     ("below 40 first", {"a": [60, 20]}, False, {}),
+    ("at_most 40 last", {"a": [60, 20]}, True, {}),
+    ("at_most 40 last", {"a": [20, 60]}, False, {}),
+    ("within 1 4", {"a": [2, 3]}, True, {}),
+    ("within 1 4", {"a": [0.5, 3]}, False, {}),
+    ("within 1 4 5 8", modes([2, 3], [6, 7]), True, BOTH),
+    ("within 1 4 5 8", modes([2, 3], [2, 3]), False, BOTH),
+    ("flat 1 4", {"a": [2, 3]}, True, {}),
+    ("flat 1 4", {"a": [5, 6]}, False, {}),
+    ("flat 1 4", {"a": [1, 3]}, False, {}),
     ("above 5 first", {"a": [7, 1]}, True, {}),
     ("above 5 first", {"a": [1, 7]}, False, {}),
     ("above 5 first", {"a": [1, 1], "b": [7, 7]}, True, TWO),
@@ -150,10 +159,15 @@ EDGES = [
     ("no_trend", {"a": [4, 9, 4]}, True, {}),
     ("modes_alike", modes([1, 1], [ALIKE, ALIKE]), True, BOTH),
     ("modes_alike", modes([1, 1], [ALIKE + 1e-9] * 2), False, BOTH),
-    ("below 40", {"a": [40.5, 1]}, True, {}),  # would be printed as 40
-    ("below 40", {"a": [40.6, 1]}, False, {}),
-    ("below 1.5", {"a": [1.54, 1]}, True, {}),
-    ("below 1.5", {"a": [1.56, 1]}, False, {}),
+    ("below 40", {"a": [39.9, 1]}, True, {}),
+    ("below 40", {"a": [40, 1]}, False, {}),
+    ("at_most 40", {"a": [40.5, 1]}, True, {}),  # would be printed as 40
+    ("at_most 40", {"a": [40.6, 1]}, False, {}),
+    ("at_most 1.5", {"a": [1.54, 1]}, True, {}),
+    ("at_most 1.5", {"a": [1.56, 1]}, False, {}),
+    ("within 10 20", {"a": [9.1, 21.9]}, True, {}),
+    ("within 10 20", {"a": [8.9, 15]}, False, {}),
+    ("within 10 20", {"a": [15, 22.1]}, False, {}),
     ("worst_mode 3", modes([2, 2], [1, 1], [2, 2]), False, {"modes": (3,)}),
     ("unrelated of", {(MEAN, "a", 1): [1, 2, 3], ("of", "a", 1): [2, 1, 3]}, True, {}),  # just ½
 ]
@@ -281,6 +295,37 @@ def test_verdict(confidence, single, verdict):
     assert Finding(confidence, single).verdict == verdict
 
 
+@pytest.mark.parametrize(
+    ("test", "by", "more", "effect"),
+    [
+        ("falls", {"a": [4, 3, 2]}, {}, 0.5),
+        ("falls", modes([4, 2], [4, 3.8]), BOTH, 0.95),  # that which changes least
+        ("rises", modes([2, 4], [2, 1.9]), BOTH, 0.95),
+        ("falls_steadily", {"a": [4, 3, 1]}, {}, 0.25),
+        ("flat", {"a": [4, 3]}, {}, NAN),
+        ("falls", {"a": [0, 3]}, {}, NAN),
+    ],
+)
+def test_effect_is_the_least_change(test, by, more, effect):
+    found = judge(trend(test, **more), scene(by)).effect
+    np.testing.assert_allclose(found, effect, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("effect", "verdict"),
+    [(0.91, "no material change"), (1.09, "no material change"), (0.89, "agrees"), (NAN, "agrees")],
+)
+def test_a_sure_sign_is_no_material_change(effect, verdict):
+    assert Finding(1, 1, effect).verdict == verdict
+    assert Finding(0, 0, 1.11).verdict == "differs"
+
+
+def test_a_small_fall_in_every_run_changes_nothing_material():
+    errors = np.array([[100.0] * 9, [98.0] * 9])
+    found = judge(trend("falls"), [series(errors)])
+    assert (found, found.verdict) == (Finding(1, 1), "no material change")
+
+
 # -- Invariances --
 
 
@@ -291,7 +336,7 @@ def noisy(by, values=None):
 @pytest.mark.parametrize(
     ("test", "by", "more"),
     [(test, by, more) for test, by, _, more in CLEAR
-     if test.partition(" ")[0] not in ("below", "above")],
+     if not set(test.split()) & {"below", "above", "at_most", "within"} and test != "flat 1 4"],
 )  # fmt: skip
 def test_only_bounds_depend_on_the_size_of_the_errors(test, by, more):
     made = noisy(by, values_of(by))

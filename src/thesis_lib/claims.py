@@ -13,8 +13,9 @@ differs
 undefined
     There is nothing to compare with; the reason is told.
 
-Upper and lower bounds are one-sided. A claim about all settings holds if it holds for each. Where
-the text excepts one marker, the second-largest error is meant.
+Upper and lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim about
+all settings holds if it holds for each. Where the text excepts one marker, the second-largest error
+is meant.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ from thesis_lib.setups import data_folder
 WIDER, WIDER_BELOW_10 = 1.0, 0.5  # points by which the band is widened
 RELATIONS = ("about", "range", "max", "less_than", "min")
 QUANTITIES = ("mean_error", "max_point_error", "plane_error_xz", "plane_error_yz")
-VERDICTS = ("agrees", "within scatter", "differs", "undefined")
+UNCHANGED = "no material change"  # of trends alone
+VERDICTS = ("agrees", "within scatter", "differs", UNCHANGED, "undefined")
 
 
 @dataclass(frozen=True)
@@ -270,6 +272,8 @@ def meets(claim: Claim, low: float, high: float) -> bool:
 def _exact(claim: Claim, literal: float) -> bool:
     """Whether a literal run is what the claim says, to the printed digits."""
     least, most = claim.ends
+    if claim.relation == "less_than":
+        return literal < claim.high
     above = least is None or literal >= least - claim.rounding[0]
     return above and (most is None or literal <= most + claim.rounding[1])
 

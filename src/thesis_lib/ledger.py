@@ -27,7 +27,7 @@ Opener = Callable[[Study], "xr.Dataset | str"]
 CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
 RENDERED = ("experiment", "lab")  # judged by recordings that were rendered, not filmed
 NAN = float("nan")
-NUMBERS = ("least", "most", "literal", "median", "low", "high", "confidence", "single")
+NUMBERS = ("least", "most", "literal", "median", "low", "high", "confidence", "single", "effect")
 QUANTITIES = {
     "mean_error": "mean error",
     "max_point_error": "largest marker error",
@@ -64,7 +64,7 @@ class Entry:
         What is stated, with NaN at the open end of a bound.
     literal, median, low, high : float
         What we get: the literal run (or the value), and median and 5–95 % band of the trials.
-    confidence, single : float
+    confidence, single, effect : float
         Of a trend, see :class:`thesis_lib.trends.Finding`.
     """
 
@@ -91,6 +91,7 @@ class Entry:
     high: float = NAN
     confidence: float = NAN
     single: float = NAN
+    effect: float = NAN
 
     @property
     def row(self) -> dict[str, object]:
@@ -236,17 +237,21 @@ def _trend(trend: Trend, found: Sequence[Sequence[Series] | str], commands: list
         modes=trend.modes,
         what=trend.words,
         stated=trend.test.partition(" ")[0].replace("_", " "),
-        got=f"confidence {finding.confidence:.0%}, single runs {finding.single:.0%}"
-        if finding
-        else "",
+        got=_found(finding) if finding else "",
         verdict=finding.verdict if finding else "undefined",
         note="; ".join(dict.fromkeys(reasons)) or ("" if finding else "nothing to judge it by"),
         ratio=None,
         counted=not rendered,
         href=link if first else "",
         command="\n".join(commands),
-        **_numbers(finding, "confidence", "single"),
+        **_numbers(finding, "confidence", "single", "effect"),
     )
+
+
+def _found(finding: Finding) -> str:
+    """What is found of a trend, in a few words."""
+    effect = f"×{finding.effect:.2f}, " if np.isfinite(finding.effect) else ""
+    return f"{effect}confidence {finding.confidence:.0%}, single runs {finding.single:.0%}"
 
 
 def _number(number: StatedNumber) -> Entry:

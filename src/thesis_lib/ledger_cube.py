@@ -31,6 +31,7 @@ UNITS = {  # numbers of figures and trends; those of stray numbers have the unit
     "high": "95 % quantile of the trials",
     "confidence": "share of resampled expectations in which a trend holds",
     "single": "share of single trials in which a trend holds",
+    "effect": "expected error of a rise or fall at the last setting over that at the first",
     "ratio": "median over the nearest stated value",
 }
 

@@ -46,6 +46,7 @@ def rules() -> Markdown:
     rows = [
         ["a stated figure *agrees*", "literal run in the stated value or interval, ± half a unit "
          "of the last printed digit; of a claim on all settings, in each"],
+        ["… as a strict bound, *less than*", "without rounding"],
         ["… is *within scatter*", "else, the 5–95 % band of the trials, widened by "
          f"{points} ({low_points}), reaches it"],
         ["… *differs*", "neither; the ratio is that of the median to the nearest stated value"],
@@ -55,6 +56,11 @@ def rules() -> Markdown:
          "single runs or of the resamples"],
         ["falls, rises", "last below (above) first, and more pairs of settings in this order than "
          "in the other; in every mode and error that is named"],
+        [f"a rise or fall is *{claims.UNCHANGED}*", "if the expected error changes by at most "
+         f"{trend_tests.MATERIAL:.0%} from first to last, whatever the confidence; of several, the "
+         "one that changes least"],
+        ["within an interval", "every expected error in it, its ends give or take "
+         f"{trend_tests.MATERIAL:.0%}"],
         ["flat, no significant variation", f"largest at most {trend_tests.FLAT:g} times the least: "
          "the thesis calls 7 → 3.5 % significant and 8–18 % not"],
         ["alike, similar", f"geometric means within a factor of {trend_tests.ALIKE:g}: the "

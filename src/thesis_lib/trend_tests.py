@@ -10,6 +10,8 @@ falls (rises)
     than in the other.
 flat
     The largest is at most ``FLAT`` times the least.
+within, flat within
+    Every expected error lies in the interval that is printed, its ends give or take ``MATERIAL``.
 alike
     The means (geometric, over the settings) are at most ``ALIKE`` times each other.
 no trend
@@ -19,7 +21,7 @@ no trend
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Holds = NDArray[np.bool_]
 FLAT = 2.0  # the thesis calls 7 to 3.5 % a significant fall, and 8-18 % none
+MATERIAL = 0.10  # of an error, the least change that counts as one
 ALIKE = 1.5  # it calls modes within 10-15 % alike
 
 
@@ -123,8 +126,23 @@ def _falls_irregularly(evidence: Evidence, _: str) -> Holds:
     return _all((e[-1] < e[0]) & ~_steps_down(e) for e in evidence.series)
 
 
-def _is_flat(evidence: Evidence, _: str) -> Holds:
-    return _all(_flat(errors) for errors in evidence.series)
+def _is_flat(evidence: Evidence, argument: str) -> Holds:
+    """``flat``, ``flat 8 18``: flat, and within an interval if one is printed."""
+    level = _all(_flat(errors) for errors in evidence.series)
+    return level & _within(evidence, argument) if argument else level
+
+
+def _within(evidence: Evidence, argument: str) -> Holds:
+    """``within 8 18``: in this interval; ``within 1 4 1 3 1 3``: in one for each of its modes."""
+    ends = np.array(argument.split(), float).reshape(-1, 2)
+    modes = evidence.trend.modes
+    bounds = dict(zip(modes, np.broadcast_to(ends, (len(modes), 2)), strict=True))
+    found = []
+    for mode, (low, high) in bounds.items():
+        alone = replace(evidence, trend=replace(evidence.trend, modes=(mode,)))
+        low, high = (1 - MATERIAL) * low, (1 + MATERIAL) * high
+        found += [((low <= e) & (e <= high)).all(axis=0) for e in alone.series]
+    return _all(found)
 
 
 def _no_trend(evidence: Evidence, _: str) -> Holds:
@@ -139,12 +157,20 @@ def _same_pattern(evidence: Evidence, _: str) -> Holds:
     return _falls(evidence, "") | _rises(evidence, "")
 
 
+PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
+
+
 def _below(evidence: Evidence, argument: str) -> Holds:
-    """``below 40``, ``below 10 last``: at most that, rounded as it is printed."""
+    """``below 40``, ``below 10 last``: less than that."""
+    bound, _, which = argument.partition(" ")
+    return _all((errors[PARTS[which]] < float(bound)).all(axis=0) for errors in evidence.series)
+
+
+def _at_most(evidence: Evidence, argument: str) -> Holds:
+    """``at_most 40``, ``at_most 10 last``: at most that, rounded as it is printed."""
     bound, _, which = argument.partition(" ")
     most = float(bound) + 0.5 * 10.0 ** -len(bound.partition(".")[2])
-    parts = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
-    return _all((errors[parts[which]] <= most).all(axis=0) for errors in evidence.series)
+    return _all((errors[PARTS[which]] <= most).all(axis=0) for errors in evidence.series)
 
 
 def _above(evidence: Evidence, argument: str) -> Holds:
@@ -267,10 +293,12 @@ TESTS: dict[str, Callable[[Evidence, str], Holds]] = {
     "falls_steadily": _falls_steadily,
     "falls_irregularly": _falls_irregularly,
     "flat": _is_flat,
+    "within": _within,
     "no_trend": _no_trend,
     "mostly_no_trend": _mostly_no_trend,
     "same_pattern": _same_pattern,
     "below": _below,
+    "at_most": _at_most,
     "above": _above,
     "peaks": _peaks,
     "highest_last": _highest_last,
@@ -286,8 +314,12 @@ TESTS: dict[str, Callable[[Evidence, str], Holds]] = {
 }
 
 _NUMBER = r"\d+(\.\d+)?"
+_INTERVALS = rf"{_NUMBER} {_NUMBER}(?: {_NUMBER} {_NUMBER})*"
 ARGUMENTS = {  # what a test needs to know; the others need nothing
+    "flat": rf"({_INTERVALS})?",
+    "within": _INTERVALS,
     "below": rf"{_NUMBER}( first| last)?",
+    "at_most": rf"{_NUMBER}( first| last)?",
     "above": rf"{_NUMBER} first",
     "peaks": _NUMBER,
     "worst_mode": r"\d+",

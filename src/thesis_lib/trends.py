@@ -5,6 +5,11 @@ the pixel grids. It is tested on resamples of the trials, the same in every sett
 resamples in which it holds is its *confidence*. The share of single trials in which it holds tells
 how often somebody with one run, such as the thesis, would see it.
 
+A trend that says that an error falls or rises has an *effect*, too: by what factor the expected
+error changes from the first to the last setting, of all the errors that it names the one that
+changes least in the stated direction. Within ``MATERIAL`` of 1 it is no material change, however
+sure its sign.
+
 What the words mean is set in ``trend_tests.py``, once for all trends.
 """
 
@@ -13,19 +18,21 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thesis_lib.claims import UNCHANGED
 from thesis_lib.setups import data_folder
-from thesis_lib.trend_tests import ARGUMENTS, TESTS, Evidence
+from thesis_lib.trend_tests import ARGUMENTS, MATERIAL, TESTS, Evidence
 
 Array = NDArray[np.float64]
 CONFIDENT = 0.95
 RESAMPLES = 2000
 LISTS = ("cases", "modes", "quantities", "source")
+WEAKEST = {"falls": np.max, "falls_steadily": np.max, "rises": np.min}
 NEEDED = ("id", "section", "modes", "quantities", "words", "source")
 
 
@@ -87,14 +94,20 @@ class Series:
 
 @dataclass(frozen=True)
 class Finding:
-    """How surely a trend holds in expectation, and in which share of single runs it shows."""
+    """How surely a trend holds in expectation, in which share of single runs, and how strongly.
+
+    The effect is NaN for trends that are no rise or fall.
+    """
 
     confidence: float
     single: float
+    effect: float = field(default=float("nan"), compare=False)
 
     @property
     def verdict(self) -> str:
-        """One word of the ledger: agrees, within scatter or differs."""
+        """One word of the ledger: agrees, within scatter, differs or no material change."""
+        if abs(self.effect - 1) <= MATERIAL:
+            return UNCHANGED
         if self.confidence >= CONFIDENT:
             return "agrees"
         chance = 1 - CONFIDENT
@@ -186,7 +199,18 @@ def judge(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | No
             shares.append(float(np.mean(TESTS[name](evidence, argument))))
         except LookupError:  # what it is compared with is missing
             return None
-    return Finding(*shares)
+    spoken_of = Evidence(trend, mean, values).series
+    return Finding(*shares, _effect(name, spoken_of))
+
+
+def _effect(test: str, series: Iterable[Array]) -> float:
+    """Expected error at the last setting over that at the first, where it changes least."""
+    if test not in WEAKEST:
+        return float("nan")
+    first, last = (np.array([np.mean(errors[at]) for errors in series]) for at in (0, -1))
+    if not first.all():
+        return float("nan")
+    return float(WEAKEST[test](last / first))
 
 
 @lru_cache(maxsize=8)

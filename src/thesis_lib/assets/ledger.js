@@ -7,6 +7,7 @@ export default (() => {
     agrees: "M6 1a5 5 0 1 0 .01 0Z", // disc
     "within scatter": "M6 .6 11.4 6 6 11.4 .6 6Z", // diamond
     differs: "M6 1 11.6 11H.4Z", // triangle
+    "no material change": "M1 4h10v4H1Z", // bar
     undefined: "M1.8 1.8h8.4v8.4h-8.4Z", // hollow square
   };
   const VERDICTS = Object.keys(MARKS);
