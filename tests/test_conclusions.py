@@ -11,6 +11,7 @@ import xarray as xr
 from thesis_lib import (
     conclusions,
     conclusions_figure,
+    conclusions_pixels,
     conclusions_tables,
     cubes,
     prose,
@@ -148,3 +149,21 @@ def test_half_the_error_costs_what_the_exponent_says():
     cube = power_law("beam-resolution", "finer", -1.0)
     text = conclusions_tables.PIECES["conclusions-costs"]({"beam-resolution": cube})
     assert "| finer pixels | beam | W ×2.00 | ×4.0 |" in text
+
+
+def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
+    found = {(one.structure, one.case): one for one in conclusions_pixels.equal_pixels()}
+    assert len(found) == 12
+    for structure in ("beam", "plate"):
+        cube = studies.run(validate(f"{structure}-arrays", {"trials": 1, "cases": ["4b"]}))
+        law = np.sqrt(np.mean(cube["predicted_error"].values[-1] ** 2))
+        one = found[structure, "4b"]
+        conforms.independent(one.array, law, rtol=1e-3)
+        # Twice as many pixels across as the first pair alone: by the law, at eight cameras.
+        finer = {"trials": 1, "cases": ["4b"], "resolution_px": [640, 360]}
+        pair = studies.run(validate(f"{structure}-arrays", finer))["predicted_error"].values[0]
+        assert one.n_cameras == 8
+        conforms.closed_form(one.pair / np.sqrt(np.mean(pair**2)), below=1 + 1e-3)
+    worse = [key for key, one in found.items() if one.ratio > 1.1]
+    assert worse == [("beam", "4b")]
+    assert "1 is worse by more than 10%, beam 4b" in conclusions_pixels.pixels()

@@ -218,6 +218,20 @@ def test_swing_error_for_large_and_small_amplitudes(conforms):
     conforms.closed_form(design_law.useful_frames(large), 13.5 * 20.5, rtol=0.01)
 
 
+@pytest.mark.parametrize("amplitude", [2.0, 5.0, 12.0])
+def test_little_is_left_to_gain_after_the_useful_frames(conforms, amplitude):
+    random = np.random.default_rng(0)
+    peaks = amplitude * (0.75 + 0.5 * (np.arange(4000) + 0.5) / 4000)[:, None]
+    n = round(float(design_law.useful_frames(peaks[:, 0])))
+    turn = random.uniform(0, 2 * np.pi, peaks.shape) + np.pi * (3 - np.sqrt(5)) * np.arange(n)
+    shift = random.uniform(-0.5, 0.5, peaks.shape)
+    basis = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=2)
+    seen = np.rint(peaks * basis[..., 0] + shift) - shift
+    error = (np.linalg.pinv(basis) @ seen[..., None])[:, 0, 0] - peaks[:, 0]
+    floor = np.sqrt(np.mean(design_law.swing_error(peaks) ** 2))
+    conforms.sampled(np.sqrt(np.mean(error**2)) / floor, above=1, below=1.25)
+
+
 def test_weighted_error_is_the_quadratic_form_of_the_covariance(conforms):
     random = np.random.default_rng(3)
     x, w = random.uniform(-3, 3, (2, 40)), random.normal(size=(2, 40))

@@ -11,7 +11,7 @@ import pytest
 from skfem import MeshTri
 
 from thesis_lib import setups
-from thesis_lib.finite_elements import located, plate_modes
+from thesis_lib.finite_elements import facets_along, located, plate_modes
 from thesis_lib.meshing import Circle, area, contains, is_simple, pieces, triangulated
 from thesis_lib.panels import Panel
 from thesis_lib.structures import (
@@ -119,6 +119,21 @@ def test_poissons_ratio_stiffens_a_strip_by_less_than_a_wide_plate(conforms):
         panel(strip, poisson=nu, **given).angular_frequencies(1)[0] for nu in (0.0, 0.3)
     )
     conforms.closed_form(contracting / plain, above=1, below=1 / math.sqrt(1 - 0.3**2))
+
+
+def test_free_edges_of_a_clamped_square_have_the_eigenvalues_of_the_literature(conforms):
+    # A. W. Leissa, J. Sound Vib. 31, 1973: one side clamped, three free, ν = 0.3
+    found = []
+    for n in (8, 16, 32):
+        steps = np.linspace(0, 1, n + 1)
+        mesh = MeshTri.init_tensor(steps, steps)
+        clamped = facets_along(mesh, (0, 0), (0, 1))
+        modes = plate_modes(mesh, clamped, clamped[:0], 0.3, 3)
+        found.append(np.sqrt(modes.eigenvalues))
+    limit = found[-1] + (found[-1] - found[-2]) / 3  # of order 2
+    conforms.closed_form(limit, [3.471, 8.507, 21.285], rtol=6e-4)
+    other = plate_modes(mesh, clamped, clamped[:0], 0.0, 3)  # which shows that ν matters there
+    assert np.all(np.abs(np.sqrt(other.eigenvalues) / found[-1] - 1) > 0.003)
 
 
 # Invariances.

@@ -1,5 +1,6 @@
 """Where cameras stand: the laws by their closed forms, the trials by renders with other noise."""
 
+import re
 from dataclasses import replace
 from itertools import combinations
 
@@ -383,7 +384,10 @@ def test_tables_and_figures_show_every_case(sets):
     part = numbers.part_of(cube, "subsets")
     error = numbers.expected(part)
     best = str(part["label"].values[np.argmin(np.where(part["n_cameras"] == 2, error, np.inf))])
-    assert f"| 2 | 28 | {best}: " in tables.numbers(cube)
+    text = tables.numbers(cube)
+    assert f"| 2 | 28 | {best}: " in text
+    alone = r"from one side alone it is better than \d of the 8 of 3, \d of the 2 of 4"
+    assert re.search(alone, text)
     assert tables.shares(cube).count("| 120 |") == 8
     assert tables.TABLES["slopes"](cube) == "The case distance was not asked for.\n"
     few = numbers.viewable(cube)

@@ -25,6 +25,7 @@ from thesis_lib.conclusions import (
     step,
     strengths,
 )
+from thesis_lib.conclusions_pixels import pixels
 from thesis_lib.cubes import percent_text
 from thesis_lib.design_law import pair_noise_error
 from thesis_lib.ledger_cube import from_cube
@@ -398,5 +399,6 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "conclusions-small": _small,
     "conclusions-experiment": _experiment,
     "conclusions-costs": _costs,
+    "conclusions-pixels": lambda _: pixels(),
     "conclusions-wishes": _fulfilled,
 }

@@ -27,6 +27,7 @@ from thesis_lib import (
     setups,
     shape_tables,
     sound,
+    sound_sum,
 )
 from thesis_lib.claims import VERDICTS
 from thesis_lib.ledger_cube import from_cube
@@ -429,6 +430,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "sound-layouts": _layouts,
     "sound-markers": _markers,
     "sound-levels": _levels,
+    "sound-sum": lambda _: sound_sum.sums(),
     **conclusions_tables.PIECES,
     "parameters": _parameters,
     "effort": _effort,

@@ -200,7 +200,7 @@ def judge(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | No
         except LookupError:  # what it is compared with is missing
             return None
     spoken_of = Evidence(trend, mean, values).series
-    return Finding(*shares, _effect(name, spoken_of))
+    return Finding(shares[0], shares[1], _effect(name, spoken_of))
 
 
 def _effect(test: str, series: Iterable[Array]) -> float:

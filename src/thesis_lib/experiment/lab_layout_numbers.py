@@ -36,6 +36,15 @@ def ratios(part: xr.Dataset) -> Array:
     return np.asarray(expected(part) / part["predicted_error"].values, float)
 
 
+def one_sided(part: xr.Dataset) -> NDArray[np.bool_]:
+    """Whether all cameras of a set look from one side of the beam's axis, (settings,)."""
+    across = np.cos(np.radians(part["camera_azimuth"].transpose("setting", "camera").values))
+    known = np.isfinite(across)
+    return np.asarray(
+        np.all(~known | (across > 1e-9), axis=1) | np.all(~known | (across < -1e-9), axis=1)
+    )
+
+
 @dataclass(frozen=True)
 class Optimum:
     """Where an error is least, on a curve through the settings.

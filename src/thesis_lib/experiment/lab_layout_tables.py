@@ -12,6 +12,7 @@ from thesis_lib.experiment.lab_layout_numbers import (
     cases,
     complete,
     expected,
+    one_sided,
     optimum,
     part_of,
     ratios,
@@ -199,11 +200,20 @@ def numbers(cube: xr.Dataset) -> str:
     text = "\nRms over the trials of the rms error, in % of the largest deflection."
     if beaten:
         text += f" The best pair is better than these sets: {', '.join(beaten)} cameras."
+    side = one_sided(part) & np.isfinite(error)
+    counts = [(n, np.flatnonzero(side & (count == n))) for n in np.unique(count) if n > 2]
+    worse = [f"{np.count_nonzero(error[own] > best_pair)} of the {len(own)} of {n}"
+             for n, own in counts if len(own)]  # fmt: skip
+    if worse:
+        text += f" Of sets that look from one side alone it is better than {', '.join(worse)}."
     if len(quotient):
+        rendered = (part["mean_error"].isel(trial=0) / part["predicted_error"]).values
+        rendered = rendered[np.isfinite(rendered)]
         text += (
             f" Over all {len(quotient)} sets the error divided by the law's prediction lies "
-            f"between {quotient.min():.2f} and {quotient.max():.2f}; its median is "
-            f"{np.median(quotient):.2f}."
+            f"between {quotient.min():.2f} and {quotient.max():.2f}, with a median of "
+            f"{np.median(quotient):.2f}; the trials draw the noise that the law takes. That of "
+            f"the rendered frames alone lies between {rendered.min():.2f} and {rendered.max():.2f}."
         )
     return table(header, rows) + text + "\n"
 
