@@ -57,7 +57,8 @@ class Entry:
     ratio : float or None
         What we get over what is stated, where both are numbers.
     counted : bool
-        Whether the totals count it: not if it is judged by rendered recordings.
+        Whether the totals count it: not if it is judged by rendered recordings, nor if it is
+        bookkeeping.
     href, command : str
         The page with its figure, and the commands that make what it is judged by, line by line.
     least, most : float
@@ -273,7 +274,7 @@ def _number(number: StatedNumber) -> Entry:
         verdict="agrees" if inside else "differs",
         note="",
         ratio=1.0 if inside else value / middle if middle else None,
-        counted=True,
+        counted=not number.is_bookkeeping,
         href="",
         command="",
         least=number.low,
@@ -305,12 +306,13 @@ def report(found: Sequence[Entry]) -> str:
             part = [entry for entry in of_chapter if entry.kind == kind]
             if part:
                 counts = ", ".join(f"{n} {verdict}" for verdict, n in totals(part).items() if n)
-                rendered = sum(not entry.counted for entry in part)
-                mark = f"   ({rendered} by rendered recordings)" if rendered else ""
+                apart = sum(not entry.counted for entry in part)
+                why = "bookkeeping" if kind == "number" else "by rendered recordings"
+                mark = f"   ({apart} {why})" if apart else ""
                 lines.append(f"  {len(part):3} {kind + 's':8} {counts}{mark}")
     counted = [entry for entry in found if entry.counted]
     counts = ", ".join(f"{n} {verdict}" for verdict, n in totals(counted).items())
-    lines.append(f"in all, without what is judged by rendered recordings: {counts}")
+    lines.append(f"in all, without rendered recordings and bookkeeping: {counts}")
     differing = [entry for entry in found if entry.verdict == "differs"]
     lines += ["\ndiffers:"] if differing else []
     for entry in differing:

@@ -7,7 +7,15 @@ import xarray as xr
 from IPython.display import SVG, Markdown
 from scipy.stats import binomtest
 
-from thesis_lib import claims, ledger, ledger_figures, readings, trend_tests, trends
+from thesis_lib import (
+    claims,
+    ledger,
+    ledger_figures,
+    ledger_power,
+    readings,
+    trend_tests,
+    trends,
+)
 from thesis_lib.claims import VERDICTS
 from thesis_lib.ledger_cube import from_cube
 from thesis_lib.ledger_requests import READINGS
@@ -19,7 +27,7 @@ KINDS = {"figure": "stated figures", "trend": "trends", "number": "stray numbers
 
 
 def totals_table(cube: xr.Dataset) -> Markdown:
-    """Verdicts by chapter and kind; what is judged by rendered recordings stands apart."""
+    """Verdicts by chapter and kind; rendered recordings and bookkeeping stand apart."""
     found = from_cube(cube)
     rows = []
     for chapter in ledger.CHAPTERS:
@@ -36,8 +44,16 @@ def totals_table(cube: xr.Dataset) -> Markdown:
     counted_ = [entry for entry in found if entry.counted]
     numbers = [f"**{n}**" for n in ledger.totals(counted_).values()]
     rows.append(["**all**", "without †", f"**{len(counted_)}**", *numbers])
-    note = "† judged by recordings that were rendered, not filmed; not in the totals."
+    note = (
+        "† not in the totals: judged by recordings that were rendered, not filmed; or, of numbers, "
+        "bookkeeping, arithmetic on printed numbers and counts of printed rows."
+    )
     return markdown_table(["chapter", "", "claims", *VERDICTS], rows, note, plain=False)
+
+
+def power_table(cube: xr.Dataset) -> Markdown:
+    """What the stated figures could have told."""
+    return Markdown(ledger_power.powers(cube))
 
 
 def rules() -> Markdown:

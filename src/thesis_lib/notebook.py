@@ -169,17 +169,23 @@ def camera_cube(request: CameraStudy, scheduler: str = "") -> xr.Dataset:
 
 def ledger_of(request: Claims) -> xr.Dataset:
     """The ledger's cube, from the book's cubes; one that is missing or outdated is made here."""
-    from thesis_lib import ledger, ledger_cube, ledger_runs, readings
+    from thesis_lib import ledger, ledger_cube, ledger_power, ledger_runs, readings
+
+    opened: dict[str, xr.Dataset] = {}
 
     def open_cube(study: Study) -> xr.Dataset:
-        made = ledger.built(study)
-        if isinstance(made, str):
-            made = cubes.with_provenance(_computed(study), study, 0.0)
-        return made
+        if study.name not in opened:
+            made = ledger.built(study)
+            if isinstance(made, str):
+                made = cubes.with_provenance(_computed(study), study, 0.0)
+            opened[study.name] = made
+        return opened[study.name]
 
     own = cubes.cached(request.own_runs, ledger_runs.run)
     other = cubes.cached(request.other_readings, readings.run)
-    return ledger_cube.as_cube(ledger.entries(open_cube, ledger_runs.read_own(own)), other)
+    found = ledger.entries(open_cube, ledger_runs.read_own(own))
+    tested = ledger_power.power(lambda name: open_cube(STUDIES[name]()), claims.read_claims())
+    return ledger_cube.as_cube(found, other.merge(tested))
 
 
 def error_table(cube: xr.Dataset) -> Markdown:

@@ -119,7 +119,7 @@ def _sound_results(opened: dict[str, xr.Dataset]) -> str:
 
 
 def _ledger_totals(opened: dict[str, xr.Dataset]) -> str:
-    """Verdicts by kind of claim, without what is judged by rendered recordings."""
+    """Verdicts by kind of claim, without rendered recordings and bookkeeping."""
     counted = [entry for entry in from_cube(opened["claims"]) if entry.counted]
     words = {"figure": "stated errors", "trend": "trends", "number": "other numbers"}
     parts = {words[kind]: [e for e in counted if e.kind == kind] for kind in words}

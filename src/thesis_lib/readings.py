@@ -23,6 +23,7 @@ from thesis_lib.ledger_requests import ADOPTED, READINGS, OtherReadings, Reading
 from thesis_lib.parameters import CAMERA_STUDIES, camera_study
 
 CHAPTERS = {"beam": 3, "plate": 4, "sound": 6}
+OUTCOMES = tuple(one for one in claims.VERDICTS if one != claims.UNCHANGED)  # of stated figures
 
 
 def request(reading: Reading, figure_set: str) -> dict[str, Any]:
@@ -88,7 +89,7 @@ def run(study: OtherReadings) -> xr.Dataset:
         made += abreast(lambda reading: checks(reading, seed, trials, same), chosen[1:])
     chapters = list(CHAPTERS.values())
     shape = (len(chosen), len(chapters))
-    counts = np.zeros((*shape, len(claims.VERDICTS)), int)
+    counts = np.zeros((*shape, len(OUTCOMES)), int)
     inside, residual = np.zeros(shape, int), np.full(shape, np.nan)
     gained, lost = np.zeros(len(chosen), int), np.zeros(len(chosen), int)
     stated = Counter(claim.chapter for claim in claims.read_claims())
@@ -99,7 +100,7 @@ def run(study: OtherReadings) -> xr.Dataset:
         lost[r] = sum(met[0][name] and not met[r][name] for name in both)
         for c, chapter in enumerate(chapters):
             part = [check for check in of_reading if check.claim.chapter == chapter]
-            counts[r, c] = [sum(check.verdict == v for check in part) for v in claims.VERDICTS]
+            counts[r, c] = [sum(check.verdict == v for check in part) for v in OUTCOMES]
             counts[r, c, -1] = stated[chapter] - len(part)  # undefined: that setting is not run
             inside[r, c] = sum(check.inside for check in part)
             residual[r, c] = log_residual(part)
@@ -125,7 +126,7 @@ def run(study: OtherReadings) -> xr.Dataset:
             "reading": ("reading", [reading.name for reading in chosen],
                         {"units": "1", "long_name": "reading of what the thesis leaves open"}),
             "chapter": ("chapter", chapters, {"units": "1", "long_name": "chapter of the thesis"}),
-            "outcome": ("outcome", list(claims.VERDICTS),
+            "outcome": ("outcome", list(OUTCOMES),
                         {"units": "1", "long_name": "verdict"}),
         },
     )  # fmt: skip

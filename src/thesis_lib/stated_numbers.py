@@ -60,6 +60,11 @@ class StatedNumber:
         return _interval(self.stated)[1]
 
     @property
+    def is_bookkeeping(self) -> bool:
+        """Whether it is arithmetic on printed numbers or a count of printed rows, no physics."""
+        return self.value_of in ARITHMETIC or self.value_of in COUNTS
+
+    @property
     def value(self) -> float:
         """What it should be, in its unit."""
         return float(VALUES[self.value_of]())
@@ -162,6 +167,8 @@ ARITHMETIC: dict[str, float] = {
     "least_pictures": math.ceil(5 / 2), "markers": 3 * 25, "grid": 3 * 25 + 1,
     "frames_at_4": 60 / 4, "parameters": len(("distance", "aperture", "pixels", "cameras")),
 }  # fmt: skip
+COUNTS = ("array_sizes", "last_figure", "cameras_4a", "pairs_4a", "cameras_4b", "pairs_4b",
+          "plate_markers")  # fmt: skip
 VALUES: dict[str, Callable[[], float]] = {
     **{name: partial(float, value) for name, value in ARITHMETIC.items()},
     "view_across": partial(_angle_of_view, 36, 50), "view_up": partial(_angle_of_view, 24, 50),
