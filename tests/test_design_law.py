@@ -18,10 +18,12 @@ from thesis_lib import (
     design_dither,
     design_figures,
     design_law,
+    design_share_tables,
     design_shares,
     design_study,
     design_sweeps,
     design_tables,
+    estimators,
     rounding,
     setups,
     storage,
@@ -30,6 +32,7 @@ from thesis_lib import (
 from thesis_lib.cameras import hemisphere_cameras, pixelate, project
 from thesis_lib.design_law import ISOTROPIC, MOTION_PX, cone_cameras
 from thesis_lib.design_request import DesignLaw
+from thesis_lib.design_shares import FOLLOWED_PX, MARKER
 from thesis_lib.estimators import exponent
 from thesis_lib.parameters import validate
 from thesis_lib.style import svg
@@ -589,9 +592,51 @@ def test_findings_of_the_page_have_the_numbers_of_the_cube(cube):
 
 
 def test_central_claim_of_the_page_has_the_numbers_of_the_cube(cube):
-    text = design_tables.claim(cube)
+    text = design_share_tables.claim(cube)
     slow = cube["frame_error"].sel(rate=60)
     assert f"{float(slow.min()):.1f} to {float(slow.max()):.1f} % for 2 to 24 cameras" in text
+    centre = cube["drawn_frame_error"].sel(estimator="analytic centre", count=8, rate=60)
+    assert f"with markers that can be followed, to at most 8, {float(centre):.1f}" in text
+
+
+def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
+    text = design_tables.shares(cube)
+    assert text.count(" † ") == int((cube["marker_height"] < FOLLOWED_PX).sum()) > 0
+    for setting, height in zip(study.settings(), cube["marker_height"].values.ravel(), strict=True):
+        rig = setting.cameras(24, 36)
+        towards = np.array([-np.sin(np.radians(setting.directions_deg[0][0])),
+                            -np.cos(np.radians(setting.directions_deg[0][0])), 0])  # fmt: skip
+        ends = MARKER / 2 * np.stack([-towards, towards], axis=1)
+        v = project(rig.P[:1], ends)[0, 1]
+        conforms.closed_form(abs(v[1] - v[0]), height, rtol=0.01)
+
+
+def test_the_tracker_follows_markers_from_that_height_on():
+    """As published: where markers are higher every one has a result, and lower they are lost."""
+    published = cubes.read_published("lab-elevation")
+    lab = validate("lab-elevation", {})
+    heights = {}
+    for setting in lab.settings():
+        focal = lab.focal_length_mm / lab.sensor_width_mm * setting.resolution_px[0]
+        sine = np.sin(np.radians(setting.directions_deg[0][1]))
+        high = 1000 * MARKER * focal / setting.distance_mm * sine
+        heights[setting.case, float(setting.value)] = high
+    for _, row in published[published["error"] == "mean_error"].iterrows():
+        if row["case"] != "middle-row":  # a row without neighbours is lost earlier
+            fine = bool(row["median"] < 0.1)
+            assert fine == (heights[row["case"], float(row["value"])] > FOLLOWED_PX)
+
+
+@pytest.mark.parametrize("n", [16, 64])
+def test_tolerated_noise_leaves_half_of_the_gain(conforms, n):
+    noise = design_dither.tolerance(n, 6, 0)
+    rules = ("least-squares", "analytic-centre")
+    gains = []
+    for one in (0.0, noise):
+        errors = estimators.deflection_errors((0.75,) * n, 6, 100, one, seed=0, rules=rules)
+        least, centre = estimators.over_layouts(errors)
+        gains.append(1 - centre / least)
+    conforms.sampled(gains[1] / gains[0], 0.5, atol=0.1)
 
 
 def test_closed_form_of_the_page_meets_a_study_of_chapter_three(conforms):

@@ -17,6 +17,8 @@ CROWDS = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
 DISTANCE = 0.75  # m
 NOISES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # px, of NOISY cameras
 NOISY = 12
+WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, where a tolerance is looked for
+FEWER = 10  # layouts there
 STANDS = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
 SHARP, SHARP_FOCAL_PX = (1920, 1080), 1280.0  # where distances differ
 LAYOUTS, MARKERS = 30, 100  # at most
@@ -45,10 +47,30 @@ def estimated(study: DesignLaw) -> dict[str, ArrayLike]:
         return np.asarray(np.median(errors, axis=0))  # some layouts are hopeless
 
     return {
+        "tolerated_noise": [tolerance(n, min(FEWER, layouts), study.seed) for n in CROWDS],
         "crowd_error": [typical((DISTANCE,) * n) for n in CROWDS],
         "noise_error": [typical((DISTANCE,) * NOISY, noise) for noise in NOISES],
         "stand_error": [apart(stand) for stand in STANDS],
     }
+
+
+def tolerance(n_cameras: int, layouts: int, seed: int) -> float:
+    """Noise in px before the rounding that leaves the analytic centre half of its gain.
+
+    The gain is how much less than that of least squares its error is, relative to it.
+    """
+    gains = []
+    for noise in WITH_NOISE:
+        errors = estimators.deflection_errors(
+            (DISTANCE,) * n_cameras, layouts, MARKERS, noise, seed=seed,
+            rules=("least-squares", "analytic-centre"),
+        )  # fmt: skip
+        least, centre = estimators.over_layouts(errors)
+        gains.append(1 - centre / least)
+        if gains[-1] < gains[0] / 2:
+            return float(np.interp(-gains[0] / 2, -np.array(gains[-2:]),
+                                   WITH_NOISE[len(gains) - 2 : len(gains)]))  # fmt: skip
+    return float("inf")
 
 
 def dithered(study: DesignLaw) -> dict[str, ArrayLike]:

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 
 from thesis_lib import design_dither, dither
 from thesis_lib.design_law import ISOTROPIC, MOTION_PX
+from thesis_lib.design_shares import FOLLOWED_PX
 from thesis_lib.figures import logarithmic
 from thesis_lib.style import COLORS, HIGHLIGHT, INK, REFERENCE, color, in_style, subplots
 
 SIZE = (7.2, 3.3)  # inches
-SPACING_PX = 4.0  # below which images of neighbouring markers can hardly be told apart
 EVERY = 5  # of the drawn angles, so that dots stand apart
 PERCENT = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 
@@ -178,9 +178,9 @@ def shares(cube: xr.Dataset) -> Figure:
             film.plot(n[order], part["drawn_fit_error"].sel(estimator=name), **dots)
         width = part["width_px"].values
         sensor.plot(n[order], width, linewidth=1.2, **style)
-        close = part["marker_spacing"].values < SPACING_PX
-        sensor.plot(n[order][~close], width[~close], "o", markersize=3.5, **style)
-        sensor.plot(n[order][close], width[close], "x", markersize=4.5, **style)
+        small = part["marker_height"].values < FOLLOWED_PX
+        sensor.plot(n[order][~small], width[~small], "o", markersize=3.5, **style)
+        sensor.plot(n[order][small], width[small], "x", markersize=4.5, **style)
     grid[1].plot(n[order], cube["independent_fit_error"].isel(rate=0, count=order), "--",
                  color=INK, linewidth=0.9)  # fmt: skip
     for axes, title in zip(grid, ("(a) one frame, %", "(b) amplitude from all frames, %",
@@ -197,7 +197,7 @@ def shares(cube: xr.Dataset) -> Figure:
                      markerfacecolor="none" if e else None, label=name)  # fmt: skip
     for line, words in (("-", "the law"), ("--", "independent, averaged")):
         grid[1].plot([], [], line, color=INK, linewidth=1, label=words)
-    grid[2].plot([], [], "x", color=INK, markersize=4.5, label=f"markers < {SPACING_PX:g} px apart")
+    grid[2].plot([], [], "x", color=INK, markersize=4.5, label=f"markers < {FOLLOWED_PX:g} px high")
     grid[0].legend(loc="upper center", ncols=3, columnspacing=0.8, handlelength=1.2, fontsize=7)
     grid[1].legend(loc="upper left", fontsize=7)
     grid[2].legend(loc="lower left", fontsize=7)

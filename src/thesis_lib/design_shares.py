@@ -30,6 +30,10 @@ ESTIMATORS: dict[str, Estimator] = {
     "analytic centre": lambda P, uv: analytic_centre(P, uv).points,
 }
 
+MARKER = 0.005  # m, diameter of a marker in chapter 5
+# Height of a marker's image from which on the laboratory's tracker follows all of them: in
+# `lab-elevation` it loses some, or all, at 1.4 px and below, and none at 1.6 px.
+FOLLOWED_PX = 1.5
 FITTED = 100  # trials of films at most: they take longest
 _FILM_VALUES = 3_000_000  # camera × point values at a time
 
@@ -59,6 +63,7 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
     return {
         "width_px": widths, "height_px": heights, "frame_rate": frame_rate,
         "pixel_size": distance / focal, "marker_spacing": beam.marker_spacing * focal / distance,
+        "marker_height": MARKER * np.cos(angle) * focal / distance,
         "motion_px": motion, "in_view": view, "average_error": centre,
         "frame_error": percent * law, "drawn_frame_error": percent * drawn,
         # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.

@@ -79,6 +79,8 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
     "pixel_size": (("count", "rate"), "m", "length of a pixel at the centre"),
     "marker_spacing": (
         ("count", "rate"), "px", "distance of the images of neighbouring markers, at most"),
+    "marker_height": (
+        ("count", "rate"), "px", "height of the image of a marker as large as in chapter 5"),
     "motion_px": (("count", "rate"), "px", "motion of an image at the vibration's peak"),
     "in_view": (("count", "rate"), "1", "share of camera x marker x mode images on the sensor"),
     "average_error": (
@@ -95,6 +97,8 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("estimator", "count", "rate"), "percent", "rms error of the fitted amplitude, drawn"),
     "crowd_error": (
         ("crowd", "rule"), "m", "rms error of a deflection, cameras at equal distances"),
+    "tolerated_noise": (
+        ("crowd",), "px", "noise before rounding that halves the gain of the analytic centre"),
     "noise_error": (
         ("noise", "rule"), "m", "rms error of a deflection, pixels with noise before rounding"),
     "stand_error": (
@@ -301,6 +305,8 @@ def _summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
         for along, unit in (("crowd", "cameras"), ("noise", "px noise"), ("stand", "m")):
             for value, error in zip(cube[along].values, part[f"{along}_error"].values, strict=True):
                 of(f"error, {name}, {value} {unit}", 1e6 * error, "um")
+    for count, noise in zip(cube["crowd"].values, cube["tolerated_noise"].values, strict=True):
+        of(f"noise that halves the gain, {count} cameras", noise, "px")
     for along, unit in (("swing", "amplitude"), ("shake", "shake"), ("disc", "diameter")):
         ratio = cube[f"drawn_{along}_error"] / cube[f"{along}_error"]
         of(f"dither by {unit}, drawn over closed form", np.sqrt(np.mean(ratio**2)))

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable
-from typing import Any
 
 import numpy as np
 import xarray as xr
 from IPython.display import SVG, Markdown
 
 from thesis_lib import design_dither, design_figures, dither
-from thesis_lib.cubes import percent_text
 from thesis_lib.design_pairs import paired
+from thesis_lib.design_share_tables import asked, few_shares, shares
 from thesis_lib.estimators import exponent
 from thesis_lib.markdown import table
 from thesis_lib.style import svg
@@ -28,16 +26,6 @@ def show(cube: xr.Dataset, name: str) -> Markdown:
 def picture(cube: xr.Dataset, name: str) -> SVG:
     """One of the figures, for a notebook."""
     return SVG(svg(design_figures.figure(cube, name)))
-
-
-def _asked(cube: xr.Dataset, name: str) -> Any:
-    """A parameter of the run."""
-    return json.loads(cube.attrs["parameters"])[name]
-
-
-def _duration(cube: xr.Dataset) -> str:
-    seconds = _asked(cube, "duration_s")
-    return "one second" if seconds == 1 else f"{seconds:g} seconds"
 
 
 def _structures(cube: xr.Dataset) -> list[str]:
@@ -63,7 +51,7 @@ def settings(cube: xr.Dataset) -> str:
                              cube["law_error"].shape)  # fmt: skip
     at = cube.isel(setting=int(where[0]), shape=int(where[1]))
     return table(header, rows) + (
-        f"\nSimulated with {_asked(cube, 'trials')} trials. Independent roundings are farthest "
+        f"\nSimulated with {asked(cube, 'trials')} trials. Independent roundings are farthest "
         f"off, {float(at['naive_error'] / at['law_error']):.2f} times the law, in case "
         f"{at['of_layout'].item()} of the {at['of_structure'].item()}, {at['label'].item()}, mode "
         f"{int(at['shape'])}.\n"
@@ -90,8 +78,8 @@ def cone(cube: xr.Dataset) -> str:
         rows.append([f"{angle:g}", *cells])
     agree = "less than 1e-12" if float(cube["cone_difference"]) < 1e-12 else "more than 1e-12"
     return table(["θ, °", "σ_x, mm", "σ_y, mm", "σ_z, mm"], rows) + (
-        f"\nClosed form / drawn, of {_asked(cube, 'cone_cameras')} cameras with "
-        f"{_asked(cube, 'resolution_px')[0]} px across at {_asked(cube, 'cone_distance_mm'):g} mm. "
+        f"\nClosed form / drawn, of {asked(cube, 'cone_cameras')} cameras with "
+        f"{asked(cube, 'resolution_px')[0]} px across at {asked(cube, 'cone_distance_mm'):g} mm. "
         f"Closed form and Jacobian differ by {agree}, relative to the errors.\n"
     )
 
@@ -168,95 +156,20 @@ def findings(cube: xr.Dataset) -> str:
     )
 
 
-def _share(cube: xr.Dataset, counts: Iterable[int]) -> str:
-    names = [str(name) for name in cube["estimator"].values]
-    rows = []
-    for rate in cube["rate"].values:
-        for count in counts:
-            at = cube.sel(rate=rate, count=count)
-            drawn, fitted = (
-                [percent_text(float(v)) for v in at[name].values]
-                for name in ("drawn_frame_error", "drawn_fit_error")
-            )
-            rows.append(
-                [f"{rate:g}", str(count), f"{int(at['width_px'])}×{int(at['height_px'])}",
-                 f"{float(at['motion_px']):.1f}", percent_text(float(at["frame_error"])), *drawn,
-                 percent_text(float(at["fit_error"])), *fitted,
-                 f"{float(at['useful_frames']):.0f}"]
-            )  # fmt: skip
-    header = ["Hz", "cameras", "pixels", "motion, px", "frame: law",
-              *(f"frame: {name}" for name in names), "film: law",
-              *(f"film: {name}" for name in names), "frames that tell"]  # fmt: skip
-    return table(header, rows)
-
-
-def shares(cube: xr.Dataset) -> str:
-    """Equal pixels per second, all numbers of cameras."""
-    peak = _asked(cube, "amplitude_mm")
-    return _share(cube, cube["count"].values) + (
-        f"\nAll have {_asked(cube, 'pixels_per_second') / 1e6:.0f} million pixels per second "
-        f"together, at {_asked(cube, 'cone_distance_mm'):g} mm, {_asked(cube, 'cone_deg'):g}° "
-        "from the normal. *Frame*: rms error of the beam's markers in modes 1 to 3, in % of "
-        f"the peak of {peak:g} mm. *Film*: rms error of an amplitude fitted to "
-        f"{_duration(cube)} of a vibration with "
-        f"{_asked(cube, 'frequency_hz'):g} Hz at the centre. *Frames that tell*: about how many "
-        "frames are worth fitting.\n"
-    )
-
-
-def few_shares(cube: xr.Dataset) -> str:
-    """The same for the least, a middle and the largest number of cameras, and what it says."""
-    counts = np.sort(cube["count"].values)
-    chosen = dict.fromkeys(int(counts[i]) for i in (0, len(counts) // 2, -1))
-    return f"{_share(cube, chosen)}\n{claim(cube)}"
-
-
-def claim(cube: xr.Dataset) -> str:
-    """The thesis's central claim in numbers: the law of least squares, then other estimators."""
-    few, many = int(cube["count"].min()), int(cube["count"].max())
-    slow, fast = float(cube["rate"].min()), float(cube["rate"].max())
-    frames = cube["frame_error"].sel(rate=slow)
-
-    def at(name: str, count: int, rate: float) -> float:
-        return float(cube[name].sel(count=count, rate=rate))
-
-    text = (
-        f"At {slow:g} frames per second the error of one frame is {float(frames.min()):.1f} to "
-        f"{float(frames.max()):.1f} % for {few} to {many} cameras, in no order. At {fast:g} the "
-        f"same pixels give {at('frame_error', few, fast):.1f} % to {few} cameras and "
-        f"{at('frame_error', many, fast):.1f} % to {many}, whose images move by "
-        f"{at('motion_px', many, fast):.2f} px. An amplitude fitted to all frames of "
-        f"{_duration(cube)} is wrong by {at('fit_error', few, slow):.2f} % "
-        f"with {few} cameras at {slow:g} frames per second, by {at('fit_error', many, slow):.2f} "
-        f"% with {many}, and by {at('fit_error', few, fast):.2f} % with {few} cameras at "
-        f"{fast:g}, for all its frames. Were frames independent, it would be "
-        f"{at('independent_fit_error', few, slow):.2f} % for every one of them."
-    )
-    for name in cube["estimator"].values[1:]:
-        frame, film = (
-            [percent_text(float(cube[kind].sel(estimator=name, count=count, rate=slow)))
-             for count in (few, many)]
-            for kind in ("drawn_frame_error", "drawn_fit_error")
-        )  # fmt: skip
-        text += (
-            f" The *{name}* gives, at {slow:g} frames per second, {frame[0]} % to {few} cameras "
-            f"and {frame[1]} % to {many} from one frame, {film[0]} and {film[1]} % from all."
-        )
-    return text + "\n"
-
-
 def estimated(cube: xr.Dataset) -> str:
     """Errors of the estimators by number of cameras, and their exponents."""
     names = [str(one) for one in cube["rule"].values]
     rows = [
-        [str(int(n)), *(f"{1e6 * float(e):.0f}" for e in cube["crowd_error"].sel(crowd=n))]
+        [str(int(n)), *(f"{1e6 * float(e):.0f}" for e in cube["crowd_error"].sel(crowd=n)),
+         f"{float(cube['tolerated_noise'].sel(crowd=n)):.2f}"]
         for n in cube["crowd"].values
-    ]
+    ]  # fmt: skip
     powers = [exponent(cube["crowd"], cube["crowd_error"].sel(rule=name)) for name in names]
-    rows.append(["exponent", *(f"{float(p):.2f}".replace("-", "−") for p in powers)])
-    return table(["cameras", *names], rows) + (
+    rows.append(["exponent", *(f"{float(p):.2f}".replace("-", "−") for p in powers), ""])
+    return table(["cameras", *names, "noise that halves the gain, px"], rows) + (
         f"\nRms errors of deflections in µm, {design_dither.DISTANCE:g} m away, 320×180 px, in "
-        "directions drawn evenly over the hemisphere.\n"
+        "directions drawn evenly over the hemisphere. *Noise that halves the gain*: in the images "
+        "before they are rounded, where the analytic centre has half its gain over least squares.\n"
     )
 
 

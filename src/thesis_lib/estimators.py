@@ -16,7 +16,7 @@ the distances differ.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,13 @@ from thesis_lib.triangulation import jacobian, triangulate
 
 Array = NDArray[np.float64]
 
-ESTIMATORS = ("linear", "least-squares", "analytic-centre", "joint")
+_RULES: dict[str, Callable[[Array, Array], Array]] = {
+    "linear": lambda P, uv: triangulate(P, uv, steps=0),
+    "least-squares": triangulate,
+    "analytic-centre": lambda P, uv: analytic_centre(P, uv).points,
+    "joint": lambda P, uv: joint_centre(P, uv).points,
+}
+ESTIMATORS = tuple(_RULES)
 SIZE, FOCAL_PX = (320, 180), 24 / 36 * 320  # the thesis's smallest sensor and its lens
 EXTENT = (0.05, 0.05)  # markers: |x|, |y| up to this, in m
 MOTION = 0.01  # displacements: up to this, in m
@@ -54,16 +60,9 @@ def moved_markers(rng: np.random.Generator, markers: int) -> Array:
     return points
 
 
-def estimates(P: Array, uv: Array) -> Array:
+def estimates(P: Array, uv: Array, rules: Sequence[str] = ESTIMATORS) -> Array:
     """Points by every estimator from images (cameras, 2, 2, ...) in px: (estimators, 3, 2, ...)."""
-    return np.stack(
-        [
-            triangulate(P, uv, steps=0),
-            triangulate(P, uv),
-            analytic_centre(P, uv).points,
-            joint_centre(P, uv).points,
-        ]
-    )
+    return np.stack([_RULES[rule](P, uv) for rule in rules])
 
 
 def deflection_errors(
@@ -74,6 +73,7 @@ def deflection_errors(
     focal_px: float = FOCAL_PX,
     size: tuple[int, int] = SIZE,
     seed: int = 0,
+    rules: Sequence[str] = ESTIMATORS,
 ) -> Array:
     """Rms errors of deflections rebuilt from whole pixels, by layout and estimator.
 
@@ -92,20 +92,22 @@ def deflection_errors(
     seed : int
         Layout i is a function of the seed, i and the number of cameras alone, so that layouts at
         other distances, or with other noise, have the same directions and markers.
+    rules : sequence of str
+        Estimators, of ``ESTIMATORS``.
 
     Returns
     -------
     ndarray, shape (layouts, estimators)
-        Root mean square over the markers in m, estimators as in ``ESTIMATORS``.
+        Root mean square over the markers in m, estimators as in `rules`.
     """
-    errors = np.empty((layouts, len(ESTIMATORS)))
+    errors = np.empty((layouts, len(rules)))
     for layout in range(layouts):
         rng = np.random.default_rng([seed, layout, len(distances)])
         P = random_hemisphere(rng, distances, focal_px, size).P
         points = moved_markers(rng, markers)
         uv = project(P, points)
         uv += noise_px * rng.standard_normal(uv.shape)
-        height = estimates(P, np.rint(uv))[:, 2]
+        height = estimates(P, np.rint(uv), rules)[:, 2]
         wrong = height[:, 1] - height[:, 0] - (points[2, 1] - points[2, 0])
         errors[layout] = np.sqrt(np.mean(wrong**2, axis=-1))
     return errors
