@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import signal
 import sys
 import warnings
 from dataclasses import dataclass
@@ -22,6 +23,12 @@ class Done:
     out: str
     err: str
     warned: tuple[str, ...] = ()
+
+
+def hears_signals() -> None:
+    """Undo what a shell ignores for jobs in the background and ``nohup``."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def thesis(*arguments: str | Path, cwd: Path | str = ".") -> Done:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING
 import nbformat
 import pytest
 from browser import browser, find_browser
+from command import hears_signals
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -69,12 +69,6 @@ class Checkout:
         return self.python("-m", "thesis_lib", *arguments, cwd=cwd, timeout=timeout)
 
 
-def _hears_signals() -> None:
-    """Undo what a shell ignores, as one does for jobs in the background and ``nohup``."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)
-
-
 class Running:
     """A ``thesis`` command under way, in a session of its own."""
 
@@ -89,7 +83,7 @@ class Running:
                 stdout=stream,
                 stderr=stream,
                 start_new_session=True,
-                preexec_fn=_hears_signals,
+                preexec_fn=hears_signals,
             )
 
     def said(self) -> str:

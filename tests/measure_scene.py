@@ -16,7 +16,7 @@ import av
 import numpy as np
 import pytest
 import yaml
-from command import Done
+from command import Done, hears_signals
 
 RESULTS = {"report.html", "measured.nc", "shapes.csv", "shapes.uff", "figures"}
 SAMPLE_RATE = 48000
@@ -29,7 +29,7 @@ class Running:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "thesis_lib", *map(str, arguments)],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            encoding="utf-8", start_new_session=True,
+            encoding="utf-8", start_new_session=True, preexec_fn=hears_signals,
         )  # fmt: skip
 
     def wait_for(self, condition: Callable[[], bool]) -> None:

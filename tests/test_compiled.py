@@ -108,13 +108,16 @@ def test_points_behind_cameras(conforms, fast, n):
     scaled = P * np.sign(np.linalg.det(P[:, :, :3]))[:, None, None]
     depth = scaled[:, 2, :3] @ expected + scaled[:, 2, 3:]
     assert np.sum((depth < 0).any(axis=0) & (depth > 0).any(axis=0)) > 500
-    # Close to a camera's plane images lie far out, and their last digits decide more than CLOSE.
+    # Close to a camera's plane images lie far out, and their last digits decide too much: by how
+    # much differs between machines, so these points are only held to what counts as settled.
     last = 1 + 1e-14 * np.random.default_rng(0).choice([-1, 1], (5, *uv.shape))
     digits = np.max(np.abs([triangulate(P, uv * one) - expected for one in last]), axis=(0, 1))
     settled = np.max(np.abs(triangulate(P, uv, steps=2) - expected), axis=0) < 1e-7
-    conforms.independent(np.mean(settled & (digits < CLOSE)), above=0.9)
+    sure = settled & (digits < CLOSE / 10)
+    conforms.independent(np.mean(sure), above=0.9)
     difference = np.max(np.abs(found - expected), axis=0)
-    conforms.independent(difference[settled], below=CLOSE + 10 * digits[settled])
+    conforms.independent(difference[sure], below=CLOSE)
+    conforms.independent(difference[settled], below=1e-7)
 
 
 def test_images_in_any_order_in_memory(conforms, fast):

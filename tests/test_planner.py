@@ -22,7 +22,7 @@ from thesis_lib import rounding, setups
 from thesis_lib.camera_study import ParameterError
 from thesis_lib.cameras import hemisphere_cameras
 from thesis_lib.parameters import plan_request, validate
-from thesis_lib.planning import errors, mesh_file, optimum, places
+from thesis_lib.planning import errors, mesh_file, optimum, places, search
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.planner import ImpossibleError, pareto, plan
 from thesis_lib.planning.report import COLUMNS, FILES, write_plan
@@ -60,7 +60,7 @@ def plate(modes=(1, 2)):
 
 def best(scene, count, objective="mean", step=15.0, starts=2):
     grid = places.candidates(scene, np.radians(step))
-    (layout,) = optimum.best_layouts(scene, grid, [count], objective, starts, 0)
+    (layout,) = search.best_layouts(scene, grid, [count], objective, starts, 0)
     return layout
 
 
@@ -280,7 +280,7 @@ def test_more_cameras_are_never_worse():
     scene = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
     grid = places.candidates(scene, np.radians(20))
     for objective in optimum.OBJECTIVES:
-        layouts = optimum.best_layouts(scene, grid, [2, 3, 4, 5, 6], objective, 1, 0)
+        layouts = search.best_layouts(scene, grid, [2, 3, 4, 5, 6], objective, 1, 0)
         costs = [optimum.layout_cost(scene, one, objective) for one in layouts]
         assert all(b < a for a, b in itertools.pairwise(costs))
 
@@ -681,7 +681,16 @@ def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, words):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.fixture(params=[signal.default_int_handler, signal.SIG_IGN], ids=["heeded", "ignored"])
+def interrupts(request):
+    """Whether the tests themselves can be interrupted; in a background shell they cannot."""
+    before = signal.signal(signal.SIGINT, request.param)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("interrupts")
 def test_interrupted_command_leaves_nothing_half_written(checkout, start, tmp_path):
     words = ["-p", "counts=[2,12,24]", "-p", "starts=50", "-p", "body=plate"]
     log = tmp_path / "log.txt"

@@ -27,7 +27,8 @@ FIXED = {
 }
 KEPT = (
     "PATH", "TMPDIR", "TEMP", "TMP", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT",
-    "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES",  # an older processor
+    "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "OPENCV_CPU_DISABLE",
+    "NUMBA_CPU_NAME",  # these five let libraries compute as on an older processor
     "THESIS_SCHEDULER", "JPY_PARENT_PID", "GIT_CONFIG_GLOBAL",
 )  # fmt: skip
 

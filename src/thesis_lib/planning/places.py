@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from thesis_lib.cameras import CameraArray, hemisphere_cameras, hemisphere_directions, project
+from thesis_lib.planning import lattice
 from thesis_lib.planning.bodies import Body
 
 Array = NDArray[np.float64]
@@ -22,7 +23,6 @@ Mask = NDArray[np.bool_]
 
 SLACK = 1e-9  # relative: what stands on a limit is allowed
 _LADDER = 8  # distances tried from the nearest that sees enough outwards
-_HALVINGS = 30  # of the bracket of that distance
 _NEVER = 10.0  # rad: as far inside as no angle is
 _VALUES = 2_000_000  # images at a time, which bounds the memory
 
@@ -176,13 +176,18 @@ def apart(scene: Scene, places: Array, others: Array) -> Mask:
 
 
 def directions(scene: Scene, step: float) -> Array:
-    """Grid of azimuths and elevations not more than `step` (rad) apart, shape (directions, 2)."""
+    """Grid of azimuths and elevations about `step` (rad) apart, shape (directions, 2)."""
     (low, high), (bottom, top) = scene.rules.azimuths, scene.rules.elevations
-    turn = high - low >= 2 * np.pi - SLACK
+    turn = lattice.full_turn(scene.rules.azimuths)
     count = int(np.ceil((2 * np.pi if turn else high - low) / step - 1e-6))
     azimuth = np.linspace(low, low + 2 * np.pi if turn else high, count + 1)[: -1 if turn else None]
     elevation = np.linspace(bottom, top, int(np.ceil((top - bottom) / step - 1e-6)) + 1)
-    return np.stack(np.meshgrid(azimuth, elevation, indexing="ij"), axis=-1).reshape(-1, 2)
+    return _grid(lattice.azimuths(azimuth, (low, high)), lattice.angles(elevation, (bottom, top)))
+
+
+def _grid(*axes: Array) -> Array:
+    """All combinations, shape (combinations, axes)."""
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
 def candidates(scene: Scene, step: float) -> Array:
@@ -192,36 +197,43 @@ def candidates(scene: Scene, step: float) -> Array:
     grow from the nearest one that sees enough.
     """
     grid = directions(scene, step)
+    limits = scene.rules.distances
     found = []
     for focal in scene.focals:
-        near = _nearest(scene, grid, focal)
-        far = np.full(len(grid), scene.rules.distances[1])
-        ladder = [near * (far / near) ** t for t in np.linspace(0, 1, _LADDER)]
-        every = np.stack([_at(grid, d, focal) for d in ladder])  # ladder, directions, 4
+        near = nearest(scene, grid, focal)
+        ladder = [lattice.lengths(near * (limits[1] / near) ** t, limits)
+                  for t in np.linspace(0, 1, _LADDER)]  # fmt: skip
+        every = np.stack([at(grid, d, focal) for d in ladder])  # ladder, directions, 4
         flat = every.reshape(-1, 4)
-        allowed = free(scene, flat)
-        allowed[allowed] = sees_enough(scene, flat[allowed])
-        allowed = allowed.reshape(len(ladder), -1)
-        if scene.rules.distances[0] == scene.rules.distances[1]:
+        allowed = permitted(scene, flat).reshape(len(ladder), -1)
+        if limits[0] == limits[1]:
             allowed[1:] = False
         found.append(every[allowed & (np.cumsum(allowed, axis=0) <= 2)])
     return np.concatenate(found)
 
 
-def _at(grid: Array, distance: Array, focal: float) -> Array:
-    return np.column_stack([grid, distance, np.full(len(grid), focal)])
+def permitted(scene: Scene, places: Array) -> Mask:
+    """Whether places keep all rules that do not speak of other cameras, shape (places,)."""
+    allowed = free(scene, places)
+    allowed[allowed] = sees_enough(scene, places[allowed])
+    return allowed
 
 
-def _nearest(scene: Scene, grid: Array, focal: float) -> Array:
+def at(grid: Array, distance: Array, focal: Array | float) -> Array:
+    """Places in directions (places, 2) from the centre."""
+    return np.column_stack([grid, distance, np.broadcast_to(focal, len(grid))])
+
+
+def nearest(scene: Scene, grid: Array, focal: Array | float) -> Array:
     """Least allowed distance in each direction that sees enough, by halving; else the largest."""
-    least, most = scene.rules.distances
-    low, high = np.full(len(grid), least), np.full(len(grid), most)
-    high[sees_enough(scene, _at(grid, low, focal))] = least
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        seen = sees_enough(scene, _at(grid, middle, focal))
-        high, low = np.where(seen, middle, high), np.where(seen, low, middle)
-    return high
+    limits = scene.rules.distances
+    last = lattice.count_lengths(limits) - 1
+    low, high = np.full(len(grid), -1), np.full(len(grid), last)
+    for _ in range(last.bit_length()):
+        middle = np.maximum((low + high) // 2, 0)
+        seen = sees_enough(scene, at(grid, lattice.length_at(middle, limits), focal))
+        high, low = np.where(seen, np.minimum(middle, high), high), np.where(seen, low, middle)
+    return lattice.length_at(high, limits)
 
 
 FIELDS = ("tilt_deg", "in_view", "elevations_deg", "azimuths_deg", "distances_mm",

@@ -14,8 +14,8 @@ from pydantic_core import PydanticCustomError
 from thesis_lib.camera_study import ParameterError
 from thesis_lib.planning import errors
 from thesis_lib.planning.bodies import Body
+from thesis_lib.planning.lattice import first_most
 from thesis_lib.planning.optimum import (
-    best_layouts,
     cost,
     exchange,
     information,
@@ -26,6 +26,7 @@ from thesis_lib.planning.optimum import (
 )
 from thesis_lib.planning.places import FIELDS, Scene, binding, candidates, sees_enough, without
 from thesis_lib.planning.request import PlanRequest
+from thesis_lib.planning.search import best_layouts
 
 Array = NDArray[np.float64]
 
@@ -168,7 +169,7 @@ def plan(request: PlanRequest, body: Body | None = None,
     for one in options:
         found = errors.simulated(one.scene, one.layout, one.resolution[0], max(request.trials, 1),
                                  request.seed, request.estimator)  # fmt: skip
-        at = np.argmax(one.point, axis=1)
+        at = first_most(one.point)
         verified.append(Verified(found.error(request.objective, at), found.band(request.objective)))
     chosen = _cheapest(options, verified, front, request)
     return Plan(request, body, options, verified, front, chosen, total)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thesis_lib import setups
 from thesis_lib.planning import errors
+from thesis_lib.planning.lattice import first_most
 from thesis_lib.planning.optimum import layout_cost
 from thesis_lib.planning.plan_cube import as_cube
 from thesis_lib.planning.planner import Plan, plan
@@ -103,7 +104,7 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
             continue
         point = errors.predicted(scene, layout, width)
         drawn = errors.simulated(scene, layout, width, study.trials, study.seed, "least-squares")
-        best = np.argmax(point, axis=1)
+        best = first_most(point)
         found[at] = (factor * np.sqrt(cost), np.max(errors.counted(point, "mean")),
                      np.max(drawn.error("mean", best)))  # fmt: skip
     values = {

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from thesis_lib.cubes import percent_text
 from thesis_lib.figures import logarithmic
 from thesis_lib.markdown import table
+from thesis_lib.planning.lattice import TIE
 from thesis_lib.planning.layout_view import layout_view
 from thesis_lib.planning.pictures import VIEWS, front_panel, layout_panel
 from thesis_lib.planning.planner_study import cheapest
@@ -70,7 +71,7 @@ def against_thesis(cube: xr.Dataset) -> str:
     width, height = _asked(cube, "resolutions_px")[0]
     return table(header, rows) + (
         f"\nErrors of the worst mode in % of its largest deflection, {width}×{height} px, averaged "
-        "over amplitudes. No layout on the grid of the search is below the *bound*; a polished one "
+        "over amplitudes. No layout on the grid of the search is below the *bound*; one beside it "
         "may be, by little. The last two columns are simulated at the amplitude asked for.\n"
     )
 
@@ -84,8 +85,8 @@ def limits(cube: xr.Dataset) -> str:
         free = _coarse(cube, THESIS[body])["expected_error"].values
         own = _coarse(cube, question)["expected_error"].values
         cells = [
-            _text(e) + ("" if np.isnan(e / f) or e == f else f" ({100 * (e / f - 1):+.0f} %)")
-            for e, f in zip(own, free, strict=True)
+            _text(e) + ("" if np.isnan(more) or abs(more) < TIE else f" ({100 * more:+.0f} %)")
+            for e, more in zip(own, own / free - 1, strict=True)
         ]
         rows.append([str(question), *cells])
     tilt = _asked(cube, "tilt_deg")

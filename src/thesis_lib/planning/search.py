@@ -1,0 +1,211 @@
+"""The best layouts: exchange on a grid of places, then about those found by ever smaller steps.
+
+All decisions are between places of :mod:`~thesis_lib.planning.lattice` whose costs differ by more
+than noise, so they are the same on every machine. Layouts that are equally good, such as mirror
+images, are told apart by rule.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.cameras import hemisphere_directions
+from thesis_lib.planning import lattice
+from thesis_lib.planning.lattice import TIE, by_rule, first_least, rank
+from thesis_lib.planning.optimum import (
+    allowed,
+    cost,
+    exchange,
+    information,
+    layout_cost,
+    too_near,
+    variances,
+)
+from thesis_lib.planning.places import Scene, apart, at, nearest, permitted
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+STEPS = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
+_ROUNDS = 50  # of one step; ends long before
+_SHORT, _LONG = (-1, 0, 1), (-10, 10)
+_WAYS = np.array([  # steps in azimuth and elevation, along slanted limits, too
+    *itertools.product(_SHORT, _SHORT),
+    *itertools.product(_LONG, (-1, 1)), *itertools.product((-1, 1), _LONG),
+])  # fmt: skip
+
+
+def neighbours(scene: Scene, layout: Array, step: float) -> tuple[Array, Mask]:
+    """Allowed places about a `step` (rad) from those of a layout, and which camera may take which.
+
+    A few steps in azimuth and elevation or none, and from there as far as the camera is, a step
+    nearer or farther, or as near as it sees enough.
+
+    Returns
+    -------
+    tuple of ndarray
+        Places (places, 4), those of the layout first; and for every camera (cameras, places)
+        whether a place is about its own.
+    """
+    rules, n = scene.rules, len(layout)
+    aside, up = np.tile(_WAYS, (n, 1)).T
+    azimuth, elevation, distance, focal = np.repeat(layout, len(_WAYS), axis=0).T
+    turn = step / np.maximum(np.cos(elevation), step)  # less of an angle near the pole
+    grid = np.column_stack([
+        lattice.azimuths(azimuth + turn * aside, rules.azimuths),
+        lattice.angles(elevation + step * up, rules.elevations),
+    ])  # fmt: skip
+    by = np.maximum(step * distance, 1 / lattice.PER_METRE)
+    far = [nearest(scene, grid, focal), distance - by, distance, distance + by]
+    every = np.concatenate([at(grid, lattice.lengths(d, rules.distances), focal) for d in far])
+    camera = np.tile(np.repeat(np.arange(n), len(_WAYS)), len(far))
+    _, first = np.unique(np.column_stack([camera, every]), axis=0, return_index=True)
+    first = first[permitted(scene, every[first])]
+    whose = np.concatenate([np.arange(n), camera[first]]) == np.arange(n)[:, None]
+    whose[:, :n] &= permitted(scene, layout)
+    return np.concatenate([layout, every[first]]), whose
+
+
+def turned(scene: Scene, layout: Array, angle: float) -> Array:
+    """A layout turned by an angle (rad) about the mean of the markers' normals."""
+    mean = scene.body.normals.mean(axis=1)
+    axis = mean / max(np.linalg.norm(mean), TIE)
+    sight = hemisphere_directions(layout[:, 0], layout[:, 1])
+    sight = (
+        sight * np.cos(angle)
+        + np.cross(axis, sight) * np.sin(angle)
+        + np.outer(sight @ axis, axis) * (1 - np.cos(angle))
+    )
+    out = layout.copy()
+    out[:, 0] = lattice.azimuths(np.arctan2(sight[:, 0], sight[:, 1]), scene.rules.azimuths)
+    out[:, 1] = lattice.angles(np.arcsin(np.clip(sight[:, 2], -1, 1)), scene.rules.elevations)
+    return out
+
+
+def settle(scene: Scene, layout: Array, objective: str) -> Array:
+    """Move cameras by ever smaller steps, one by one and all together, while that helps."""
+    best = layout_cost(scene, layout, objective)
+    for step in STEPS:
+        # one by one they do not leave an arrangement that is better only if all are turned
+        for turn, reach in ((0.0, step), (step, STEPS[-1]), (-step, STEPS[-1])):
+            for _ in range(_ROUNDS):
+                start = turned(scene, layout, turn) if turn else layout
+                moved = _moved(scene, start, reach, objective)
+                value = np.inf if moved is None else layout_cost(scene, moved, objective)
+                if moved is None or not value < best * (1 - TIE):
+                    break
+                layout, best = moved, value
+    return layout
+
+
+def _moved(scene: Scene, layout: Array, step: float, objective: str) -> Array | None:
+    """The best about a layout, whose own places may be forbidden; None if there is no room."""
+    around, whose = neighbours(scene, layout, step)
+    start = [i if whose[i, i] else -1 for i in range(len(layout))]
+    near = too_near(scene, around)
+    chosen, _ = exchange(information(scene, around), near, start, objective, whose)
+    found = around[chosen]
+    return found if -1 not in chosen and allowed(scene, found) else None
+
+
+def images(scene: Scene, layout: Array) -> list[Array]:
+    """A layout, turned by quarters of a turn and mirrored at the planes through the centre."""
+    out = []
+    for quarter, aside, up in itertools.product(range(4), (1, -1), (1, -1)):
+        image = layout * [aside, up, 1, 1] + [quarter * np.pi / 2, 0, 0, 0]
+        image[:, 0] = lattice.azimuths(image[:, 0], scene.rules.azimuths)
+        image[:, 1] = lattice.angles(image[:, 1], scene.rules.elevations)
+        out.append(image)
+    return out
+
+
+def chosen_of(scene: Scene, layouts: Sequence[Array], objective: str) -> Array | None:
+    """The best of some layouts; of equal ones, and of their images, that of the least rank."""
+    costs = [layout_cost(scene, one, objective) for one in layouts]
+    most = min(costs, default=0.0) * (1 + TIE)
+    best = [one for one, value in zip(layouts, costs, strict=True) if value <= most]
+    alike = [image for one in best for image in images(scene, one)
+             if allowed(scene, image) and layout_cost(scene, image, objective) <= most]  # fmt: skip
+    return min(map(by_rule, best + alike), key=rank, default=None)
+
+
+def best_layouts(
+    scene: Scene, grid: Array, counts: Sequence[int], objective: str, starts: int, seed: int,
+    tell: Callable[[int], object] = lambda _: None,
+) -> list[Array | None]:  # fmt: skip
+    """The best layout of each number of cameras from a grid of candidates.
+
+    Every number is begun from the best smaller one, and from random layouts of half of the
+    candidates, each exchanged until nothing helps and settled.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is measured, and the rules.
+    grid : ndarray, shape (candidates, 4)
+        Places to choose from.
+    counts : sequence of int
+        Numbers of cameras, ascending.
+    objective : str
+        ``mean`` or ``worst``.
+    starts, seed : int
+        How many random layouts, and the seed they are drawn with.
+    tell : callable
+        Is told every number of cameras that is placed.
+
+    Returns
+    -------
+    list of ndarray, shape (cameras, 4), or None
+        One for each number; None where so many cameras do not find room, or leave a marker unseen.
+    """
+    known = information(scene, grid)
+    near = too_near(scene, grid)
+    rng = np.random.default_rng(seed)
+    found: list[Array | None] = []
+    smaller: list[int] = []
+    for count in counts:
+        tried = [exchange(known, near, smaller + [-1] * (count - len(smaller)), objective)]
+        for _ in range(starts):
+            # half of the places lead to another layout than all, which small steps may favour
+            half = np.sort(rng.permutation(len(grid))[: max(len(grid) // 2, count)])
+            part = near[np.ix_(half, half)]
+            chosen, least = exchange(known[:, half], part, _random(rng, part, count), objective)
+            tried.append(([int(half[i]) if i >= 0 else -1 for i in chosen], least))
+            tried.append(exchange(known, near, tried[-1][0], objective))
+        whole = {tuple(sorted(one)): least for one, least in tried if -1 not in one}
+        layouts = [grid[list(one)] for one in whole]
+        if whole:
+            least = min(whole.values()) * (1 + TIE)
+            smaller = list(min(one for one, value in whole.items() if value <= least))
+        before = next((f for f in reversed(found) if f is not None), None)
+        if before is not None:  # the settled smaller one and what adds most to it
+            added = before
+            while len(added) < count:
+                rest = np.flatnonzero(apart(scene, grid, added))
+                if not len(rest):
+                    break
+                total = information(scene, added).sum(axis=1)
+                costs = cost(variances(total[:, None] + known[:, rest]), objective)
+                added = np.concatenate([added, grid[rest[[first_least(costs)]]]])
+            if len(added) == count:
+                layouts.append(added)
+        settled = [settle(scene, one, objective) for one in layouts
+                   if np.isfinite(layout_cost(scene, one, objective))]  # fmt: skip
+        found.append(chosen_of(scene, settled, objective))
+        tell(count)
+    return found
+
+
+def _random(rng: np.random.Generator, near: NDArray[np.bool_], count: int) -> list[int]:
+    """Candidates drawn one after the other where there is room; -1 where there is none."""
+    chosen: list[int] = []
+    for _ in range(count):
+        open_ = np.flatnonzero(~np.any(near[chosen], axis=0))
+        chosen.append(int(rng.choice(open_)) if len(open_) else -1)
+        if chosen[-1] < 0:
+            return chosen + [-1] * (count - len(chosen))
+    return chosen
