@@ -35,6 +35,7 @@ from thesis_lib.design_request import DesignLaw
 from thesis_lib.design_shares import FOLLOWED_PX, MARKER
 from thesis_lib.estimators import exponent
 from thesis_lib.parameters import validate
+from thesis_lib.published import read_published
 from thesis_lib.style import svg
 from thesis_lib.triangulation import covariance, triangulate
 
@@ -613,7 +614,7 @@ def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
 
 def test_the_tracker_follows_markers_from_that_height_on():
     """As published: where markers are higher every one has a result, and lower they are lost."""
-    published = cubes.read_published("lab-elevation")
+    published = read_published("lab-elevation")
     lab = validate("lab-elevation", {})
     heights = {}
     for setting in lab.settings():

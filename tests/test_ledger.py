@@ -496,8 +496,10 @@ def test_the_right_file_is_taken(filed):
         (lambda path: storage.write(cube_of("beam-aperture"), path), "is of beam-aperture"),
         (lambda path: storage.write(cube_of("beam-distance").assign_attrs(
             library_sha256="0" * 64), path), "is outdated, the library has changed since"),
-        (lambda path: storage.write(cube_of("beam-distance").drop_attrs(
-            deep=False).assign_attrs(figure_set="beam-distance", parameters="{}"), path),
+        (lambda path: storage.write(cube_of("beam-distance").drop_attrs(deep=False), path),
+         "is not readable"),
+        (lambda path: storage.write(cubes.with_provenance(cube_of("beam-distance"),
+            request_of("beam-distance", seed=1), 0.0), path),
          "was run with other parameters"),
     ],
 )  # fmt: skip

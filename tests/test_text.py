@@ -25,10 +25,11 @@ LAYOUT = [[[80, 10], [-80, 10]]]
 
 @pytest.mark.parametrize("character", HIDDEN)
 def test_what_nobody_sees_is_refused_by_its_number(character):
-    for layouts in ({f"a{character}b": LAYOUT}, {"a": f"{character}"}):
+    hiding = {f"a{character}b": LAYOUT}
+    for layouts, words in (hiding, HIDDEN[character]), ({"a": character}, "allowed: "):
         with pytest.raises(ParameterError, match=r"layouts") as refused:
             validate("beam-arrays", {"layouts": layouts})
-        assert HIDDEN[character].replace("+", "+") in str(refused.value)
+        assert words in str(refused.value)
         assert str(refused.value).isprintable()
 
 

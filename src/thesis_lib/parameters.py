@@ -363,8 +363,6 @@ def plan_request(values: Mapping[str, Any]) -> PlanRequest:
 def _validated(model: type[Study], values: Mapping[str, Any]) -> Study:
     """A model's parameters from plain values, refused in one line."""
     name = model.name
-    if problem := first_hidden(values):
-        raise ParameterError(f"{name}: {problem}")
     parts = []
     for key, value in values.items():
         if key not in model.model_fields:
@@ -381,9 +379,12 @@ def _validated(model: type[Study], values: Mapping[str, Any]) -> Study:
             raise ParameterError(f"{name}: {problem}") from None
         parts.append(f'"{key}": {text}')
     try:
-        return model.model_validate_json(f"{{{', '.join(parts)}}}")
+        request = model.model_validate_json(f"{{{', '.join(parts)}}}")
     except ValidationError as error:
         raise ParameterError(f"{name}: {_first_problem(model, values, error)}") from None
+    if problem := first_hidden(values):
+        raise ParameterError(f"{name}: {problem}")
+    return request
 
 
 def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraStudy:
