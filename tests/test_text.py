@@ -16,7 +16,7 @@ from thesis_lib.planning.mesh_file import MeshError, read_body
 HIDDEN = {
     "\0": "U+0000", "\x1b": "U+001B", "\t": "U+0009", "\x9b": "U+009B", "\u202e": "U+202E",
     "\u200b": "U+200B", "\u2060": "U+2060", "\ufeff": "U+FEFF", "\u2028": "U+2028",
-    "\u2029": "U+2029", "\u00ad": "U+00AD", "\ue000": "U+E000", "\udc80": "U+DC80",
+    "\u2029": "U+2029", "\u00ad": "U+00AD", "\ue000": "U+E000", "\udc80": r"a\udc80b",
     "\u3164": "U+3164", "\u2800": "U+2800", "\ufe0f": "U+FE0F", "\U000e0041": "U+E0041",
     "\U0010ffff": "U+10FFFF", "\u034f": "U+034F",
 }  # fmt: skip
