@@ -19,7 +19,7 @@ import matplotlib
 import xarray as xr
 
 from thesis_lib import conclusions_figure, cubes, notebook
-from thesis_lib.experiment import filmed, pictures
+from thesis_lib.experiment import pictures, recorded
 from thesis_lib.experiment.requests import ExperimentResolution
 from thesis_lib.files import project_root
 
@@ -58,7 +58,7 @@ def of_conclusions(results: Path) -> bytes:
 
 def of_recordings(folder: Path) -> Iterator[tuple[str, bytes]]:
     """The pictures of the walk through chapter 5, from the measured recordings in the cache."""
-    data = cubes.cached(ExperimentResolution().recordings, filmed.run, filmed.sources())
+    data = recorded.measured(recorded.laboratory(ExperimentResolution()))
     for path in pictures.write(data, folder):
         yield path.name, path.read_bytes()
 

@@ -1,4 +1,4 @@
-"""The book's own recordings of chapter 5: filmed once, kept in the cache, held to their bounds."""
+"""The book's own recordings of chapter 5, which are data: held to their bounds."""
 
 import ast
 import re
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thesis_lib import cubes, notebook
-from thesis_lib.experiment import filmed, numbers, pictures, study
+from thesis_lib.experiment import filmed, numbers, pictures, recorded, study
 from thesis_lib.parameters import validate
 
 pytestmark = pytest.mark.slow  # a fresh clone films first
@@ -18,9 +18,8 @@ SOURCES = {path.name for path in filmed.sources()}
 
 @pytest.fixture(scope="module")
 def data():
-    """What was measured on the default recordings; filmed now if that has not been done."""
-    request = validate("experiment-resolution", {}).recordings
-    return cubes.cached(request, filmed.run, filmed.sources())
+    """What was measured on the default recordings."""
+    return recorded.measured(recorded.laboratory(validate("experiment-resolution", {})))
 
 
 @pytest.fixture(scope="module")

@@ -213,18 +213,40 @@ def _parameter_lines(rows: Sequence[dict[str, str]]) -> list[str]:
 
 @cli.command()
 @click.option("--publish", is_flag=True, help="Make these results the published ones.")
-def book(publish: bool) -> None:
+@click.option("--from-nothing", is_flag=True, help="Film and run everything anew.")
+def book(publish: bool, from_nothing: bool) -> None:
     """Run what is stale, render the book, say where to open it."""
     from thesis_lib import unchanged
 
-    index = None if publish else unchanged.is_unchanged()
+    index = None if publish or from_nothing else unchanged.is_unchanged()
     if index is None:
         from thesis_lib import publishing
 
+        if from_nothing:
+            publishing.forget()
+            _record()
         index = publishing.build(publish)
     else:
         click.echo("the book is up to date", err=True)
     click.echo(f"Open {index}")
+
+
+@cli.command()
+def record() -> None:
+    """Film chapter 5 anew, and make what is measured the data of its figure sets.
+
+    Its results are computed from data/recordings, which are taken as they are while the code that
+    made them is the same. Takes a quarter of an hour.
+    """
+    _record()
+
+
+def _record() -> None:
+    from thesis_lib.experiment import recorded
+
+    for of in recorded.every():
+        click.echo(f"{of.request.name}: filming", err=True)
+        click.echo(f"{recorded.record(of)}", err=True)
 
 
 @cli.command()

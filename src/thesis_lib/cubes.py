@@ -8,8 +8,7 @@ import importlib.metadata
 import json
 import platform
 import subprocess
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -51,7 +50,7 @@ RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
 
 
 def cached(
-    study: Study, compute: Callable[[Any], xr.Dataset | Outline], sources: Iterable[Path] = ()
+    study: Study, compute: Callable[[Any], xr.Dataset | Outline], sources: Sequence[Path] = ()
 ) -> xr.Dataset:
     """A study's cube, computed once for its parameters and the library as it is.
 
@@ -60,26 +59,25 @@ def cached(
     too large to be held is filled in on disk, and read from there as it is needed.
     """
     total = hashlib.sha256(f"{study.name} {study.digest}".encode())
-    for file in sorted(sources) or library_files():
+    lock = project_root() / "requirements" / "book.txt"
+    for file in [*sorted(sources), lock] if sources else library_files():
         total.update(file.read_bytes())
     path = project_root() / "build" / "cache" / f"{study.name}-{total.hexdigest()[:16]}.nc"
-    start, before = time.perf_counter(), effort.loaded_seconds()
     if (cube := kept.read(path)) is not None:
         spared = float(cube.attrs["run_time_s"])
         effort.note_loaded(spared, float(cube.attrs.get("peak_memory_mb", 0)))
         return with_provenance(cube, study, spared)  # of today's commit
+    seconds = effort.stopwatch()
     made = compute(study)
     if isinstance(made, Outline) and not made.is_held:
         frame = replace(made, cube=with_provenance(made.cube, study, 0.0))
-        fill_in(frame, path, lambda: time.perf_counter() - start + effort.loaded_seconds() - before)
-        kept.keep(path)
-        cube = opened(path)
-        return with_provenance(cube, study, float(cube.attrs["run_time_s"]))
-    cube = with_provenance(made.in_memory() if isinstance(made, Outline) else made, study, 0.0)
-    seconds = time.perf_counter() - start + effort.loaded_seconds() - before
-    write(cube.assign_attrs(run_time_s=seconds), path)
+        fill_in(frame, path, seconds)
+    else:
+        cube = made.in_memory() if isinstance(made, Outline) else made
+        write(with_provenance(cube, study, seconds()), path)
     kept.keep(path)
-    return with_provenance(opened(path), study, seconds)
+    cube = opened(path)
+    return with_provenance(cube, study, float(cube.attrs["run_time_s"]))
 
 
 def predicts(cube: xr.Dataset) -> str:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,6 +98,12 @@ def note_loaded(seconds: float, peak_memory_mb: float) -> None:
     """Count what was taken from a cache as if it had been made here."""
     _loaded.seconds += seconds
     _loaded.peak_memory_mb = max(_loaded.peak_memory_mb, peak_memory_mb)
+
+
+def stopwatch() -> Callable[[], float]:
+    """Tells the seconds from now on, those that caches spare included."""
+    start, before = time.perf_counter(), loaded_seconds()
+    return lambda: time.perf_counter() - start + loaded_seconds() - before
 
 
 def peak_memory_mb() -> float:

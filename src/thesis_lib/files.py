@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import hashlib
 import os
@@ -10,6 +11,7 @@ import shutil
 import sys
 import tempfile
 import time
+import tokenize
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
@@ -63,6 +65,32 @@ def digest_of(paths: Iterable[Path]) -> str:
     for path in paths:
         total.update(f"{path.name} {sha256(path)}\n".encode())
     return total.hexdigest()
+
+
+def code(path: Path) -> bytes:
+    """What of a file can change a result: of Python no comments, docstrings and blank lines."""
+    now = path.stat()
+    return _code(path, (now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns))
+
+
+@cache
+def _code(path: Path, _as_it_is: tuple[int, ...]) -> bytes:
+    if path.suffix != ".py":
+        return path.read_bytes()
+    text = path.read_text(encoding="utf-8")
+    lines = text.splitlines()
+    for node in ast.walk(ast.parse(text)):
+        body = getattr(node, "body", None)
+        first = body[0] if isinstance(body, list) and body else None
+        if isinstance(first, ast.Expr) and isinstance(getattr(first.value, "value", None), str):
+            for row in range(first.lineno - 1, first.end_lineno or first.lineno):
+                lines[row] = ""
+    said = iter([f"{line}\n" for line in lines]).__next__
+    for token in tokenize.generate_tokens(said):
+        if token.type == tokenize.COMMENT:
+            row, column = token.start
+            lines[row - 1] = lines[row - 1][:column]
+    return "".join(f"{line.rstrip()}\n" for line in lines if line.strip()).encode()
 
 
 def sha256(path: Path) -> str:

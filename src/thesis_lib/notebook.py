@@ -6,7 +6,6 @@ import ast
 import base64
 import html
 import sys
-import time
 import warnings
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -80,10 +79,9 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
     if isinstance(request, CameraStudy):
         result = camera_cube(request, scheduler)
     else:
-        start, before = time.perf_counter(), effort.loaded_seconds()
+        seconds = effort.stopwatch()
         result = _computed(request)
-        seconds = time.perf_counter() - start + effort.loaded_seconds() - before
-        result = cubes.with_provenance(result, request, seconds)
+        result = cubes.with_provenance(result, request, seconds())
     if request.cube:  # an absolute path stands
         storage.write(result, files.project_root() / request.cube, compact=True)
     return result
@@ -115,24 +113,8 @@ def _scheduler(request: Study) -> str:
 
 
 def _computed(request: Study) -> xr.Dataset:
-    if isinstance(request, Experiment):
-        from thesis_lib.experiment import filmed, study  # which need video and picture libraries
-
-        data = cubes.cached(request.recordings, filmed.run, filmed.sources())
-        return study.run(request, data)
-    if isinstance(request, Layouts):
-        from thesis_lib.experiment import lab_layout_film, lab_layout_study
-
-        sources = lab_layout_film.sources()
-        data = cubes.cached(request.film_request, lab_layout_film.run, sources)
-        return lab_layout_study.run(request, data)
-    if isinstance(request, LabModes | LabPlate):
-        from thesis_lib.experiment import lab_films, lab_modes_study, lab_plate_study
-
-        data = cubes.cached(request.recordings, lab_films.run, lab_films.sources())
-        if isinstance(request, LabModes):
-            return lab_modes_study.run(request, data)
-        return lab_plate_study.run(request, data)
+    if isinstance(request, Experiment | Layouts | LabModes | LabPlate):
+        return _of_recordings(request)
     if isinstance(request, Claims):
         return ledger_of(request)
     if isinstance(request, Cameras):
@@ -145,6 +127,29 @@ def _computed(request: Study) -> xr.Dataset:
     return camera_cube(request)
 
 
+def _of_recordings(request: Study) -> xr.Dataset:
+    """A figure set of chapter 5, whose modules need video and picture libraries."""
+    from thesis_lib.experiment import recorded
+
+    data = recorded.measured(recorded.laboratory(request))
+    if isinstance(request, Experiment):
+        from thesis_lib.experiment import study
+
+        return study.run(request, data)
+    if isinstance(request, Layouts):
+        from thesis_lib.experiment import lab_layout_study
+
+        return lab_layout_study.run(request, data)
+    if isinstance(request, LabModes):
+        from thesis_lib.experiment import lab_modes_study
+
+        return lab_modes_study.run(request, data)
+    from thesis_lib.experiment import lab_plate_study
+
+    assert isinstance(request, LabPlate)
+    return lab_plate_study.run(request, data)
+
+
 def camera_cube(request: CameraStudy, scheduler: str = "") -> xr.Dataset:
     """The cube of a camera study or, from the plate's deflections, of a sound study.
 
@@ -152,7 +157,7 @@ def camera_cube(request: CameraStudy, scheduler: str = "") -> xr.Dataset:
     """
     if request.subject == "plate":
         return cubes.cached(request, partial(studies.outline, scheduler=scheduler))
-    start, before = time.perf_counter(), effort.loaded_seconds()
+    seconds = effort.stopwatch()
     if request.subject == "sound":
         plate = camera_study(request.name.replace("sound", "plate"), request.plate_request)  # type: ignore[attr-defined]
         with warnings.catch_warnings():
@@ -163,8 +168,7 @@ def camera_cube(request: CameraStudy, scheduler: str = "") -> xr.Dataset:
     if not made.is_held:
         return cubes.cached(request, lambda _: made)
     cube = made.in_memory()
-    seconds = time.perf_counter() - start + effort.loaded_seconds() - before
-    return cubes.with_provenance(cube, request, seconds)
+    return cubes.with_provenance(cube, request, seconds())
 
 
 def ledger_of(request: Claims) -> xr.Dataset:

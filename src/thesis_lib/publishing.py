@@ -29,8 +29,8 @@ from thesis_lib import (
     thesis_index,
     unchanged,
 )
-from thesis_lib.experiment import filmed, pictures
 from thesis_lib.experiment import numbers as walk_numbers
+from thesis_lib.experiment import pictures, recorded
 from thesis_lib.experiment.requests import ExperimentResolution
 from thesis_lib.files import project_root
 from thesis_lib.measuring import reference
@@ -121,6 +121,15 @@ def build(publish: bool = False) -> Path:
         raise tasks.RunError("\n".join(lines))
     unchanged.remember([plan.index.parent, plan.archive])
     return plan.index
+
+
+def forget() -> None:
+    """Let the next book execute every notebook; what was made stays until then."""
+    root = project_root()
+    for notebook in (root / "book" / "executed").glob("*.ipynb"):
+        notebook.unlink()
+    for kept in (root / "build" / "cache").glob("*.nc"):
+        kept.unlink()
 
 
 def _stand_in(plan: _Plan, steps: Sequence[tasks.Task], failed: Mapping[str, str]) -> None:
@@ -260,7 +269,7 @@ def _tell(executed: Path) -> None:
 
 def _walk_through(executed: Path) -> None:
     """Pictures and numbers of the laboratory's page, from the recordings of chapter 5."""
-    data = cubes.cached(ExperimentResolution().recordings, filmed.run, filmed.sources())
+    data = recorded.measured(recorded.laboratory(ExperimentResolution()))
     pictures.write(data, executed)
     for name, piece in walk_numbers.PIECES.items():
         files.whole_text(executed / f"{name}.md", piece(data))

@@ -67,8 +67,10 @@ def digest(job: Job) -> str:
     cells = [[c["cell_type"], "".join(c["source"]), c["metadata"]] for c in notebook["cells"]]
     total = hashlib.sha256(json.dumps(cells, sort_keys=True).encode())
     total.update(json.dumps([job.study.name, job.study.request]).encode())
-    published = [published_path(job.study.name)] if job.page else []
-    return f"{total.hexdigest()}{digest_of([*library_files(), *published])}"
+    inputs = [published_path(job.study.name)] if job.page else []
+    if job.study.subject in ("experiment", "lab"):
+        inputs.append(project_root() / "data" / "recordings")
+    return f"{total.hexdigest()}{digest_of([*library_files(), *inputs])}"
 
 
 def execute(job: Job, made_from: str) -> None:

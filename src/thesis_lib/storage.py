@@ -32,7 +32,9 @@ class CubeError(ValueError):
     """A file that is not one of our cubes; the message is one line."""
 
 
-def write(cube: xr.Dataset, path: Path, compact: bool = False) -> None:
+def write(
+    cube: xr.Dataset, path: Path, compact: bool = False, steps: Mapping[str, float] | None = None
+) -> None:
     """Write a cube as netCDF-4, whole or not at all.
 
     Parameters
@@ -44,6 +46,8 @@ def write(cube: xr.Dataset, path: Path, compact: bool = False) -> None:
     compact : bool
         Whether to compress it. Single precision, which is for what is drawn, is then rounded to
         ``BITS`` bits of mantissa; the file says so itself.
+    steps : mapping, optional
+        By variable: what its values are multiples of, to store them as whole numbers.
     """
     large = {str(n) for n, v in cube.data_vars.items() if "trial" in v.dims}
     large = large if cube.nbytes > HELD_BYTES else set()
@@ -53,6 +57,9 @@ def write(cube: xr.Dataset, path: Path, compact: bool = False) -> None:
         stored = {n: _compression(v) for n, v in small.variables.items()}
         encoding = {n: how | {"chunksizes": small[n].shape} for n, how in stored.items() if how}
         small = small.assign({n: _rounded(v) for n, v in small.variables.items() if _is_drawn(v)})
+    for name, step in (steps or {}).items():
+        whole = {"dtype": "int32", "scale_factor": step, "_FillValue": np.int32(-(2**31))}
+        encoding[name] = encoding.get(name, {}) | whole
 
     def fill(part: Path) -> None:
         small.to_netcdf(part, engine="h5netcdf", encoding=encoding)
@@ -68,7 +75,7 @@ def write(cube: xr.Dataset, path: Path, compact: bool = False) -> None:
 
 def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str, Any]:
     """How a variable is stored in a compact cube; level 9 takes 15 times as long as 4 for 5 %."""
-    if values.dtype.kind != "f" or values.size <= 1:
+    if values.dtype.kind not in "fu" or values.size <= 1:
         return {}
     return {"compression": "gzip", "compression_opts": level, "shuffle": True}
 

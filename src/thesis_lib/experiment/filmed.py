@@ -41,11 +41,7 @@ def sources() -> list[Path]:
         here.parent / name
         for name in ("cameras.py", "compiled.py", "structures.py", "triangulation.py")
     ]
-    return [
-        *files,
-        setups.data_folder() / "structures.toml",
-        project_root() / "requirements" / "book.txt",
-    ]
+    return [*files, setups.data_folder() / "structures.toml"]
 
 
 def rig_of(request: Laboratory) -> Rig:

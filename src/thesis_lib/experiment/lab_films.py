@@ -25,7 +25,6 @@ from thesis_lib.experiment.lab_plates import PlateRecordings, Plates, Stand
 from thesis_lib.experiment.laboratory import Rig, default_rig
 from thesis_lib.experiment.render import Sensor
 from thesis_lib.experiment.scene import Component, Motion
-from thesis_lib.files import project_root
 from thesis_lib.structures import Structure, resonance
 
 Array = NDArray[np.float64]
@@ -43,11 +42,7 @@ def sources() -> list[Path]:
              "view"]  # fmt: skip
     files = [here / f"{name}.py" for name in names]
     files += [here.parent / name for name in ("cameras.py", "structures.py", "triangulation.py")]
-    return [
-        *files,
-        setups.data_folder() / "structures.toml",
-        project_root() / "requirements" / "book.txt",
-    ]
+    return [*files, setups.data_folder() / "structures.toml"]
 
 
 def sensor(film: Film) -> Sensor:

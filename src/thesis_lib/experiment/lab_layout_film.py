@@ -26,7 +26,6 @@ from thesis_lib.experiment.render import BeamView, Sensor
 from thesis_lib.experiment.scene import Component, Markers, on_surface, rows_on
 from thesis_lib.experiment.tracking import Tracker, sharpen
 from thesis_lib.experiment.view import TrackingError
-from thesis_lib.files import project_root
 from thesis_lib.setups import Setting
 from thesis_lib.structures import Beam
 
@@ -49,11 +48,7 @@ def sources() -> list[Path]:
         here.parent / f"{name}.py"
         for name in ("cameras", "compiled", "structures", "triangulation")
     ]
-    return [
-        *files,
-        setups.data_folder() / "structures.toml",
-        project_root() / "requirements" / "book.txt",
-    ]
+    return [*files, setups.data_folder() / "structures.toml"]
 
 
 def markers_of(beam: Beam, case: str) -> Markers:
