@@ -33,6 +33,7 @@ CPUS = {
 STEPS = ("tests", "notebooks", "cubes")
 PYTEST = ("-m", "pytest", "-q", "-n", "2", "--dist", "loadfile")
 BOUND = 1e-9  # of the largest value of a variable
+DRAWN = 2.0**-13  # of those in single precision, which are drawn, and stored to 14 bits
 _CUBES = """
 import sys
 from thesis_lib.notebook import study
@@ -105,24 +106,26 @@ def compared(cpus: list[str], sets: list[str]) -> list[str]:
     failed = []
     for one in sets:
         for name in list(made)[1:]:
-            bound = 0.0 if name == "this again" else BOUND
             found = differences(*(made[who] / f"{one}.nc" for who in ("this", name)))
-            worst = max(found, key=found.__getitem__)
-            print(f"{one}, {name}: {found[worst]:.1e} of the peak ({worst})", flush=True)
-            failed += [
-                f"{one}, {name}: {variable} differs by {value:.1e} of its peak, not {bound:.0e}"
-                for variable, value in found.items()
-                if not value <= bound
-            ]
+            far = {v: d for v, (d, bound) in found.items() if d > bound * (name != "this again")}
+            exact = {v: d for v, (d, bound) in found.items() if bound == BOUND}
+            worst = max(exact, key=exact.__getitem__)
+            print(f"{one}, {name}: {exact[worst]:.1e} of the peak ({worst})", flush=True)
+            failed += [f"{one}, {name}: {v} differs by {d:.1e} of its peak" for v, d in far.items()]
     return failed
 
 
-def differences(one: Path, other: Path) -> dict[str, float]:
-    """How far each variable of two cubes differs, over its peak; infinite if in kind or shape."""
+def differences(one: Path, other: Path) -> dict[str, tuple[float, float]]:
+    """How far each variable of two cubes differs, over its peak, and how far it may."""
     with xr.open_dataset(one) as a, xr.open_dataset(other) as b:
         names = sorted(map(str, {*a.variables, *b.variables}))
         both = {name for name in names if name in a.variables and name in b.variables}
-        return {n: apart(a[n].values, b[n].values) if n in both else np.inf for n in names}
+        return {
+            n: (apart(a[n].values, b[n].values), DRAWN if a[n].dtype == np.float32 else BOUND)
+            if n in both
+            else (np.inf, BOUND)
+            for n in names
+        }
 
 
 def apart(x: np.ndarray, y: np.ndarray) -> float:

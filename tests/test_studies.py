@@ -1,10 +1,13 @@
 """Camera studies end to end: the cubes, their files, and the thesis's stated errors."""
 
+import gc
 import json
+import resource
 import subprocess
 import sys
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -12,9 +15,9 @@ import pytest
 import xarray as xr
 
 from benchmarks.reference import svd_triangulate
-from thesis_lib import claims, cubes, notebook, rounding, setups, storage, studies
+from thesis_lib import chunks, claims, cubes, notebook, rounding, setups, storage, studies
 from thesis_lib.cameras import project
-from thesis_lib.parameters import validate
+from thesis_lib.parameters import camera_study, validate
 from thesis_lib.polytope import analytic_centre
 
 NAMES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
@@ -436,6 +439,32 @@ def test_a_cut_cube_is_refused_wherever_it_is_cut(tmp_path):
         with pytest.raises(storage.CubeError, match=r"^[^\n]*cut\.nc[^\n]*$"):
             storage.opened(cut)
     xr.testing.assert_identical(storage.opened(whole)["case"], cube["case"])
+
+
+@pytest.mark.parametrize("limit", [1, 3000, 100_000])
+def test_a_full_disk_is_an_error_and_not_the_end_of_the_process(tmp_path, limit):
+    cube = xr.Dataset({"a": ("x", np.random.default_rng(0).random(30_000))})
+    storage.write(cube.assign(a=0 * cube["a"]), tmp_path / "a.nc")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            storage.write(cube, tmp_path / "a.nc")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    gc.collect()
+    assert not storage.opened(tmp_path / "a.nc")["a"].any()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
+
+
+def test_what_does_not_fit_on_the_disk_is_not_begun(tmp_path, monkeypatch):
+    request = camera_study("beam-distance", {"distances_mm": [500], "trials": 3})
+    monkeypatch.setattr(chunks, "HELD_BYTES", 0)
+    outline = studies.outline(request)
+    monkeypatch.setattr(storage.shutil, "disk_usage", lambda _: SimpleNamespace(free=2000))
+    with pytest.raises(OSError, match="No space left on device"):
+        storage.fill_in(outline, tmp_path / "a.nc", lambda: 0.0)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("kind", ["netCDF-3", "HDF5", "empty HDF5"])

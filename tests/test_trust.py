@@ -213,7 +213,7 @@ def test_folders_made_by_many_at_once_are_never_swept_while_they_live(tmp_path):
         "import sys; from pathlib import Path; from thesis_lib import files\n"
         "for _ in range(200):\n"
         "    with files.staging(Path(sys.argv[1])) as folder:\n"
-        "        (folder / 'x').write_text('x'); files.sweep(folder.parent)\n"
+        "        (folder / 'x').write_text('x'); files.sweep(folder.parents[1])\n"
         "        assert (folder / 'x').read_text() == 'x'\n"
     )
     command = [sys.executable, "-c", code, str(tmp_path)]

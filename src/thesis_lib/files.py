@@ -132,10 +132,10 @@ def whole_text(path: Path, text: str) -> None:
 
 @contextlib.contextmanager
 def staging(folder: Path) -> Iterator[Path]:
-    """A folder inside `folder` to write in, which is removed in the end.
+    """An empty folder inside `folder` to write in, which is removed in the end.
 
-    It holds a file that its process has locked. What has the name of such a folder and no lock was
-    left by a process that was killed, and is removed.
+    Beside it is a file that its process has locked. What has the name of such a folder and no lock
+    was left by a process that was killed, and is removed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     sweep(folder)
@@ -149,7 +149,9 @@ def staging(folder: Path) -> Iterator[Path]:
             if lock is None:
                 _let_go(path)
     try:
-        yield path
+        inside = path / "new"
+        inside.mkdir()
+        yield inside
     finally:
         _let_go(path)
         os.close(lock)

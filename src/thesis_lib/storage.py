@@ -5,6 +5,10 @@ Written and read by h5netcdf, which has wheels where the netCDF library has none
 
 from __future__ import annotations
 
+import errno
+import io
+import os
+import shutil
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -62,8 +66,9 @@ def write(
         encoding[name] = encoding.get(name, {}) | whole
 
     def fill(part: Path) -> None:
-        small.to_netcdf(part, engine="h5netcdf", encoding=encoding)
+        part.write_bytes(_image(small, encoding))
         if large:
+            _room(part, cube.nbytes)
             with h5netcdf.File(part, "a") as file:
                 for name in cube.data_vars:
                     if name in large:
@@ -71,6 +76,19 @@ def write(
 
     with _HDF5:
         whole_file(path, fill)
+
+
+def _image(cube: xr.Dataset, encoding: Mapping[str, Any] | None = None) -> bytes:
+    """The bytes of a file, from memory: where HDF5 cannot write a disk it ends the process."""
+    image = io.BytesIO()
+    cube.to_netcdf(image, engine="h5netcdf", encoding=encoding)
+    return image.getvalue()
+
+
+def _room(path: Path, size: int) -> None:
+    """Refuse what would fill the disk before HDF5 does."""
+    if shutil.disk_usage(path.parent).free < size:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
 
 def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str, Any]:
@@ -133,7 +151,8 @@ def fill_in(outline: Outline, path: Path, seconds: Callable[[], float]) -> None:
     """
     with staging(path.parent) as folder, _HDF5:
         part = folder / path.name
-        outline.cube.to_netcdf(part, engine="h5netcdf")
+        part.write_bytes(_image(outline.cube))
+        _room(part, outline.nbytes)
         with h5netcdf.File(part, "a") as file:
             values = {
                 name: _created(file, name, dims, kind, attributes)

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from thesis_lib import __version__, cubes
+from thesis_lib import __version__, cubes, storage
 from thesis_lib.abreast import abreast
 from thesis_lib.experiment import chain
 from thesis_lib.experiment.frames import camera_deviations
@@ -29,7 +29,7 @@ from thesis_lib.measuring import report, uff
 from thesis_lib.measuring.feasibility import assess, describe
 from thesis_lib.measuring.recording import Recording, record
 from thesis_lib.measuring.result import result
-from thesis_lib.measuring.steps import kept, key_of, write_cube
+from thesis_lib.measuring.steps import kept, key_of
 
 STEPS = ".steps"  # folder of what is kept between runs
 
@@ -92,7 +92,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         page = report.page(data, manifest, assessment, pictures)
     with staging(out) as part:
         (part / "figures").mkdir()
-        write_cube(data, part / "measured.nc")
+        storage.write(data, part / "measured.nc")
         for name, (kind, content) in pictures.items():
             (part / "figures" / f"{name}.{kind}").write_bytes(content)
         report.table(data).to_csv(part / "shapes.csv", index=False)

@@ -6,7 +6,6 @@ manifest, the recordings by name, size and time, and the library itself.
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 from collections.abc import Callable, Iterable
@@ -36,20 +35,6 @@ def kept(folder: Path, name: str, key: str, compute: Callable[[], xr.Dataset]) -
     data = kept_cubes.read(path)
     if data is None or data.attrs.get("key") != key:
         data = compute().assign_attrs(key=key)
-        write_cube(data, path)
+        storage.write(data, path)
         kept_cubes.keep(path)
     return data
-
-
-def write_cube(data: xr.Dataset, path: Path) -> None:
-    """Write a dataset, whole or not at all.
-
-    Raises
-    ------
-    OSError
-        If the system does not let it; the netCDF library alone says neither which file nor why.
-    """
-    try:
-        storage.write(data, path)
-    except RuntimeError as error:
-        raise OSError(errno.EIO, f"not written ({error}), is the disk full?", str(path)) from None
