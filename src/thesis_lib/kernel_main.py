@@ -64,7 +64,8 @@ def main(arguments: list[str]) -> None:
         def init_code(self) -> None:
             """Run no start-up files."""
 
-    Kernel.launch_instance(arguments)
+    # Without a file the history of inputs is nobody else's, and no other kernel can lock it.
+    Kernel.launch_instance([*arguments, "--HistoryManager.hist_file=:memory:"])
 
 
 if __name__ == "__main__":
