@@ -64,8 +64,8 @@ def main(arguments: list[str]) -> None:
         def init_code(self) -> None:
             """Run no start-up files."""
 
-    # Without a file the history of inputs is nobody else's, and no other kernel can lock it.
-    Kernel.launch_instance([*arguments, "--HistoryManager.hist_file=:memory:"])
+    # No file of past inputs, which another kernel could lock; this kernel's own are known.
+    Kernel.launch_instance([*arguments, "--HistoryManager.enabled=False"])
 
 
 if __name__ == "__main__":
