@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import importlib.metadata
 import logging
 import os
 import platform
@@ -27,6 +26,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from thesis_lib.files import library_digest
 
@@ -234,7 +234,7 @@ def standing() -> dict[str, str]:
     return {
         "Python": ".".join(platform.python_version_tuple()[:2]),
         "NumPy": np.__version__,
-        "SciPy": importlib.metadata.version("scipy"),
+        "SciPy": scipy.__version__,
         "library": library_digest()[:12],
     }
 
