@@ -366,7 +366,7 @@ def test_a_worker_that_joins_late_with_another_library_is_refused(changed, late)
     found, _ = late
     with pytest.raises(schedulers.SchedulerError, match="differs from here") as caught:
         assert all(piece == result for piece, result in found)
-    assert re.search(r"worker tcp://127.0.0.1:\d+ differs.* library ", str(caught.value))
+    assert re.search(r"worker tcp://127.0.0.1:\d+ differs.*\(library ", str(caught.value))
     assert "\n" not in str(caught.value)
 
 
