@@ -36,7 +36,8 @@ class Checkout:
                 shutil.copytree(PROJECT / part, root / part, ignore=ignored)
             else:
                 shutil.copy(PROJECT / part, root / part)
-        self.environment = {**os.environ, "PYTHONPATH": str(root / "src")}
+        reader = {k: v for k, v in os.environ.items() if not k.startswith("JUPYTER_")}  # of nbval
+        self.environment = {**reader, "PYTHONPATH": str(root / "src")}
 
     def notebook(self, name: str) -> Path:
         return self.root / "notebooks" / f"{name}.ipynb"
