@@ -26,13 +26,13 @@ Record = dict[str, Any]
 AREAS = {
     "Beam and plate": "structures plate",
     "Vision": "cameras triangulation optics compiled explorer",
-    "Acoustics": "radiation planes sound",
-    "The studies": "studies readings stated_numbers conclusions ledger trends",
+    "Acoustics": "radiation planes sound sound_sum",
+    "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
     "The experiment": "scene lens render media corners calibration adjustment synchronisation "
     "listening tracking reconstruction laboratory experiment_study lab_layouts lab_motions",
     "Own recordings": "feasibility measuring measure result own_recordings foreign",
     "Beyond the thesis": "rounding design_law dither polytope estimators planner "
-    "finite_elements shapes",
+    "planner_machines finite_elements shapes",
 }
 KINDS = {
     "closed form": "closed forms",

@@ -3,7 +3,7 @@ import { MARGIN, extent, frame } from "./chart.js";
 import { entitle, html, icon, isNumber, mark, path, show, svg, text } from "./parts.js";
 
 export function createBars(panel, study, uid, highlight) { // returns what draws them
-  const hatched = (box, ...more) => svg("rect", { ...box, fill: `url(#${uid}-hatch)` }, ...more);
+  const hatched = (box) => svg("rect", { ...box, fill: `url(#${uid}-hatch)` });
 
   function draw() {
     const { width, data } = study, settings = study.settings(), { label, unit } = data.parameter;
@@ -29,7 +29,7 @@ export function createBars(panel, study, uid, highlight) { // returns what draws
         svg("title", {}, `${r.name}: ${data.nodal_note}`), path("tl-band", `M${middle - 5} ${y(0) - 6}h10`))];
       const box = { x: left, y: y(r.mean ?? 0), width: wide, height: y(0) - y(r.mean ?? 0) };
       const parts = [svg("rect", { class: `tl-box${n ? " tl-second" : ""}`, ...box })];
-      if (setting.in_view < 1) parts.push(hatched(box, svg("title", {}, study.inView(setting))));
+      if (setting.in_view < 1) parts.push(hatched(box));
       const add = (values, cls, line) => {
         if (values.every(isNumber)) parts.push(path(cls, line(...values.map(y))));
       };
