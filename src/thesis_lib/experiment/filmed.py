@@ -34,7 +34,8 @@ def sources() -> list[Path]:
     """The files that the recordings and what is measured on them depend on."""
     here = Path(__file__).parent
     later = {"requests", "shapes", "draws", "study", "numbers", "pictures", "photographs",
-             "signals", "sketches", "aliasing", "filming", "spectra", "torsion"}  # fmt: skip
+             "signals", "sketches", "aliasing", "filming", "spectra", "torsion",
+             "recorded"}  # fmt: skip
     files = [path for path in here.glob("*.py")
              if path.stem not in later and not path.stem.startswith("lab_")]  # fmt: skip
     files += [
