@@ -73,7 +73,7 @@ def stopped(own_checkout, tmp_path, start):
         running.wait_for(
             lambda: (
                 f"{GOOD}: done in" in running.said()
-                and any((path / "begun").exists() for path in left_over(out))
+                and any(any(path.rglob("begun")) for path in left_over(out))
             )
         )
         os.killpg(running.process.pid, by)
@@ -399,7 +399,7 @@ def test_two_requests_at_once_into_one_folder_are_not_mixed_up(own_checkout, tmp
     for running in both:
         running.wait_for(
             lambda: (
-                sum((path / "begun").exists() for path in left_over(tmp_path / "out")) == 2
+                sum(any(path.rglob("begun")) for path in left_over(tmp_path / "out")) == 2
                 if (tmp_path / "out").is_dir()
                 else False
             )
