@@ -13,10 +13,14 @@ ROOT = Path(__file__).parents[1]
 MAIN = "github.ref == 'refs/heads/main' && github.event_name == 'push'"
 
 
+def read(name):
+    text = (ROOT / ".github" / "workflows" / name).read_text(encoding="utf-8")
+    return yaml.load(text, Loader=yaml.BaseLoader)  # where `on` is a word
+
+
 @pytest.fixture(scope="module")
 def workflow():
-    text = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
-    return yaml.load(text, Loader=yaml.BaseLoader)  # where `on` is a word
+    return read("ci.yml")
 
 
 def steps(workflow, job, start):
@@ -45,12 +49,16 @@ def test_the_book_is_uploaded_after_the_tests_and_deployed_from_main_alone(workf
     assert deploy["environment"]["url"] == f"${{{{ steps.{step['id']}.outputs.page_url }}}}"
 
 
-def test_what_takes_an_hour_runs_at_night_alone(workflow):
-    assert workflow["on"]["schedule"]
-    nightly = workflow["jobs"]["nightly"]
-    assert nightly["if"] == "github.event_name == 'schedule'"
-    assert nightly["steps"][-1] == {"run": "make test-nightly"}
-    assert "permissions" not in nightly
+def test_what_takes_hours_runs_at_night_alone(workflow):
+    nightly = read("nightly.yml")
+    assert set(nightly["on"]) == {"schedule", "workflow_dispatch"}
+    assert "schedule" not in workflow["on"]
+    assert nightly["permissions"] == {"contents": "read"}
+    (job,) = nightly["jobs"].values()
+    assert job["steps"][-1] == {"run": "make ${{ matrix.target }}"}
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for target in job["strategy"]["matrix"]["target"]:
+        assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
 
 
 def test_nothing_but_the_deployment_may_write(workflow):
