@@ -78,7 +78,7 @@ def write(
         whole_file(path, fill)
 
 
-def _image(cube: xr.Dataset, encoding: Mapping[str, Any] | None = None) -> bytes:
+def _image(cube: xr.Dataset, encoding: Mapping[Any, Any] | None = None) -> bytes:
     """The bytes of a file, from memory: where HDF5 cannot write a disk it ends the process."""
     image = io.BytesIO()
     cube.to_netcdf(image, engine="h5netcdf", encoding=encoding)

@@ -65,11 +65,16 @@ class Recordings:
 def laboratory(request: Study) -> Recordings:
     """The recordings that a figure set of chapter 5 is computed from, whatever its parameters."""
     from thesis_lib.experiment import filmed, lab_films, lab_layout_film
+    from thesis_lib.experiment.lab_layouts import Layouts
+    from thesis_lib.experiment.lab_motions import LabModes
+    from thesis_lib.experiment.lab_plates import LabPlate
+    from thesis_lib.experiment.requests import Experiment
 
-    if request.subject == "experiment":
+    if isinstance(request, Experiment):
         return Recordings(request.recordings, filmed.run, filmed.sources())
-    if hasattr(request, "film_request"):
+    if isinstance(request, Layouts):
         return Recordings(request.film_request, lab_layout_film.run, lab_layout_film.sources())
+    assert isinstance(request, LabModes | LabPlate)
     return Recordings(request.recordings, lab_films.run, lab_films.sources())
 
 
