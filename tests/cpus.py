@@ -30,6 +30,7 @@ CPUS = {
         "NUMBA_CPU_NAME": "generic",
     },
 }
+MADE = {".venv", "build", "runs", "book/executed", "data/results"}
 STEPS = ("tests", "notebooks", "cubes")
 PYTEST = ("-m", "pytest", "-q", "-n", "2", "--dist", "loadfile")
 BOUND = 1e-9  # of the largest value of a variable
@@ -73,16 +74,13 @@ def main() -> int:
 def copy(name: str) -> Path:
     """A copy of the project without anything that it has made."""
     folder = PROJECT / "build" / "cpus" / name.replace(" ", "-")
+
+    def made(where: str, names: list[str]) -> list[str]:
+        here = Path(where).relative_to(PROJECT)
+        return [one for one in names if one == "__pycache__" or (here / one).as_posix() in MADE]
+
     shutil.rmtree(folder, ignore_errors=True)
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
-        cwd=PROJECT, capture_output=True, text=True, check=True,
-    ).stdout.split("\0")  # fmt: skip
-    for file in filter(Path.is_file, (PROJECT / path for path in listed if path)):
-        there = folder / file.relative_to(PROJECT)
-        there.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(file, there)
-    shutil.copytree(PROJECT / ".git", folder / ".git")
+    shutil.copytree(PROJECT, folder, ignore=made, symlinks=True)
     return folder
 
 
