@@ -34,6 +34,7 @@ MADE = {".venv", "build", "runs", "book/executed", "data/results"}
 STEPS = ("tests", "notebooks", "cubes")
 PYTEST = ("-m", "pytest", "-q", "-n", "2", "--dist", "loadfile")
 BOUND = 1e-9  # of the largest value of a variable
+BENT = {"shape-holes": 1e-7}  # small elements at holes: bending stiffness grows with their size⁻⁴
 DRAWN = 2.0**-13  # of those in single precision, which are drawn, and stored to 14 bits
 _CUBES = """
 import sys
@@ -104,24 +105,26 @@ def compared(cpus: list[str], sets: list[str]) -> list[str]:
     failed = []
     for one in sets:
         for name in list(made)[1:]:
-            found = differences(*(made[who] / f"{one}.nc" for who in ("this", name)))
+            found = differences(
+                *(made[who] / f"{one}.nc" for who in ("this", name)), BENT.get(one, BOUND)
+            )
             far = {v: d for v, (d, bound) in found.items() if d > bound * (name != "this again")}
-            exact = {v: d for v, (d, bound) in found.items() if bound == BOUND}
+            exact = {v: d for v, (d, bound) in found.items() if bound != DRAWN}
             worst = max(exact, key=exact.__getitem__)
             print(f"{one}, {name}: {exact[worst]:.1e} of the peak ({worst})", flush=True)
             failed += [f"{one}, {name}: {v} differs by {d:.1e} of its peak" for v, d in far.items()]
     return failed
 
 
-def differences(one: Path, other: Path) -> dict[str, tuple[float, float]]:
+def differences(one: Path, other: Path, bound: float = BOUND) -> dict[str, tuple[float, float]]:
     """How far each variable of two cubes differs, over its peak, and how far it may."""
     with xr.open_dataset(one) as a, xr.open_dataset(other) as b:
         names = sorted(map(str, {*a.variables, *b.variables}))
         both = {name for name in names if name in a.variables and name in b.variables}
         return {
-            n: (apart(a[n].values, b[n].values), DRAWN if a[n].dtype == np.float32 else BOUND)
+            n: (apart(a[n].values, b[n].values), DRAWN if a[n].dtype == np.float32 else bound)
             if n in both
-            else (np.inf, BOUND)
+            else (np.inf, bound)
             for n in names
         }
 
