@@ -14,7 +14,7 @@ from IPython.core.interactiveshell import InteractiveShell
 from jupyter_client.manager import start_new_kernel
 
 from conftest import PROJECT
-from thesis_lib import comparison, live, notebook, studies
+from thesis_lib import comparison, effort, live, notebook, studies
 from thesis_lib.commands import command
 from thesis_lib.parameters import STUDIES, validate
 
@@ -139,7 +139,7 @@ def test_what_fails_is_told(monkeypatch):
 def test_what_takes_minutes_says_so():
     request = validate("design-law", {})
     title = live.layout(request, live.controls(request)).children[0].value
-    assert "Takes minutes: " in title
+    assert f"Takes minutes: {effort.read()['design-law'].time}" in title
 
 
 # The notebooks.

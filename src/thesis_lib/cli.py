@@ -223,8 +223,8 @@ def book(publish: bool, from_nothing: bool) -> None:
         from thesis_lib import publishing
 
         if from_nothing:
-            publishing.forget()
             _record()
+            publishing.forget()
         index = publishing.build(publish)
     else:
         click.echo("the book is up to date", err=True)

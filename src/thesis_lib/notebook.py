@@ -129,23 +129,21 @@ def _computed(request: Study) -> xr.Dataset:
 
 def _of_recordings(request: Study) -> xr.Dataset:
     """A figure set of chapter 5, whose modules need video and picture libraries."""
-    from thesis_lib.experiment import recorded
+    from thesis_lib.experiment import (
+        lab_layout_study,
+        lab_modes_study,
+        lab_plate_study,
+        recorded,
+        study,
+    )
 
     data = recorded.measured(recorded.laboratory(request))
     if isinstance(request, Experiment):
-        from thesis_lib.experiment import study
-
         return study.run(request, data)
     if isinstance(request, Layouts):
-        from thesis_lib.experiment import lab_layout_study
-
         return lab_layout_study.run(request, data)
     if isinstance(request, LabModes):
-        from thesis_lib.experiment import lab_modes_study
-
         return lab_modes_study.run(request, data)
-    from thesis_lib.experiment import lab_plate_study
-
     assert isinstance(request, LabPlate)
     return lab_plate_study.run(request, data)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -102,8 +103,8 @@ def build(publish: bool = False) -> Path:
         runs.Job(study(), executed / f"{name}.ipynb", results / f"{name}.nc")
         for name, study in STUDIES.items()
     ]
-    filmed = ("experiment", "lab")  # what takes longest comes first
-    jobs.sort(key=lambda job: job.study.subject not in filmed)
+    seconds = {name: cost.seconds for name, cost in effort.read().items()}
+    jobs.sort(key=lambda job: -seconds.get(job.study.name, 0.0))  # what takes longest comes first
     plan = _Plan(root, jobs, publish)
     while True:  # each time round without what failed before
         steps = _tasks(plan)
@@ -124,12 +125,11 @@ def build(publish: bool = False) -> Path:
 
 
 def forget() -> None:
-    """Let the next book execute every notebook; what was made stays until then."""
+    """Let the next book compute and execute everything; what was made stays until then."""
     root = project_root()
     for notebook in (root / "book" / "executed").glob("*.ipynb"):
         notebook.unlink()
-    for kept in (root / "build" / "cache").glob("*.nc"):
-        kept.unlink()
+    shutil.rmtree(root / "build" / "cache", ignore_errors=True)
 
 
 def _stand_in(plan: _Plan, steps: Sequence[tasks.Task], failed: Mapping[str, str]) -> None:

@@ -20,6 +20,7 @@ from typing import Any
 from thesis_lib import comparison, cubes, effort, executed_notebook, files, records
 from thesis_lib.asides import aside
 from thesis_lib.commands import given
+from thesis_lib.experiment import recorded
 from thesis_lib.files import digest_of, library_files, project_root, staging
 from thesis_lib.parameters import STUDIES, Study
 from thesis_lib.published import published_path
@@ -68,8 +69,8 @@ def digest(job: Job) -> str:
     total = hashlib.sha256(json.dumps(cells, sort_keys=True).encode())
     total.update(json.dumps([job.study.name, job.study.request]).encode())
     inputs = [published_path(job.study.name)] if job.page else []
-    if job.study.subject in ("experiment", "lab"):
-        inputs.append(project_root() / "data" / "recordings")
+    if job.study.subject in recorded.SUBJECTS:
+        inputs.append(recorded.folder())
     return f"{total.hexdigest()}{digest_of([*library_files(), *inputs])}"
 
 

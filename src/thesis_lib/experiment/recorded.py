@@ -26,6 +26,8 @@ from thesis_lib.files import code, project_root
 from thesis_lib.parameters import STUDIES
 from thesis_lib.storage import opened, write
 
+SUBJECTS = ("experiment", "lab")
+"""Of the figure sets that are computed from recordings."""
 STEP = 1e-4
 """Image coordinates are kept to this, in px: a hundredth of what noise does to them."""
 
@@ -51,7 +53,7 @@ class Recordings:
     @property
     def path(self) -> Path:
         """Where what was measured is data."""
-        return project_root() / "data" / "recordings" / f"{self.request.name}.nc"
+        return folder() / f"{self.request.name}.nc"
 
     @property
     def made_from(self) -> str:
@@ -60,6 +62,11 @@ class Recordings:
         for path in sorted(self.sources, key=lambda path: path.name):
             total.update(code(path))
         return f"{self.request.digest} {total.hexdigest()}"
+
+
+def folder() -> Path:
+    """Where all of the data are."""
+    return project_root() / "data" / "recordings"
 
 
 def laboratory(request: Study) -> Recordings:
@@ -80,7 +87,7 @@ def laboratory(request: Study) -> Recordings:
 
 def every() -> list[Recordings]:
     """All recordings that there are data of."""
-    asked = [study() for study in STUDIES.values() if study.subject in ("experiment", "lab")]
+    asked = [study() for study in STUDIES.values() if study.subject in SUBJECTS]
     found = {of.request.name: of for of in map(laboratory, asked)}
     return list(found.values())
 
