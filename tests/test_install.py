@@ -306,8 +306,8 @@ def test_no_python_is_downloaded_and_what_is_imported_is_compiled_once(project):
         file.write("\ntold:\n\t@echo $$UV_PYTHON_DOWNLOADS$$PYTHONDONTWRITEBYTECODE\n")
     others = {"UV_PYTHON_DOWNLOADS": "automatic", "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
-        ["make", "told"], cwd=project, env=os.environ | others, capture_output=True, text=True,
-        check=True,
+        ["make", "--no-print-directory", "told"], cwd=project, env=os.environ | others,
+        capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert done.stdout == "never\n"
 
