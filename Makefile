@@ -43,7 +43,7 @@ check: $(ALL)  ## lint, format, types
 photographs: build/photographs/left01.jpg  ## real pictures of a board, for tests that are else skipped
 
 build/photographs/left01.jpg: | $(ALL)
-	$(BIN)/python tests/foreign/photographs.py
+	$(BIN)/python tests/scenes/foreign/photographs.py
 
 bench: $(ALL)  ## speed, as ratios measured in one run, beside the peers that are installed
 	$(BIN)/python -m benchmarks

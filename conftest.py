@@ -8,7 +8,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from thesis_lib.kernel_main import FIXED
+from thesis_lib.runs.kernel_main import FIXED
 
 hypothesis.settings.register_profile("project", deadline=None)  # other jobs may have the machine
 hypothesis.settings.load_profile("project")
@@ -32,7 +32,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _own_kernel(config: pytest.Config) -> None:
     """Let nbval find our kernel, and nothing of the reader's Jupyter."""
-    from thesis_lib import kernel
+    from thesis_lib.runs import kernel
 
     folder = tempfile.TemporaryDirectory(prefix="thesis-kernel-")
     config.add_cleanup(folder.cleanup)

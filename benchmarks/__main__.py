@@ -29,7 +29,7 @@ from benchmarks import (
     recording,
     scale,
 )
-from thesis_lib import benchmark_tables
+from thesis_lib.book.pieces import benchmarks as benchmark_tables
 
 FIGURE = Path(__file__).parents[1] / "build" / "benchmarks" / "growth.svg"
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.measure import images, peak_memory, seconds
 from benchmarks.reference import svd_triangulate
-from thesis_lib.polytope import analytic_centre, joint_centre
-from thesis_lib.triangulation import triangulate
+from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
+from thesis_lib.vision.triangulation import triangulate
 
 
 @dataclass(frozen=True)

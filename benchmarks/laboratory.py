@@ -14,15 +14,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from thesis_lib import cubes, setups
-from thesis_lib.experiment import lens
-from thesis_lib.experiment.adjustment import adjust
-from thesis_lib.experiment.laboratory import Rig, default_rig
-from thesis_lib.experiment.render import BeamView
-from thesis_lib.experiment.requests import ExperimentResolution
-from thesis_lib.experiment.tracking import Tracker, sharpen
-from thesis_lib.experiment.view import find_view
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.files import project_root
+from thesis_lib.laboratory.render import BeamView
+from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.tracking.homography import find_view
+from thesis_lib.measure.tracking.tracker import Tracker, sharpen
+from thesis_lib.studies import cubes
+from thesis_lib.vision import lens
 
 
 def rig() -> Rig:

@@ -15,7 +15,7 @@ PASSES = 1_000_000  # multiply–adds of each number
 
 
 def flops(n_cameras: int, steps: int) -> int:
-    """Additions, multiplications and divisions per point of :mod:`thesis_lib.compiled`.
+    """Additions, multiplications and divisions per point of :mod:`thesis_lib.vision.compiled`.
 
     Linear equations: 2 to shift the image, 12 for the rows, 4 for the right sides. Gauss–Newton:
     21 for depth, h and g, 2 for the residual, 18 for the rows. To either add 36 for the normal

@@ -14,13 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.reference import distances, field_of_distances, svd_triangulate
-from thesis_lib import setups, sound, studies
-from thesis_lib.cameras import hemisphere_cameras, pixelate, project
-from thesis_lib.parameters import STUDIES, CameraStudy, PlateSound, camera_study
-from thesis_lib.planes import Plane, operator, pistons
-from thesis_lib.radiation import AIR, rayleigh
-from thesis_lib.structures import resonance
-from thesis_lib.triangulation import triangulate
+from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
+from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.acoustics.sources import AIR
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.parametric.parameters import CameraStudy, PlateSound, camera_study
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.vibration.structure import resonance
+from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
+from thesis_lib.vision.triangulation import triangulate
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -163,7 +167,7 @@ def compare_plane_errors(trials: int = 200, sample: int = 12) -> PlaneErrors:
         rms = np.empty((*errors.shape[:3], 2))
         for m, omega in enumerate(omegas):
             for p, plane in enumerate(study.planes):
-                factor = sound.full_factor(operator(plate, plane, omega))
+                factor = full_factor(operator(plate, plane, omega))
                 rms[:, m, :, p] = omega * np.linalg.norm(errors[:, m] @ factor.T, axis=-1)
         return rms
 

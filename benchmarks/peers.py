@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from benchmarks.limits import processor_seconds
 from benchmarks.measure import FOCAL_PX, SIZE
 from benchmarks.reference import svd_triangulate
-from thesis_lib.cameras import (
+from thesis_lib.vision.pinhole import (
     CameraArray,
     hemisphere_directions,
     hemisphere_rotations,
     intrinsics,
     project,
 )
-from thesis_lib.triangulation import covariance, triangulate
+from thesis_lib.vision.triangulation import covariance, triangulate
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,8 @@ from typing import Any
 from benchmarks.limits import Limits, flops, traffic
 from benchmarks.peers import Timed, missing, versions
 from benchmarks.rayleigh import Transfer
-from thesis_lib import benchmark_tables, files
+from thesis_lib import files
+from thesis_lib.book.pieces import benchmarks as benchmark_tables
 
 
 def processor() -> str:

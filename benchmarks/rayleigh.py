@@ -12,10 +12,10 @@ import numpy as np
 from benchmarks.limits import processor_seconds
 from benchmarks.peers import missing
 from benchmarks.reference import distances
-from thesis_lib import setups
-from thesis_lib.planes import Plane, operator, pistons
-from thesis_lib.radiation import AIR, transfer
-from thesis_lib.structures import resonance
+from thesis_lib.acoustics.planes import Plane, operator, pistons
+from thesis_lib.acoustics.sources import AIR, transfer
+from thesis_lib.facts import setups
+from thesis_lib.vibration.structure import resonance
 
 
 @dataclass(frozen=True)

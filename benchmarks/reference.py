@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from thesis_lib.radiation import Medium, Pistons
+from thesis_lib.acoustics.sources import Medium, Pistons
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

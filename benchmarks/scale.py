@@ -42,8 +42,9 @@ def measure(trials: int, scheduler: str) -> dict[str, Any]:
     """Seconds until the first result and from then on, points, and the largest memory here."""
     from dataclasses import replace
 
-    from thesis_lib import effort, storage, studies
-    from thesis_lib.parameters import camera_study
+    from thesis_lib.figure_sets.parametric import compute as studies
+    from thesis_lib.figure_sets.parametric.parameters import camera_study
+    from thesis_lib.studies import effort, storage
 
     study = camera_study("plate-arrays", {"trials": trials, "cases": CASES})
     outline = studies.outline(study, scheduler)

@@ -11,7 +11,8 @@ from typing import Any
 
 from playwright.sync_api import Page
 
-from thesis_lib.book import BookError, npm_ci
+from thesis_lib.book.site import npm_ci
+from thesis_lib.web.page import BookError
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "build" / "axe"
@@ -42,7 +43,7 @@ def source() -> str:
 
     Raises
     ------
-    thesis_lib.book.BookError
+    thesis_lib.web.page.BookError
         If there is no npm, or no network the first time.
     """
     lock = ROOT / "package-lock.json"

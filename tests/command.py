@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib import cli, ending
+from thesis_lib import cli
+from thesis_lib.runs import ending
 
 
 @dataclass(frozen=True)

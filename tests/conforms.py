@@ -221,7 +221,10 @@ class _Report:
     def pytest_sessionfinish(self, exitstatus: int) -> None:
         if exitstatus not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
             return  # an interrupted run has not measured all
-        from thesis_lib import conformance, files  # not needed by every run of pytest
+        from thesis_lib import files  # not needed by every run of pytest
+        from thesis_lib.book.conformance import (
+            report as conformance,  # not needed by every run of pytest
+        )
 
         tested = sorted({test.partition("::")[0] for test, _ in self.checks})
         report = {

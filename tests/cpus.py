@@ -38,7 +38,7 @@ BENT = {"shape-holes": 1e-7}  # small elements at holes: bending stiffness grows
 DRAWN = 2.0**-13  # of those in single precision, which are drawn, and stored to 14 bits
 _CUBES = """
 import sys
-from thesis_lib.notebook import study
+from thesis_lib.notebook.show import study
 
 for name in sys.argv[2:]:
     study(name, {"cube": f"{sys.argv[1]}/{name}.nc"})
@@ -47,7 +47,7 @@ for name in sys.argv[2:]:
 
 def main() -> int:
     """Run what is asked for; the exit status is 1 if anything differs or fails."""
-    from thesis_lib.parameters import STUDIES
+    from thesis_lib.figure_sets.registry import STUDIES
 
     # the ledger judges the others' cubes, which are made by then
     every = [name for name in STUDIES if name != "claims"] + ["claims"]

@@ -18,10 +18,14 @@ from typing import Any
 import matplotlib
 import xarray as xr
 
-from thesis_lib import conclusions_figure, cubes, notebook
-from thesis_lib.experiment import pictures, recorded
-from thesis_lib.experiment.requests import ExperimentResolution
+from thesis_lib.book.conclusions import figure as conclusions_figure
+from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
+from thesis_lib.figure_sets.experiment.walk import pictures
 from thesis_lib.files import project_root
+from thesis_lib.notebook import show as notebook
+from thesis_lib.plotting.style import svg
+from thesis_lib.studies import cubes
 
 _DRAWS = re.compile(r"[\w.]*(?:figure|figures|picture|aliases)\(result\b.*\)", re.DOTALL)
 _THREAD = threading.local()
@@ -53,7 +57,7 @@ def of_cube(cube: xr.Dataset) -> Iterator[tuple[str, bytes]]:
 def of_conclusions(results: Path) -> bytes:
     """The figure of the conclusions, from the cubes of a folder."""
     opened = {path.stem: cubes.read(path) for path in sorted(results.glob("*.nc"))}
-    return str(conclusions_figure.svg(conclusions_figure.draw(opened))).encode()
+    return str(svg(conclusions_figure.draw(opened))).encode()
 
 
 def of_recordings(folder: Path) -> Iterator[tuple[str, bytes]]:

@@ -15,8 +15,11 @@ import signal
 import sys
 from pathlib import Path
 
-from thesis_lib import pages, records, runs, tasks
-from thesis_lib.parameters import validate
+from thesis_lib import records
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.runs import execute as runs
+from thesis_lib.runs import tasks
+from thesis_lib.web import page as pages
 
 NAME = "beam-distance"
 REQUESTS = {"A": {"trials": 1, "modes": [1]}, "B": {"trials": 1, "modes": [2]}}

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.files import project_root
-from thesis_lib.reach import reached
+from thesis_lib.studies.reach import reached
 
 FILES = 12  # no more are imported
 SECONDS = 20  # of these; the test that runs when they are over comes on top

@@ -17,8 +17,9 @@ import pytest
 import xarray as xr
 from command import Done, refusal, thesis
 
-from thesis_lib import effort
-from thesis_lib.parameters import CHAPTERS, STUDIES, describe, validate
+from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
+from thesis_lib.studies import effort
+from thesis_lib.studies.request import describe
 
 RUN = ["run", "beam-distance", "-p", "trials=3", "-p", "distances_mm=[500,800]"]
 KINDS = ("ipynb", "nc", "html")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from thesis_lib import cameras, triangulation
+from thesis_lib.vision import pinhole, triangulation
 
 ROOT = Path(__file__).parents[1]
 
@@ -31,8 +31,8 @@ def test_law_of_the_readme_holds_for_drawn_motions(capsys):
     random, P = np.random.default_rng(1), names["rig"].P
     moved = random.uniform(-0.01, 0.01, (3, 4000))
     shift = random.uniform(-0.5, 0.5, (6, 2, 1, 4000))
-    images = cameras.project(P, np.stack([0 * moved, moved], axis=1)) + shift
-    found = triangulation.triangulate(P, cameras.pixelate(images) - shift)
+    images = pinhole.project(P, np.stack([0 * moved, moved], axis=1)) + shift
+    found = triangulation.triangulate(P, pinhole.pixelate(images) - shift)
     error = found[:, 1] - found[:, 0] - moved
     np.testing.assert_allclose(np.sqrt(np.mean(error**2, axis=1)), stated, rtol=0.05)
 

@@ -9,9 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thesis_lib import cli, text
-from thesis_lib.experiment.manifest import ManifestError, read_manifest
-from thesis_lib.parameters import ParameterError, validate
-from thesis_lib.planning.mesh_file import MeshError, read_body
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
+from thesis_lib.planning.structure_file import MeshError, read_body
+from thesis_lib.runs.requested import Refused, assigned_values
+from thesis_lib.studies.request import ParameterError
 
 HIDDEN = {
     "\0": "U+0000", "\x1b": "U+001B", "\t": "U+0009", "\x9b": "U+009B", "\u202e": "U+202E",
@@ -57,9 +59,9 @@ def test_a_structure_file_whose_name_hides_something_is_refused(tmp_path):
     ['{"a": 1, "a": 2}', '{"a": {"b": 1, "b": 2}}', '[{"a": 1}, {"\\u0061": 1, "a": 2}]'],
 )
 def test_a_key_twice_is_refused_at_any_depth(given_json):
-    with pytest.raises(cli.Refused, match="twice"):
-        cli._values([f"layouts={given_json}"])
-    assert cli._values(["layouts={}"]) == {"layouts": {}}
+    with pytest.raises(Refused, match="twice"):
+        assigned_values([f"layouts={given_json}"])
+    assert assigned_values(["layouts={}"]) == {"layouts": {}}
 
 
 @given(st.text(st.characters(exclude_categories=[]), max_size=2000))

@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import importlib.metadata
 import json
-import os
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from thesis_lib.text import hidden, message, of_error, one_line
+from thesis_lib.runs.requested import (
+    FAILED,
+    INTERRUPTED,
+    Refused,
+    assigned_values,
+    new_folder,
+    output_folder,
+    requests_of,
+    use_scheduler,
+)
+from thesis_lib.text import message, of_error
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from thesis_lib.parameters import Study
-    from thesis_lib.runs import Job
-
-REFUSED, FAILED, INTERRUPTED = 2, 1, 130
-LONGEST_FILE = 80  # characters of the names of files in the folders that are written
+    pass
+    from thesis_lib.runs.execute import Job
 _ASSIGNMENTS = click.option(
     "-p",
     "assignments",
@@ -33,12 +37,6 @@ _ASSIGNMENTS = click.option(
     metavar="KEY=VALUE",
     help="A parameter; lists and objects as JSON.",
 )
-
-
-class Refused(click.ClickException):
-    """The request was wrong: one line, exit status 2, nothing written."""
-
-    exit_code = REFUSED
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -51,8 +49,9 @@ def cli() -> None:
 @click.argument("name", required=False)
 def list_(name: str | None) -> None:
     """List the figure sets, or the parameters of the set or chapter NAME."""
-    from thesis_lib import effort
-    from thesis_lib.parameters import CHAPTERS, STUDIES, ParameterError, describe, validate
+    from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
+    from thesis_lib.studies import effort
+    from thesis_lib.studies.request import ParameterError, describe
 
     costs = effort.read()
     if name is None:
@@ -105,13 +104,16 @@ def run(
     Writes notebook, cube and one self-contained page of each set, and prints what changed against
     the published run.
     """
-    from thesis_lib.parameters import CHAPTERS, chapter_title
+    from thesis_lib.figure_sets.registry import CHAPTERS, chapter_title
 
-    studies = _requested(names, _values(assignments))
-    folder = _folder(names, studies, out)
+    studies = requests_of(names, assigned_values(assignments))
+    folder = output_folder(names, studies, out)
     if scheduler is not None:
-        _use_scheduler(scheduler, studies)
-    from thesis_lib import comparison, files, runs, tasks
+        use_scheduler(scheduler, studies)
+    from thesis_lib import files
+    from thesis_lib.runs import execute as runs
+    from thesis_lib.runs import tasks
+    from thesis_lib.studies import comparison
 
     jobs = [
         runs.Job(study, *(folder / f"{study.name}.{kind}" for kind in ("ipynb", "nc", "html")))
@@ -120,7 +122,7 @@ def run(
     # With a scheduler one set after another: each has all the workers.
     tasks.run(runs.job_tasks(jobs), 2 if scheduler is None else 1)
     if len(jobs) > 1:
-        from thesis_lib.pages import index_page
+        from thesis_lib.web.page import index_page
 
         entries = [(job.study.title, f"{job.study.name}.html") for job in jobs]
         title = "Runs"
@@ -138,7 +140,7 @@ def run(
 
 def _own_cube(job: Job) -> Dataset:
     """The cube of a job that has run, unless another run has taken its place since."""
-    from thesis_lib import cubes
+    from thesis_lib.studies import cubes
 
     cube = cubes.read(job.cube)
     if cube.attrs.get("parameters_hash") != job.study.digest:
@@ -171,19 +173,19 @@ def plan(
     Writes the cube, a table of the cameras, a picture and one self-contained page, and says what
     was found. A plan that cannot be is answered with the limit that binds.
     """
-    from thesis_lib.parameters import ParameterError, describe, plan_request
-    from thesis_lib.planning.request import PlanRequest
+    from thesis_lib.planning.request import PlanRequest, plan_request
+    from thesis_lib.studies.request import ParameterError, describe
 
     if parameters:
         click.echo("\n".join(_parameter_lines(describe(PlanRequest))))
         return
     try:
-        request = plan_request(_values(assignments))
+        request = plan_request(assigned_values(assignments))
         if structure is not None and "body" in request.model_fields_set:
             raise ParameterError("plan: body is given beside --structure, allowed: one of them")
     except ParameterError as error:
         raise Refused(str(error)) from None
-    folder = _folder([f"plan-{structure.stem}" if structure else "plan"], [request], out)
+    folder = output_folder([f"plan-{structure.stem}" if structure else "plan"], [request], out)
     try:
         from thesis_lib.planning.report import write_plan
 
@@ -216,11 +218,11 @@ def _parameter_lines(rows: Sequence[dict[str, str]]) -> list[str]:
 @click.option("--from-nothing", is_flag=True, help="Film and run everything anew.")
 def book(publish: bool, from_nothing: bool) -> None:
     """Run what is stale, render the book, say where to open it."""
-    from thesis_lib import unchanged
+    from thesis_lib.book import unchanged
 
     index = None if publish or from_nothing else unchanged.is_unchanged()
     if index is None:
-        from thesis_lib import publishing
+        from thesis_lib.book import build as publishing
 
         if from_nothing:
             _record()
@@ -242,7 +244,7 @@ def record() -> None:
 
 
 def _record() -> None:
-    from thesis_lib.experiment import recorded
+    from thesis_lib.figure_sets import recorded
 
     for of in recorded.every():
         click.echo(f"{of.request.name}: filming", err=True)
@@ -252,7 +254,8 @@ def _record() -> None:
 @cli.command()
 def pdf() -> None:
     """Print the book that `thesis book` has made as one PDF; needs Chromium."""
-    from thesis_lib import files, printing
+    from thesis_lib import files
+    from thesis_lib.book import pdf as printing
 
     click.echo(f"Open {printing.build(files.project_root())}")
 
@@ -264,15 +267,18 @@ def claims(as_json: bool) -> None:
 
     Exits 0 whatever the verdicts.
     """
-    from thesis_lib import cubes, ledger, ledger_runs
-    from thesis_lib.ledger_requests import Claims
+    from thesis_lib.figure_sets.claims import own_runs as ledger_runs
+    from thesis_lib.figure_sets.claims.parameters import Claims
+    from thesis_lib.ledger import entries as ledger
+    from thesis_lib.ledger import report as ledger_report
+    from thesis_lib.studies.cache import cached
 
-    own = cubes.cached(Claims().own_runs, ledger_runs.run)
+    own = cached(Claims().own_runs, ledger_runs.run)
     found = ledger.entries(ledger.built, ledger_runs.read_own(own))
     if as_json:
         click.echo(json.dumps([entry.record for entry in found], ensure_ascii=False, indent=1))
     else:
-        click.echo(ledger.report(found))
+        click.echo(ledger_report.report(found))
 
 
 @cli.command()
@@ -303,8 +309,8 @@ def measure(manifest: Path | None, out: Path | None, check: bool, example: Path 
         _example(example)
         return
     assert manifest is not None
-    from thesis_lib.experiment.manifest import read_manifest
-    from thesis_lib.measuring.feasibility import assess, describe
+    from thesis_lib.measure.feasibility.assess import assess, describe
+    from thesis_lib.measure.recordings.manifest import read_manifest
 
     out = manifest.parent / "measured" if out is None else out
     with _one_line(out):
@@ -312,8 +318,8 @@ def measure(manifest: Path | None, out: Path | None, check: bool, example: Path 
         if check:  # before anything is filmed
             click.echo("\n".join(describe(assess(wanted))))
             return
-        folder = _new_folder(out)
-        from thesis_lib.measuring.measure import measure as run_measure
+        folder = new_folder(out)
+        from thesis_lib.measure.pipeline import measure as run_measure
 
         report = run_measure(manifest, folder, click.echo)
     click.echo(f"Open {report}")
@@ -321,9 +327,9 @@ def measure(manifest: Path | None, out: Path | None, check: bool, example: Path 
 
 def _example(folder: Path) -> None:
     """Write the example and say what to do with it."""
-    from thesis_lib.measuring.example import write_example
+    from thesis_lib.laboratory.example import write_example
 
-    folder = _new_folder(folder, "--example")
+    folder = new_folder(folder, "--example")
     with _one_line(folder):
         try:
             manifest = write_example(folder, click.echo)
@@ -335,7 +341,7 @@ def _example(folder: Path) -> None:
 @contextlib.contextmanager
 def _one_line(place: Path) -> Iterator[None]:
     """Every failure as one line, also what the system or another library raises."""
-    from thesis_lib.experiment.manifest import ManifestError
+    from thesis_lib.measure.recordings.manifest import ManifestError
 
     try:
         yield
@@ -357,7 +363,7 @@ def _one_line(place: Path) -> Iterator[None]:
 @click.argument("old", type=click.Path(path_type=Path), required=False, metavar="[B.nc]")
 def compare(new: Path, old: Path | None) -> None:
     """Show how cube A differs from B, in everything, or from the published run, in errors."""
-    from thesis_lib import comparison, cubes, storage
+    from thesis_lib.studies import comparison, cubes, storage
 
     try:
         first = cubes.read(new)
@@ -372,120 +378,6 @@ def compare(new: Path, old: Path | None) -> None:
         click.echo("\n".join(comparison.all_difference_lines(first, second, name)))
     except storage.CubeError as error:  # of the published run
         raise Refused(str(error)) from None
-
-
-def _values(assignments: Sequence[str]) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    for assignment in assignments:
-        key, equals, text = assignment.partition("=")
-        if not equals or not key:
-            raise Refused(f"-p: given {assignment!r}, allowed: KEY=VALUE")
-        if key in values:
-            raise Refused(f"-p: {key!r} is given twice, allowed: once")
-        if key == "cube":
-            raise Refused("-p: cube is where a notebook writes; use --out to choose the folder")
-        try:
-            values[key] = json.loads(text, object_pairs_hook=partial(_once, key))
-        except (ValueError, RecursionError):  # no JSON, or beyond its limits
-            values[key] = text
-    return values
-
-
-def _once(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of JSON, in which no key may stand twice: nobody knows which was meant."""
-    found: dict[str, Any] = {}
-    for name, value in pairs:
-        if name in found:
-            raise Refused(f"-p: {key}: {one_line(repr(name))} is given twice, allowed: once")
-        found[name] = value
-    return found
-
-
-def _requested(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
-    """Validated studies of sets and chapters; each set takes the parameters that it has."""
-    from thesis_lib.parameters import CHAPTERS, STUDIES, ParameterError, validate
-
-    expanded = [set_ for name in names for set_ in CHAPTERS.get(name, [name])]
-    wanted = list(dict.fromkeys(expanded))
-    studies, notes = [], []
-    try:
-        for name in wanted:
-            validate(name, {})
-        for key, value in values.items():
-            if not any(key in STUDIES[name].model_fields for name in wanted):
-                validate(wanted[0], {key: value})
-        for name in wanted:
-            fields = STUDIES[name].model_fields
-            studies.append(validate(name, {key: values[key] for key in values if key in fields}))
-            notes += [
-                f"{name} has no {key}: it runs without" for key in values if key not in fields
-            ]
-    except ParameterError as error:
-        raise Refused(str(error)) from None
-    for note in notes:
-        click.echo(note, err=True)
-    return studies
-
-
-def _use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
-    """Check that a scheduler can be used, and have the notebooks' kernels use it."""
-    from thesis_lib import schedulers
-    from thesis_lib.parameters import CameraStudy
-
-    try:
-        schedulers.checked(scheduler)
-    except ValueError as error:
-        raise Refused(f"--scheduler: {error}") from None
-    others = [study.name for study in studies if not isinstance(study, CameraStudy)]
-    if len(others) == len(studies):
-        raise Refused(
-            f"--scheduler: given with {', '.join(others)}, allowed with camera and sound studies "
-            "(beam-…, plate-…, sound-…, shape-…), which can be cut into pieces"
-        )
-    for name in others:
-        click.echo(schedulers.alone(name), err=True)
-    schedulers.check(scheduler)
-    os.environ[schedulers.ENVIRONMENT] = scheduler
-
-
-def _folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) -> Path:
-    import hashlib
-
-    from thesis_lib.files import project_root
-
-    if out is None:
-        digest = studies[0].digest
-        if len(studies) > 1:
-            joined = " ".join(study.digest for study in studies)
-            digest = hashlib.sha256(joined.encode()).hexdigest()[:10]
-        out = project_root() / "runs" / f"{'+'.join(dict.fromkeys(names))}-{digest}"
-    return _new_folder(out)
-
-
-def _new_folder(out: Path, option: str = "--out") -> Path:
-    """A folder to write to, refused where a file stands in its way or writing is not allowed."""
-    if str(out) in ("", "."):
-        raise Refused(f"{option}: given no folder of its own, allowed: a folder, new or not")
-    folder = out.absolute()
-    if found := hidden(str(folder)):
-        raise Refused(f"{option}: given {out} with {found}; allowed: visible text")
-    try:
-        (folder / ("x" * LONGEST_FILE)).lstat()
-    except OSError as error:
-        if error.errno == errno.ENAMETOOLONG:
-            raise Refused(
-                f"{option}: given {one_line(str(out))}, but a file in it would have too long a "
-                "name; allowed: a shorter one"
-            ) from None
-    there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
-    problem = "" if os.access(there, os.W_OK | os.X_OK) else "cannot be written to"
-    if not there.is_dir():
-        problem = "is a file" if there.exists() else "leads nowhere"
-    if problem:
-        raise Refused(
-            f"{option}: given {out}, but {there} {problem}; allowed: a folder, new or not"
-        )
-    return folder
 
 
 def _lacking(error: ModuleNotFoundError) -> str:
@@ -510,7 +402,7 @@ def _said(error: Exception) -> str:
 
 def main() -> None:
     """Run the command; errors are lines on standard error, and nothing else is."""
-    from thesis_lib import ending
+    from thesis_lib.runs import ending
 
     ending.prepare()
     try:

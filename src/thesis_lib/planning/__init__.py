@@ -1,1 +1,1 @@
-"""Planning: where cameras should stand, and how many of which kind, before any is bought."""
+"""Where cameras should stand, and how many of which kind."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thesis_lib.structures import Structure, deflection_shape
+from thesis_lib.vibration.structure import Structure, deflection_shape
 
 Array = NDArray[np.float64]
 

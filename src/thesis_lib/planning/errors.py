@@ -1,7 +1,7 @@
 """Errors of a layout: by the law of rounding, and by the simulation of the studies.
 
 A camera counts for the markers that it sees. Markers seen by the same cameras are one group, which
-is predicted and simulated as in :mod:`thesis_lib.studies`.
+is predicted and simulated as in :mod:`thesis_lib.figure_sets.parametric.compute`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thesis_lib import rounding, studies
-from thesis_lib.cameras import CameraArray
 from thesis_lib.planning.places import Scene, cameras, visible
+from thesis_lib.vision import rounding
+from thesis_lib.vision.pinhole import CameraArray
+from thesis_lib.vision.simulation import measure
 
 Array = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def simulated(
     true = body.shapes * np.array(scene.peaks)[:, None]
     wrong = np.empty((len(true), trials, true.shape[1]))
     for some, markers, part in _groups(scene, layout, width):
-        found = studies.measure(
+        found = measure(
             part, points[:, :, markers], shifts[:, some], estimator=estimator,
             normals=body.normals[:, markers],
         )  # fmt: skip

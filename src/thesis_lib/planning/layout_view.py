@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.cubes import percent_text
-from thesis_lib.style import COLORS
-from thesis_lib.widgets import VIEWER_CSS, joined, static_html
+from thesis_lib.plotting.style import COLORS
+from thesis_lib.studies.cubes import percent_text
+from thesis_lib.web.fragment import VIEWER_CSS, joined, static_html
 
 WITHOUT = "This picture needs JavaScript to be turned; the ones beside it show the same cameras."
 

@@ -16,15 +16,8 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from thesis_lib.planning.lattice import TIE, first_least
-from thesis_lib.planning.places import (
-    SLACK,
-    Scene,
-    cameras,
-    centres,
-    permitted,
-    visible,
-)
-from thesis_lib.triangulation import UPPER, jacobian
+from thesis_lib.planning.places import SLACK, Scene, cameras, centres, permitted, visible
+from thesis_lib.vision.triangulation import UPPER, jacobian
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from thesis_lib.cameras import CameraArray, hemisphere_cameras, hemisphere_directions, project
 from thesis_lib.planning import lattice
 from thesis_lib.planning.bodies import Body
+from thesis_lib.vision.pinhole import (
+    CameraArray,
+    hemisphere_cameras,
+    hemisphere_directions,
+    project,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic_core import PydanticCustomError
 
-from thesis_lib.camera_study import ParameterError
 from thesis_lib.planning import errors
 from thesis_lib.planning.bodies import Body
 from thesis_lib.planning.lattice import first_most
@@ -27,6 +26,7 @@ from thesis_lib.planning.optimum import (
 from thesis_lib.planning.places import FIELDS, Scene, binding, candidates, sees_enough, without
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.planning.search import best_layouts
+from thesis_lib.studies.request import ParameterError
 
 Array = NDArray[np.float64]
 

@@ -14,16 +14,17 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from thesis_lib import cubes, storage
 from thesis_lib.files import staging
-from thesis_lib.pages import shell
+from thesis_lib.planning.cube import as_cube
+from thesis_lib.planning.figures import front_figure, layout_figure
 from thesis_lib.planning.layout_view import layout_view
-from thesis_lib.planning.mesh_file import read_body
-from thesis_lib.planning.pictures import front_figure, layout_figure
-from thesis_lib.planning.plan_cube import as_cube
 from thesis_lib.planning.planner import Plan, plan
 from thesis_lib.planning.request import PlanRequest, command, study_of
-from thesis_lib.style import svg
+from thesis_lib.planning.structure_file import read_body
+from thesis_lib.plotting.style import svg
+from thesis_lib.studies import storage
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.web.page import shell
 
 COLUMNS = ("camera", "x_mm", "y_mm", "z_mm", "azimuth_deg", "elevation_deg", "distance_mm",
            "focal_length_mm", "width_px", "height_px", "frame_rate_hz")  # fmt: skip
@@ -55,7 +56,7 @@ def write_plan(
     start = time.perf_counter()
     body = None if structure is None else read_body(structure, request.modes)
     made = plan(request, body, tell)
-    cube = cubes.with_provenance(as_cube(made), request, time.perf_counter() - start)
+    cube = with_provenance(as_cube(made), request, time.perf_counter() - start)
     file = "" if structure is None else str(structure)
     cube.attrs["command"] = command(request, file)
     if structure is not None:

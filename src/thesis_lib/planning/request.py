@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from thesis_lib import setups
-from thesis_lib.camera_study import Mode, Positive, Resolution, Study, field, refuse
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.places import Rules
-from thesis_lib.setups import Setting
-from thesis_lib.structures import Structure
+from thesis_lib.studies.request import Study, refuse, validated
+from thesis_lib.studies.vocabulary import Mode, Positive, Resolution, field
+from thesis_lib.vibration.structure import Structure
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 Turn = Annotated[float, Field(ge=-360, le=360)]
@@ -280,3 +282,10 @@ def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> 
     }  # fmt: skip
     words = [f"-p {shlex.quote(f'{k}={json.dumps(v)}')}" for k, v in values.items()]
     return " ".join([f"thesis run {request.body}-arrays", *words])
+
+
+def plan_request(values: Mapping[str, Any]) -> PlanRequest:
+    """Parameters of ``thesis plan`` from plain values; errors as :func:`.registry.validate`."""
+    request = validated(PlanRequest, values)
+    assert isinstance(request, PlanRequest)
+    return request

@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from thesis_lib.cameras import hemisphere_directions
 from thesis_lib.planning import lattice
 from thesis_lib.planning.lattice import TIE, by_rule, first_least, rank
 from thesis_lib.planning.optimum import (
@@ -26,6 +25,7 @@ from thesis_lib.planning.optimum import (
     variances,
 )
 from thesis_lib.planning.places import Scene, apart, at, nearest, permitted
+from thesis_lib.vision.pinhole import hemisphere_directions
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -1,0 +1,205 @@
+"""The field of a plate on the thesis's two planes, XZ and YZ (thesis 6.1, 6.2).
+
+Plate and plane mirror each other twice: pistons at ±a across the plane are equally far from each of
+its points, and the kernel of a point at −u is that of +u with the pistons mirrored. So a quarter
+of the distances is enough: the velocities are folded across the plane, and the halves u > 0 and
+u < 0 see the folded velocities and their mirror image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.acoustics.sources import AIR, Medium, Pistons, check_pistons, outgoing_wave
+from thesis_lib.vibration.plate import Plate
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane through the plate's centre and its normal.
+
+    Parameters
+    ----------
+    name : str
+        ``XZ`` (along the length) or ``YZ`` (across).
+    half_width : float
+        The points lie at |u| ≤ half_width in m, u being X or Y.
+    bottom, top : float
+        Lowest and highest Z in m; the lowest is above the plate.
+    shape : tuple of int
+        Points along u and along Z.
+
+    Raises
+    ------
+    ValueError
+        If the plane does not lie in front of the plate or has no points.
+    """
+
+    name: Literal["XZ", "YZ"]
+    half_width: float
+    bottom: float
+    top: float
+    shape: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        if not 0 < self.bottom <= self.top or not self.half_width > 0 or min(self.shape) < 1:
+            raise ValueError(
+                f"plane: given half width {self.half_width} m, Z {self.bottom} to {self.top} m, "
+                f"{self.shape} points; needs half width > 0, 0 < bottom ≤ top, 1 or more points"
+            )
+
+    @property
+    def u(self) -> Array:
+        """X or Y of the columns in m, shape (columns,), symmetric about 0."""
+        return (
+            self.half_width * np.linspace(-1, 1, self.shape[0])
+            if self.shape[0] > 1
+            else np.zeros(1)
+        )
+
+    @property
+    def z(self) -> Array:
+        """Z of the rows in m, shape (rows,)."""
+        return np.linspace(self.bottom, self.top, self.shape[1])
+
+    @property
+    def points(self) -> Array:
+        """World coordinates, shape (3, columns, rows), in m."""
+        u, z = np.meshgrid(self.u, self.z, indexing="ij")
+        return np.stack([u, 0 * u, z] if self.name == "XZ" else [0 * u, u, z])
+
+
+def pistons(plate: Plate) -> Pistons:
+    """The plate's cells as pistons, in the order of its markers."""
+    centre = np.array(plate.extent)[:, None] / 2
+    size = (plate.length / plate.grid[0], plate.width / plate.grid[1])
+    return Pistons(plate.markers - centre, size)
+
+
+@dataclass(frozen=True)
+class PlaneOperator:
+    """From piston velocities to the pressure on a plane, at one frequency.
+
+    Parameters
+    ----------
+    plane : Plane
+        Where the pressure is wanted.
+    grid : tuple of int
+        Pistons along x and y.
+    kernel : ndarray, shape (right columns · rows, folded pistons), complex
+        Pressure per folded velocity at the points with u ≥ 0, in Pa s/m.
+    """
+
+    plane: Plane
+    grid: tuple[int, int]
+    kernel: ComplexArray
+
+    def fold(self, velocity: ArrayLike) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:
+        """Velocities (..., pistons) folded across the plane, and the same mirrored along it."""
+        v = np.asarray(velocity)
+        nx, ny = self.grid
+        across_along = v.reshape((*v.shape[:-1], ny, nx))
+        if self.plane.name == "YZ":
+            across_along = np.swapaxes(across_along, -1, -2)
+        n = int(np.shape(across_along)[-2])
+        half = n // 2
+        folded = across_along[..., n - half :, :] + across_along[..., :half, :][..., ::-1, :]
+        if n % 2:  # the middle row lies in the plane and has no mirror image
+            folded = np.concatenate([across_along[..., half : half + 1, :], folded], axis=-2)
+        flat = (*v.shape[:-1], -1)
+        return folded.reshape(flat), folded[..., ::-1].reshape(flat)
+
+    def field(self, velocity: ArrayLike) -> ComplexArray:
+        """Pressure (columns, rows) in Pa of velocities (pistons,) in m/s."""
+        folded, mirrored = self.fold(velocity)
+        columns, rows = self.plane.shape
+        both = (self.kernel @ np.stack([folded, mirrored], axis=-1)).reshape(-1, rows, 2)
+        right, left = both[..., 0], both[..., 1]
+        return np.concatenate([left[columns % 2 :][::-1], right])
+
+    def rms_factor(self) -> Array:
+        """Triangular factor F with ‖F v‖ the rms of |p| over the plane for folded, real v.
+
+        ‖F v‖² = vᵀ Re(GᴴG) v / N, without the loss of digits of that quadratic form. Rows of G
+        for u > 0 and u < 0 share the kernel: the mirrored half is the kernel with its columns
+        mirrored.
+        """
+        columns, rows = self.plane.shape
+        nx, ny = self.grid
+        along = nx if self.plane.name == "XZ" else ny
+        right = self.kernel
+        left = right.reshape(len(right), -1, along)[:, :, ::-1].reshape(right.shape)
+        left = left[rows:] if columns % 2 else left
+        factor = np.linalg.qr(_stack_real(right), mode="r")
+        factor = np.linalg.qr(np.concatenate([factor, _stack_real(left)]), mode="r")
+        return factor / np.sqrt(columns * rows)
+
+    def rms(self, velocity: ArrayLike, factor: Array | None = None) -> Array:
+        """Root mean square of |p| over the plane in Pa, for real velocities (..., pistons).
+
+        Parameters
+        ----------
+        velocity : array_like, shape (..., pistons)
+            Real velocities in m/s.
+        factor : ndarray, optional
+            What :meth:`rms_factor` gives, to use it for many calls.
+        """
+        F = self.rms_factor() if factor is None else factor
+        folded, _ = self.fold(velocity)
+        return np.linalg.norm(folded @ F.T, axis=-1)
+
+
+def _stack_real(matrix: ComplexArray) -> Array:
+    return np.concatenate([matrix.real, matrix.imag])
+
+
+def operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AIR) -> PlaneOperator:
+    """The operator of a plate, a plane and a frequency.
+
+    Parameters
+    ----------
+    plate : Plate
+        The radiating plate; its cells are the pistons.
+    plane : Plane
+        Where the pressure is wanted.
+    omega : float
+        Angular frequency in rad/s.
+    medium : Medium
+        The fluid.
+
+    Raises
+    ------
+    ValueError
+        If the pistons are too large for the wavelength.
+    """
+    parts = pistons(plate)
+    check_pistons(parts, omega, medium)
+    offsets = [
+        size * (np.arange(n) - (n - 1) / 2) for size, n in zip(parts.size, plate.grid, strict=True)
+    ]
+    along, across = offsets if plane.name == "XZ" else offsets[::-1]
+    across = across[len(across) // 2 :]
+    right = plane.u[plane.shape[0] // 2 :]
+    height = plane.z**2
+    aside = across[:, None] ** 2 + (right[:, None, None, None] - along) ** 2
+    R = np.sqrt(aside + height[:, None, None]).reshape(len(right) * len(height), -1)
+    sine, cosine = outgoing_wave(omega / medium.speed_of_sound, R)
+    kernel = np.empty(R.shape, complex)
+    scale = omega * medium.density * parts.area / (2 * np.pi)
+    np.multiply(sine, scale, out=kernel.real)
+    np.multiply(cosine, scale, out=kernel.imag)
+    return PlaneOperator(plane, plate.grid, kernel)
+
+
+def full_factor(op: PlaneOperator) -> Array:
+    """Factor F of a plane for unfolded velocities: ‖F v‖ is the rms of |p|, for real v."""
+    n = op.grid[0] * op.grid[1]
+    folded, _ = op.fold(np.eye(n))
+    return op.rms_factor() @ np.real(folded).T

@@ -1,0 +1,111 @@
+"""What errors of a plate's deflection do to its sound: two planes and the radiated power.
+
+The pressure is linear in the deflection, so the rms error on a plane is ω ‖F e‖ with a small
+triangular factor F; the power is ω² wᵀRw with the radiation resistance R.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.acoustics.planes import Plane, PlaneOperator, full_factor, operator, pistons
+from thesis_lib.acoustics.radiation import radiation_matrix
+from thesis_lib.acoustics.sources import Medium
+from thesis_lib.vibration.plate import Plate
+
+# A plane whose reference is below this share of the other's, or of the pressure of pistons that
+# move as much but without order, has none: mode (2, 2) is silent on both planes.
+NODAL = 1e-6
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class PlateSound:
+    """The sound of one deflection shape, and of others held against it.
+
+    Parameters
+    ----------
+    omega : float
+        Angular frequency in rad/s.
+    reference : ndarray, shape (markers,)
+        True deflection in m.
+    operators : tuple of PlaneOperator
+        From velocities to the pressure on each plane.
+    factors : tuple of ndarray
+        ‖F v‖ is the rms pressure on a plane in Pa for real velocities v.
+    largest : ndarray, shape (planes,)
+        Largest reference pressure on each plane in Pa; NaN where a plane is nodal.
+    resistance : ndarray, shape (markers, markers)
+        Radiation resistance R in W s²/m².
+    """
+
+    omega: float
+    reference: Array
+    operators: tuple[PlaneOperator, ...]
+    factors: tuple[Array, ...]
+    largest: Array
+    resistance: Array
+
+    @classmethod
+    def of(
+        cls, plate: Plate, planes: tuple[Plane, ...], medium: Medium, omega: float,
+        reference: Array,
+    ) -> PlateSound:  # fmt: skip
+        """The sound of a true deflection (markers,) in m at an angular frequency in rad/s."""
+        operators = tuple(operator(plate, plane, omega, medium) for plane in planes)
+        factors = tuple(full_factor(op) for op in operators)
+        largest = np.array([np.abs(op.field(omega * reference)).max() for op in operators])
+        disordered = [omega * np.linalg.norm(F) * np.abs(reference).max() for F in factors]
+        nodal = largest <= NODAL * np.maximum(largest, disordered).max()
+        resistance = radiation_matrix(pistons(plate), omega, medium)
+        return cls(omega, reference, operators, factors, np.where(nodal, np.nan, largest),
+                   resistance)  # fmt: skip
+
+    def fields(self, deflection: ArrayLike) -> ComplexArray:
+        """Pressure (planes, u, z) in Pa of a deflection (markers,) in m."""
+        velocity = 1j * self.omega * np.asarray(deflection, float)
+        return np.stack([op.field(velocity) for op in self.operators])
+
+    def plane_errors(self, deflection: ArrayLike) -> Array:
+        """Rms pressure errors (..., planes) in % of each plane's largest reference pressure."""
+        error = np.asarray(deflection, float) - self.reference
+        rms = [self.omega * np.linalg.norm(error @ F.T, axis=-1) for F in self.factors]
+        return 100 * np.stack(rms, axis=-1) / self.largest
+
+    def expected_plane_errors(self, covariance: ArrayLike) -> Array:
+        """What errors with a covariance (markers, markers) in m² make of them, rms, (planes,)."""
+        C = np.asarray(covariance, float)
+        rms = [self.omega * np.sqrt(np.sum((F @ C) * F)) for F in self.factors]
+        return 100 * np.array(rms) / self.largest
+
+    @property
+    def independent_ratios(self) -> Array:
+        """Plane error over deflection error for errors of equal size, marker by marker."""
+        peak = np.abs(self.reference).max()
+        return self.expected_plane_errors(np.eye(len(self.reference)) * peak**2) / 100
+
+    def power(self, deflection: ArrayLike) -> Array:
+        """Radiated power in W of deflections (..., markers) in m."""
+        w = np.asarray(deflection, float)
+        return np.asarray(self.omega**2 * np.sum((w @ self.resistance) * w, axis=-1))
+
+    def power_errors(self, deflection: ArrayLike) -> Array:
+        """Radiated power over that of the reference, less one, in %."""
+        return 100 * (self.power(deflection) / self.power(self.reference) - 1)
+
+    def expected_power_error(self, covariance: ArrayLike) -> float:
+        """Rms power error in % by small errors of mean 0 with a covariance (markers, markers).
+
+        Their own power, tr RC, adds to what they make the reference's vary, 4 wᵀRCRw.
+        """
+        C, R = np.asarray(covariance, float), self.resistance
+        slope = R @ self.reference
+        variance = 4 * slope @ C @ slope + 2 * np.sum((R @ C) * (C @ R))
+        own = np.sum(R * C)
+        scale = 100 * self.omega**2 / float(self.power(self.reference))
+        return float(scale * np.sqrt(variance + own**2))

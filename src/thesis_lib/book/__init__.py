@@ -1,0 +1,1 @@
+"""What is made of many cubes, or of the whole book."""

@@ -1,0 +1,86 @@
+"""The whole thesis in one figure: error against each of the five knobs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
+
+from thesis_lib import files
+from thesis_lib.book.conclusions.strengths import KNOBS, Cubes, Curve, Knob, curves
+from thesis_lib.plotting.style import COLORS, in_style, subplots, svg
+from thesis_lib.studies import cubes
+
+NAME = "conclusions.svg"
+GROUPS = dict(zip(("beam", "plate", "sound", "experiment"), COLORS[:2] + COLORS[2:3] + COLORS[4:5],
+                  strict=True))  # fmt: skip
+TITLES = {"closer": "(a) distance, mm", "wider": "(b) aperture, °", "lower": "(c) elevation, °",
+          "finer": "(d) width, px", "more": "(e) cameras"}  # fmt: skip
+TICKS = {"closer": (500, 750, 1000, 1500), "wider": (20, 50, 150), "lower": (5, 10, 20, 60),
+         "finer": (320, 640, 1920), "more": (2, 4, 6, 12)}  # fmt: skip
+
+
+def draw(opened: Cubes) -> Figure:
+    """Five panels, one for each knob, all with the same axis of errors.
+
+    A line is one case, the geometric mean over modes and planes of the rms over the trials; a
+    diamond is one figure that the thesis states.
+    """
+    with in_style():
+        drawing, panels = subplots(1, 5, figsize=(9.6, 3.6), sharey=True, layout="constrained")
+        for axes, (name, knob) in zip(panels, KNOBS.items(), strict=True):
+            _panel(axes, list(curves(opened, knob)))
+            _axis(axes, name, knob)
+        panels[0].set(yscale="log", ylabel="rms error, %")
+        panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        drawing.legend(handles=_legend(), loc="outside lower center", ncols=7, columnspacing=1.2,
+                       handlelength=1.8)  # fmt: skip
+    return drawing
+
+
+def _panel(axes: Axes, found: Sequence[Curve]) -> None:
+    by: dict[tuple[str, str], list[Curve]] = {}
+    for curve in found:
+        by.setdefault((curve.group, curve.case), []).append(curve)
+        axes.plot(curve.values, curve.stated, "D", color=_color(curve.group), markersize=4,
+                  markerfacecolor="none", markeredgewidth=0.7, alpha=0.8, zorder=3)  # fmt: skip
+    for (group, _), alike in by.items():
+        mean = np.exp(np.mean([np.log(curve.rms) for curve in alike], axis=0))
+        axes.plot(alike[0].values, mean, "--" if "filmed" in group else "-", color=_color(group),
+                  linewidth=1.2, marker=".", markersize=4)  # fmt: skip
+
+
+def _axis(axes: Axes, name: str, knob: Knob) -> None:
+    axes.set(xscale="log", title=TITLES[name])
+    axes.xaxis.set_major_locator(FixedLocator(TICKS[name]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    if knob.better < 0:  # to the right is what should measure better
+        axes.invert_xaxis()
+
+
+def _color(group: str) -> str:
+    return GROUPS[group.partition(",")[0]]
+
+
+def _legend() -> list[Line2D]:
+    lines = [Line2D([], [], color=color, label=name) for name, color in GROUPS.items()]
+    grey = "#555555"
+    filmed = Line2D([], [], color=grey, linestyle="--", label="filmed in the laboratory")
+    stated = Line2D([], [], color=grey, linestyle="", marker="D", markersize=4,
+                    markerfacecolor="none", label="thesis")  # fmt: skip
+    return [*lines, filmed, stated]
+
+
+def write(made: Sequence[Path], folder: Path) -> None:
+    """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
+    used = {name for knob in KNOBS.values() for _, name, _, _ in knob.sources}
+    opened: Mapping[str, xr.Dataset] = {p.stem: cubes.read(p) for p in made if p.stem in used}
+    text = svg(draw(opened))
+    files.whole_text(folder / NAME, text)

@@ -1,0 +1,332 @@
+"""Chapter 7 of the thesis, computed: how strongly each of its conclusions holds in the cubes.
+
+A :class:`Curve` is one error of one case and mode over one of the five things that the thesis
+varies. Its slope on logarithmic axes is the exponent p of
+
+    error ∝ x^p,
+
+fitted by least squares to the rms over the trials, and for comparison to the prediction that the
+cube carries (for simulations the first-order law of rounding).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.facts.claims import Claim
+from thesis_lib.facts.trends import Trend
+from thesis_lib.ledger.trends import CONFIDENT, Finding, Series, judge
+from thesis_lib.plotting import selection
+from thesis_lib.plotting.selection import select
+from thesis_lib.studies import cubes
+
+Array = NDArray[np.float64]
+Cubes = Mapping[str, xr.Dataset]
+Source = tuple[str, str, tuple[str, ...], tuple[str, ...]]
+MEAN = ("mean_error",)
+PLANES = ("plane_error_xz", "plane_error_yz")
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One of the five things that the thesis varies.
+
+    Parameters
+    ----------
+    label, symbol : str
+        What it is, with its unit, and what the error is taken to be a power of.
+    better : int
+        1 if more of it should measure better, else -1.
+    sources : tuple
+        Who measured it: name of the group, figure set, cases (none means all) and errors.
+    exponent_of : callable
+        What the error is taken to be a power of, from the values.
+    """
+
+    label: str
+    symbol: str
+    better: int
+    sources: tuple[Source, ...]
+    exponent_of: Callable[[Array], Array] = field(default=lambda values: values)
+
+
+def _cosine(degrees: Array) -> Array:
+    return np.cos(np.radians(degrees))
+
+
+def _simulated(study: str, *cases: str) -> tuple[Source, ...]:
+    """The same study of beam, plate and sound."""
+    return tuple(
+        (subject, f"{subject}-{study}", cases, PLANES if subject == "sound" else MEAN)
+        for subject in ("beam", "plate", "sound")
+    )
+
+
+def _filmed_plate(case: str) -> tuple[Source, ...]:
+    return (
+        ("plate, filmed", "lab-plate", (case,), MEAN),
+        ("sound, filmed", "lab-plate", (case,), PLANES),
+    )
+
+
+KNOBS: dict[str, Knob] = {
+    "closer": Knob(
+        "distance, mm", "d", -1,
+        (*_simulated("distance"), ("beam, filmed", "lab-layout", ("distance",), MEAN),
+         *_filmed_plate("distance")),
+    ),
+    "wider": Knob(
+        "aperture, °", "α", 1,
+        (*_simulated("aperture", "2a", "2c"), ("beam, filmed", "lab-layout", ("aperture",), MEAN),
+         *_filmed_plate("aperture")),
+    ),
+    "lower": Knob(
+        "elevation, °", "cos φ", -1,
+        (*_simulated("aperture", "2b", "2d"),
+         ("beam, filmed", "lab-elevation", ("three-rows",), MEAN), *_filmed_plate("elevation")),
+        _cosine,
+    ),
+    "finer": Knob(
+        "width of the sensor, px", "W", 1,
+        (*_simulated("resolution"), ("experiment", "experiment-resolution", ("matched",), MEAN),
+         *_filmed_plate("resolution")),
+    ),
+    "more": Knob(
+        "number of cameras", "N", 1,
+        (*_simulated("arrays"), ("experiment", "experiment-cameras", ("matched",), MEAN),
+         *_filmed_plate("cameras")),
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One error of one case and mode over one knob.
+
+    Parameters
+    ----------
+    group, case, quantity : str
+        Whose error, of which case, and its name in the tables.
+    mode : int
+        Of which mode.
+    values : ndarray, shape (settings,)
+        What is varied, growing.
+    errors : ndarray, shape (settings, trials)
+        In %, of the random trials.
+    predicted, stated : ndarray, shape (settings,)
+        The cube's prediction and the thesis's figure in %; NaN where there is none.
+    elevation : float
+        Of the first camera in the first setting, in degrees.
+    lost : int
+        Settings without any result, which are left out.
+    """
+
+    group: str
+    case: str
+    quantity: str
+    mode: int
+    values: Array
+    errors: Array
+    predicted: Array
+    stated: Array
+    elevation: float
+    lost: int
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square over the trials in %, shape (settings,)."""
+        return np.asarray(np.sqrt(np.mean(self.errors**2, axis=1)))
+
+    def finding(self, better: int) -> Finding:
+        """Whether the error falls where it should, by the ledger's test of trends."""
+        test = "falls" if better > 0 else "rises"
+        quantity, case, mode = self.quantity, self.case, self.mode
+        trend = Trend("", 7, "7", (case,), (mode,), (quantity,), "", "", "", (), test)
+        found = judge(trend, [Series(quantity, case, mode, self.values, self.errors)])
+        assert found is not None  # it speaks of this very series
+        return found
+
+
+def curves(opened: Cubes, knob: Knob) -> Iterator[Curve]:
+    """All errors over one knob; cubes that are missing are left out."""
+    for group, name, cases, quantities in knob.sources:
+        try:
+            cube = opened[name]
+        except KeyError:
+            continue
+        for case in cases or tuple(dict.fromkeys(cube["case"].values.tolist())):
+            for mode in cube["mode"].values.tolist():
+                for quantity in quantities:
+                    curve = _curve(cube, group, case, mode, quantity, knob)
+                    if curve:
+                        yield curve
+
+
+def _curve(
+    cube: xr.Dataset, group: str, case: str, mode: int, quantity: str, knob: Knob
+) -> Curve | None:
+    """One curve, or None on a plane that has no reference."""
+    part = select(cube, case, mode)
+    elevations = part["camera_elevation"].isel(camera=0)
+    values = (elevations if knob is KNOBS["lower"] else part["value"]).values.astype(float)
+    errors = cubes.errors(part)[quantity].transpose("setting", "trial").values[:, 1:].astype(float)
+    predicted = cubes.predicted(part, quantity).values.astype(float)
+    stated = np.array([_figure(claim) for claim in selection.stated(cube, case, mode, quantity)])
+    kept = np.flatnonzero(np.isfinite(errors).all(axis=1))
+    kept = kept[np.argsort(values[kept], kind="stable")]
+    if len(kept) < 2 or not errors.shape[1]:
+        return None
+    return Curve(group, case, quantity, mode, values[kept], errors[kept], predicted[kept],
+                 stated[kept], float(elevations[0]), len(values) - len(kept))  # fmt: skip
+
+
+def _figure(claim: Claim | None) -> float:
+    """The middle of what is stated; NaN of a bound, or if nothing is."""
+    if claim is None or not claim.values or None in claim.ends:
+        return float("nan")
+    return (claim.low + claim.high) / 2
+
+
+def exponent(x: Array, y: Array) -> float:
+    """Slope of log y over log x, by least squares.
+
+    Examples
+    --------
+    >>> x = np.array([1.0, 2.0, 4.0])
+    >>> round(exponent(x, 3 / x**2), 12)
+    -2.0
+    """
+    kept = np.isfinite(x) & np.isfinite(y)
+    if kept.sum() < 2:
+        return float("nan")
+    return float(np.polyfit(np.log(x[kept]), np.log(y[kept]), 1)[0])
+
+
+def step(values: Array, better: int) -> float:
+    """The last value over the first, in the direction in which a knob is turned to measure better.
+
+    Examples
+    --------
+    >>> step(np.array([40.0, 30.0, 20.0]), 1), step(np.array([10.0, 30.0]), -1)
+    (0.5, 0.3333333333333333)
+    """
+    ratio = float(values[-1] / values[0])
+    return ratio if better > 0 else 1 / ratio
+
+
+@dataclass(frozen=True)
+class Strength:
+    """How strongly a conclusion holds in the curves of one group.
+
+    Parameters
+    ----------
+    group : str
+        Whose error.
+    ends : tuple of float
+        The knob's value where it should measure worst and best.
+    factors, stated : ndarray
+        Error at the best end over that at the worst, of each curve: here, and as stated.
+    exponents, predicted : ndarray
+        Fitted exponent of each curve: here, and of the prediction.
+    confident, opposite : int
+        Curves in which the trend holds in expectation, and in which its opposite does, each in at
+        least 95 % of the resamples.
+    single : float
+        Share of single runs in which the trend shows.
+    lost : int
+        Settings without a result.
+    """
+
+    group: str
+    ends: tuple[float, float]
+    factors: Array
+    stated: Array
+    exponents: Array
+    predicted: Array
+    confident: int
+    opposite: int
+    single: float
+    lost: int
+
+
+def strengths(opened: Cubes, knob: Knob) -> list[Strength]:
+    """One :class:`Strength` for each group that the cubes have."""
+    by: dict[str, list[Curve]] = {}
+    for curve in curves(opened, knob):
+        by.setdefault(curve.group, []).append(curve)
+    return [_strength(group, found, knob) for group, found in by.items()]
+
+
+def _strength(group: str, found: list[Curve], knob: Knob) -> Strength:
+    findings = [curve.finding(knob.better) for curve in found]
+    against = [curve.finding(-knob.better) for curve in found]
+    powers = [knob.exponent_of(curve.values) for curve in found]
+    low, high = (float(end(end(c.values) for c in found)) for end in (min, max))
+    stated = np.array([step(c.stated, knob.better) for c in found])
+    return Strength(
+        group=group,
+        ends=(low, high) if knob.better > 0 else (high, low),
+        factors=np.array([step(c.rms, knob.better) for c in found]),
+        stated=stated[np.isfinite(stated)],
+        exponents=np.array([exponent(x, c.rms) for x, c in zip(powers, found, strict=True)]),
+        predicted=np.array([exponent(x, c.predicted) for x, c in zip(powers, found, strict=True)]),
+        confident=sum(f.confidence >= CONFIDENT for f in findings),
+        opposite=sum(f.confidence >= CONFIDENT for f in against),
+        single=float(np.mean([f.single for f in findings])),
+        lost=max(c.lost for c in found),
+    )
+
+
+def shape_and_sound(opened: Cubes) -> Iterator[tuple[str, list[tuple[Array, Array]]]]:
+    """By sound study: errors of the deflection and of the field, each of shape (settings, trials).
+
+    One pair for each mode and plane that has a reference pressure; all cases together.
+    """
+    for study in ("distance", "aperture", "resolution", "arrays"):
+        try:
+            cube = opened[f"sound-{study}"]
+        except KeyError:
+            continue
+        shape = cube["deflection_error"].transpose("mode", "setting", "trial").values[..., 1:]
+        field = cube["plane_error"].transpose("plane", "mode", "setting", "trial").values[..., 1:]
+        yield (
+            study,
+            [
+                (shape[m], of_plane[m])
+                for of_plane in field
+                for m in range(len(shape))
+                if np.isfinite(of_plane[m]).all()
+            ],
+        )
+
+
+def spread(values: Iterable[float], digits: int = 2) -> str:
+    """Median and range in words; a dash if there are none.
+
+    Examples
+    --------
+    >>> spread([0.5, 0.4, 0.9]), spread([2.0])
+    ('0.50 (0.40–0.90)', '2.00')
+    """
+    kept = np.array([value for value in values if np.isfinite(value)])
+    if not kept.size:
+        return "—"
+    middle, low, high = (signed(v, digits) for v in (np.median(kept), kept.min(), kept.max()))
+    to = " to " if "−" in low else "–"
+    return middle if low == high else f"{middle} ({low}{to}{high})"
+
+
+def signed(value: float, digits: int = 2) -> str:
+    """A number with a true minus sign.
+
+    Examples
+    --------
+    >>> signed(-0.5), signed(0.5), signed(-0.001)
+    ('−0.50', '0.50', '0.00')
+    """
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")

@@ -1,0 +1,405 @@
+"""What the page on chapter 7 includes: its conclusions as tables, from the cubes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import numpy as np
+import xarray as xr
+from scipy.stats import spearmanr
+
+from thesis_lib.book.conclusions.pixels import pixels
+from thesis_lib.book.conclusions.strengths import (
+    KNOBS,
+    MEAN,
+    PLANES,
+    Cubes,
+    Strength,
+    curves,
+    exponent,
+    shape_and_sound,
+    signed,
+    spread,
+    step,
+    strengths,
+)
+from thesis_lib.facts.trends import read_trends
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.ledger import entries as ledger
+from thesis_lib.ledger.cube import from_cube
+from thesis_lib.ledger.verdicts import VERDICTS
+from thesis_lib.plotting.selection import error_bars, select, stated
+from thesis_lib.studies.cubes import percent_text
+from thesis_lib.vision.cone_law import pair_noise_error
+from thesis_lib.web.markdown import table
+
+# Numbers of one cell stay on one line.
+TOGETHER = str.maketrans({" ": "\N{NO-BREAK SPACE}", "–": "\N{WORD JOINER}–\N{WORD JOINER}"})
+TURNED = {  # what the ledger calls the parameter of a trend, and what this page calls it
+    "closer": "distance d", "wider": "aperture alpha", "lower": "elevation phi",
+    "finer": "resolution", "more": "number of cameras",
+}  # fmt: skip
+WORDS = {"closer": "closer", "wider": "wider apart", "lower": "lower", "finer": "finer pixels",
+         "more": "more cameras"}  # fmt: skip
+
+
+def _knob(name: str, opened: Cubes) -> str:
+    """How strongly one of the five conclusions holds, group by group."""
+    knob = KNOBS[name]
+    rows = []
+    for one in strengths(opened, knob):
+        against = f" ({one.opposite} opposite)" if one.opposite else ""
+        row = [
+            one.group,
+            f"{one.ends[0]:g} → {one.ends[1]:g}",
+            f"×{spread(one.factors)}",
+            f"×{spread(one.stated)}" if one.stated.size else "—",
+            spread(one.exponents),
+            signed(float(np.median(one.predicted))),
+            f"{one.confident} of {len(one.factors)}{against}",
+            f"{one.single:.0%}",
+        ]
+        rows.append([*(cell.translate(TOGETHER) for cell in row[:-2]), *row[-2:]])
+    header = ["error of", knob.label, "error changes by", "as stated",
+              f"exponent of {knob.symbol}", "by the law", "holds in", "single runs"]  # fmt: skip
+    more = {"lower": _optimum, "wider": _pair}
+    return table(header, rows) + (more[name](opened) if name in more else "")
+
+
+def _pair(opened: Cubes) -> str:
+    """What a pair gives at the centre: to noise in all its coordinates, and to whole pixels."""
+    at: dict[float, float] = {}
+    for curve in curves(opened, KNOBS["wider"]):
+        angles = np.radians(curve.values), np.radians(curve.elevation)
+        at[curve.elevation] = step(pair_noise_error(1, 1, *angles), 1)
+    words = [f"×{at[elevation]:.2f} at {elevation:g}°" for elevation in sorted(at)]
+    return (
+        f"\nAt the centre one expects of noise, {{eq}}`eq-pair-noise`, by the elevation, "
+        f"{', '.join(words)}; and of whole pixels, {{eq}}`eq-pair-rounded`, no change.\n"
+        if words
+        else ""
+    )
+
+
+def _optimum(opened: Cubes) -> str:
+    """How low is too low, in the laboratory."""
+    name, case = "lab-elevation", "three-rows"
+    if name not in opened:
+        return ""
+    part = select(opened[name], case, 1)
+    elevations = part["value"].values
+    error = error_bars(opened[name], case, 1).band[1]
+    best, steep = int(np.nanargmin(error)), int(np.argmax(elevations))
+    low = int(np.flatnonzero(np.isfinite(error))[0])
+    lost = " and ".join(f"{value:g}°" for value in elevations[np.isnan(error)]) or "no elevation"
+    return (
+        f"\nThe filmed beam has its least error at {elevations[best]:g}°: "
+        f"×{error[best] / error[steep]:.2f} of that at {elevations[steep]:g}°. At "
+        f"{elevations[low]:g}° it is {error[low] / error[best]:.0f} times the least, and at {lost} "
+        "there is no result.\n"
+    )
+
+
+def _stated(opened: Cubes) -> str:
+    """Every sentence of the thesis's conclusions, as the ledger judges it."""
+    rows = []
+    for entry in from_cube(opened["claims"]):
+        if entry.kind == "trend" and "-concluding-" in entry.id:
+            sure = np.isfinite(entry.confidence)
+            rows.append(
+                [
+                    str(entry.chapter),
+                    entry.what,
+                    f"{entry.confidence:.0%}" if sure else "—",
+                    f"{entry.single:.0%}" if sure else "—",
+                    entry.verdict,
+                ]
+            )
+    return table(["chapter", "what is concluded", "confidence", "single runs", "verdict"], rows)
+
+
+def _counted(opened: Cubes) -> str:
+    """All trends that the thesis states of each knob, by the verdict of the ledger."""
+    entries = {e.id: e for e in from_cube(opened["claims"]) if e.kind == "trend"}
+    parameter = {trend.id: trend.parameter for trend in read_trends()}
+    parts = {
+        WORDS[name]: [e for id, e in entries.items() if parameter.get(id, "").startswith(start)]
+        for name, start in TURNED.items()
+    }
+    used = {e.id for part in parts.values() for e in part}
+    parts["anything else"] = [e for id, e in entries.items() if id not in used]
+    parts["in all"] = list(entries.values())
+    rows = [
+        [f"{len(part)} on {name}" if name != "in all" else f"**{len(part)} in all**"]
+        + [str(number) for number in ledger.totals(part).values()]
+        for name, part in parts.items()
+    ]
+    differing = [e for e in entries.values() if e.verdict == "differs"]
+    of_sound = sum(e.chapter == 6 for e in differing)
+    return table(["trends that the thesis states", *VERDICTS], rows) + (
+        f"\nOf the {len(differing)} that differ, {of_sound} are of chapter 6.\n"
+    )
+
+
+def _sound(opened: Cubes) -> str:
+    """Whether the error of the field follows that of the deflection, in expectation and by draw."""
+    rows = []
+    for study, pairs in shape_and_sound(opened):
+        orders, slopes, draws = [], [], []
+        for shape, field in pairs:
+            expected = [np.sqrt(np.mean(errors**2, axis=1)) for errors in (shape, field)]
+            orders.append(float(spearmanr(*expected).statistic))
+            slopes.append(exponent(*expected))
+            draws += [
+                float(spearmanr(a, b).statistic) for a, b in zip(shape.T, field.T, strict=True)
+            ]
+        rows.append(
+            [
+                STUDIES[f"sound-{study}"].varied_label,
+                str(len(pairs[0][0])),
+                spread(orders),
+                signed(float(np.median(draws))),
+                f"{np.mean(np.array(draws) > 0):.0%}",
+                spread(slopes),
+            ]
+        )
+    header = ["varied", "settings", "rank correlation, expected", "of one run (median)",
+              "runs in which it is positive", "exponent of the deflection's error"]  # fmt: skip
+    return table(header, rows)
+
+
+def _small(opened: Cubes) -> str:
+    """How large the errors of the sound are, by study: largest 95 % quantile, and median."""
+    rows = []
+    for study in ("distance", "aperture", "resolution", "arrays"):
+        try:
+            cube = opened[f"sound-{study}"]
+        except KeyError:
+            continue
+        drawn = cube["plane_error"].isel(trial=slice(1, None))
+        every = drawn.values[np.isfinite(drawn.values)]
+        worst = np.nanmax(np.quantile(drawn.transpose("trial", ...).values, 0.95, axis=0))
+        shape = cube["deflection_error"].isel(trial=slice(1, None))
+        rows.append(
+            [
+                STUDIES[f"sound-{study}"].varied_label,
+                percent_text(float(shape.median())),
+                percent_text(float(np.median(every))),
+                percent_text(float(worst)),
+                f"{np.mean(every < 10):.1%}",
+            ]
+        )
+    header = ["varied", "deflection: median, %", "sound: median, %",
+              "sound: largest 95 % quantile, %", "runs below 10 %"]  # fmt: skip
+    return table(header, rows)
+
+
+def _experiment(opened: Cubes) -> str:
+    """What the thesis's experiment confirms, by the way in which centres are found and read."""
+    rows = []
+    for name, knob in (("experiment-resolution", "finer"), ("experiment-cameras", "more")):
+        try:
+            cube = opened[name]
+        except KeyError:
+            continue
+        claim = stated(cube, "matched", 1)
+        for case in dict.fromkeys(cube["case"].values.tolist()):
+            if case.endswith("-all"):  # sets of cameras that do not grow
+                continue
+            one = _of_case(opened, name, case, knob)
+            part = select(cube, case, 1)
+            drawn = part["mean_error"].transpose("setting", "trial").values[:, 1:]
+            first, last = np.median(drawn, axis=1)[[0, -1]]
+            given = [c.stated if c and case == "matched" else "" for c in (claim[0], claim[-1])]
+            labels = part["label"].values
+            rows.append(
+                [
+                    WORDS[knob],
+                    case,
+                    f"{labels[0]} → {labels[-1]}",
+                    f"{percent_text(first)} → {percent_text(last)}",
+                    " → ".join(given) if all(given) else "—",
+                    f"{one.single:.0%}",
+                    "yes" if one.confident else "the opposite" if one.opposite else "open",
+                ]
+            )
+    header = ["conclusion", "chain", "from → to", "error, %", "as stated", "single runs", "holds"]
+    return table(header, rows)
+
+
+def _of_case(opened: Cubes, name: str, case: str, knob: str) -> Strength:
+    """One case of chapter 5 over its own knob."""
+    from dataclasses import replace
+
+    alone = replace(KNOBS[knob], sources=((case, name, (case,), ("mean_error",)),))
+    return strengths(opened, alone)[0]
+
+
+def _costs(opened: Cubes) -> str:
+    """What half the error costs, by the exponents of the simulated beam and plate."""
+    rows = []
+    data: Mapping[str, Callable[[float], str]] = {
+        "closer": lambda factor: "as much",
+        "finer": lambda factor: f"×{factor**2:.1f}",
+        "more": lambda factor: f"×{factor:.1f}",
+    }
+    for name, knob in KNOBS.items():
+        both = {one.group: one for one in strengths(opened, knob) if one.group in ("beam", "plate")}
+        for group, one in both.items():
+            best = float(np.median(one.factors))
+            if name in data:
+                factor = 2 ** (-1 / float(np.median(one.exponents)))
+                half, much = f"{knob.symbol} ×{factor:.2f}", data[name](factor)
+            else:
+                half = "in reach" if best <= 0.5 else "out of reach"
+                much = "as much"
+            rows.append(
+                [WORDS[name], group, half, much, f"{one.ends[0]:g} → {one.ends[1]:g}",
+                 f"×{best:.2f}", _in_view(opened, f"{group}-", name)]
+            )  # fmt: skip
+    header = ["what is turned", "error of", "half the error", "pixels to store",
+              "range of the thesis", "error changes by", "markers in view"]  # fmt: skip
+    return table(header, rows)
+
+
+def _in_view(opened: Cubes, subject: str, name: str) -> str:
+    """Least share of marker images on the sensor, in the settings at the best end of a knob."""
+    shares = []
+    for _, figure_set, cases, _ in KNOBS[name].sources:
+        if figure_set.startswith(subject) and figure_set in opened:
+            cube = opened[figure_set]
+            for case in cases or tuple(dict.fromkeys(cube["case"].values.tolist())):
+                part = cube.isel(setting=np.flatnonzero(cube["case"].values == case))
+                best = 0 if name == "closer" else -1
+                shares.append(float(part["in_view"].values[np.argsort(part["value"].values)[best]]))
+    return f"{min(shares):.0%}" if shares else "—"
+
+
+def _median(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error") -> list[str]:
+    """Median error of each setting of a case, as text."""
+    band = error_bars(cube, case, mode, quantity).band[1]
+    return [f"{percent_text(value)} %" for value in band]
+
+
+def _fulfilled(opened: Cubes) -> str:
+    """What came of the wishes of sections 5.3 and 7.1, in a number each."""
+    rows = []
+    stand, motions = "[Where the cameras stand](layouts.md)", "[Faster vibrations](motions.md)"
+    plate = "[The plate](motions.md#the-plate)"
+    sets = "[The experiment, cameras](executed/experiment-cameras.ipynb)"
+    shapes = "[Shapes without symmetry](shapes.md)"
+    own = "[The ledger](executed/claims.ipynb), [own recordings](recordings.md)"
+    wishes: tuple[tuple[str, str, str, Callable[[xr.Dataset], str]], ...] = (
+        ("other distances (5.3)", "lab-layout", stand, partial(_ends_of, case="distance")),
+        ("other apertures (5.3)", "lab-layout", stand, partial(_ends_of, case="aperture")),
+        ("how low is too low (3.4)", "lab-elevation", stand, _lowest),
+        ("other sets of the four cameras (5.3)", "experiment-cameras", sets, _sets),
+        ("more than four cameras (5.3)", "lab-layout", stand, _many),
+        ("more than one deflection shape (7.1)", "lab-modes", motions, _higher),
+        ("three rows of markers, and torsion (5.3, 7.1)", "lab-modes", motions, _torsion),
+        ("the plate, by experiment (7.1)", "lab-plate", plate, partial(_all, quantities=MEAN)),
+        ("its sound, by experiment (7.1)", "lab-plate", plate, partial(_all, quantities=PLANES)),
+        ("structures without a plane of symmetry (7.1)", "claims", own, _askew),
+        (
+            "the same, an L: cameras added pair by pair (7.1)",
+            "shape-l",
+            shapes,
+            partial(_ends_of, case="4e"),
+        ),
+    )
+    for wish, name, page, text in wishes:
+        try:
+            cube = opened[name]
+        except KeyError:
+            continue
+        rows.append([wish, page, text(cube)])
+    return table(["wish", "page", "what came of it"], rows)
+
+
+def _ends_of(cube: xr.Dataset, case: str) -> str:
+    labels = select(cube, case, 1)["label"].values
+    errors = _median(cube, case, 1)
+    return f"{labels[0]}: {errors[0]}; {labels[-1]}: {errors[-1]}"
+
+
+def _lowest(cube: xr.Dataset) -> str:
+    part = select(cube, "three-rows", 1)
+    error = error_bars(cube, "three-rows", 1).band[1]
+    best = int(np.nanargmin(error))
+    lost = [f"{v:g}°" for v, e in zip(part["value"].values, error, strict=True) if np.isnan(e)]
+    none = f"no result at {' and '.join(lost)}" if lost else "a result at every elevation"
+    return f"least at {part['value'].values[best]:g}°: {percent_text(error[best])} %; {none}"
+
+
+def _sets(cube: xr.Dataset) -> str:
+    part = select(cube, "literal-all", 1)
+    error = error_bars(cube, "literal-all", 1).band[1]
+    pairs = np.flatnonzero(part["n_cameras"].values == 2)
+    best, worst = (pairs[pick(error[pairs])] for pick in (np.argmin, np.argmax))
+    labels = part["label"].values
+    return (
+        f"{len(error)} sets; pairs from {percent_text(error[best])} % ({labels[best]}) to "
+        f"{percent_text(error[worst])} % ({labels[worst]}), all four "
+        f"{percent_text(error[np.argmax(part['n_cameras'].values)])} %"
+    )
+
+
+def _many(cube: xr.Dataset) -> str:
+    part = select(cube, "subsets", 1)
+    error = error_bars(cube, "subsets", 1).band[1]
+    numbers = part["n_cameras"].values
+    few, many = (np.nanmedian(error[numbers == n]) for n in (2, numbers.max()))
+    return (
+        f"{len(error)} sets of 2 to {numbers.max()} cameras: {percent_text(few)} % in the median "
+        f"of the pairs, {percent_text(many)} % with all"
+    )
+
+
+def _higher(cube: xr.Dataset) -> str:
+    texts = []
+    for mode in cube["mode"].values.tolist():
+        texts.append(f"mode {mode}: {_median(cube, 'known', mode)[0]}")
+    return f"{', '.join(texts)}, with {select(cube, 'known', mode)['label'].values[0]}"
+
+
+def _torsion(cube: xr.Dataset) -> str:
+    mode = int(cube["mode"].values[-1])
+    part = select(cube, "known", mode)
+    error = 1e6 * float(part["torsion_standard_error"].values[0])
+    size = 1e6 * float(cube["torsion_reference"])
+    return f"torsion of {size:.1f} µm at the edges, known to ± {error:.2f} µm in mode {mode}"
+
+
+def _all(cube: xr.Dataset, quantities: tuple[str, ...]) -> str:
+    texts = []
+    for case in dict.fromkeys(cube["case"].values.tolist()):
+        factors = []
+        for mode in cube["mode"].values.tolist():
+            for quantity in quantities:
+                band = error_bars(cube, case, mode, quantity).band[1]
+                if np.isfinite(band).all():
+                    factors.append(band[-1] / band[0])
+        texts.append(f"{case} ×{np.median(factors):.2f}")
+    return "last over first: " + ", ".join(texts)
+
+
+def _askew(cube: xr.Dataset) -> str:
+    (entry,) = [e for e in from_cube(cube) if e.id == "ch3-concluding-t8"]
+    return (
+        f"that more cameras matter more for them: confidence {entry.confidence:.0%}, "
+        f"{entry.verdict}"
+    )
+
+
+PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
+    **{f"conclusions-{name}": partial(_knob, name) for name in KNOBS},
+    "conclusions-stated": _stated,
+    "conclusions-counted": _counted,
+    "conclusions-sound": _sound,
+    "conclusions-small": _small,
+    "conclusions-experiment": _experiment,
+    "conclusions-costs": _costs,
+    "conclusions-pixels": lambda _: pixels(),
+    "conclusions-wishes": _fulfilled,
+}

@@ -1,0 +1,34 @@
+"""The areas of the checks, and their kinds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+AREAS = {
+    "Beam and plate": "structures plate",
+    "Vision": "cameras triangulation optics compiled explorer",
+    "Acoustics": "radiation planes sound sound_sum",
+    "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
+    "The experiment": "scene lens render media corners calibration adjustment synchronisation "
+    "listening tracking reconstruction laboratory experiment_study lab_layouts lab_motions",
+    "Own recordings": "feasibility measuring measure result own_recordings foreign",
+    "Beyond the thesis": "rounding design_law dither polytope estimators planner "
+    "planner_machines finite_elements shapes",
+}
+KINDS = {
+    "closed form": "closed forms",
+    "order": "orders",
+    "invariance": "invariances",
+    "independent": "independent evaluations",
+    "sampled": "predictions against samples",
+}
+
+
+def module(test: str) -> str:
+    """The name of a test's module: ``plate`` of tests/vibration/test_plate.py."""
+    return Path(test.partition("::")[0]).stem.removeprefix("test_")
+
+
+def area(test: str) -> str:
+    """The area that a test is about."""
+    return next((name for name, of in AREAS.items() if module(test) in of.split()), "Other")

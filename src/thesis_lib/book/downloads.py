@@ -1,0 +1,91 @@
+"""What the rendered book offers to download, and the book itself as one file."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from thesis_lib.files import whole_file
+from thesis_lib.plotting import numbers as plotted
+from thesis_lib.runs.provenance import FOLDER
+from thesis_lib.studies import cubes
+
+ARCHIVE = "vibration-by-many-cameras"
+_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip can hold
+_PACKED = {".nc", ".png", ".jpg", ".woff2", ".gz"}  # compressed already
+
+
+def fill(book: Path, made: Iterable[Path]) -> None:
+    """Put cubes and the numbers of their figures into a rendered book.
+
+    Parameters
+    ----------
+    book : pathlib.Path
+        Folder of the rendered book; its folder ``data`` is made.
+    made : iterable of pathlib.Path
+        Cubes of figure sets that ran.
+    """
+    for path in made:
+        cube = cubes.read(path)
+        folder = book / FOLDER
+        folder.mkdir(exist_ok=True)
+        shutil.copyfile(path, folder / path.name)
+        errors = plotted.errors_table(cube)
+        _write(folder / f"{path.stem}.csv", plotted.as_csv(errors))
+        for (case, mode), name in plotted.figure_names(cube).items():
+            table = plotted.figure_table(cube, errors, case, mode)
+            _write(folder / path.stem / f"{name}.csv", plotted.as_csv(table))
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+
+
+def slim_sources(book: Path) -> None:
+    """Drop from the notebooks that a book offers what its pages show: pictures and widgets."""
+    for path in (book / "_sources").rglob("*.ipynb"):
+        notebook: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        notebook["metadata"].pop("widgets", None)
+        for cell in notebook["cells"]:
+            for output in cell.get("outputs", []):
+                data = output.get("data", {})
+                for kind in [kind for kind in data if not kind.startswith("text/")]:
+                    del data[kind]
+                if len(data) > 1:  # what a widget or a table is in a page
+                    data.pop("text/html", None)
+        path.write_text(json.dumps(notebook, ensure_ascii=False, indent=1), encoding="utf-8")
+
+
+def archive(book: Path, place: Path) -> Path:
+    """Pack a rendered book into one zip file; the same book gives the same bytes.
+
+    Parameters
+    ----------
+    book : pathlib.Path
+        Folder of the rendered book.
+    place : pathlib.Path
+        File to write.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+    """
+
+    def pack(part: Path) -> None:
+        with zipfile.ZipFile(part, "w") as packed:
+            inside = {p.relative_to(book).as_posix(): p for p in book.rglob("*") if p.is_file()}
+            for name, path in sorted(inside.items()):
+                entry = zipfile.ZipInfo(f"{ARCHIVE}/{name}", _DATE)
+                entry.create_system, entry.external_attr = 3, 0o100644 << 16  # everywhere alike
+                kept = path.suffix in _PACKED
+                entry.compress_type = zipfile.ZIP_STORED if kept else zipfile.ZIP_DEFLATED
+                packed.writestr(entry, path.read_bytes(), compresslevel=6)
+
+    whole_file(place, pack)
+    return place

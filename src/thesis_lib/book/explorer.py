@@ -1,0 +1,205 @@
+"""The explorer: beam or plate, cameras to drag around it, and at once the accuracy they give.
+
+The forward model runs in the page itself (``assets/explorer_model.js``), so that no kernel is
+needed. Everything else it shows comes from here: the structures' constants, the thesis's setups,
+their published errors, and what the thesis states of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import anywidget
+import numpy as np
+import traitlets
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.claims import Claim, claims_of
+from thesis_lib.facts.setups import Setting
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, CameraStudy, camera_study
+from thesis_lib.plotting.maps import DIVERGING
+from thesis_lib.plotting.style import COLORS
+from thesis_lib.studies import cubes
+from thesis_lib.studies.published import read_published
+from thesis_lib.vibration.beam import Beam, cantilever_roots
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.web.fragment import ASSETS, plain, static_html
+
+__all__ = ["Explorer", "explorer_data", "explorer_html"]
+
+MODES = (1, 2, 3)
+ERRORS = ("mean_error", "max_point_error")
+WITHOUT = "The explorer needs JavaScript; `thesis run beam-arrays` measures layouts of your own."
+_IMPORT = re.compile(r'^import (?:(\w+)|\{.*\}) from "\./(\w+)\.js";\n', re.MULTILINE)
+
+
+def _asset(name: str) -> str:
+    return (ASSETS / name).read_text(encoding="utf-8")
+
+
+def _module(name: str, written: dict[str, str]) -> str:
+    """Write explorer.js and what it imports as one module, each part behind those it needs."""
+    text = _asset(f"{name}.js")
+    for default, needed in _IMPORT.findall(text):
+        if needed not in written:
+            part = _module(needed, written)
+            before, _, export = part.rpartition("\nexport default ")
+            joined = f"{before}\nconst {default} = {export}" if default else part
+            written[needed] = re.sub("^export ", "", joined, flags=re.MULTILINE)
+    return _IMPORT.sub("", text)
+
+
+_PARTS: dict[str, str] = {}
+_PARTS["explorer"] = _module("explorer", _PARTS)  # last: behind all that it needs
+_ESM = "".join(_PARTS.values())
+_CSS = _asset("viewer.css") + _asset("explorer.css")
+
+
+def explorer_data() -> dict[str, Any]:
+    """What the page needs beside its model, as plain JSON values.
+
+    Returns
+    -------
+    dict
+        ``colors`` of the cameras, ``colormap`` from −max to max, ``sensor_width_mm``, and
+        ``structures``: beam and plate with their constants, the readings that the published errors
+        hold for, and ``setups``, the settings of the thesis's tables. A setup has ``errors`` and
+        ``stated``, each by the error's name with one entry per mode: ``[trial 0, median, 5 %,
+        95 %]`` in % as published, or None, and the thesis's words, or "".
+    """
+    return {
+        "colors": list(COLORS),
+        "colormap": list(DIVERGING[::4]),
+        "sensor_width_mm": camera_study("beam-arrays").sensor_width_mm,
+        "structures": {subject: _structure(subject) for subject in ("beam", "plate")},
+    }
+
+
+def _structure(subject: str) -> dict[str, Any]:
+    studies = [one() for one in CAMERA_STUDIES.values() if one.subject == subject]
+    arrays = next(one for one in studies if one.study == "arrays")
+    structure = arrays.structure
+    length, width = structure.extent
+    hertz = structure.angular_frequencies(max(MODES)) / (2 * np.pi)
+    return {
+        "kind": subject,
+        "length": length,
+        "width": width,
+        "hertz": hertz.tolist(),
+        "reading": {"f": arrays.focal_length_mm, "a": arrays.amplitude_mm, "r": arrays.rest},
+        "setups": [one for study in studies for one in _setups(study)],
+        **_shapes(structure),
+    }
+
+
+def _shapes(structure: object) -> dict[str, Any]:
+    """What markers and mode shapes of a structure are made from."""
+    if isinstance(structure, Beam):
+        row = {"count": structure.n_markers, "spacing": structure.marker_spacing,
+               "first": structure.first_marker}  # fmt: skip
+        # As text: a widget's numbers travel with 6 digits, these need all.
+        return {"row": row, "roots": [repr(float(b)) for b in cantilever_roots(max(MODES))]}
+    assert isinstance(structure, Plate)
+    return {"grid": list(structure.grid), "indices": structure.mode_indices(max(MODES)).tolist()}
+
+
+def _setups(study: CameraStudy) -> list[dict[str, Any]]:
+    published, claims = read_published(study.name), claims_of(study.name)
+    found: dict[tuple[object, ...], list[float]] = {}
+    if published is not None:
+        keys, numbers = published[[*cubes.KEYS, "error"]], published[cubes.STATISTICS]
+        rows = zip(keys.values.tolist(), numbers.values.tolist(), strict=True)
+        found = {tuple(key): row for key, row in rows}
+
+    def errors(setting: Setting, error: str) -> list[list[float] | None]:
+        key = (setting.case, setting.value, setting.label, setting.pair_order)
+        return [found.get((*key, mode, error)) for mode in MODES]
+
+    return [
+        {
+            "id": f"{setting.case}-{setting.value:g}",
+            "case": setting.case,
+            "title": setups.case_title(study.subject, study.study, setting.case),
+            "label": setting.label,
+            "d": setting.distance_mm,
+            "w": list(setting.resolution_px),
+            "c": [list(direction) for direction in setting.directions_deg],
+            "errors": {error: errors(setting, error) for error in ERRORS},
+            "stated": {
+                error: [_stated(claims, setting, mode, error) for mode in MODES] for error in ERRORS
+            },
+        }
+        for setting in study.settings()
+    ]
+
+
+def _stated(claims: list[Claim], setting: Setting, mode: int, error: str) -> str:
+    """What the thesis states of an error, such as ``10 % (figure 3.4 d)``."""
+    return "; ".join(
+        claim.stated
+        + (f" but for {claim.excepted}" if claim.excepted else "")
+        + ("" if claim.values else " for all of the case")
+        + f" (figure {claim.figure} {claim.panel})"
+        for claim in claims
+        if (claim.case, claim.mode, claim.quantity) == (setting.case, mode, error)
+        and (not claim.values or setting.value in claim.values)
+        and claim.pair_order in ("", setting.pair_order)
+    )
+
+
+class Explorer(anywidget.AnyWidget):
+    """Cameras around a beam or a plate, to be dragged, and the accuracy that they give.
+
+    Parameters
+    ----------
+    address : str, optional
+        What to show, as it stands behind the ``?`` of a page's address: ``s`` beam or plate, ``m``
+        mode, and ``t`` a setup of the thesis such as ``4a-6`` (its case and value) or else ``w``
+        width in px (or ``400x300``), ``f`` focal length, ``d`` distance and ``a`` amplitude in mm,
+        ``r`` rest position ``rebuilt`` or ``known``, and ``c`` azimuth and elevation of the
+        cameras in degrees: ``s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15``. What is unknown or makes
+        no sense is ignored. In a live notebook it follows what the reader does.
+    data : dict, optional
+        That of :func:`explorer_data`.
+    """
+
+    _esm = _ESM
+    _css = _CSS
+    data = traitlets.Dict().tag(sync=True)
+    address = traitlets.Unicode().tag(sync=True)
+
+    def __init__(self, address: str = "", **traits: Any) -> None:
+        super().__init__(address=address, **{"data": explorer_data(), **traits})
+
+    @traitlets.validate("data")
+    def _plain_data(self, proposal: Mapping[str, Any]) -> Any:
+        return plain(proposal["value"])
+
+    def __repr__(self) -> str:
+        return f"Explorer({self.address!r})"
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
+        page = _page(self.data, self.address)
+        return {**data, "text/plain": repr(self), "text/html": page}, metadata
+
+
+def _page(data: dict[str, Any], address: str, compact: bool = False) -> str:
+    traits = {"data": data, "address": address, "page": True, "compact": compact}
+    return static_html(_ESM, _CSS, traits, WITHOUT, prints=True)
+
+
+def explorer_html(address: str = "", compact: bool = False) -> str:
+    """Write the explorer as a self-contained HTML fragment for a page without a kernel.
+
+    Parameters
+    ----------
+    address : str, optional
+        What to show first, as in :class:`Explorer`; a page's own address comes before it.
+    compact : bool, optional
+        Show the view, the shapes and the least controls, with a link to the page ``explorer.html``
+        that has them all.
+    """
+    return _page(explorer_data(), address, compact)

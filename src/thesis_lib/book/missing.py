@@ -1,0 +1,88 @@
+"""What stands in the book where a figure set did not run: its page says so, the rest is built."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from thesis_lib.files import whole_file, whole_text
+from thesis_lib.web.markdown import escape
+
+_PICTURE = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 600 60" width="600" height="60">'
+    '<rect width="600" height="60" fill="#f4f4f4"/><text x="300" y="36" font-family="sans-serif" '
+    'font-size="16" fill="#555" text-anchor="middle">%s</text></svg>'
+)
+_WORDS = "This picture is missing: its run failed."
+
+
+def sentence(names: Iterable[str]) -> str:
+    """The words in place of numbers that some figure sets should have given."""
+    sets = ", ".join(f"`{name}`" for name in sorted(names))
+    return f"*Missing here, since it did not run: {sets}. Mend that; then `thesis book` adds it.*\n"
+
+
+def page(source: Path, name: str, reason: str) -> Any:
+    """A notebook for the page of a figure set that failed.
+
+    The prose stands, and so does every figure's place with its name and caption, so that what
+    points at them leads somewhere.
+
+    Parameters
+    ----------
+    source : pathlib.Path
+        The parameterised notebook.
+    name : str
+        The figure set.
+    reason : str
+        What went wrong; of it the first line, without the place of the traceback.
+    """
+    import nbformat
+
+    why = " ".join(reason.partition("; the traceback")[0].split()).removeprefix(f"{name}: ")
+    warning = (
+        f":::{{warning}}\nThe results of this page are missing: {escape(why)}. Mend the cause; "
+        f"`thesis run {name}` shows whether it runs, and `thesis book` makes this page anew.\n:::"
+    )
+    given = nbformat.read(source, as_version=4)
+    cells = []
+    for cell in given.cells:
+        if cell.cell_type == "markdown":
+            cells.append(cell)
+        elif "figure" in cell.metadata.get("mystnb", {}):
+            cell.metadata["mystnb"]["image"] = {"alt": _WORDS}
+            cell.metadata["tags"] = ["remove-input"]
+            cell.outputs = [
+                nbformat.v4.new_output("display_data", {"image/svg+xml": _PICTURE % _WORDS})
+            ]
+            cells.append(cell)
+    if not cells or not cells[0].source.startswith("# "):
+        cells.insert(0, nbformat.v4.new_markdown_cell(f"# {name}", id=f"{name}-title"))
+    cells.insert(1, nbformat.v4.new_markdown_cell(warning, id=f"{name}-missing"))
+    return nbformat.v4.new_notebook(cells=cells, metadata=given.metadata)
+
+
+def write_page(source: Path, name: str, reason: str, place: Path) -> None:
+    """Put :func:`page` where the executed notebook would be."""
+    import nbformat
+
+    stub = page(source, name, reason)
+    whole_file(place, lambda part: nbformat.write(stub, part))
+
+
+def write_placeholder(path: Path, task: str) -> None:
+    """Put words in the place of a piece of prose, or of a picture, that could not be made."""
+    if path.suffix == ".md":
+        text = f"*Missing here, since the step “{escape(task)}” failed.*\n"
+        whole_text(path, text)
+    elif path.suffix == ".svg":
+        text = _PICTURE % html.escape(_WORDS)
+        whole_text(path, text)
+    elif path.suffix == ".png":
+        from PIL import Image, ImageDraw
+
+        picture = Image.new("RGB", (600, 60), "#f4f4f4")
+        ImageDraw.Draw(picture).text((20, 24), _WORDS, fill="#555")
+        whole_file(path, lambda part: picture.save(part, "PNG"))

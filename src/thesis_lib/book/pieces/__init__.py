@@ -1,0 +1,1 @@
+"""Pieces of pages that are written from cubes and facts."""

@@ -1,0 +1,336 @@
+"""The numbers that the book's prose includes: computed from the cubes and the library."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.acoustics import planes, radiation
+from thesis_lib.acoustics.planes import full_factor
+from thesis_lib.book.pieces.opened import Opened
+from thesis_lib.facts import claims, setups
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
+from thesis_lib.ledger import entries as ledger
+from thesis_lib.ledger import verdicts
+from thesis_lib.ledger.cube import from_cube
+from thesis_lib.ledger.verdicts import VERDICTS
+from thesis_lib.plotting.selection import error_bars, select, stated
+from thesis_lib.studies import cubes, effort
+from thesis_lib.studies.request import Study, describe
+from thesis_lib.vibration.structure import (
+    Structure,
+    modal_overlap,
+    peak_deflection,
+    resonance,
+    single_mode_distance,
+)
+from thesis_lib.web.markdown import table
+
+Array = NDArray[np.float64]
+GRAVITY = 9.80665
+
+
+def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
+    if isinstance(opened, Opened):
+        opened.wanted |= {name for name in opened.without if STUDIES[name].subject == subject}
+    return [cube for name, cube in opened.items() if STUDIES[name].subject == subject]
+
+
+def structure_model(structure: Structure, unit: str, scale: float) -> str:
+    """What sections 3.1 and 4.1 assume of a structure, mode by mode."""
+    rows = []
+    for mode in (1, 2, 3):
+        omega = resonance(structure, mode)
+        rows.append(
+            [
+                str(mode),
+                f"{structure.angular_frequencies(mode)[-1] / (2 * np.pi):.4g}",
+                f"{scale * peak_deflection(structure, mode):.3g}",
+                f"{float(modal_overlap(structure, omega)):.3f}",
+                f"{100 * single_mode_distance(structure, mode):.2g}",
+            ]
+        )
+    header = ["mode", "natural frequency, Hz", f"peak for 1 N, {unit}", "modal overlap",
+              "one mode against all, %"]  # fmt: skip
+    return table(header, rows)
+
+
+def beam_results(opened: dict[str, xr.Dataset]) -> str:
+    """What comes out for the beam: changes, agreement, the law of rounding."""
+    chapter = _chapter(opened, "beam")
+    return "\n".join([_changes(chapter), _agreement(chapter), _law(chapter)])
+
+
+def plate_results(opened: dict[str, xr.Dataset]) -> str:
+    """What comes out for the plate: changes, agreement, the law of rounding."""
+    chapter = _chapter(opened, "plate")
+    return "\n".join([_changes(chapter), _agreement(chapter), _law(chapter)])
+
+
+def sound_results(opened: dict[str, xr.Dataset]) -> str:
+    """What comes out for the sound: changes and agreement."""
+    return "\n".join([_changes(_chapter(opened, "sound")), _agreement(_chapter(opened, "sound"))])
+
+
+def ledger_totals(opened: dict[str, xr.Dataset]) -> str:
+    """Verdicts by kind of claim, without rendered recordings and bookkeeping."""
+    counted = [entry for entry in from_cube(opened["claims"]) if entry.counted]
+    words = {"figure": "stated errors", "trend": "trends", "number": "other numbers"}
+    parts = {words[kind]: [e for e in counted if e.kind == kind] for kind in words}
+    rows = [
+        [f"{len(part)} {name}", *map(str, ledger.totals(part).values())]
+        for name, part in {**parts, "in all": counted}.items()
+    ]
+    shown = [i for i in range(len(VERDICTS) + 1) if any(row[i] != "0" for row in rows)]
+    header = ["", *VERDICTS]
+    return table([header[i] for i in shown], [[row[i] for i in shown] for row in rows])
+
+
+def experiment_results(opened: dict[str, xr.Dataset]) -> str:
+    """What comes out of the experiment, and what would explain its scatter."""
+    chapter = _chapter(opened, "experiment")
+    return "\n".join([_changes(chapter), _agreement(chapter), *map(_explaining_scatter, chapter)])
+
+
+def _explaining_scatter(cube: xr.Dataset) -> str:
+    """How inexact centres would have to be to give what the thesis states of the first setting."""
+    by = {m: select(cube, m, 1).isel(setting=0) for m in ("matched", "literal")}
+    claim = stated(cube, "matched", 1)[0]
+    if claim is None:
+        return ""
+    scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
+    wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
+    return (
+        f"Centres that scatter, each by itself, by {wanted:.2f} px would give the {claim.stated} "
+        f"stated of {by['literal']['label'].item()}. Matched ones scatter by "
+        f"{scatter['matched']:.2f} px, fitted ones by {scatter['literal']:.3f} px.\n"
+    )
+
+
+def _changes(chapter: Sequence[xr.Dataset]) -> str:
+    """First and last setting of each case in expectation."""
+    rows, header = [], ["case", "varied", "from → to"]
+    columns: list[str] = []
+    for cube in chapter:
+        for case in dict.fromkeys(cube["case"].values.tolist()):
+            modes = cube["mode"].values.tolist()
+            labels = select(cube, case, modes[0])["label"].values
+            cells = {}
+            for mode in modes:
+                for error in cubes.errors(cube):
+                    bars = error_bars(cube, case, mode, error)
+                    if error == "max_point_error" or np.isnan(bars.literal).all():
+                        continue
+                    first, last = bars.band[1][0], bars.band[1][-1]
+                    title = f"mode {mode}" + (f", {bars.name}" if bars.name else "")
+                    text = cubes.percent_text
+                    cells[title] = f"{text(first)} → {text(last)} (×{last / first:.2f})"
+            columns = list(cells)
+            varied = STUDIES[cube.attrs["figure_set"]].varied_label
+            rows.append([case, varied, f"{labels[0]} → {labels[-1]}", *cells.values()])
+    what = "pressure of the plane" if "plane_error" in chapter[0] else "deflection"
+    return table([*header, *columns], rows) + (
+        f"\nMedian over the trials of the rms error, in % of the largest reference {what}.\n"
+    )
+
+
+def _agreement(chapter: Sequence[xr.Dataset]) -> str:
+    """How many of the stated figures are met, by figure set and kind of error."""
+    kinds: dict[str, dict[str, list[bool]]] = {}
+    for cube in chapter:
+        name = cube.attrs["figure_set"]
+        for check in verdicts.check(cube, claims.claims_of(name)):
+            kind = cubes.SHORT[check.claim.quantity]
+            kinds.setdefault(kind, {}).setdefault(name, []).append(check.inside)
+    names = [cube.attrs["figure_set"] for cube in chapter]
+    rows = [
+        [f"[{STUDIES[name].title}](executed/{name}.ipynb)"]
+        + [f"{sum(met.get(name, []))} of {len(met.get(name, []))}" for met in kinds.values()]
+        for name in names
+    ]
+    total = ["**the chapter**"]
+    for met in kinds.values():
+        every = [inside for checks in met.values() for inside in checks]
+        total.append(f"**{sum(every)} of {len(every)}** ({np.mean(every):.0%})")
+    words = {"mean": "mean errors", "peak": "peak errors"}
+    return table(
+        ["figure set", *(words.get(kind, f"errors on {kind}") for kind in kinds)], [*rows, total]
+    )
+
+
+def _law(chapter: Sequence[xr.Dataset]) -> str:
+    """The law of rounding against the rms over the trials."""
+    ratios, uncertainty = [], []
+    for cube in chapter:
+        squared = cube["mean_error"].isel(trial=slice(1, None)) ** 2
+        ratios.append((cube["predicted_error"] / np.sqrt(squared.mean("trial"))).values)
+        uncertainty.append(_standard_error(squared))
+    flat = np.concatenate([ratio.ravel() for ratio in ratios])
+    trials = chapter[0].sizes["trial"] - 1
+    return (
+        f"\nOver the {flat.size} settings and modes the law's prediction divided by the rms over "
+        f"{trials} trials lies between {flat.min():.3f} and {flat.max():.3f}. So few trials know "
+        f"their own rms to {100 * np.median(np.concatenate(uncertainty)):.1f} % (median) or "
+        f"{100 * np.max(np.concatenate(uncertainty)):.1f} % (at worst), one standard error.\n"
+    )
+
+
+def _standard_error(squared: xr.DataArray) -> Array:
+    """Relative standard error of the rms over the trials, from squared errors (…, trial)."""
+    n = squared.sizes["trial"]
+    return np.ravel(squared.std("trial", ddof=1) / squared.mean("trial") / (2 * np.sqrt(n)))
+
+
+def _usable(cube: xr.Dataset) -> list[tuple[int, str]]:
+    """Modes and planes that have a reference pressure."""
+    modes, names = cube["mode"].values.tolist(), cube["plane"].values.tolist()
+    ratio = cube["independent_ratio"]
+    return [(m, p) for m in modes for p in names if np.isfinite(ratio.sel(mode=m, plane=p))]
+
+
+def scatter_table(opened: dict[str, xr.Dataset]) -> str:
+    """How far one rounding scatters, by mode and plane."""
+    chapter = _chapter(opened, "sound")
+    rows = []
+    for mode, plane in _usable(chapter[0]):
+        spread, law, known = [], [], []
+        for cube in chapter:
+            part = cube.sel(mode=mode, plane=plane)
+            drawn = part["plane_error"].transpose("setting", "trial")[:, 1:]
+            low, high = np.quantile(drawn.values, [0.05, 0.95], axis=1)
+            spread += list(high / low)
+            law += list(part["predicted_error"].values / np.sqrt(np.mean(drawn.values**2, axis=1)))
+            known += list(_standard_error(drawn**2))
+        rows.append(
+            [
+                f"{mode}, {plane}",
+                f"{np.median(spread):.1f} ({min(spread):.1f}–{max(spread):.1f})",
+                f"{min(law):.2f}–{max(law):.2f}",
+                f"{100 * np.median(known):.0f} %",
+            ]
+        )
+    header = ["mode, plane", "95 % over 5 % of the trials", "law over rms of the trials",
+              "standard error of that rms"]  # fmt: skip
+    return table(header, rows) + "\nMedians and ranges over all settings of the chapter.\n"
+
+
+def layouts(opened: dict[str, xr.Dataset]) -> str:
+    """Rms field error over rms deflection error, by case: what the layout does to κ."""
+    chapter = _chapter(opened, "sound")
+    pairs = _usable(chapter[0])
+    rows = []
+    for cube in chapter:
+        for case in dict.fromkeys(cube["case"].values.tolist()):
+            cells = []
+            for mode, plane in pairs:
+                part = select(cube, case, mode)
+                field = part["plane_error"].sel(plane=plane).transpose("setting", "trial").values
+                shape = part["deflection_error"].transpose("setting", "trial").values
+                ratio = np.sqrt(np.mean(field[:, 1:] ** 2, 1) / np.mean(shape[:, 1:] ** 2, 1))
+                cells.append(f"{ratio[0]:.2f} → {ratio[-1]:.2f}")
+            square = _square_to_the_plate(select(cube, case, pairs[0][0]))
+            rows.append([case, f"{square[0]:.0%} → {square[-1]:.0%}", *cells])
+    free = [f"{float(chapter[0]['independent_ratio'].sel(mode=m, plane=p)):.2f}" for m, p in pairs]
+    rows = [["", "independent errors", *free], *sorted(rows, key=lambda row: (len(row[1]), row[1]))]
+    return table(["case", "square to the plate", *(f"mode {m}, {p}" for m, p in pairs)], rows) + (
+        "\nFirst setting → last setting of each case, from the rms over the trials.\n"
+    )
+
+
+def _square_to_the_plate(part: xr.Dataset) -> Array:
+    """Share of each setting's cameras whose azimuth is a multiple of 90°."""
+    azimuth = part["camera_azimuth"].values
+    off = np.abs((azimuth + 45) % 90 - 45)
+    return np.nanmean(np.where(np.isnan(azimuth), np.nan, off < 1e-6), axis=1)
+
+
+def markers(opened: dict[str, xr.Dataset]) -> str:
+    """κ of independent errors, relative to the antinode's peak, against the number of markers."""
+    request = camera_study("sound-distance")
+    plane = request.planes[0]  # type: ignore[attr-defined]
+    rows, counts, ratios = [], [], []
+    for grid in ((12, 8), (15, 10), (24, 16), (36, 24)):
+        plate = setups.plate(grid)
+        omega = resonance(plate, 1)
+        op = planes.operator(plate, plane, omega)
+        shape = plate.mode_shapes([1], plate.markers)[0]
+        largest = np.max(np.abs(op.field(shape)))
+        ratio = np.linalg.norm(full_factor(op)) * plate.shape_peak(1) / largest
+        counts.append(plate.markers.shape[1])
+        ratios.append(float(ratio))
+        rows.append([f"{grid[0]}×{grid[1]}", str(counts[-1]), f"{ratio:.4f}",
+                     f"{ratio * np.sqrt(counts[-1]):.2f}"])  # fmt: skip
+    slope = np.polyfit(np.log(counts), np.log(ratios), 1)[0]
+    return table(["grid", "markers M", "κ (mode 1, XZ)", "κ √M"], rows) + (
+        f"\nThe fitted exponent of M is {slope:.3f}.\n"
+    )
+
+
+def levels(opened: dict[str, xr.Dataset]) -> str:
+    """Absolute levels: of a force of 1 N, and what the 10 mm of the study would mean."""
+    request = camera_study("sound-distance")
+    plate = setups.plate()
+    parts = planes.pistons(plate)
+    peak = f"{1000 * request.peaks_m[0]:g} mm"
+    rows = []
+    for mode in (1, 2, 3):
+        omega = resonance(plate, mode)
+        shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)
+        velocity = omega * peak_deflection(plate, mode) * shape
+        power = radiation.sound_power(parts, velocity, omega)
+        largest = max(
+            np.max(np.abs(planes.operator(plate, plane, omega).field(velocity)))
+            for plane in request.planes  # type: ignore[attr-defined]
+        )
+        scale = request.peaks_m[mode - 1] / peak_deflection(plate, mode)
+        level = float(radiation.pressure_level(largest))
+        rows.append(
+            [
+                str(mode),
+                f"{radiation.radiation_efficiency(parts, velocity, omega):.3f}",
+                f"{float(radiation.power_level(power)):.0f}",
+                f"{level:.0f}",
+                f"{level + 20 * np.log10(scale):.0f}",
+                f"{omega**2 * request.peaks_m[mode - 1] / GRAVITY:.0f} g",
+            ]
+        )
+    header = ["mode", "radiation efficiency", "sound power for 1 N, dB",
+              "largest pressure level for 1 N, dB",
+              f"level for {peak}, dB", f"acceleration for {peak}"]  # fmt: skip
+    return table(header, rows)
+
+
+def effort_table(_: dict[str, xr.Dataset]) -> str:
+    """What each figure set costs, as measured in the published run."""
+    known = effort.read()
+    rows = [
+        [f"`{name}`", one.kind, one.time, one.memory, f"{one.cube_mb:.1f} MB"]
+        for name in STUDIES
+        for one in [known.get(name)]
+        if one is not None
+    ]
+    if not rows:
+        return "Nothing was measured yet; `thesis book --publish` does.\n"
+    return table(["figure set", "takes", "time", "memory", "cube"], rows)
+
+
+def parameters(opened: dict[str, xr.Dataset]) -> str:
+    """The parameters of every figure set, to be folded out."""
+    parts = []
+    for name in [name for chapter in CHAPTERS.values() for name in chapter]:
+        parts.append(f":::{{dropdown}} `{name}`\n{parameter_table(STUDIES[name])}:::\n")
+    return "\n".join(parts)
+
+
+def parameter_table(model: type[Study], without: Sequence[str] = ()) -> str:
+    """Every parameter of a request with its default, unit, meaning and bounds."""
+    rows = [
+        [f"`{row['name']}`", f"`{row['default']}`", row["unit"], row["meaning"], row["allowed"]]
+        for row in describe(model)
+        if row["name"] not in without
+    ]
+    return table(["parameter", "default", "unit", "meaning", "allowed"], rows)

@@ -1,0 +1,122 @@
+"""All pieces of pages that are made of cubes, and writing them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+
+import xarray as xr
+
+from thesis_lib import files
+from thesis_lib.book import missing
+from thesis_lib.book.conclusions import tables as conclusions_tables
+from thesis_lib.book.pieces import benchmarks as benchmark_tables
+from thesis_lib.book.pieces.chapters import (
+    beam_results,
+    effort_table,
+    experiment_results,
+    layouts,
+    ledger_totals,
+    levels,
+    markers,
+    parameter_table,
+    parameters,
+    plate_results,
+    scatter_table,
+    sound_results,
+    structure_model,
+)
+from thesis_lib.book.pieces.opened import Opened
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.design_law import tables as design_tables
+from thesis_lib.figure_sets.optics import tables as optics_tables
+from thesis_lib.figure_sets.parametric import sound_sum
+from thesis_lib.figure_sets.parametric import symmetry as shape_tables
+from thesis_lib.figure_sets.planner import tables as planner_tables
+from thesis_lib.planning.request import PlanRequest
+from thesis_lib.studies import cubes
+
+
+def write(made: Sequence[Path], folder: Path, without: Iterable[str] = ()) -> None:
+    """Write every piece of :data:`PIECES` from the cubes `made` into `folder`.
+
+    Pieces that need the figure sets `without` a cube say that these are missing.
+    """
+    read = {path.stem: cubes.read(path) for path in made}
+    for name, piece in PIECES.items():
+        opened = Opened(read, without)
+        try:
+            text = piece(opened)
+        except Exception:
+            if not opened.wanted:
+                raise
+            text = ""
+        if opened.wanted:
+            text = "\n\n".join(filter(None, [text, missing.sentence(opened.wanted)]))
+        files.whole_text(folder / f"{name}.md", text)
+
+
+def _lab(piece: str, cube: xr.Dataset) -> str:
+    """A piece about what is filmed beyond chapter 5."""
+    from thesis_lib.figure_sets.lab_modes.tables import modes_results
+    from thesis_lib.figure_sets.lab_plate.tables import plate_results
+
+    made = {"modes_results": modes_results, "plate_results": plate_results}
+    return made[piece](cube)
+
+
+def _layout(name: str, cube: xr.Dataset) -> str:
+    """What is said of where cameras stand, from the cube of ``lab-elevation`` or ``lab-layout``."""
+    from thesis_lib.figure_sets.lab_layout import tables as lab_layout_tables
+
+    return lab_layout_tables.RESULTS[name](cube)
+
+
+def _optics(name: str, opened: dict[str, xr.Dataset]) -> str:
+    """A table of chapter 2 or its appendices, from the cube of ``cameras``."""
+    return optics_tables.PIECES[name](opened["cameras"])
+
+
+def _benchmark(name: str, _: dict[str, xr.Dataset]) -> str:
+    """What the published run of the benchmarks measured."""
+    return benchmark_tables.PIECES[name]()
+
+
+def _design(name: str, opened: dict[str, xr.Dataset]) -> str:
+    """What is said of the law of rounding for design, from the cube of ``design-law``."""
+    return design_tables.PIECES[name](opened["design-law"])
+
+
+def _planner(name: str, opened: dict[str, xr.Dataset]) -> str:
+    """What is said of planned layouts, from the cube of ``planner``."""
+    return planner_tables.PIECES[name](opened["planner"])
+
+
+PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
+    **shape_tables.PIECES,
+    **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
+    **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},
+    **{f"planner-{name}": partial(_planner, name) for name in planner_tables.PIECES},
+    "planner-parameters": lambda _: parameter_table(PlanRequest, ["cube"]),
+    "beam-model": lambda _: structure_model(setups.beam(), "mm", 1e3),
+    "beam-results": beam_results,
+    "plate-model": lambda _: structure_model(setups.plate(), "nm", 1e9),
+    "plate-results": plate_results,
+    "experiment-results": experiment_results,
+    "lab-elevation-results": lambda opened: _layout("lab-elevation", opened["lab-elevation"]),
+    "lab-layout-results": lambda opened: _layout("lab-layout", opened["lab-layout"]),
+    "lab-modes-results": lambda opened: _lab("modes_results", opened["lab-modes"]),
+    "lab-plate-results": lambda opened: _lab("plate_results", opened["lab-plate"]),
+    "sound-results": sound_results,
+    "sound-scatter": scatter_table,
+    "sound-layouts": layouts,
+    "sound-markers": markers,
+    "sound-levels": levels,
+    "sound-sum": lambda _: sound_sum.sums(),
+    **conclusions_tables.PIECES,
+    "parameters": parameters,
+    "effort": effort_table,
+    **{name: partial(_benchmark, name) for name in benchmark_tables.PIECES},
+    "ledger-totals": ledger_totals,
+}

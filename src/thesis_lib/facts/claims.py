@@ -1,0 +1,194 @@
+"""What the thesis states, beside what we get.
+
+One rule for every claim, set before looking:
+
+agrees
+    The literal run is inside the stated value or interval, give or take half a unit of the last
+    digit that is printed.
+within scatter
+    Else, the 5–95 % band of the trials, widened by 1 point (0.5 if the stated value is below 10 %),
+    meets the stated value or interval.
+differs
+    Neither.
+undefined
+    There is nothing to compare with; the reason is told.
+
+Upper and lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim about
+all settings holds if it holds for each. Where the text excepts one marker, the second-largest error
+is meant.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.facts.setups import data_folder
+
+RELATIONS = ("about", "range", "max", "less_than", "min")
+QUANTITIES = ("mean_error", "max_point_error", "plane_error_xz", "plane_error_yz")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One figure that the thesis states.
+
+    Parameters
+    ----------
+    id, figure_set, section, figure, panel, case : str
+        Where it stands.
+    mode : int
+        Mode it speaks of.
+    quantity : str
+        ``mean_error``, ``max_point_error``, ``plane_error_xz`` or ``plane_error_yz``.
+    values : tuple of float
+        Values of the varied parameter; empty if it speaks of all settings of the case.
+    relation : str
+        ``about``, ``range``, ``max``, ``less_than`` or ``min``.
+    low, high : float
+        The stated interval in %; equal for a single value.
+    excepted : int
+        How many markers the text leaves out.
+    pair_order : str
+        Order of adding pairs that it speaks of; empty for the one that the study runs.
+    rounding : tuple of float
+        Half a unit of the last printed digit of `low` and of `high`.
+    conflicts : tuple of str
+        Ids of claims that cannot be true together with this one.
+    conflict_why : str
+        Why not.
+    """
+
+    id: str
+    figure_set: str
+    section: str
+    figure: str
+    panel: str
+    case: str
+    mode: int
+    quantity: str
+    values: tuple[float, ...]
+    relation: str
+    low: float
+    high: float
+    excepted: int
+    pair_order: str = ""
+    rounding: tuple[float, float] = (0.0, 0.0)
+    conflicts: tuple[str, ...] = ()
+    conflict_why: str = ""
+
+    @property
+    def chapter(self) -> int:
+        """Chapter of the thesis."""
+        return int(self.section[0])
+
+    @property
+    def ends(self) -> tuple[float | None, float | None]:
+        """The stated interval in %, with None at the open end of a bound."""
+        upper, lower = self.relation in ("max", "less_than"), self.relation == "min"
+        return None if upper else self.low, None if lower else self.high
+
+    @property
+    def stated(self) -> str:
+        """The claim in a few characters, such as ``10–15 %`` or ``≤ 40 %``."""
+        sign = {"max": "≤ ", "less_than": "< ", "min": "≥ "}.get(self.relation, "")
+        interval = f"{self.low:g}" if self.low == self.high else f"{self.low:g}–{self.high:g}"
+        return f"{sign}{interval} %"
+
+
+def read_claims() -> list[Claim]:
+    """The stated figures, from ``data/thesis/claims.csv``.
+
+    Raises
+    ------
+    ValueError
+        Naming the line and the field of a malformed row.
+    """
+    path = data_folder() / "claims.csv"
+    kinds: dict[str, Callable[[str], object]] = {
+        "id": _some, "mode": int, "low": _finite, "high": _finite, "excepted": int,
+        "value": _values, "conflicts": _names, "relation": _one_of(RELATIONS),
+        "quantity": _one_of(QUANTITIES), "figure_set": _some, "section": _some,
+    }  # fmt: skip
+    claims: list[Claim] = []
+    seen: set[str] = set()
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = csv.DictReader(file, restkey="more")
+        expected = [f.name for f in dataclasses.fields(Claim) if f.name != "rounding"]
+        expected[expected.index("values")] = "value"
+        if set(rows.fieldnames or ()) != set(expected):
+            given = ", ".join(rows.fieldnames or ())
+            raise ValueError(f"claims.csv, line 1: given {given}, allowed: {', '.join(expected)}")
+        for row in rows:
+            fields: dict[str, object] = dict(row)
+            for field, kind in {**dict.fromkeys(row, _text), **kinds}.items():
+                try:
+                    fields[field] = kind(row[field])
+                except (AttributeError, TypeError, ValueError):
+                    raise ValueError(
+                        f"claims.csv, line {len(claims) + 2}: {field}: given {row.get(field)!r}"
+                    ) from None
+            fields["values"] = fields.pop("value")
+            fields["rounding"] = half_digit(row["low"]), half_digit(row["high"])
+            if fields["id"] in seen:
+                raise ValueError(
+                    f"claims.csv, line {len(claims) + 2}: id: given {row['id']!r} a second time"
+                )
+            seen.add(row["id"])
+            claims.append(Claim(**fields))  # type: ignore[arg-type]
+    return claims
+
+
+def half_digit(text: str) -> float:
+    """Half a unit of the last digit of a number as it is printed.
+
+    Examples
+    --------
+    >>> half_digit("10"), half_digit("1.2")
+    (0.5, 0.05)
+    """
+    return 0.5 * 10.0 ** -len(text.partition(".")[2])
+
+
+def _text(text: str) -> str:
+    if not isinstance(text, str):  # of a row that is too short or too long
+        raise TypeError
+    return text
+
+
+def _values(text: str) -> tuple[float, ...]:
+    return () if text == "all" else tuple(_finite(value) for value in text.split(";"))
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(filter(None, text.split(";")))
+
+
+def _some(text: str) -> str:
+    if not text:
+        raise ValueError
+    return text
+
+
+def _finite(text: str) -> float:
+    if not np.isfinite(float(text)):
+        raise ValueError
+    return float(text)
+
+
+def _one_of(allowed: Sequence[str]) -> Callable[[str], str]:
+    def checked(text: str) -> str:
+        if text not in allowed:
+            raise ValueError
+        return text
+
+    return checked
+
+
+def claims_of(name: str) -> list[Claim]:
+    """Claims about a figure set."""
+    return [claim for claim in read_claims() if claim.figure_set == name]

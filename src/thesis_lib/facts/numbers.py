@@ -1,0 +1,208 @@
+"""Numbers of the thesis outside its results: computed there, following from others, stated twice.
+
+Each is held against what the library or a line of arithmetic gives. A printed decimal stands for
+all that would be rounded to it; a fraction or a product, such as 1/60, for itself.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from decimal import Decimal
+from functools import partial
+
+import numpy as np
+
+from thesis_lib.acoustics.sources import outgoing_wave
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Direction, data_folder, pairs
+from thesis_lib.vibration import structure as structures
+from thesis_lib.vibration.beam import cantilever_roots
+from thesis_lib.vision.optics import angle_of_view, picture_height
+from thesis_lib.vision.pinhole import hemisphere_directions, pixelate, project
+
+EXACT = 1e-9  # relative half-width of a fraction or a product
+BEAM, PLATE, RIG = setups.beam(), setups.plate(), setups.table("experiment", "rig")
+
+
+@dataclass(frozen=True)
+class StatedNumber:
+    """One number that the thesis prints and that can be computed.
+
+    Parameters
+    ----------
+    id, place, words, unit : str
+        Its name, where it stands, what it is, and its unit, empty if it has none.
+    chapter : int
+        Chapter of the thesis; an appendix counts as the chapter that refers to it.
+    stated : str
+        As printed: a decimal such as ``39.6`` or ``16e6``, or an exact ``1/60`` or ``12×4``.
+    value_of : str
+        Key of ``VALUES``.
+    """
+
+    id: str
+    chapter: int
+    place: str
+    words: str
+    stated: str
+    unit: str
+    value_of: str
+
+    @property
+    def low(self) -> float:
+        """Least value that would be printed like this."""
+        return _interval(self.stated)[0]
+
+    @property
+    def high(self) -> float:
+        """Largest value that would be printed like this."""
+        return _interval(self.stated)[1]
+
+    @property
+    def is_bookkeeping(self) -> bool:
+        """Whether it is arithmetic on printed numbers or a count of printed rows, no physics."""
+        return self.value_of in ARITHMETIC or self.value_of in COUNTS
+
+    @property
+    def value(self) -> float:
+        """What it should be, in its unit."""
+        return float(VALUES[self.value_of]())
+
+
+def read_numbers() -> list[StatedNumber]:
+    """The stated numbers, from ``data/thesis/numbers.csv``.
+
+    Raises
+    ------
+    ValueError
+        Naming the line and the field of a malformed row.
+    """
+    numbers: list[StatedNumber] = []
+    expected = [field.name for field in fields(StatedNumber)]
+    with (data_folder() / "numbers.csv").open(encoding="utf-8", newline="") as file:
+        rows = csv.DictReader(file, restkey="more")
+        if rows.fieldnames != expected:
+            given = ", ".join(rows.fieldnames or ())
+            raise ValueError(f"numbers.csv, line 1: given {given}, allowed: {', '.join(expected)}")
+        for line, row in enumerate(rows, 2):
+            known = [number.id for number in numbers]
+            for name, text in row.items():
+                if not _fits(name, text, known):
+                    raise ValueError(f"numbers.csv, line {line}: {name}: given {text!r}")
+            numbers.append(StatedNumber(chapter=int(row.pop("chapter")), **row))
+    return numbers
+
+
+def _fits(name: str, text: str | None, known: Sequence[str]) -> bool:
+    if name == "stated":
+        try:
+            return all(map(math.isfinite, _interval(text or "")))
+        except (ArithmeticError, ValueError):
+            return False
+    fits = {"id": text not in known, "chapter": text in tuple("1234567"), "unit": text is not None,
+            "value_of": str(text) in VALUES, "more": False}  # fmt: skip
+    return fits.get(name, True) and (name == "unit" or bool(text))
+
+
+def _interval(text: str) -> tuple[float, float]:
+    for sign in "/×":
+        first, found, second = text.partition(sign)
+        if found:
+            value = int(first) / int(second) if sign == "/" else float(int(first) * int(second))
+            return value * (1 - EXACT), value * (1 + EXACT)
+    number = Decimal(text)
+    half = Decimal(5).scaleb(int(number.as_tuple().exponent) - 1)
+    return float(number - half), float(number + half)
+
+
+def _angle_of_view(size: float, focal_length: float) -> float:
+    return math.degrees(angle_of_view(size, focal_length))
+
+
+def _axes_angle(one: Direction, other: Direction) -> float:
+    axes = hemisphere_directions(*np.radians([one, other]).T)
+    return math.degrees(math.acos(axes[0] @ axes[1]))
+
+
+def _equations(n_cameras: int) -> int:
+    """Independent rows of eq. 3.18 that cameras with rounded images give for one point."""
+    (pair,) = setups.distance_settings([500], 30, 25, (320, 180))
+    P = pair.cameras(24, 36).P[:n_cameras]
+    u, v = pixelate(project(P, [[0.1], [0.004], [0.003]]))[:, :, 0].T
+    rows = np.cross(np.stack([u, v, u * 0 + 1], axis=1)[:, :, None], P, axis=1)
+    return int(np.linalg.matrix_rank(rows.reshape(-1, 4)))
+
+
+def _sine_factor() -> float:
+    """Factor c of sin(kx) beside sinh(kx) in eq. 3.4, from the derivatives at the clamp."""
+    k = cantilever_roots(1)[0] / BEAM.length
+    slope, third = (BEAM.mode_shapes([1], [[0.0], [0.0]], n)[0, 0] for n in (1, 3))
+    return float((slope * k**2 - third) / (slope * k**2 + third))  # slope k²/third = (1+c)/(1-c)
+
+
+def _mixed_term() -> float:
+    """Factor of the mixed derivative in eq. 4.1 from the frequencies of eq. 4.6."""
+    a2, b2 = ((math.pi / side) ** 2 for side in PLATE.extent)
+    waves = PLATE.angular_frequencies(1)[0] ** 2 * PLATE.mass_per_area / PLATE.bending_stiffness
+    return float((waves - a2**2 - b2**2) / (a2 * b2))
+
+
+def _at_resonance() -> complex:
+    return complex(structures.modal_coordinates(BEAM, structures.resonance(BEAM, 1), 1)[0])
+
+
+def _cameras(case: str) -> set[Direction]:
+    return {(azimuth % 360, elevation) for pair in pairs()[case] for azimuth, elevation in pair}
+
+
+ARITHMETIC: dict[str, float] = {
+    "chapters": 6 + 1, "battery_voltage": 2 * 1.5, "sensor_cells": 4000 * 4000,
+    **{f"height_{w}_{a}_{b}": picture_height(w, a, b)
+       for w in (800, 1024, 1280, 1600) for a, b in ((4, 3), (36, 24))},
+    **{f"aperture_2a_{half}": half - -half for half in (8, 30, 55, 80)},
+    "film_diagonal": math.hypot(36, 24), "lens_of_view": 18 / math.tan(math.radians(39.6 / 2)),
+    "zero_column": 3, "apart_pair": 30 - -30, "caption_2c": 2 * abs(-90 + 8),
+    "rig_places": len({10, -10} | {10, -10}), "board_tiles": 5 * 7, "pictures": 12 * 4,
+    "least_pictures": math.ceil(5 / 2), "markers": 3 * 25, "grid": 3 * 25 + 1,
+    "frames_at_4": 60 / 4, "parameters": len(("distance", "aperture", "pixels", "cameras")),
+}  # fmt: skip
+COUNTS = ("array_sizes", "last_figure", "cameras_4a", "pairs_4a", "cameras_4b", "pairs_4b",
+          "plate_markers")  # fmt: skip
+VALUES: dict[str, Callable[[], float]] = {
+    **{name: partial(float, value) for name, value in ARITHMETIC.items()},
+    "view_across": partial(_angle_of_view, 36, 50), "view_up": partial(_angle_of_view, 24, 50),
+    "view_diagonal_43": partial(_angle_of_view, 43, 50),
+    "view_diagonal": partial(_angle_of_view, math.hypot(36, 24), 50),
+    **{f"root_{n}": partial(lambda n: cantilever_roots(n)[-1], n) for n in range(1, 7)},
+    "sine_factor": _sine_factor, "mixed_term": _mixed_term,
+    "instant": lambda: abs(math.cos(np.angle(_at_resonance()))),
+    "overlap_beam": lambda: math.log2(np.divide(*structures.modal_overlap(BEAM, [2, 1]))),
+    "overlap_plate": lambda: math.log2(np.divide(*structures.modal_overlap(PLATE, [2, 1]))),
+    "equations_1": partial(_equations, 1), "equations_2": partial(_equations, 2),
+    "last_figure": lambda: float(setups.figure_number("beam", "arrays", "4e", 3)),
+    **{f"aperture_2b_{p}": partial(_axes_angle, (90, p), (-90, p)) for p in (5, 20, 40, 60)},
+    "axes_pair": partial(_axes_angle, (30, 25), (-30, 25)),
+    "axes_2a_80": partial(_axes_angle, (80, 10), (-80, 10)),
+    "cameras_4a": lambda: len(_cameras("4a")), "pairs_4a": lambda: len(pairs()["4a"]),
+    "cameras_4b": lambda: len(_cameras("4b")), "pairs_4b": lambda: len(pairs()["4b"]),
+    "array_sizes": lambda: len(pairs()["4a"]),  # one more with each pair
+    "shared_4a": lambda: len(_cameras("4a") & _cameras("4a'")),
+    "mirrored_4e": lambda: sum((one[0] + other[0]) % 180 == 0 for one, other in pairs()["4e"]),
+    "array_width": lambda: setups.table("beam", "arrays")["resolution_px"][0],
+    "beam_spacing": lambda: BEAM.length / 25e-3, "beam_density": lambda: BEAM.density,
+    "beam_modulus": lambda: BEAM.youngs_modulus, "plate_markers": lambda: len(PLATE.markers.T),
+    "plate_spacing_x": lambda: PLATE.length / 15e-3, "plate_spacing_y": lambda: PLATE.width / 10e-3,
+    **{f"rank_{a}_{b}": partial(lambda m: PLATE.mode_indices(50).tolist().index(m) + 1, [a, b])
+       for a, b in ((2, 1), (1, 2), (2, 2), (1, 4))},
+    "resonance": lambda: structures.resonance(BEAM, 1) / (2 * math.pi),
+    "tip": lambda: structures.peak_deflection(BEAM, 1) * 1e3,
+    "rig_frequency": lambda: RIG["frequency_hz"], "rig_distance": lambda: RIG["distance_mm"],
+    "rig_apart": lambda: 2 * RIG["azimuth_deg"], "frame_period": lambda: 1 / RIG["frame_rate_hz"],
+    "rig_axes": partial(_axes_angle, (10, 22), (-10, 22)),
+    "frames_at_resonance": lambda: RIG["frame_rate_hz"] / RIG["frequency_hz"],
+    "plane_columns": lambda: 99 * PLATE.length / PLATE.width,
+    "wave_sign": lambda: -math.copysign(1, math.atan2(*outgoing_wave(1.0, np.array(0.1)))),
+}  # fmt: skip

@@ -1,0 +1,72 @@
+"""What the thesis leaves open: the assumptions made, and the other readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from thesis_lib.facts.setups import read_toml
+
+ADOPTED = "adopted"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Another reading of what the thesis leaves open.
+
+    Parameters
+    ----------
+    name : str
+        Short and unique.
+    topic : str
+        What it is about, as in ``assumptions.toml``.
+    values : dict
+        Parameters that differ; a study takes those that it has.
+    """
+
+    name: str
+    topic: str
+    values: dict[str, Any]
+
+
+def _focal(focal_mm: float, **more: Any) -> dict[str, Any]:
+    return {"focal_length_mm": float(focal_mm), **more}
+
+
+_REVERSED = dict.fromkeys(("4a", "4a'", "4b", "4c", "4d", "4e"), "reversed")
+_ALL = (
+    Reading(ADOPTED, "", {}),
+    Reading("rest known", "rest position", {"rest": "known"}),
+    Reading("rest known, 18 mm lens", "rest position", _focal(18, rest="known")),
+    Reading("rest known, 20 mm lens", "rest position", _focal(20, rest="known")),
+    Reading("1 N", "amplitude", {"amplitude_mm": "force"}),
+    Reading("azimuth from X", "azimuth", {"azimuth_zero": "X"}),
+    Reading("4d as printed", "pair order", {"pair_order": {"4d": "printed"}}),
+    Reading("4b reversed", "pair order", {"pair_order": {"4b": "reversed"}}),
+    Reading("all pairs reversed", "pair order", {"pair_order": _REVERSED}),
+    *(
+        Reading(f"{focal} mm lens", "focal length", _focal(focal))
+        for focal in (18, 20, 22, 26, 28, 35, 50)
+    ),
+    Reading("markers from the clamp on", "beam markers", {"first_marker_mm": 0.0}),
+    Reading("last marker at the tip", "beam markers", {"first_marker_mm": 23.0}),
+    Reading("last marker at the tip, 26 mm lens", "beam markers", _focal(26, first_marker_mm=23.0)),
+    Reading("principal point half a pixel off", "principal point", {"principal_offset_px": 0.5}),
+)
+READINGS = {reading.name: reading for reading in _ALL}
+
+
+def assumptions() -> list[dict[str, Any]]:
+    """What the thesis does not state and we took, item by item: the page of that name, as data."""
+    items: list[dict[str, Any]] = read_toml("assumptions.toml")["assumption"]
+    return items
+
+
+def reading(subject: str) -> dict[str, Any]:
+    """Parameters of what we took, for beam, plate, sound, experiment or lab."""
+    return {
+        name: value
+        for item in assumptions()
+        if subject in item["subjects"]
+        for name, value in item.get("parameters", {}).items()
+    }

@@ -1,0 +1,221 @@
+"""The thesis's structures and camera setups, read from ``data/thesis``.
+
+Structures are those of Tables 3.1 and 4.1, setups those of Tables 3.3, 3.4, 4.3, 4.4, 6.1 and 6.2.
+
+A *setting* is one entry of a parametric study: some cameras at given directions, one distance and
+one resolution, with the value of the parameter that is varied. A study is a list of settings in
+the order of the thesis's tables.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thesis_lib.vibration.beam import Beam
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
+
+Direction = tuple[float, float]  # azimuth, elevation in degrees
+CENTRES_DEG = {"2a": 0.0, "2c": -90.0}  # middle of the arc at constant elevation
+OPPOSITE_DEG = {"2b": (90.0, -90.0), "2d": (0.0, 180.0)}  # the two sides of the arc overhead
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One camera setup of a study.
+
+    Parameters
+    ----------
+    case : str
+        The thesis's case, such as ``2a``, or the name of a layout.
+    value : float
+        Value of the varied parameter.
+    label : str
+        The value as it stands in figures and tables.
+    distance_mm : float
+        Distance of all cameras from the structure's centre.
+    directions_deg : tuple
+        Azimuth and elevation of each camera.
+    resolution_px : tuple of int
+        Width and height of the sensor.
+    pair_order : str
+        ``printed``, ``reversed``, or empty where the order of adding pairs has no meaning.
+    """
+
+    case: str
+    value: float
+    label: str
+    distance_mm: float
+    directions_deg: tuple[Direction, ...]
+    resolution_px: tuple[int, int]
+    pair_order: str = ""
+
+    def turned(self) -> Setting:
+        """The setting with its azimuths read from +X towards +Y."""
+        directions = tuple((90 - azimuth, elevation) for azimuth, elevation in self.directions_deg)
+        return replace(self, directions_deg=directions)
+
+    def cameras(self, focal_length_mm: float, sensor_width_mm: float) -> CameraArray:
+        """The setting's cameras; the pixels are square and fill the sensor's width."""
+        angles = np.radians(self.directions_deg)
+        focal_px = focal_length_mm * self.resolution_px[0] / sensor_width_mm
+        return hemisphere_cameras(
+            self.distance_mm / 1000, angles[:, 0], angles[:, 1], focal_px, self.resolution_px
+        )
+
+
+def data_folder() -> Path:
+    """Folder with the thesis's facts: inside an installed package, else in the checkout."""
+    packaged = Path(__file__).parents[1] / "data"
+    return packaged if packaged.is_dir() else Path(__file__).parents[3] / "data" / "thesis"
+
+
+@cache
+def read_toml(name: str) -> dict[str, Any]:
+    """A file of the thesis's facts, as plain values."""
+    return tomllib.loads((data_folder() / name).read_text(encoding="utf-8"))
+
+
+def beam(first_marker: float | None = None) -> Beam:
+    """The thesis's cantilever beam (Table 3.1), with another first marker (m) if one is given."""
+    return Beam(**read_toml("structures.toml")["beam"], first_marker=first_marker)
+
+
+def plate(grid: tuple[int, int] | None = None) -> Plate:
+    """The thesis's plate (Table 4.1), with another grid of markers if one is given."""
+    facts = dict(read_toml("structures.toml")["plate"])
+    facts["force_position"] = tuple(facts["force_position"])
+    facts["grid"] = tuple(grid or facts["grid"])
+    return Plate(**facts)
+
+
+def table(structure: str, study: str) -> dict[str, Any]:
+    """One study's entry of the tables: its printed parameters and figure numbers."""
+    entry: dict[str, Any] = dict(read_toml("setups.toml")[structure][study])
+    return entry
+
+
+def pairs() -> dict[str, list[list[Direction]]]:
+    """Camera pairs of Table 3.4 by case, in printed order."""
+    printed: dict[str, list[list[Direction]]] = read_toml("setups.toml")["pairs"]
+    return printed
+
+
+def figure_number(structure: str, study: str, case: str, mode: int) -> str:
+    """Number of the thesis's figure for a case and mode, or empty if it has none.
+
+    Examples
+    --------
+    >>> figure_number("beam", "aperture", "2b", 3)
+    '3.12'
+    """
+    first = table(structure, study)["figures"].get(case)
+    if first is None or mode not in (1, 2, 3):
+        return ""
+    chapter, number = first.split(".")
+    return f"{chapter}.{int(number) + mode - 1}"
+
+
+def case_title(structure: str, study: str, case: str) -> str:
+    """What a case of the thesis is, in a few words; empty for a reader's own layout."""
+    return str(table(structure, study)["titles"].get(case, ""))
+
+
+def distance_settings(
+    distances_mm: Sequence[float],
+    azimuth_deg: float,
+    elevation_deg: float,
+    resolution_px: tuple[int, int],
+) -> list[Setting]:
+    """Case 1: a pair at ± azimuth and growing distance."""
+    pair = ((azimuth_deg, elevation_deg), (-azimuth_deg, elevation_deg))
+    return [Setting("1", d, f"{d:g} mm", d, pair, resolution_px) for d in distances_mm]
+
+
+def aperture_settings(
+    cases: Sequence[str],
+    half_apertures_deg: Sequence[float],
+    elevations_deg: Sequence[float],
+    elevation_deg: float,
+    distance_mm: float,
+    resolution_px: tuple[int, int],
+) -> list[Setting]:
+    """Cases 2a, 2c (arc at constant elevation) and 2b, 2d (arc overhead: α = 180° − 2φ)."""
+    settings = []
+    for case in cases:
+        if case in CENTRES_DEG:
+            centre = CENTRES_DEG[case]
+            pairs_of_case = [
+                (2 * half, ((centre + half, elevation_deg), (centre - half, elevation_deg)))
+                for half in half_apertures_deg
+            ]
+        else:
+            one, other = OPPOSITE_DEG[case]
+            pairs_of_case = [(180 - 2 * phi, ((one, phi), (other, phi))) for phi in elevations_deg]
+        settings += [
+            Setting(case, alpha, f"{alpha:g}°", distance_mm, pair, resolution_px)
+            for alpha, pair in pairs_of_case
+        ]
+    return settings
+
+
+def resolution_settings(
+    widths_px: Sequence[int], distance_mm: float, azimuth_deg: float, elevation_deg: float
+) -> list[Setting]:
+    """Case 3: one pair, growing 16:9 resolution."""
+    pair = ((azimuth_deg, elevation_deg), (-azimuth_deg, elevation_deg))
+    sizes = [(w, round(w * 9 / 16)) for w in widths_px]
+    return [Setting("3", w, f"{w}×{h}", distance_mm, pair, (w, h)) for w, h in sizes]
+
+
+def array_settings(
+    cases: Sequence[str],
+    pair_order: Mapping[str, str],
+    layouts: Mapping[str, Sequence[Sequence[Direction]]],
+    distance_mm: float,
+    resolution_px: tuple[int, int],
+) -> list[Setting]:
+    """Cases 4a–4e: pairs added one after the other; then the reader's own layouts.
+
+    Parameters
+    ----------
+    cases : sequence of str
+        Cases of Table 3.4.
+    pair_order : mapping
+        ``printed`` or ``reversed`` by case; cases not named are taken as printed.
+    layouts : mapping
+        Name to a list of growing sets of ``(azimuth, elevation)`` in degrees.
+    distance_mm : float
+        Distance of all cameras.
+    resolution_px : tuple of int
+        Width and height of the sensor.
+    """
+    grown: list[tuple[str, str, list[list[Direction]]]] = []
+    for case in cases:
+        order = pair_order.get(case, "printed")
+        ordered = pairs()[case][:: -1 if order == "reversed" else 1]
+        sets = [
+            [camera for pair in ordered[: n + 1] for camera in pair] for n in range(len(ordered))
+        ]
+        grown.append((case, order, sets))
+    grown += [(name, "", [list(s) for s in sets]) for name, sets in layouts.items()]
+    return [
+        Setting(
+            case,
+            len(cameras),
+            f"{len(cameras)} cameras",
+            distance_mm,
+            tuple((float(a), float(e)) for a, e in cameras),
+            resolution_px,
+            order,
+        )
+        for case, order, sets in grown
+        for cameras in sets
+    ]

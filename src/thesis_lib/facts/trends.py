@@ -1,0 +1,111 @@
+"""What the thesis says of trends, tested in expectation.
+
+A trend is a statement on expected errors: the mean of a setting's error over the random shifts of
+the pixel grids. It is tested on resamples of the trials, the same in every setting; the share of
+resamples in which it holds is its *confidence*. The share of single trials in which it holds tells
+how often somebody with one run, such as the thesis, would see it.
+
+A trend that says that an error falls or rises has an *effect*, too: by what factor the expected
+error changes from the first to the last setting, of all the errors that it names the one that
+changes least in the stated direction. Within ``MATERIAL`` of 1 it is no material change, however
+sure its sign.
+
+What the words mean is set in ``trend_tests.py``, once for all trends.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.facts.setups import data_folder
+from thesis_lib.ledger.trend_tests import ARGUMENTS, TESTS
+
+Array = NDArray[np.float64]
+LISTS = ("cases", "modes", "quantities", "source")
+NEEDED = ("id", "section", "modes", "quantities", "words", "source")
+
+
+@dataclass(frozen=True)
+class Trend:
+    """One trend that the thesis states.
+
+    Parameters
+    ----------
+    id, section, kind, parameter, words : str
+        Where it stands and what it says, in a few words.
+    chapter : int
+        Chapter of the thesis.
+    cases, quantities : tuple of str
+        What it speaks of; no case means all of the source.
+    modes : tuple of int
+        Modes it speaks of.
+    source : tuple of str
+        Figure sets, or runs of the ledger's own, that it is judged by.
+    test : str
+        Name of one of ``TESTS``, and its argument.
+    """
+
+    id: str
+    chapter: int
+    section: str
+    cases: tuple[str, ...]
+    modes: tuple[int, ...]
+    quantities: tuple[str, ...]
+    kind: str
+    parameter: str
+    words: str
+    source: tuple[str, ...]
+    test: str
+
+
+def read_trends() -> list[Trend]:
+    """The stated trends, from ``data/thesis/trends.csv``.
+
+    Raises
+    ------
+    ValueError
+        Naming the line and the field of a malformed row.
+    """
+    trends: list[Trend] = []
+    expected = [field.name for field in fields(Trend)]
+    with (data_folder() / "trends.csv").open(encoding="utf-8", newline="") as file:
+        rows = csv.DictReader(file, restkey="more")
+        if rows.fieldnames != expected:
+            given = ", ".join(rows.fieldnames or ())
+            raise ValueError(f"trends.csv, line 1: given {given}, allowed: {', '.join(expected)}")
+        for line, row in enumerate(rows, 2):
+            known = [trend.id for trend in trends]
+            for name, text in row.items():
+                fits = isinstance(text, str) and bool(text or name not in NEEDED)
+                if not fits or (name == "id" and text in known):
+                    raise _refusal(line, name, text)
+            values: dict[str, object] = dict(row)
+            for name in LISTS:
+                values[name] = tuple(filter(None, row[name].split(";")))
+            for name, kind in (("chapter", int), ("modes", _numbers), ("test", _known)):
+                try:
+                    values[name] = kind(row[name])
+                except (TypeError, ValueError):
+                    raise _refusal(line, name, row[name]) from None
+            trends.append(Trend(**values))  # type: ignore[arg-type]
+    return trends
+
+
+def _refusal(line: int, name: str, given: object) -> ValueError:
+    return ValueError(f"trends.csv, line {line}: {name}: given {given!r}")
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    return tuple(int(number) for number in text.split(";") if number)
+
+
+def _known(text: str) -> str:
+    name, _, argument = text.partition(" ")
+    if name not in TESTS or not re.fullmatch(ARGUMENTS.get(name, ""), argument):
+        raise ValueError(text)
+    return text

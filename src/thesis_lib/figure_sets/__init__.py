@@ -1,0 +1,1 @@
+"""One folder for each family of figure sets, and what is common to them."""

@@ -1,0 +1,1 @@
+"""The ledger of what the thesis states, and its own runs."""

@@ -1,0 +1,110 @@
+"""Pictures of the ledger: what is stated against what we get, chapter by chapter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullFormatter
+
+from thesis_lib.ledger.entries import Entry
+from thesis_lib.plotting.style import COLORS, REFERENCE, in_style, subplots
+
+MARKS = {  # verdict: colour and shape, so that neither says it alone
+    "agrees": (COLORS[0], "o"),
+    "within scatter": (COLORS[5], "D"),
+    "differs": (COLORS[4], "^"),
+}
+
+
+def chapter_figure(found: Sequence[Entry], chapter: int) -> Figure:
+    """Stated against reproduced errors of a chapter, and how many times too large they are.
+
+    Parameters
+    ----------
+    found : sequence of Entry
+        The ledger.
+    chapter : int
+        Chapter of the thesis.
+    """
+    part = [e for e in found if e.kind == "figure" and e.chapter == chapter]
+    part = [e for e in part if np.isfinite([e.least, e.most, e.median]).all()]
+    with in_style():
+        drawing, (left, right) = subplots(1, 2, figsize=(7.6, 3.6), layout="constrained")
+        _against(left, part)
+        _ratios(right, part)
+    return drawing
+
+
+def _against(axes: Axes, part: Sequence[Entry]) -> None:
+    ends = [e.least for e in part] + [e.most for e in part] + [e.high for e in part]
+    span = np.array([0.7 * min(*ends, *(e.low for e in part)), 1.4 * max(ends)])
+    axes.plot(span, span, color=REFERENCE, linewidth=1, zorder=1)
+    for verdict, (color, shape) in MARKS.items():
+        chosen = [e for e in part if e.verdict == verdict]
+        if not chosen:
+            continue
+        stated = np.array([np.sqrt(e.least * e.most) for e in chosen])
+        reach = np.array([[x - e.least, e.most - x] for x, e in zip(stated, chosen, strict=True)]).T
+        median = np.array([e.median for e in chosen])
+        band = np.array([[e.median - e.low, e.high - e.median] for e in chosen]).T
+        axes.errorbar(stated, median, band, reach, linestyle="none", marker=shape, markersize=4,
+                      color=color, elinewidth=0.6, label=f"{verdict} ({len(chosen)})")  # fmt: skip
+    axes.set(xscale="log", yscale="log", xlim=span, ylim=span, aspect="equal",
+             title="(a) stated against median and 5–95 % band",
+             xlabel="stated, %", ylabel="this book, %")  # fmt: skip
+    _plain_ticks(axes)
+    axes.legend(loc="upper left")
+
+
+def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
+    ratios = [np.log2(e.median / np.sqrt(e.least * e.most)) for e in part]
+    edge = max(1.0, np.ceil(4 * np.abs(ratios).max()) / 4)
+    bins = np.arange(-edge, edge + 0.01, 0.25)
+    stacks = [[r for r, e in zip(ratios, part, strict=True) if e.verdict == v] for v in MARKS]
+    axes.hist(stacks, bins=list(bins), stacked=True, label=list(MARKS),
+              color=[color for color, _ in MARKS.values()])  # fmt: skip
+    ticks = np.arange(-np.floor(edge), np.floor(edge) + 1)
+    axes.set_xticks(ticks, [f"{2.0**tick:g}" for tick in ticks])
+    axes.axvline(0, color=REFERENCE, linewidth=1)
+    axes.axvline(float(np.median(ratios)), color="#222222", linewidth=1, linestyle="--")
+    axes.text(0.98, 0.96, f"median ratio {2 ** float(np.median(ratios)):.2f}", ha="right", va="top",
+              transform=axes.transAxes, fontsize=8)  # fmt: skip
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set(title="(b) median over stated", xlabel="ratio", ylabel="stated figures")
+
+
+def _plain_ticks(axes: Axes) -> None:
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+
+
+def readings_figure(names: Sequence[str], inside: np.ndarray, total: int) -> Figure:
+    """How many stated figures each reading meets, as bars by chapter.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Readings, the adopted one first.
+    inside : ndarray, shape (readings, chapters)
+        Stated figures that the band of the trials meets.
+    total : int
+        How many there are.
+    """
+    with in_style():
+        drawing, axes = subplots(figsize=(7.6, 0.5 + 0.22 * len(names)), layout="constrained")
+        place = np.arange(len(names))[::-1]
+        left = np.zeros(len(names))
+        for chapter, color, part in zip((3, 4, 6), COLORS, inside.T, strict=False):
+            axes.barh(place, part, 0.75, left, color=color, label=f"chapter {chapter}")
+            left += part
+        axes.axvline(left[0], color="#222222", linewidth=0.8, linestyle="--")
+        axes.set_yticks(place, names, fontsize=8)
+        axes.set(xlim=(0, total), xlabel=f"stated figures met, of {total}")
+        axes.grid(visible=False, axis="y")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.4, 1.0), ncols=3,
+                    bbox_transform=drawing.transFigure)  # fmt: skip
+    return drawing

@@ -1,0 +1,78 @@
+"""What may be asked of the ledger: the alternative readings, and the draws of its own runs."""
+
+from __future__ import annotations
+
+from pydantic import model_validator
+
+from thesis_lib.facts.readings import ADOPTED, READINGS
+from thesis_lib.facts.setups import Setting
+from thesis_lib.studies.request import Study, refuse
+from thesis_lib.studies.vocabulary import field
+
+
+class Ledger(Study):
+    """What the ledger's runs have in common."""
+
+    subject = "claims"
+    study = "claims"
+    varied = "claim"
+    varied_label = "claim"
+
+    trials: int = field(
+        200,
+        "random shifts of the pixel grids in the ledger's own runs",
+        "a whole number from 2 to 10000",
+        ge=2,
+        le=10_000,
+    )
+    seed: int = field(
+        0, "seed of the ledger's own runs", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63
+    )
+
+    def settings(self) -> list[Setting]:
+        """Nothing is varied."""
+        return []
+
+
+class OwnRuns(Ledger):
+    """Runs of layouts that the thesis only speaks of."""
+
+    name = "claims-layouts"
+    title = "Ledger: layouts that the thesis only speaks of"
+
+
+class OtherReadings(Ledger):
+    """All claims under other readings."""
+
+    name = "claims-readings"
+    title = "Ledger: other readings"
+
+    readings: list[str] = field(
+        lambda: [name for name in READINGS if name != ADOPTED],
+        "readings of what the thesis leaves open, to compare with the adopted one",
+        'a list of different ones of the page\'s table, such as ["rest known"]; the adopted one '
+        "is always run",
+    )
+
+    @model_validator(mode="after")
+    def _check_readings(self) -> OtherReadings:
+        if unknown := [name for name in self.readings if name not in READINGS]:
+            refuse("readings", unknown[0], f"allowed: {', '.join(READINGS)}")
+        return self
+
+
+class Claims(OtherReadings):
+    """The ledger: every claim of the thesis beside what this book gets."""
+
+    name = "claims"
+    title = "The ledger: every claim of the thesis"
+
+    @property
+    def own_runs(self) -> OwnRuns:
+        """The runs that its trends need."""
+        return OwnRuns(trials=self.trials, seed=self.seed)
+
+    @property
+    def other_readings(self) -> OtherReadings:
+        """The readings that it compares."""
+        return OtherReadings(trials=self.trials, seed=self.seed, readings=self.readings)

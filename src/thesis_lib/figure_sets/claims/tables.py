@@ -1,0 +1,170 @@
+"""What the page of the ledger shows, from its cube: totals, tables, pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from IPython.display import SVG, Markdown
+from scipy.stats import binomtest
+
+from thesis_lib.facts.readings import READINGS
+from thesis_lib.figure_sets.claims import figures as ledger_figures
+from thesis_lib.figure_sets.claims import power, readings
+from thesis_lib.figure_sets.claims.widget import LedgerTable
+from thesis_lib.ledger import entries as ledger
+from thesis_lib.ledger import trend_tests
+from thesis_lib.ledger.cube import from_cube
+from thesis_lib.ledger.trends import CONFIDENT, RESAMPLES
+from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, WIDER, WIDER_BELOW_10
+from thesis_lib.plotting.style import svg
+from thesis_lib.web.markdown import markdown_table
+
+KINDS = {"figure": "stated figures", "trend": "trends", "number": "stray numbers"}
+
+
+def totals_table(cube: xr.Dataset) -> Markdown:
+    """Verdicts by chapter and kind; rendered recordings and bookkeeping stand apart."""
+    found = from_cube(cube)
+    rows = []
+    for chapter in ledger.CHAPTERS:
+        for kind, words in KINDS.items():
+            for counted in (True, False):
+                part = [
+                    e for e in found
+                    if (e.chapter, e.kind, e.counted) == (chapter, kind, counted)
+                ]  # fmt: skip
+                if part:
+                    mark = "" if counted else " †"
+                    numbers = [str(n) for n in ledger.totals(part).values()]
+                    rows.append([str(chapter), words + mark, str(len(part)), *numbers])
+    counted_ = [entry for entry in found if entry.counted]
+    numbers = [f"**{n}**" for n in ledger.totals(counted_).values()]
+    rows.append(["**all**", "without †", f"**{len(counted_)}**", *numbers])
+    note = (
+        "† not in the totals: judged by recordings that were rendered, not filmed; or, of numbers, "
+        "bookkeeping, arithmetic on printed numbers and counts of printed rows."
+    )
+    return markdown_table(["chapter", "", "claims", *VERDICTS], rows, note, plain=False)
+
+
+def power_table(cube: xr.Dataset) -> Markdown:
+    """What the stated figures could have told."""
+    return Markdown(power.powers(cube))
+
+
+def rules() -> Markdown:
+    """The tolerances, which are the same for all claims."""
+    points, low_points = f"{WIDER:g} point", f"{WIDER_BELOW_10:g} below 10 %"
+    rows = [
+        ["a stated figure *agrees*", "literal run in the stated value or interval, ± half a unit "
+         "of the last printed digit; of a claim on all settings, in each"],
+        ["… as a strict bound, *less than*", "without rounding"],
+        ["… is *within scatter*", "else, the 5–95 % band of the trials, widened by "
+         f"{points} ({low_points}), reaches it"],
+        ["… *differs*", "neither; the ratio is that of the median to the nearest stated value"],
+        ["a trend *agrees*", "true of the expected errors with a confidence of at least "
+         f"{CONFIDENT:.0%}, over {RESAMPLES} resamples of the trials"],
+        ["… is *within scatter*", f"else, true in more than {1 - CONFIDENT:.0%} of the "
+         "single runs or of the resamples"],
+        ["falls, rises", "last below (above) first, and more pairs of settings in this order than "
+         "in the other; in every mode and error that is named"],
+        [f"a rise or fall is *{UNCHANGED}*", "if the expected error changes by at most "
+         f"{trend_tests.MATERIAL:.0%} from first to last, whatever the confidence; of several, the "
+         "one that changes least"],
+        ["within an interval", "every expected error in it, its ends give or take "
+         f"{trend_tests.MATERIAL:.0%}"],
+        ["flat, no significant variation", f"largest at most {trend_tests.FLAT:g} times the least: "
+         "the thesis calls 7 → 3.5 % significant and 8–18 % not"],
+        ["alike, similar", f"geometric means within a factor of {trend_tests.ALIKE:g}: the "
+         "thesis calls modes within 10–15 % alike"],
+        ["no trend", "neither falls nor rises, or flat"],
+        ["a stray number *agrees*", "within half a unit of its last printed digit"],
+    ]  # fmt: skip
+    return Markdown("\n".join(f"* **{term}**: {meaning}." for term, meaning in rows))
+
+
+def differing_table(cube: xr.Dataset, kind: str) -> Markdown:
+    """The claims of a kind that differ or are undefined."""
+    found = [e for e in from_cube(cube) if e.kind == kind]
+    rows = []
+    for entry in found:
+        if entry.verdict in ("differs", "undefined"):
+            modes = ", ".join(map(str, entry.modes))
+            ratio = "" if entry.ratio is None else f"{entry.ratio:.2f}"
+            what = entry.what if entry.verdict == "differs" else f"{entry.what} ({entry.note})"
+            rows.append([entry.place, entry.case, modes, what, entry.stated, entry.got, ratio])
+    header = ["place", "case", "mode", "what", "stated", "got", "ratio"]
+    text = f"{len(rows)} of {len(found)} {KINDS[kind]} differ or are undefined."
+    return markdown_table(header, rows, text, above=True) if rows else Markdown(text)
+
+
+def ledger_table(cube: xr.Dataset) -> LedgerTable:
+    """All claims, to filter and search."""
+    return LedgerTable(data={"rows": [entry.row for entry in from_cube(cube)]})
+
+
+def chapter_picture(cube: xr.Dataset, chapter: int) -> SVG:
+    """Stated against reproduced, of one chapter."""
+    drawing = ledger_figures.chapter_figure(from_cube(cube), chapter)
+    return SVG(svg(drawing))
+
+
+def readings_table(cube: xr.Dataset) -> Markdown:
+    """Agreement under each reading, beside the adopted one."""
+    totals = cube["reading_claims"].sum("outcome")
+    rows = []
+    for name in cube["reading"].values.tolist():
+        part = cube.sel(reading=name)
+        inside, of = part["reading_inside"].values, totals.sel(reading=name).values
+        gained, lost = int(part["gained"]), int(part["lost"])
+        chance = binomtest(gained, gained + lost).pvalue if gained + lost else 1.0
+        rows.append([
+            name, *(f"{met} of {n}" for met, n in zip(inside, of, strict=True)),
+            f"{inside.sum()}", f"+{gained} −{lost}", f"{chance:.2g}",
+            " / ".join(f"{r:.2f}" for r in part["log_residual"].values),
+        ])  # fmt: skip
+    header = ["reading", *(f"ch. {c}" for c in cube["chapter"].values), "all",
+              "gained, lost", "p", "rms log ratio"]  # fmt: skip
+    note = (
+        "Stated figures that the band of the trials meets. "
+        "*Gained, lost*: against the adopted reading; *p*: how likely a difference so large is if "
+        "each changed claim fell either way by chance. *rms log ratio*: of median to stated value, "
+        "chapters 3 / 4 / 6."
+    )
+    return markdown_table(header, rows, note)
+
+
+def readings_picture(cube: xr.Dataset) -> SVG:
+    """Stated figures met under each reading."""
+    inside = cube["reading_inside"].values
+    total = int(cube["reading_claims"].isel(reading=0).sum())
+    names = cube["reading"].values.tolist()
+    return SVG(svg(ledger_figures.readings_figure(names, inside, total)))
+
+
+def readings_commands(cube: xr.Dataset) -> Markdown:
+    """The command that runs chapter 3 under each reading."""
+    names = cube["reading"].values.tolist()
+    lines = [f"{readings.run_it(READINGS[name])}   # {name}" for name in names]
+    return Markdown("```bash\n" + "\n".join(lines) + "\n```")
+
+
+def best_reading(cube: xr.Dataset) -> Markdown:
+    """Whether any reading agrees better than the adopted one, beyond chance, in one sentence."""
+    met = cube["reading_inside"].sum("chapter").values
+    p = [
+        binomtest(int(g), int(g + n)).pvalue if g + n else 1.0
+        for g, n in zip(cube["gained"].values, cube["lost"].values, strict=True)
+    ]
+    names = cube["reading"].values.tolist()
+    best = int(np.argmax(met))
+    better = [n for n, m, q in zip(names, met, p, strict=True) if m > met[0] and q < 0.05]
+    text = (
+        f"The adopted reading meets {met[0]} stated figures; the most are met by *{names[best]}*, "
+        f"{met[best]} (p = {p[best]:.2g}). "
+    )
+    if better:
+        text += f"Better beyond chance (p < 0.05): {', '.join(better)}."
+    else:
+        text += "None is better than the adopted one beyond chance (p < 0.05)."
+    return Markdown(text)

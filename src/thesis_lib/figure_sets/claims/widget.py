@@ -1,0 +1,87 @@
+"""The ledger of claims as a table to filter, search and sort, with or without a kernel."""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import anywidget
+import traitlets
+
+from thesis_lib.ledger.verdicts import VERDICTS
+from thesis_lib.web.fragment import ASSETS, plain, static_html
+
+__all__ = ["LedgerTable"]
+
+_ESM = (ASSETS / "ledger.js").read_text(encoding="utf-8")
+_CSS = (ASSETS / "ledger.css").read_text(encoding="utf-8")
+_TEXTS = (
+    "id", "kind", "case", "what", "stated", "got", "verdict", "note", "href", "place", "command",
+)  # fmt: skip
+WITHOUT = "This table needs JavaScript; `thesis claims` prints the same."
+_KEYS = {*_TEXTS, "chapter", "modes", "ratio", "counted"}
+
+
+class LedgerTable(anywidget.AnyWidget):
+    """A table of claims with their verdicts.
+
+    The reader filters by chapter, case, mode, verdict and kind, searches and sorts. On a page
+    without a kernel the filters stand in the address, as in ``claims.html?chapter=3&mode=1``, and
+    ``claims.html#claim-ID`` shows and marks one claim whatever the filters.
+
+    Parameters
+    ----------
+    data : dict
+        ``{"rows": [row, …]}``, JSON-serialisable, one row per claim in the order to show. Keys:
+
+        ``id``, ``what``, ``stated``, ``got``
+            A unique name; short texts such as ``"mean error at d = 500 mm"``, ``"10 %"``,
+            ``"10.4 (8.1–12.9)"``.
+        ``kind``, ``chapter``, ``case``, ``modes``
+            ``figure``, ``trend`` or ``number``; a number; ``"4a'"``, ``"2a, 2b"`` or ``""``; a
+            list of numbers.
+        ``verdict``, ``ratio``, ``counted``
+            One of ``claims.VERDICTS``; a number or None; whether the totals count
+            the claim.
+        ``place``, ``href``
+            Where it stands, ``"figure 3.4"``, and a relative link or ``""``.
+        ``note``, ``command``
+            Texts for the second line of a row, may be ``""``.
+
+    Raises
+    ------
+    traitlets.TraitError
+        Naming a row with other keys, no text where one belongs, an unknown verdict or a second id.
+    """
+
+    _esm = _ESM
+    _css = _CSS
+    data = traitlets.Dict().tag(sync=True)
+
+    @traitlets.validate("data")
+    def _checked(self, proposal: Mapping[str, Any]) -> Any:
+        data, seen = plain(proposal["value"]), set()
+        for i, row in enumerate(data.get("rows", [])):
+            if wrong := _KEYS ^ row.keys():
+                fault = f"missing or unknown: {sorted(wrong)}"
+            elif wrong := {key for key in _TEXTS if not isinstance(row[key], str)}:
+                fault = f"not a text: {sorted(wrong)}"
+            elif row["verdict"] not in VERDICTS:
+                fault = f"unknown verdict: {row['verdict']!r}"
+            elif row["id"] in seen:
+                fault = "the id occurs twice"
+            else:
+                seen.add(row["id"])
+                continue
+            raise traitlets.TraitError(f"row {i}, {row.get('id')!r}: {fault}")
+        return data
+
+    def __repr__(self) -> str:
+        rows = self.data.get("rows", [])
+        found = Counter(row["verdict"] for row in rows if row["counted"])
+        counts = ", ".join(f"{found[one]} {one}" for one in VERDICTS)
+        return f"LedgerTable({len(rows)} claims, {found.total()} counted: {counts})"
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
+        page = static_html(_ESM, _CSS, {"data": self.data, "page": True}, WITHOUT, prints=True)
+        return {**data, "text/plain": repr(self), "text/html": page}, metadata

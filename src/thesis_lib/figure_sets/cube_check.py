@@ -1,0 +1,132 @@
+"""Whether a file holds a cube of its figure set: what its own request asks for, no more."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.figure_sets.parametric.parameters import CameraStudy
+from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.studies.request import ParameterError, Study
+from thesis_lib.studies.storage import CubeError
+from thesis_lib.text import one_line
+
+KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
+FAR = 1e-9  # m that markers may be off
+
+
+def check(cube: xr.Dataset, path: Path, needed: set[str], errors: set[str]) -> None:
+    """Refuse a dataset that is not a cube of the figure set it names.
+
+    Parameters
+    ----------
+    cube : xarray.Dataset
+        What was read.
+    path : Path
+        From where.
+    needed : set of str
+        Variables and coordinates that it must have.
+    errors : set of str
+        Variables of which it must have one, with settings, modes and trials; empty if it has none.
+
+    Raises
+    ------
+    CubeError
+        In one line: the file, and what is wrong with it.
+    """
+    lacks = {"figure_set", "parameters", "parameters_hash"} - set(cube.attrs)
+    lacks |= needed - set(map(str, cube.variables))
+    if errors and not errors & set(map(str, cube.data_vars)):
+        lacks.add("errors")
+    if lacks:
+        raise _refusal(path, f"it lacks {', '.join(sorted(lacks))}")
+    request = _request(cube, path)
+    try:
+        problem = next(_problems(cube, request, needed, errors), "")
+    except (TypeError, ValueError, IndexError, KeyError, OverflowError) as error:
+        problem = f"its values are of another kind: {one_line(str(error))}"
+    if problem:
+        raise _refusal(path, problem)
+
+
+def _refusal(path: Path, problem: str) -> CubeError:
+    return CubeError(f"{path}: not a cube of this project ({problem})")
+
+
+def _request(cube: xr.Dataset, path: Path) -> Study:
+    """What a cube says it was made for."""
+    name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
+    if name not in STUDIES:
+        raise _refusal(path, "it lacks a known figure set")
+    try:
+        values = json.loads(given)
+        request = validate(name, values)
+        text = json.dumps([name, values])
+    except (ParameterError, ValueError, AttributeError, RecursionError) as error:
+        why = str(error) if isinstance(error, ParameterError) else one_line(given)
+        raise _refusal(path, f"its parameters are none: {why}") from None
+    if hashlib.sha256(text.encode()).hexdigest()[:10] != str(cube.attrs["parameters_hash"]):
+        raise _refusal(path, "its parameters are not those of its parameters_hash")
+    return request
+
+
+def _problems(
+    cube: xr.Dataset, request: Study, needed: set[str], errors: set[str]
+) -> Iterator[str]:
+    """What is wrong with it, one after another."""
+    if not errors:
+        yield from _list_problems(cube, needed)
+        return
+    for dim in ("setting", "mode", "trial"):
+        if not cube.sizes.get(dim):
+            yield f"it has no {dim}"
+    for name in (*KEYS, "mode"):
+        if cube[name].dims != (("mode" if name == "mode" else "setting"),):
+            yield f"its {name} is not along its dimension"
+    found = list(zip(*(cube[name].values.tolist() for name in KEYS), strict=True))
+    asked = [(s.case, float(s.value), s.label, s.pair_order) for s in request.settings()]
+    yield from _not_asked("setting", found, asked)
+    modes = cube["mode"].values.tolist()
+    yield from _not_asked("mode", modes, getattr(request, "modes", modes))
+    if cube.sizes["trial"] > request.trials + 1:
+        yield f"it has {cube.sizes['trial']} trials, of {request.trials + 1} asked for"
+    for name in errors & set(map(str, cube.data_vars)):
+        dims = {"setting", "mode", "trial"} | ({"plane"} & set(cube[name].dims))
+        if set(cube[name].dims) != dims or cube[name].dtype.kind != "f":
+            yield f"its {name} is not a number for each setting, mode and trial"
+    if "plane" in cube.dims and set(cube["plane"].values.tolist()) != {"XZ", "YZ"}:
+        yield "its planes are not XZ and YZ"
+    if isinstance(request, CameraStudy) and "point" in cube.dims:
+        markers = np.stack(list(request.structure.markers))
+        places = [cube[axis].values if axis in cube else np.array([]) for axis in ("x", "y")]
+        if any((p.shape, p.dtype.kind) != (markers[0].shape, "f") for p in places) or not np.all(
+            np.abs(np.stack(places) - markers) < FAR
+        ):
+            yield "its points are not the markers of its structure"
+
+
+def _not_asked(what: str, found: list[Any], asked: list[Any]) -> Iterator[str]:
+    """What a cube has twice, or has though nobody asked for it."""
+    if len(set(found)) < len(found):
+        yield f"it has a {what} twice"
+    other = [one for one in found if one not in asked]
+    if other or any(type(one) is float for one in found if what == "mode"):
+        yield f"its {what} {one_line(repr((other or found)[0]))} is none of its parameters"
+
+
+def _list_problems(cube: xr.Dataset, needed: set[str]) -> Iterator[str]:
+    """Of a cube whose results are a list: each once, and all as long."""
+    first = min(needed & {"quantity", "claim"})
+    for name in sorted(needed):
+        if cube[name].dims != (first,):
+            yield f"its {name} is not along {first}"
+    if len(set(cube[first].values.tolist())) < cube.sizes[first]:
+        yield f"it has a {first} twice"
+    if "value" in needed and cube["value"].dtype.kind != "f":
+        yield "its value is no number"

@@ -1,0 +1,1 @@
+"""The law of rounding, for those who design a measurement."""

@@ -1,0 +1,324 @@
+"""The cube of ``design-law``: the law, simulations, findings, equal pixels, estimators, dither."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.design_law import dither
+from thesis_lib.figure_sets.design_law.pairs import OPENINGS, TILTS, pairs
+from thesis_lib.figure_sets.design_law.parameters import DesignLaw
+from thesis_lib.figure_sets.design_law.shares import ESTIMATORS, equal_pixels
+from thesis_lib.figure_sets.design_law.sweeps import (
+    FINDINGS,
+    MODES,
+    STRUCTURES,
+    arrays,
+    findings,
+    thesis_study,
+)
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.vibration.structure import world_points
+from thesis_lib.vision import cone_law, estimators, rounding
+from thesis_lib.vision.cone_law import MOTION_PX, cone_cameras
+from thesis_lib.vision.pinhole import pixelate, project
+from thesis_lib.vision.triangulation import covariance, gain, triangulate
+
+Array = NDArray[np.float64]
+
+PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 3 and 4
+MOTIONS = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px
+ANGLES = np.arange(5.0, 86.0)  # degrees, of the cone
+DRAWS = 20  # for each trial, where one costs little
+SWING_PX = 4.0  # range of random motions on the cone: many enough for every fraction alike
+
+# Dimensions, units, long name.
+VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "motion_error": (("motion",), "px", "rms rounding error of a motion by the law"),
+    "drawn_motion_error": (("motion",), "px", "rms rounding error of a motion, drawn"),
+    "law_error": (
+        ("setting", "shape"), "percent", "rms error of a setting of the thesis by the law"),
+    "simulated_error": (
+        ("setting", "shape"), "percent", "rms error of a setting of the thesis over the trials"),
+    "naive_error": (
+        ("setting", "shape"), "percent", "rms error if roundings were independent, 1/12 px2 each"),
+    "cone_error": (
+        ("angle", "axis"), "m", "standard deviation at the centre of a cone, closed form"),
+    "cone_jacobian_error": (
+        ("angle", "axis"), "m", "standard deviation at the centre of a cone, by the Jacobian"),
+    "cone_drawn_error": (
+        ("angle", "axis"), "m", "rms error of random motions with whole pixels, drawn"),
+    "cone_difference": ((), "1", "largest relative difference of closed form and Jacobian"),
+    "swept": (("finding", "structure", "step"), "1", "value of the varied parameter"),
+    "expected_error": (
+        ("finding", "structure", "step"), "percent",
+        "rms error of markers by the law, amplitudes averaged"),
+    "exact_error": (
+        ("finding", "structure", "step"), "percent", "rms error of markers in modes 1 to 3"),
+    "centre_error": (
+        ("finding", "structure", "step"), "percent", "error at the centre, closed form"),
+    "noisy_error": (
+        ("finding", "structure", "step"), "percent", "rms error of markers by independent noise"),
+    "noisy_centre_error": (
+        ("finding", "structure", "step"), "percent",
+        "error at the centre by independent noise, closed form"),
+    "expected_exponent": (
+        ("finding", "structure"), "1", "exponent of the error of the markers"),
+    "centre_exponent": (("finding", "structure"), "1", "exponent of the error at the centre"),
+    "small_exponent": (
+        ("finding", "structure"), "1", "exponent of the error of motions far below a pixel"),
+    "best_aperture": (
+        ("amplitudes", "structure"), "degree", "aperture of the least error, low elevation"),
+    "wide_gain": (
+        ("amplitudes", "structure"), "1", "error at an aperture of 60 degrees over the least"),
+    "pair_error": (("tilt", "opening"), "m", "error at the centre of a pair, rounded, closed form"),
+    "drawn_pair_error": (("tilt", "opening"), "m", "error at the centre of a pair, rounded, drawn"),
+    "pair_noise_error": (
+        ("tilt", "opening"), "m", "error at the centre of a pair, independent noise, closed form"),
+    "drawn_pair_noise_error": (
+        ("tilt", "opening"), "m", "error at the centre of a pair, independent noise, drawn"),
+    "array_exponent": (
+        ("array", "structure"), "1", "exponent of the error in the number of cameras"),
+    "width_px": (("count", "rate"), "1", "width of the sensor in px"),
+    "height_px": (("count", "rate"), "1", "height of the sensor in px"),
+    "frame_rate": (("count", "rate"), "Hz", "frames per second of each camera"),
+    "pixel_size": (("count", "rate"), "m", "length of a pixel at the centre"),
+    "marker_spacing": (
+        ("count", "rate"), "px", "distance of the images of neighbouring markers, at most"),
+    "marker_height": (
+        ("count", "rate"), "px", "height of the image of a marker as large as in chapter 5"),
+    "motion_px": (("count", "rate"), "px", "motion of an image at the vibration's peak"),
+    "in_view": (("count", "rate"), "1", "share of camera x marker x mode images on the sensor"),
+    "average_error": (
+        ("count", "rate"), "percent", "error of one frame at the centre, amplitudes averaged"),
+    "frame_error": (("count", "rate"), "percent", "rms error of one frame by the law"),
+    "drawn_frame_error": (
+        ("estimator", "count", "rate"), "percent", "rms error of one frame over the trials"),
+    "fit_error": (("count", "rate"), "percent", "error of the fitted amplitude by the law"),
+    "independent_fit_error": (
+        ("count", "rate"), "percent", "error of the fitted amplitude if frames were independent"),
+    "useful_frames": (
+        ("count", "rate"), "1", "frames after which more of them tell nothing new"),
+    "drawn_fit_error": (
+        ("estimator", "count", "rate"), "percent", "rms error of the fitted amplitude, drawn"),
+    "crowd_error": (
+        ("crowd", "rule"), "m", "rms error of a deflection, cameras at equal distances"),
+    "tolerated_noise": (
+        ("crowd",), "px", "noise before rounding that halves the gain of the analytic centre"),
+    "noise_error": (
+        ("noise", "rule"), "m", "rms error of a deflection, pixels with noise before rounding"),
+    "stand_error": (
+        ("stand", "rule"), "m", "error of a deflection, cameras at unequal distances, median"),
+    "swing_error": (("swing",), "px", "error of an amplitude fitted to endless frames"),
+    "drawn_swing_error": (("swing",), "px", "rms error of an amplitude fitted to frames, drawn"),
+    "shake_error": (("shake",), "px", "error of the mean of some frames with shake"),
+    "endless_shake_error": (("shake",), "px", "error of the mean of endless frames with shake"),
+    "drawn_shake_error": (("shake",), "px", "rms error of the mean of some frames, drawn"),
+    "disc_error": (("disc",), "px", "error of the centroid of a disc of black pixels"),
+    "drawn_disc_error": (("disc",), "px", "rms error of the centroid of a disc, drawn"),
+    "quantity": (("quantity",), "1", "what a value is"),
+    "value": (("quantity",), "1", "value, in the unit beside it"),
+    "unit": (("quantity",), "1", "unit of the value"),
+}  # fmt: skip
+
+
+def run(study: DesignLaw) -> xr.Dataset:
+    """The cube of the figure set ``design-law``.
+
+    Parameters
+    ----------
+    study : DesignLaw
+        Validated parameters.
+
+    Returns
+    -------
+    xarray.Dataset
+        (a) along ``motion`` and ``setting``, (b) along ``angle``, (c) along ``finding`` and for
+        pairs along ``tilt`` and ``opening``,
+        (d) along ``count`` and ``rate``, (e) estimators along ``crowd``, ``noise`` and ``stand``,
+        (f) dither along ``swing``, ``shake`` and ``disc``; ``quantity``, ``value`` and ``unit``
+        are what runs are compared by.
+    """
+    cube = xr.Dataset(coords=_coordinates(study))
+    parts = (_motions, _settings, _cone, findings, arrays, pairs, equal_pixels,
+             dither.estimated, dither.dithered)  # fmt: skip
+    for part in parts:
+        _add(cube, part(study))
+    _add(cube, _summary(cube, study))
+    return cube
+
+
+def _add(cube: xr.Dataset, made: dict[str, ArrayLike]) -> None:
+    for name, values in made.items():
+        dims, units, words = VARIABLES[name]
+        cube[name] = (dims, np.asarray(values), {"units": units, "long_name": words})
+
+
+def _coordinates(study: DesignLaw) -> dict[str, Any]:
+    asked = [(one, part) for one in STRUCTURES for part in PARTS]
+    every = [(*a, s) for a in asked for s in thesis_study(study, *a).settings()]
+    table: dict[str, tuple[str, Any, str, str]] = {
+        "motion": ("motion", MOTIONS, "px", "motion of an image"),
+        "of_structure": ("setting", [a for a, _, _ in every], "1", "what is measured"),
+        "of_part": ("setting", [b for _, b, _ in every], "1", "what the study varies"),
+        "of_layout": ("setting", [s.case for *_, s in every], "1", "case of the thesis"),
+        "label": ("setting", [s.label for *_, s in every], "1", "value with its unit"),
+        "shape": ("shape", list(MODES), "1", "mode number"),
+        "angle": ("angle", ANGLES, "degree", "angle of the cone"),
+        "axis": ("axis", ["X", "Y", "Z"], "1", "coordinate"),
+        "finding": ("finding", list(FINDINGS), "1", "what is varied"),
+        "structure": ("structure", list(STRUCTURES), "1", "what is measured"),
+        "array": ("array", list(setups.pairs()), "1", "growing array of the thesis"),
+        "amplitudes": (
+            "amplitudes", ["of the thesis", "averaged"], "1", "what the law is taken for"),
+        "tilt": ("tilt", list(TILTS), "degree", "elevation of a pair"),
+        "opening": ("opening", list(OPENINGS), "degree", "aperture of a pair"),
+        "count": ("count", study.counts, "1", "number of cameras"),
+        "rate": ("rate", study.frame_rates_hz, "Hz", "frames per second, about"),
+        "estimator": ("estimator", list(ESTIMATORS), "1", "how points are estimated"),
+        "rule": ("rule", list(estimators.ESTIMATORS), "1", "how points are estimated"),
+        "crowd": ("crowd", list(dither.CROWDS), "1", "number of cameras"),
+        "noise": ("noise", list(dither.NOISES), "px", "noise of an image before rounding"),
+        "stand": ("stand", [", ".join(f"{d:g}" for d in one) for one in dither.STANDS],
+                  "m", "distances of four cameras"),
+        "swing": ("swing", dither.SWINGS, "px", "amplitude of an image"),
+        "shake": ("shake", dither.SHAKES, "px", "standard deviation of camera shake"),
+        "disc": ("disc", dither.DISCS, "px", "diameter of a marker's image"),
+    }  # fmt: skip
+    return {
+        name: (dim, np.array(values), {"units": units, "long_name": words})
+        for name, (dim, values, units, words) in table.items()
+    }
+
+
+# (a) The law.
+
+
+def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
+    """One coordinate: the law, and as many draws."""
+    random = np.random.default_rng(study.seed)
+    place = random.uniform(-0.5, 0.5, (DRAWS * study.trials, 1))
+    error = pixelate(place + MOTIONS) - pixelate(place) - MOTIONS
+    return {
+        "motion_error": np.sqrt(rounding.difference_variance(MOTIONS)),
+        "drawn_motion_error": np.sqrt(np.mean(error**2, axis=0)),
+    }
+
+
+def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
+    """Every setting of chapters 3 and 4: law, simulation, and independent roundings."""
+    law, simulated, naive = [], [], []
+    for structure in STRUCTURES:
+        for part in PARTS:
+            request = thesis_study(study, structure, part)
+            made = studies.run(request)
+            law.append(made["predicted_error"].values)
+            drawn = made["mean_error"].transpose("setting", "mode", "trial").values[:, :, 1:]
+            simulated.append(np.sqrt(np.mean(drawn**2, axis=2)))
+            deflections = made["reference_deflection"].values
+            shapes = np.concatenate([np.zeros_like(deflections[:1]), deflections])
+            points = world_points(request.structure, shapes)
+            scale = 100 / np.abs(deflections).max(axis=1)
+            for setting in request.settings():
+                P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
+                each = np.mean(np.sum(gain(P, points)[2] ** 2, axis=(0, 1)), axis=-1) / 12
+                naive.append(scale * np.sqrt(each[1:] + each[0]))
+    return {
+        "law_error": np.concatenate(law),
+        "simulated_error": np.concatenate(simulated),
+        "naive_error": naive,
+    }
+
+
+# (b) The cone.
+
+
+def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
+    """Closed form, Jacobian, and random motions with whole pixels."""
+    distance, n = study.cone_distance_mm / 1000, study.cone_cameras
+    focal = study.focal_length_mm / study.sensor_width_mm * study.resolution_px[0]
+    random = np.random.default_rng(study.seed)
+    reach = SWING_PX * distance / focal
+    moved = random.uniform(-reach, reach, (3, DRAWS * study.trials))
+    shift = random.uniform(-0.5, 0.5, (n, 2, 1, moved.shape[1]))
+    points = np.stack([np.zeros_like(moved), moved], axis=1)
+    closed, exact, drawn = [], [], []
+    for angle in np.radians(ANGLES):
+        P = cone_cameras(distance, angle, n, focal, study.resolution_px).P
+        closed.append(cone_law.cone_covariance(distance, focal, n, angle))
+        exact.append(covariance(P, np.zeros(3), MOTION_PX))
+        found = triangulate(P, pixelate(project(P, points) + shift) - shift)
+        drawn.append(np.sqrt(np.mean((found[:, 1] - found[:, 0] - moved) ** 2, axis=1)))
+    variances = np.diagonal(closed, axis1=1, axis2=2)
+    scale = np.sqrt(variances[:, :, None] * variances[:, None])
+    return {
+        "cone_error": np.sqrt(variances),
+        "cone_jacobian_error": np.sqrt(np.diagonal(exact, axis1=1, axis2=2)),
+        "cone_drawn_error": drawn,
+        "cone_difference": np.max(np.abs(np.array(exact) - closed) / scale),
+    }
+
+
+def _summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
+    """What is published and compared, one number and unit to a row."""
+    rows: list[tuple[str, float, str]] = []
+
+    def of(words: str, value: Any, unit: str = "1") -> None:
+        rows.append((words, float(value), unit))
+
+    law, naive, simulated = (cube[f"{kind}_error"].values for kind in ("law", "naive", "simulated"))
+    for one in STRUCTURES:
+        at = cube["of_structure"].values == one
+        ratios = {"law over simulated": law / simulated, "naive over law": naive / law}
+        for words, ratio in ratios.items():
+            of(f"{words}, {one}, least", ratio[at].min())
+            of(f"{words}, {one}, median", np.median(ratio[at]))
+            of(f"{words}, {one}, largest", ratio[at].max())
+    for axis in "XYZ":
+        over = cube["cone_drawn_error"].sel(axis=axis) / cube["cone_error"].sel(axis=axis)
+        of(f"cone, drawn over closed form, {axis}", np.sqrt(np.mean(over**2)))
+    for words, kind in (("rounded", ""), ("independent noise", "_noise")):
+        over = cube[f"drawn_pair{kind}_error"] / cube[f"pair{kind}_error"]
+        of(f"pairs, drawn over closed form, {words}", np.sqrt(np.mean(over**2)))
+    for one in STRUCTURES:
+        part = cube.sel(structure=one)
+        for finding in FINDINGS[:-1]:
+            of(f"exponent of {finding}, {one}", part["expected_exponent"].sel(finding=finding))
+            of(f"exponent of {finding} at the centre, {one}",
+               part["centre_exponent"].sel(finding=finding))  # fmt: skip
+            of(f"exponent of {finding} far below a pixel, {one}",
+               part["small_exponent"].sel(finding=finding))  # fmt: skip
+        for kind in cube["amplitudes"].values:
+            taken, words = part.sel(amplitudes=kind), f"amplitudes {kind}, {one}"
+            of(f"best aperture, {words}", taken["best_aperture"], "degree")
+            of(f"error at 60 degrees over the least, {words}", taken["wide_gain"])
+        for array in setups.pairs():
+            of(f"exponent of number in {array}, {one}", part["array_exponent"].sel(array=array))
+    for count in study.counts:
+        for rate in study.frame_rates_hz:
+            here, part = f"{count} cameras, {rate:g} Hz", cube.sel(count=count, rate=rate)
+            of(f"width, {here}", part["width_px"], "px")
+            of(f"error of one frame by the law, {here}", part["frame_error"], "percent")
+            of(f"error of the fit by the law, {here}", part["fit_error"], "percent")
+            for name in ESTIMATORS:
+                drawn = part.sel(estimator=name)
+                of(f"error of one frame, {name}, {here}", drawn["drawn_frame_error"], "percent")
+                of(f"error of the fit, {name}, {here}", drawn["drawn_fit_error"], "percent")
+    for name in estimators.ESTIMATORS:
+        part = cube.sel(rule=name)
+        power = estimators.exponent(cube["crowd"].values, part["crowd_error"].values)
+        of(f"exponent of number, random layouts, {name}", power)
+        for along, unit in (("crowd", "cameras"), ("noise", "px noise"), ("stand", "m")):
+            for value, error in zip(cube[along].values, part[f"{along}_error"].values, strict=True):
+                of(f"error, {name}, {value} {unit}", 1e6 * error, "um")
+    for count, noise in zip(cube["crowd"].values, cube["tolerated_noise"].values, strict=True):
+        of(f"noise that halves the gain, {count} cameras", noise, "px")
+    for along, unit in (("swing", "amplitude"), ("shake", "shake"), ("disc", "diameter")):
+        ratio = cube[f"drawn_{along}_error"] / cube[f"{along}_error"]
+        of(f"dither by {unit}, drawn over closed form", np.sqrt(np.mean(ratio**2)))
+    names, numbers, units = (list(column) for column in zip(*rows, strict=True))
+    return {"quantity": names, "value": numbers, "unit": units}

@@ -1,0 +1,108 @@
+"""Parts (e) and (f) of ``design-law``: what estimators get out of pixels, and what dither does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.figure_sets.design_law.parameters import DesignLaw
+from thesis_lib.vision import dither, estimators
+from thesis_lib.vision.pinhole import pixelate
+
+Array = NDArray[np.float64]
+
+CROWDS = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
+DISTANCE = 0.75  # m
+NOISES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # px, of NOISY cameras
+NOISY = 12
+WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, where a tolerance is looked for
+FEWER = 10  # layouts there
+STANDS = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
+SHARP, SHARP_FOCAL_PX = (1920, 1080), 1280.0  # where distances differ
+LAYOUTS, MARKERS = 30, 100  # at most
+SWINGS = np.round(np.geomspace(0.05, 10, 47), 4)  # px, amplitudes
+SHAKES = np.round(np.linspace(0, 1, 21), 9)  # px, standard deviations
+DISCS = np.arange(2.0, 13.0)  # px, diameters
+FRAMES = 100  # of a shaking camera
+PHASES = 997  # frames of a sinusoid, for all phases
+DRAWS = 5  # for each trial
+
+
+def estimated(study: DesignLaw) -> dict[str, ArrayLike]:
+    """Deflection errors over random layouts: number of cameras, noise of pixels, distances."""
+    layouts = min(LAYOUTS, study.trials)
+
+    def typical(distances: tuple[float, ...], noise_px: float = 0.0) -> Array:
+        errors = estimators.deflection_errors(
+            distances, layouts, MARKERS, noise_px, seed=study.seed
+        )
+        return estimators.over_layouts(errors)
+
+    def apart(stand: tuple[float, ...]) -> Array:
+        errors = estimators.deflection_errors(
+            stand, layouts, MARKERS, 0.0, SHARP_FOCAL_PX, SHARP, study.seed
+        )
+        return np.asarray(np.median(errors, axis=0))  # some layouts are hopeless
+
+    return {
+        "tolerated_noise": [tolerance(n, min(FEWER, layouts), study.seed) for n in CROWDS],
+        "crowd_error": [typical((DISTANCE,) * n) for n in CROWDS],
+        "noise_error": [typical((DISTANCE,) * NOISY, noise) for noise in NOISES],
+        "stand_error": [apart(stand) for stand in STANDS],
+    }
+
+
+def tolerance(n_cameras: int, layouts: int, seed: int) -> float:
+    """Noise in px before the rounding that leaves the analytic centre half of its gain.
+
+    The gain is how much less than that of least squares its error is, relative to it.
+    """
+    gains = []
+    for noise in WITH_NOISE:
+        errors = estimators.deflection_errors(
+            (DISTANCE,) * n_cameras, layouts, MARKERS, noise, seed=seed,
+            rules=("least-squares", "analytic-centre"),
+        )  # fmt: skip
+        least, centre = estimators.over_layouts(errors)
+        gains.append(1 - centre / least)
+        if gains[-1] < gains[0] / 2:
+            return float(np.interp(-gains[0] / 2, -np.array(gains[-2:]),
+                                   WITH_NOISE[len(gains) - 2 : len(gains)]))  # fmt: skip
+    return float("inf")
+
+
+def dithered(study: DesignLaw) -> dict[str, ArrayLike]:
+    """What is left of the rounding error by motion, shake and size: closed forms, and drawn."""
+    random = np.random.default_rng([study.seed, 1])
+    draws = DRAWS * study.trials
+    theta = 2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES
+    place = random.uniform(-0.5, 0.5, (draws, 1))
+
+    def swing(a: float) -> Array:
+        seen = pixelate(place + a * np.cos(theta))
+        return np.asarray(2 * np.mean(seen * np.cos(theta), axis=1) - a)
+
+    def shake(s: float) -> Array:
+        seen = pixelate(place + s * random.standard_normal((draws, FRAMES)))
+        return np.asarray(np.mean(seen, axis=1) - place[:, 0])
+
+    def disc(diameter: float) -> Array:
+        reach = np.arange(-np.ceil(diameter), np.ceil(diameter) + 1)
+        x, y = random.uniform(-0.5, 0.5, (2, draws, 1, 1))
+        black = (reach - x) ** 2 + (reach[:, None] - y) ** 2 <= diameter**2 / 4
+        return np.asarray((black * reach).sum(axis=(1, 2)) / black.sum(axis=(1, 2)) - x[:, 0, 0])
+
+    def rms(draw: Callable[[float], Array], values: ArrayLike) -> list[float]:
+        return [float(np.sqrt(np.mean(draw(one) ** 2))) for one in np.asarray(values)]
+
+    return {
+        "swing_error": np.sqrt(dither.amplitude_variance(SWINGS)),
+        "drawn_swing_error": rms(swing, SWINGS),
+        "shake_error": np.sqrt(dither.shaken_variance(FRAMES, SHAKES)),
+        "endless_shake_error": np.sqrt(dither.mean_variance(0.0, SHAKES)),
+        "drawn_shake_error": rms(shake, SHAKES),
+        "disc_error": [dither.disc_variance(one) ** 0.5 for one in DISCS],
+        "drawn_disc_error": rms(disc, DISCS),
+    }

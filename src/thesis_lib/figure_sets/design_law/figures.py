@@ -1,0 +1,264 @@
+"""Figures of ``design-law``, drawn from its cube."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from thesis_lib.figure_sets.design_law import dither as design_dither
+from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX
+from thesis_lib.plotting.style import (
+    COLORS,
+    HIGHLIGHT,
+    INK,
+    REFERENCE,
+    color,
+    in_style,
+    logarithmic,
+    subplots,
+)
+from thesis_lib.vision import dither
+from thesis_lib.vision.cone_law import ISOTROPIC, MOTION_PX
+
+SIZE = (7.2, 3.3)  # inches
+EVERY = 5  # of the drawn angles, so that dots stand apart
+PERCENT = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
+
+
+def figure(cube: xr.Dataset, name: str) -> Figure:
+    """One of :data:`FIGURES` by name."""
+    with in_style():
+        return FIGURES[name](cube)
+
+
+def motion(cube: xr.Dataset) -> Figure:
+    """Rounding error of one coordinate against its motion, and relative to it."""
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
+    delta, law = cube["motion"].values, cube["motion_error"].values
+    drawn = cube["drawn_motion_error"].values
+    for axes, scale in ((left, np.ones_like(delta)), (right, 100 / delta)):
+        axes.plot(delta, scale * law, color=COLORS[0], linewidth=1.6, label="the law")
+        axes.plot(delta, scale * drawn, "o", color=INK, markersize=2.2, label="drawn")
+        axes.plot(delta, scale * MOTION_PX, "--", color=COLORS[4], linewidth=1.2,
+                  label="two independent roundings")  # fmt: skip
+    left.set(title="(a) error of a motion", xlabel="motion of the image in px",
+             ylabel="rms error in px", xlim=(0, 3), ylim=(0, 0.75))  # fmt: skip
+    left.legend(loc="upper right")
+    small = delta < 0.2
+    right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=INK, linewidth=1.2)
+    right.annotate("1/√δ", (0.013, 480), color=INK)
+    right.annotate("1/δ", (0.04, 1300), color=COLORS[4])
+    logarithmic(right.xaxis, [0.01, 0.1, 1, 5])
+    logarithmic(right.yaxis, [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
+    right.set(title="(b) in % of the motion", xlabel="motion of the image in px", ylim=(4, 3000))
+    return drawing
+
+
+def settings(cube: xr.Dataset) -> Figure:
+    """Predicted against simulated errors of all settings of the thesis."""
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
+    simulated = cube["simulated_error"].values
+    ends = np.array([simulated.min() / 1.3, simulated.max() * 1.3])
+    left.plot(ends, ends, color=REFERENCE, linewidth=1)
+    right.axhline(1, color=REFERENCE, linewidth=1)
+    for number, one in enumerate(cube["structure"].values):
+        rows = cube["of_structure"].values == one
+        x, marker = simulated[rows].ravel(), "os"[number % 2]
+        law, naive = (cube[f"{k}_error"].values[rows].ravel() for k in ("law", "naive"))
+        style = {"linestyle": "none", "marker": marker, "markersize": 3}
+        left.plot(x, law, color=color(2 * number), label=f"{one}, the law", **style)
+        right.plot(x, naive / x, color=COLORS[4], markerfacecolor="none", markeredgewidth=0.6,
+                   label=f"{one}, independent roundings", **style)  # fmt: skip
+        right.plot(x, law / x, color=color(2 * number), label=f"{one}, the law", **style)
+    logarithmic(left.xaxis, PERCENT)
+    logarithmic(left.yaxis, PERCENT)
+    logarithmic(right.xaxis, PERCENT)
+    words = "rms error over the trials in %"
+    left.set(title="(a) predicted against simulated", xlabel=words, ylabel="predicted error in %",
+             xlim=ends, ylim=ends)  # fmt: skip
+    right.set(title="(b) predicted over simulated", xlabel=words, ylim=(0.8, 2.7))
+    left.legend(loc="upper left")
+    right.legend(loc="upper left", fontsize=7)
+    return drawing
+
+
+def cone(cube: xr.Dataset) -> Figure:
+    """Errors along and across the normal against the angle of the cone."""
+    drawing, axes = subplots(figsize=(6.0, 3.4), layout="constrained")
+    angle = cube["angle"].values
+    for number, (axis, words) in enumerate(
+        (("Z", "along the normal, z"), ("X", "across it, x = y"))
+    ):
+        closed, drawn = (1000 * cube[f"cone{k}_error"].sel(axis=axis) for k in ("", "_drawn"))
+        axes.plot(angle, closed, color=color(number), linewidth=1.6, label=words)
+        axes.plot(angle[::EVERY], drawn[::EVERY], "o", color=color(number), markersize=3.5)
+    other = 1000 * cube["cone_drawn_error"].sel(axis="Y")[::EVERY]
+    axes.plot(angle[::EVERY], other, "o", color=COLORS[1], markersize=3.5, markerfacecolor="none")
+    axes.axvline(np.degrees(ISOTROPIC), color=HIGHLIGHT, linewidth=1)
+    axes.annotate(f" {np.degrees(ISOTROPIC):.1f}°: the same\n in all directions",
+                  (np.degrees(ISOTROPIC), 0.72), xycoords=("data", "axes fraction"),
+                  color=HIGHLIGHT)  # fmt: skip
+    axes.plot([], [], "o", color=INK, markersize=3.5, label="drawn with whole pixels")
+    axes.set(
+        xlabel="angle θ of the cone from the normal in °", ylabel="rms error in mm", xlim=(0, 90)
+    )
+    logarithmic(axes.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20])
+    axes.legend(loc="upper right")
+    return drawing
+
+
+def findings(cube: xr.Dataset) -> Figure:
+    """Distance, resolution, number, elevation, aperture; and the thesis's growing arrays."""
+    drawing, grid = subplots(2, 3, figsize=(7.6, 5.0), layout="constrained")
+    axes = dict(zip(cube["finding"].values, grid.flat, strict=False))
+    labels = {"distance": "distance d in mm", "resolution": "pixels across",
+              "number": "number of cameras N", "elevation": "elevation φ in °",
+              "aperture": "aperture α in °"}  # fmt: skip
+    for number, (name, words) in enumerate(labels.items()):
+        axis = axes[name]
+        for s, one in enumerate(cube["structure"].values):
+            part = cube.sel(finding=name, structure=one)
+            x = part["swept"].values
+            axis.plot(x, part["exact_error"], color=color(2 * s), linewidth=0.6, alpha=0.7)
+            axis.plot(x, part["expected_error"], color=color(2 * s), linewidth=1.8, label=one)
+            axis.plot(x, part["centre_error"], ":", color=color(2 * s), linewidth=1.3)
+            if name == "aperture":
+                axis.plot(x, part["noisy_error"], "--", color=color(2 * s), linewidth=1)
+                axis.axvline(float(part["best_aperture"].isel(amplitudes=1)), color=color(2 * s),
+                             linewidth=0.8)  # fmt: skip
+        axis.set(title=f"({'abcde'[number]})", xlabel=words)
+        logarithmic(axis.yaxis, PERCENT)
+    logarithmic(axes["distance"].xaxis, [500, 750, 1000, 1500])
+    logarithmic(axes["resolution"].xaxis, [320, 640, 1280, 1920])
+    logarithmic(axes["number"].xaxis, [3, 6, 12, 24, 48])
+    for row in grid:
+        row[0].set_ylabel("error in % of the peak")
+    axes["distance"].legend(loc="upper left")
+    _arrays(grid[1, 2], cube)
+    for style, words in (
+        (("-", 1.8), "averaged"),
+        (("-", 0.6), "modes 1–3"),
+        ((":", 1.3), "centre"),
+    ):
+        axes["resolution"].plot([], [], style[0], linewidth=style[1], color=INK, label=words)
+    axes["resolution"].legend(loc="lower left")
+    (noise,) = axes["aperture"].plot([], [], "--", linewidth=1, color=INK)
+    axes["aperture"].legend([noise], ["independent noise"], loc="upper center")
+    return drawing
+
+
+def _arrays(axes: Axes, cube: xr.Dataset) -> None:
+    """Exponents in N of the thesis's growing arrays."""
+    names = cube["array"].values
+    for s, one in enumerate(cube["structure"].values):
+        place = np.arange(len(names)) + 0.36 * (s - 0.5)
+        axes.bar(place, cube["array_exponent"].sel(structure=one), 0.34, color=color(2 * s))
+    axes.axhline(-0.5, color=HIGHLIGHT, linewidth=1)
+    axes.set_xticks(np.arange(len(names)), [str(name) for name in names])
+    axes.set(title="(f) exponent in N", xlabel="growing arrays of the thesis")
+    axes.grid(visible=False, axis="x")
+
+
+def shares(cube: xr.Dataset) -> Figure:
+    """Equal pixels per second in two to many cameras: one frame, a fitted film, the sensors."""
+    drawing, grid = subplots(1, 3, figsize=(7.6, 3.5), layout="constrained")
+    n = cube["count"].values
+    order = np.argsort(n)
+    for k, rate in enumerate(cube["rate"].values):
+        part, style = cube.isel(rate=k, count=order), {"color": color(k)}
+        frame, film, sensor = grid
+        frame.plot(n[order], part["frame_error"], linewidth=1.5, label=f"{rate:g} Hz", **style)
+        frame.plot(n[order], part["average_error"], "--", linewidth=0.9, **style)
+        film.plot(n[order], part["fit_error"], linewidth=1.5, **style)
+        for e, name in enumerate(cube["estimator"].values):
+            dots: Any = {
+                "marker": "osD^"[e % 4],
+                "linestyle": "none" if e == 0 else ":",
+                "markersize": 3.5,
+                **({"markerfacecolor": "none"} if e else {}),
+                **style,
+            }
+            frame.plot(n[order], part["drawn_frame_error"].sel(estimator=name), **dots)
+            film.plot(n[order], part["drawn_fit_error"].sel(estimator=name), **dots)
+        width = part["width_px"].values
+        sensor.plot(n[order], width, linewidth=1.2, **style)
+        small = part["marker_height"].values < FOLLOWED_PX
+        sensor.plot(n[order][~small], width[~small], "o", markersize=3.5, **style)
+        sensor.plot(n[order][small], width[small], "x", markersize=4.5, **style)
+    grid[1].plot(n[order], cube["independent_fit_error"].isel(rate=0, count=order), "--",
+                 color=INK, linewidth=0.9)  # fmt: skip
+    for axes, title in zip(grid, ("(a) one frame, %", "(b) amplitude from all frames, %",
+                                  "(c) pixels across each sensor"), strict=True):  # fmt: skip
+        logarithmic(axes.xaxis, [2, 4, 8, 16, 32, 64])
+        axes.set(title=title, xlabel="number of cameras N")
+    least = min(float(cube[f"{k}fit_error"].min()) for k in ("", "drawn_", "independent_"))
+    for axes in grid[:2]:
+        logarithmic(axes.yaxis, PERCENT)
+        axes.set_ylim(0.75 * least, 60)
+    logarithmic(grid[2].yaxis, [100, 200, 500, 1000, 2000])
+    for e, name in enumerate(cube["estimator"].values):
+        grid[1].plot([], [], linestyle="none", marker="osD^"[e % 4], color=INK, markersize=3.5,
+                     markerfacecolor="none" if e else None, label=name)  # fmt: skip
+    for line, words in (("-", "the law"), ("--", "independent, averaged")):
+        grid[1].plot([], [], line, color=INK, linewidth=1, label=words)
+    grid[2].plot([], [], "x", color=INK, markersize=4.5, label=f"markers < {FOLLOWED_PX:g} px high")
+    grid[0].legend(loc="upper center", ncols=3, columnspacing=0.8, handlelength=1.2, fontsize=7)
+    grid[1].legend(loc="upper left", fontsize=7)
+    grid[2].legend(loc="lower left", fontsize=7)
+    return drawing
+
+
+def estimated(cube: xr.Dataset) -> Figure:
+    """Errors of the estimators against the number of cameras and the noise of pixels."""
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
+    n = cube["crowd"].values
+    for k, name in enumerate(cube["rule"].values):
+        part, style = cube.sel(rule=name), {"color": color(k), "marker": "osD^"[k % 4]}
+        left.plot(n, 1e6 * part["crowd_error"], markersize=4, linewidth=1.3, label=name, **style)
+        right.plot(cube["noise"], 1e6 * part["noise_error"], markersize=4, linewidth=1.3, **style)
+    first = 1e6 * float(cube["crowd_error"].isel(crowd=0).min())
+    for power, words in ((-0.5, "1/√N"), (-1.0, "1/N")):
+        line = first * (n / n[0]) ** power
+        left.plot(n, line, ":", color=INK, linewidth=1)
+        left.annotate(words, (n[-1], line[-1]), color=INK, ha="right", va="top")
+    logarithmic(left.xaxis, [4, 8, 16, 32, 64])
+    logarithmic(left.yaxis, [50, 100, 200, 500, 1000])
+    left.set(title="(a) error of a deflection, µm", xlabel="number of cameras N")
+    left.legend(loc="lower left", fontsize=7)
+    right.set(title=f"(b) {design_dither.NOISY} cameras, µm", ylim=(0, None),
+              xlabel="noise of the images before rounding, px")  # fmt: skip
+    return drawing
+
+
+def dithered(cube: xr.Dataset) -> Figure:
+    """What is left of the rounding error by motion, shake, and size of the markers."""
+    drawing, grid = subplots(1, 3, figsize=(7.6, 3.1), layout="constrained")
+    panels = (("swing", "(a) fitted amplitude, px", "amplitude of the image, px"),
+              ("shake", "(b) mean of frames, px", "camera shake, px"),
+              ("disc", "(c) centroid of a disc, px", "diameter of the marker, px"))  # fmt: skip
+    for axes, (name, title, words) in zip(grid, panels, strict=True):
+        x = cube[name].values
+        axes.axhline(dither.ONE_FRAME**0.5, color=COLORS[4], linestyle="--", linewidth=1.2,
+                     label="one coordinate, one frame")  # fmt: skip
+        axes.plot(x, cube[f"{name}_error"], color=COLORS[0], linewidth=1.6, label="closed form")
+        axes.plot(x, cube[f"drawn_{name}_error"], "o", color=INK, markersize=2.4, label="drawn")
+        axes.set(title=title, xlabel=words)
+        logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
+    grid[1].plot(cube["shake"], cube["endless_shake_error"], ":", color=COLORS[0],
+                 linewidth=1.4, label="endless frames")  # fmt: skip
+    grid[1].set_ylim(0.01, 0.5)
+    logarithmic(grid[0].xaxis, [0.1, 0.3, 1, 3, 10])
+    for axes in grid[:2]:
+        axes.legend(loc="lower left", fontsize=7)
+    return drawing
+
+
+FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
+    "motion": motion, "settings": settings, "cone": cone, "findings": findings, "shares": shares,
+    "estimators": estimated, "dither": dithered,
+}  # fmt: skip

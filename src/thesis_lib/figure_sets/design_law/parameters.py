@@ -1,0 +1,155 @@
+"""The parameters of ``design-law``: the law of rounding for whoever must place cameras."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.readings import reading
+from thesis_lib.facts.setups import Setting
+from thesis_lib.studies.request import Study, refuse
+from thesis_lib.studies.vocabulary import Positive, Resolution, field
+from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
+
+LEAST_PX = 16  # width of a sensor
+MOST_FRAMES = 4000  # of a film
+FULL_HD = (1920, 1080)  # of the two cameras whose pixels per second are shared out
+Count = Annotated[int, Field(ge=2, le=100)]
+Angle = Annotated[float, Field(gt=0, lt=90)]
+
+
+class DesignLaw(Study):
+    """The law of rounding, its closed forms, the thesis's findings and its central claim."""
+
+    name = "design-law"
+    title = "The law of rounding, for design"
+    subject = "design"
+    study = "law"
+    varied = "n_cameras"
+    varied_label = "cameras"
+
+    focal_length_mm: Positive = field(
+        reading("beam")["focal_length_mm"],
+        "focal length of the lenses",
+        "a number above 0, at most 100000",
+    )
+    sensor_width_mm: Positive = field(
+        reading("beam")["sensor_width_mm"],
+        "width of the sensors",
+        "a number above 0, at most 100000",
+    )
+    resolution_px: Resolution = field(
+        lambda: tuple(setups.table("beam", "distance")["resolution_px"]),
+        "width and height of the sensors, of the cone and where numbers are compared",
+        "[width, height], whole numbers from 2 to 20000",
+    )
+    cone_distance_mm: Positive = field(
+        1000.0,
+        "distance of cameras on a cone",
+        "a number above the reach of beam and plate, at most 100000",
+    )
+    cone_deg: Angle = field(
+        55.0,
+        "angle of the cone, from the normal",
+        "a number above 0 and below 90",
+    )
+    cone_cameras: Annotated[int, Field(ge=3, le=100)] = field(
+        6,
+        "cameras where the angle of the cone varies",
+        "a whole number from 3 to 100",
+    )
+    amplitude_mm: Positive = field(
+        reading("beam")["amplitude_mm"],
+        "peak of the beam's vibration at equal pixel rates",
+        "a number above 0, at most 100000",
+    )
+    small_amplitude_mm: Positive = field(
+        0.02,
+        "peak of a vibration far below a pixel",
+        "a number above 0, at most 100000",
+    )
+    pixels_per_second: Annotated[float, Field(ge=1e4, le=1e13)] = field(
+        float(2 * math.prod(FULL_HD) * setups.table("experiment", "rig")["frame_rate_hz"]),
+        "pixels per second of all cameras together; the default is two cameras of chapter 5",
+        "a number from 1e4 to 1e13",
+    )
+    counts: list[Count] = field(
+        lambda: [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64],
+        "numbers of cameras that share the pixels",
+        "a list of different whole numbers from 2 to 100",
+        min_length=1,
+    )
+    frame_rates_hz: list[Positive] = field(
+        lambda: [60.0, 240.0, 960.0],
+        "frames per second that each of them takes",
+        "a list of different numbers above 0, at most 100000, that leave each camera a sensor "
+        f"{LEAST_PX} to 20000 px wide",
+        min_length=1,
+    )
+    frequency_hz: Positive = field(
+        7.3,
+        "frequency of the vibration that is fitted",
+        "a number from 1 over the duration to 0.4 times the lowest frame rate",
+    )
+    duration_s: Annotated[float, Field(gt=0, le=10)] = field(
+        1.0,
+        "how long it is filmed, in s",
+        f"a number above 0, at most 10, and at most {MOST_FRAMES} frames",
+    )
+    trials: int = field(
+        200,
+        "random shifts of the pixel grids",
+        "a whole number from 2 to 10000",
+        ge=2,
+        le=10_000,
+    )
+
+    @property
+    def shared(self) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.float64]]:
+        """Widths, heights and frame rates (counts, rates) of cameras that share the pixels."""
+        counts = np.array(self.counts)[:, None]
+        return equal_pixel_rate(self.pixels_per_second, counts, self.frame_rates_hz)
+
+    def settings(self) -> list[Setting]:
+        """The cameras that share the pixels: for each number of them, each of the frame rates."""
+        width, height, rate = self.shared
+        made = []
+        for i, k in np.ndindex(width.shape):
+            count = self.counts[i]
+            angles = np.degrees(cone_directions(np.radians(self.cone_deg), count)).T.tolist()
+            made.append(
+                Setting(
+                    f"{rate[i, k]:.4g} Hz",
+                    count,
+                    f"{count} cameras",
+                    self.cone_distance_mm,
+                    tuple((azimuth, elevation) for azimuth, elevation in angles),
+                    (int(width[i, k]), int(height[i, k])),
+                )
+            )
+        return made
+
+    @model_validator(mode="after")
+    def _check_together(self) -> DesignLaw:
+        reach = max(
+            1000 * math.hypot(*structure.extent) / 2
+            for structure in (setups.beam(), setups.plate())
+        )
+        peaks = ("amplitude_mm", "small_amplitude_mm")
+        farther = reach + max(getattr(self, name) for name in peaks)
+        if self.cone_distance_mm <= farther:
+            refuse("cone_distance_mm", self.cone_distance_mm, f"allowed: more than {farther:.4g} "
+                   "mm, the reach of beam and plate and the amplitude")  # fmt: skip
+        width = self.shared[0]
+        if width.min() < LEAST_PX or width.max() > 20_000:
+            self.refuse("frame_rates_hz")
+        if self.duration_s * max(self.frame_rates_hz) > MOST_FRAMES:
+            self.refuse("duration_s")
+        if not 1 / self.duration_s <= self.frequency_hz <= 0.4 * min(self.frame_rates_hz):
+            self.refuse("frequency_hz")
+        return self

@@ -1,0 +1,126 @@
+"""Tables of equal pixels per second in few or many cameras, from the cube of ``design-law``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER
+from thesis_lib.studies.cubes import percent_text
+from thesis_lib.web.markdown import table
+
+_MARKED = (
+    f"*Marker*: height of the image of one of {1000 * MARKER:g} mm. †: below {FOLLOWED_PX:g} px, "
+    "where the laboratory's tracker loses markers."
+)
+
+
+def asked(cube: xr.Dataset, name: str) -> Any:
+    """A parameter of the run."""
+    return json.loads(cube.attrs["parameters"])[name]
+
+
+def _duration(cube: xr.Dataset) -> str:
+    seconds = asked(cube, "duration_s")
+    return "one second" if seconds == 1 else f"{seconds:g} seconds"
+
+
+def _share(cube: xr.Dataset, counts: Iterable[int]) -> str:
+    names = [str(name) for name in cube["estimator"].values]
+    rows = []
+    for rate in cube["rate"].values:
+        for count in counts:
+            at = cube.sel(rate=rate, count=count)
+            drawn, fitted = (
+                [percent_text(float(v)) for v in at[name].values]
+                for name in ("drawn_frame_error", "drawn_fit_error")
+            )
+            rows.append(
+                [f"{rate:g}", str(count), f"{int(at['width_px'])}×{int(at['height_px'])}",
+                 f"{float(at['marker_height']):.1f}{'' if followed(at) else ' †'}",
+                 f"{float(at['motion_px']):.1f}", percent_text(float(at["frame_error"])), *drawn,
+                 percent_text(float(at["fit_error"])), *fitted,
+                 f"{float(at['useful_frames']):.0f}"]
+            )  # fmt: skip
+    header = ["Hz", "cameras", "pixels", "marker, px", "motion, px", "frame: law",
+              *(f"frame: {name}" for name in names), "film: law",
+              *(f"film: {name}" for name in names), "frames that tell"]  # fmt: skip
+    return table(header, rows)
+
+
+def shares(cube: xr.Dataset) -> str:
+    """Equal pixels per second, all numbers of cameras."""
+    peak = asked(cube, "amplitude_mm")
+    return _share(cube, cube["count"].values) + (
+        f"\nAll have {asked(cube, 'pixels_per_second') / 1e6:.0f} million pixels per second "
+        f"together, at {asked(cube, 'cone_distance_mm'):g} mm, {asked(cube, 'cone_deg'):g}° "
+        "from the normal. *Frame*: rms error of the beam's markers in modes 1 to 3, in % of "
+        f"the peak of {peak:g} mm. *Film*: rms error of an amplitude fitted to "
+        f"{_duration(cube)} of a vibration with "
+        f"{asked(cube, 'frequency_hz'):g} Hz at the centre. *Frames that tell*: about how many "
+        f"frames are worth fitting. {_MARKED}\n"
+    )
+
+
+def few_shares(cube: xr.Dataset) -> str:
+    """The same for the least, some middle and the largest number of cameras, and what it says."""
+    counts = np.sort(cube["count"].values)
+    most = [most_followed(cube, float(rate)) for rate in cube["rate"].values]
+    some = {int(counts[i]) for i in (0, len(counts) // 2, -1)} | {n for n in most if n}
+    return f"{_share(cube, sorted(some))}\n{_MARKED}\n\n{claim(cube)}"
+
+
+def followed(at: xr.Dataset) -> bool:
+    """Whether markers are high enough for the laboratory's tracker, in one rig."""
+    return bool(at["marker_height"] >= FOLLOWED_PX)
+
+
+def most_followed(cube: xr.Dataset, rate: float) -> int:
+    """The largest number of cameras whose markers the tracker follows; 0 if there is none."""
+    here = cube.sel(rate=rate)
+    fits = here["count"].values[here["marker_height"].values >= FOLLOWED_PX]
+    return int(fits.max(initial=0))
+
+
+def claim(cube: xr.Dataset) -> str:
+    """The thesis's central claim in numbers: the law of least squares, then other estimators."""
+    few, many = int(cube["count"].min()), int(cube["count"].max())
+    slow, fast = float(cube["rate"].min()), float(cube["rate"].max())
+    frames = cube["frame_error"].sel(rate=slow)
+
+    def at(name: str, count: int, rate: float) -> float:
+        return float(cube[name].sel(count=count, rate=rate))
+
+    text = (
+        f"At {slow:g} frames per second the error of one frame is {float(frames.min()):.1f} to "
+        f"{float(frames.max()):.1f} % for {few} to {many} cameras, in no order. At {fast:g} the "
+        f"same pixels give {at('frame_error', few, fast):.1f} % to {few} cameras and "
+        f"{at('frame_error', many, fast):.1f} % to {many}, whose images move by "
+        f"{at('motion_px', many, fast):.2f} px. An amplitude fitted to all frames of "
+        f"{_duration(cube)} is wrong by {at('fit_error', few, slow):.2f} % "
+        f"with {few} cameras at {slow:g} frames per second, by {at('fit_error', many, slow):.2f} "
+        f"% with {many}, and by {at('fit_error', few, fast):.2f} % with {few} cameras at "
+        f"{fast:g}, for all its frames. Were frames independent, it would be "
+        f"{at('independent_fit_error', few, slow):.2f} % for every one of them."
+    )
+    for name in cube["estimator"].values[1:]:
+        frame, film = (
+            [percent_text(float(cube[kind].sel(estimator=name, count=count, rate=slow)))
+             for count in (few, many)]
+            for kind in ("drawn_frame_error", "drawn_fit_error")
+        )  # fmt: skip
+        text += (
+            f" The *{name}* gives, at {slow:g} frames per second, {frame[0]} % to {few} cameras "
+            f"and {frame[1]} % to {many} from one frame, {film[0]} and {film[1]} % from all"
+        )
+        most = most_followed(cube, slow)
+        if few < most < many:
+            part = cube.sel(estimator=name, count=most, rate=slow)
+            one, every = (percent_text(float(part[f"drawn_{k}_error"])) for k in ("frame", "fit"))
+            text += f"; with markers that can be followed, to at most {most}, {one} and {every} %"
+        text += "."
+    return text + "\n"

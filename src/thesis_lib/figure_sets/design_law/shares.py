@@ -1,0 +1,148 @@
+"""Part (d) of ``design-law``: many coarse cameras against few sharp ones, at equal pixels a second.
+
+The thesis asks whether several cameras with few pixels can take the place of two with many. Here N
+cameras on a cone share a number of pixels per second: N × width × height × frames per second is the
+same for all. One frame is judged by the error of the beam's markers, all frames together by the
+error of an amplitude that is fitted to a film of the centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.design_law.parameters import DesignLaw
+from thesis_lib.figure_sets.design_law.sweeps import exact, shapes
+from thesis_lib.vision import cone_law, rounding
+from thesis_lib.vision.analytic_centre import analytic_centre
+from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
+from thesis_lib.vision.triangulation import gain, triangulate
+
+Array = NDArray[np.float64]
+Estimator = Callable[[Array, Array], Array]
+
+# What everything is drawn with: projection matrices and rounded images to points (3, ...).
+ESTIMATORS: dict[str, Estimator] = {
+    "least squares": triangulate,
+    "analytic centre": lambda P, uv: analytic_centre(P, uv).points,
+}
+
+MARKER = 0.005  # m, diameter of a marker in chapter 5
+# Height of a marker's image from which on the laboratory's tracker follows all of them: in
+# `lab-elevation` it loses some, or all, at 1.4 px and below, and none at 1.6 px.
+FOLLOWED_PX = 1.5
+FITTED = 100  # trials of films at most: they take longest
+_FILM_VALUES = 3_000_000  # camera × point values at a time
+
+
+def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
+    """Cameras on the cone that share a number of pixels per second, around the beam."""
+    widths, heights, frame_rate = study.shared
+    focal = study.focal_length_mm / study.sensor_width_mm * widths
+    angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
+    peak, beam = study.amplitude_mm / 1000, setups.beam()
+    points = shapes(beam, peak)
+    law, view, fitted = (np.empty(widths.shape) for _ in range(3))
+    drawn, drawn_fit = (np.empty((len(ESTIMATORS), *widths.shape)) for _ in range(2))
+    for at, setting in zip(np.ndindex(widths.shape), study.settings(), strict=True):
+        rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
+        filmed = film(float(frame_rate[at]), study)
+        law[at] = exact(rig, points)
+        fitted[at] = fitted_by_law(rig, filmed)
+        view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), rig.size))
+        for e, estimate in enumerate(ESTIMATORS.values()):
+            drawn[e, *at] = one_frame(rig, points, study, estimate)
+            drawn_fit[e, *at] = filmed_amplitude(rig, filmed, study.seed, estimate)
+    percent = 100 / peak
+    counts = np.array(study.counts)[:, None]
+    centre = percent * cone_law.cone_deflection_error(distance, focal, counts, angle)
+    motion = peak * np.sin(angle) * focal / distance
+    return {
+        "width_px": widths, "height_px": heights, "frame_rate": frame_rate,
+        "pixel_size": distance / focal, "marker_spacing": beam.marker_spacing * focal / distance,
+        "marker_height": MARKER * np.cos(angle) * focal / distance,
+        "motion_px": motion, "in_view": view, "average_error": centre,
+        "frame_error": percent * law, "drawn_frame_error": percent * drawn,
+        # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.
+        "independent_fit_error": centre / np.sqrt(frame_rate * study.duration_s),
+        "useful_frames": cone_law.useful_frames(motion[..., None] * spread(FITTED)),
+        "fit_error": percent * fitted, "drawn_fit_error": percent * drawn_fit,
+    }  # fmt: skip
+
+
+def one_frame(rig: CameraArray, points: Array, study: DesignLaw, estimate: Estimator) -> float:
+    """Rms deflection error in m over the trials, of markers (3, 1 + modes, m)."""
+    shifts = np.moveaxis(rounding.grid_shifts(study.seed, study.trials, len(rig))[1:], 0, 2)
+    shift = shifts[:, :, None, :, None]
+    images = project(rig.P, points)[:, :, :, None]
+    height = estimate(rig.P, pixelate(images + shift) - shift)[2]
+    error = height[1:] - height[0] - points[2, 1:, None]
+    return float(np.sqrt(np.mean(error**2)))
+
+
+@dataclass(frozen=True)
+class Film:
+    """A point at the centre that vibrates along Z, in every frame of every trial.
+
+    Parameters
+    ----------
+    points : ndarray, shape (3, trials, frames)
+        Where it is, in m.
+    peaks : ndarray, shape (trials,)
+        Amplitudes in m. They differ, so that what depends on their fraction of a pixel averages
+        out.
+    fit : ndarray, shape (trials, 3, frames)
+        Pseudo-inverse of the fit: rows for cosine, sine and constant.
+    """
+
+    points: Array
+    peaks: Array
+    fit: Array
+
+
+def spread(n: int) -> Array:
+    """Factors from half to one and a half, whose mean is one."""
+    return 0.5 + (np.arange(n) + 0.5) / n
+
+
+def film(frame_rate: float, study: DesignLaw) -> Film:
+    """The vibration as a camera samples it, with random phases."""
+    trials, n_frames = min(study.trials, FITTED), round(frame_rate * study.duration_s)
+    random = np.random.default_rng(study.seed)
+    peaks = study.amplitude_mm / 1000 * spread(trials)
+    start = random.uniform(0, 2 * np.pi, (trials, 1))
+    turn = 2 * np.pi * study.frequency_hz * np.arange(n_frames) / frame_rate + start
+    points = np.zeros((3, trials, n_frames))
+    points[2] = peaks[:, None] * np.cos(turn)
+    basis = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=2)
+    return Film(points, peaks, np.linalg.pinv(basis))
+
+
+def filmed_amplitude(rig: CameraArray, filmed: Film, seed: int, estimate: Estimator) -> float:
+    """Rms error in m of the fitted amplitude: all frames of a camera share one pixel grid."""
+    trials, n_frames = filmed.points.shape[1:]
+    shifts = np.moveaxis(rounding.grid_shifts(seed, trials, len(rig))[1:], 0, 2)[..., None]
+    found = np.empty(trials)
+    at_once = max(1, _FILM_VALUES // (len(rig) * n_frames))
+    for first in range(0, trials, at_once):
+        part = slice(first, first + at_once)
+        shift, points = shifts[:, :, part], filmed.points[:, part]
+        height = estimate(rig.P, pixelate(project(rig.P, points) + shift) - shift)[2]
+        waves = (filmed.fit[part, :2] @ height[..., None])[..., 0]
+        found[part] = np.linalg.norm(waves, axis=1)
+    return float(np.sqrt(np.mean((found - filmed.peaks) ** 2)))
+
+
+def fitted_by_law(rig: CameraArray, filmed: Film) -> float:
+    """The same by the law, to first order: each coordinate repeats its errors from frame to frame.
+
+    On a cone all cameras see the same motion, in v alone.
+    """
+    v = project(rig.P[:1], filmed.points)[0, 1]
+    each = cone_law.weighted_error(v, filmed.fit[:, 0])
+    g = gain(rig.P, np.zeros(3))[2]
+    return float(np.sqrt(np.mean(each**2) * np.sum(g**2)))

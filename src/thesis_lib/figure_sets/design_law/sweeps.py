@@ -1,0 +1,223 @@
+"""Part (c) of ``design-law``: the thesis's findings in expectation, one parameter at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.readings import reading
+from thesis_lib.figure_sets.design_law.parameters import DesignLaw
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.vibration.structure import Structure, deflection_shape, world_points
+from thesis_lib.vision import cone_law, rounding
+from thesis_lib.vision.cone_law import MOTION_PX
+from thesis_lib.vision.estimators import exponent
+from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
+from thesis_lib.vision.triangulation import gain
+
+Array = NDArray[np.float64]
+
+MODES = (1, 2, 3)
+STRUCTURES: dict[str, Callable[[], Structure]] = {"beam": setups.beam, "plate": setups.plate}
+FINDINGS = ("distance", "resolution", "number", "elevation", "aperture")
+STEPS = 61  # of a sweep
+WIDE_DEG = 60.0  # aperture from which on the rest is counted
+AMPLITUDES = (0.5, 1.5)  # from and to how many times the thesis's is averaged
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Equal cameras at one distance: a pair that shares an elevation, or a cone of several.
+
+    Parameters
+    ----------
+    distance : float
+        Distance from the structure's centre in m.
+    size : tuple of int
+        Width and height of the sensors in px.
+    focal : float
+        Focal length over the width of the sensor.
+    aperture, elevation : float
+        Angles of a pair in rad: between the azimuths, and above the structure.
+    count, angle : int, float
+        Cameras on a cone, and its angle from the normal in rad; no cone if `count` is 0.
+    """
+
+    distance: float
+    size: tuple[int, int]
+    focal: float
+    aperture: float = 0.0
+    elevation: float = 0.0
+    count: int = 0
+    angle: float = 0.0
+
+    def cameras(self) -> CameraArray:
+        """The cameras."""
+        focal_px = self.focal * self.size[0]
+        if self.count:
+            return cone_law.cone_cameras(self.distance, self.angle, self.count, focal_px, self.size)
+        azimuth = np.array([self.aperture, -self.aperture]) / 2
+        elevation = np.full(2, self.elevation)
+        return hemisphere_cameras(self.distance, azimuth, elevation, focal_px, self.size)
+
+    def centre_error(self, noisy: bool = False) -> float:
+        """Error of a deflection at the centre in m by the closed forms, amplitudes averaged.
+
+        Of rounding, or of independent noise as large in every coordinate.
+        """
+        focal_px = self.focal * self.size[0]
+        if self.count:
+            error = cone_law.cone_deflection_error(self.distance, focal_px, self.count, self.angle)
+        else:
+            pair = cone_law.pair_noise_error if noisy else cone_law.pair_deflection_error
+            error = pair(self.distance, focal_px, self.aperture, self.elevation)
+        return float(error)
+
+
+def swept(structure: str, finding: str) -> Array:
+    """The values of a sweep over the range of the thesis: mm, px, cameras or degrees."""
+    if finding == "number":
+        return np.arange(3.0, STEPS + 3.0)
+    printed = setups.table(structure, "aperture" if finding == "elevation" else finding)
+    if finding == "aperture":
+        return np.linspace(2.0 * min(printed["half_apertures_deg"]), 180.0, STEPS)
+    if finding == "elevation":
+        return np.linspace(min(printed["elevations_deg"]), max(printed["elevations_deg"]), STEPS)
+    every = printed["distances_mm" if finding == "distance" else "widths_px"]
+    values: Array = np.geomspace(min(every), max(every), STEPS)
+    return np.rint(values) if finding == "resolution" else values
+
+
+def rig(study: DesignLaw, structure: str, finding: str, value: float) -> Rig:
+    """The cameras of one step: what is not swept is as in the thesis's study of it."""
+    focal, size = study.focal_length_mm / study.sensor_width_mm, study.resolution_px
+    if finding == "number":
+        angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
+        return Rig(distance, size, focal, count=int(value), angle=float(angle))
+    printed = setups.table(structure, "aperture" if finding == "elevation" else finding)
+    distance = (value if finding == "distance" else printed["distance_mm"]) / 1000
+    if finding == "resolution":
+        size = int(value), round(value * 9 / 16)
+    aperture, elevation = 2 * printed.get("azimuth_deg", 90.0), printed["elevation_deg"]
+    if finding == "aperture":
+        aperture = value
+    elif finding == "elevation":
+        elevation = value
+    return Rig(distance, size, focal, float(np.radians(aperture)), float(np.radians(elevation)))
+
+
+def shapes(structure: Structure, peak: float) -> Array:
+    """Markers (3, 1 + modes, m) in m at rest and in each mode with a peak in m."""
+    bent = [deflection_shape(structure, mode, structure.markers, peak) for mode in MODES]
+    return world_points(structure, np.array([np.zeros_like(bent[0]), *bent]))
+
+
+def noisy(cameras: CameraArray, points: Array) -> float:
+    """Rms deflection error in m of markers (3, m) by independent noise, 1/6 px² a coordinate."""
+    g = gain(cameras.P, points)[2]
+    return float(MOTION_PX * np.sqrt(np.mean(np.sum(g**2, axis=(0, 1)))))
+
+
+def expected(cameras: CameraArray, points: Array) -> float:
+    """Rms deflection error in m of markers (3, 1 + modes, m) by the law of rounding.
+
+    Averaged over amplitudes from half to one and a half of theirs; the first are at rest.
+    """
+    g = gain(cameras.P, points[:, 0])[2]
+    images = project(cameras.P, points)
+    moved = images[:, :, 1:] - images[:, :, :1]
+    variance = rounding.mean_difference_variance(moved, *AMPLITUDES)
+    return float(np.sqrt(np.mean(np.sum(g[:, :, None] ** 2 * variance, axis=(0, 1)))))
+
+
+def exact(cameras: CameraArray, points: Array) -> float:
+    """Rms deflection error in m of markers (3, 1 + modes, m), the first of which are at rest."""
+    variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:])
+    return float(np.sqrt(np.mean(variance)))
+
+
+def findings(study: DesignLaw) -> dict[str, ArrayLike]:
+    """Distance, resolution, number, elevation and aperture, each by itself."""
+    shape = (len(FINDINGS), len(STRUCTURES), STEPS)
+    values, averaged, usual, small, centre, noise, noisy_centre = (
+        np.empty(shape) for _ in range(7)
+    )
+    best, gained = np.empty((2, len(STRUCTURES))), np.empty((2, len(STRUCTURES)))
+    for s, (name, make) in enumerate(STRUCTURES.items()):
+        peak = float(reading(name)["amplitude_mm"]) / 1000
+        tiny_peak = study.small_amplitude_mm / 1000
+        points, tiny = shapes(make(), peak), shapes(make(), tiny_peak)
+        for f, finding in enumerate(FINDINGS):
+            values[f, s] = swept(name, finding)
+            for i, value in enumerate(values[f, s]):
+                one = rig(study, name, finding, value)
+                cameras = one.cameras()
+                averaged[f, s, i] = 100 * expected(cameras, points) / peak
+                usual[f, s, i] = 100 * exact(cameras, points) / peak
+                small[f, s, i] = 100 * exact(cameras, tiny) / tiny_peak
+                centre[f, s, i] = 100 * one.centre_error() / peak
+                noise[f, s, i] = 100 * noisy(cameras, points[:, 0]) / peak
+                noisy_centre[f, s, i] = 100 * one.centre_error(noisy=True) / peak
+        for k, error in enumerate((exact, expected)):
+            best[k, s], gained[k, s] = best_aperture(study, name, points, error)
+    return {
+        "swept": values, "expected_error": averaged, "exact_error": usual, "centre_error": centre,
+        "noisy_error": noise, "noisy_centre_error": noisy_centre,
+        "expected_exponent": _exponents(values, averaged),
+        "centre_exponent": _exponents(values, centre), "small_exponent": _exponents(values, small),
+        "best_aperture": best, "wide_gain": gained,
+    }  # fmt: skip
+
+
+def best_aperture(
+    study: DesignLaw,
+    structure: str,
+    points: Array,
+    law: Callable[[CameraArray, Array], float],
+) -> tuple[float, float]:
+    """Aperture in whole degrees of the least error, and the error at `WIDE_DEG` over it."""
+
+    def error(aperture: float) -> float:
+        return law(rig(study, structure, "aperture", aperture).cameras(), points)
+
+    # Every degree: with amplitudes as they are the law has many dips.
+    apertures = np.arange(10.0, 181.0)
+    errors = [error(aperture) for aperture in apertures]
+    best = int(np.argmin(errors))
+    return float(apertures[best]), error(WIDE_DEG) / errors[best]
+
+
+def _exponents(values: Array, errors: Array) -> Array:
+    """Exponents (findings, structures): of cos φ for elevations, NaN for the aperture's."""
+    found = np.full(values.shape[:2], np.nan)
+    for f, s in np.ndindex(found.shape):
+        if FINDINGS[f] != "aperture":
+            low = FINDINGS[f] == "elevation"
+            base = np.cos(np.radians(values[f, s])) if low else values[f, s]
+            found[f, s] = exponent(base, errors[f, s])
+    return found
+
+
+def thesis_study(study: DesignLaw, structure: str, part: str) -> Any:
+    """One of the studies of chapters 3 and 4, with this study's lens, trials and seed."""
+    names = ("focal_length_mm", "sensor_width_mm", "trials", "seed")
+    return camera_study(f"{structure}-{part}", {name: getattr(study, name) for name in names})
+
+
+def arrays(study: DesignLaw) -> dict[str, ArrayLike]:
+    """The exponent in the number of cameras of the thesis's growing arrays."""
+    found = np.empty((len(setups.pairs()), len(STRUCTURES)))
+    for s, (name, make) in enumerate(STRUCTURES.items()):
+        points = shapes(make(), float(reading(name)["amplitude_mm"]) / 1000)
+        settings = thesis_study(study, name, "arrays").settings()
+        for c, case in enumerate(setups.pairs()):
+            grown = [setting for setting in settings if setting.case == case]
+            lens = study.focal_length_mm, study.sensor_width_mm
+            errors = [expected(one.cameras(*lens), points) for one in grown]
+            found[c, s] = exponent([len(one.directions_deg) for one in grown], errors)
+    return {"array_exponent": found}

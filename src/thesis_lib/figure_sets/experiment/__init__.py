@@ -1,0 +1,1 @@
+"""The experiment of chapter 5 with rendered recordings."""

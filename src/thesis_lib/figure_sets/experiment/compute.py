@@ -1,0 +1,170 @@
+"""The cubes of chapter 5, from the measured recordings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment.methods import (
+    Instant,
+    Tracks,
+    deflection,
+    instant_of,
+    predicted,
+    tracks_of,
+)
+from thesis_lib.figure_sets.experiment.parameters import Experiment, method_of
+from thesis_lib.figure_sets.experiment.trials import draw, trials
+from thesis_lib.laboratory.parameters import NAMES
+from thesis_lib.measure.fitting.harmonics import amplitude
+from thesis_lib.measure.recordings.markers import Markers, rows_on
+from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates
+from thesis_lib.vibration.motion import Component
+from thesis_lib.vision import lens
+from thesis_lib.vision.pinhole import on_sensor
+from thesis_lib.vision.simulation import assurance
+
+Array = NDArray[np.float64]
+
+
+def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
+    """The cube of a study of chapter 5, from the measured recordings."""
+    beam = setups.beam()
+    markers = rows_on(beam)
+    row = markers.middle_row
+    part = Component("bending", 1, study.frequency_hz, study.amplitude_mm / 1000)
+    reference = part.amplitude * part.shape(beam, beam.markers)
+    instant, draws = instant_of(data, beam.damping), draw(study, data)
+    settings = study.settings()
+    results: list[dict[str, Any]] = []
+    for setting in settings:
+        names = "".join(n for n, d in study.directions_deg.items() if d in setting.directions_deg)
+        index = [NAMES.index(name) for name in names]
+        method = method_of(setting.case)
+        tracks = tracks_of(data, markers, names, setting.resolution_px[0],
+                           "full" if method == "harmonic" else "literal",
+                           method == "matched", beam.damping)  # fmt: skip
+        exposures = data["exposure"].values[index]
+        first = deflection(tracks, instant, method, exposures)
+        drawn = trials(tracks, instant, method, draws, index, exposures)
+        measured = np.concatenate([first[None], drawn])[None, :, row]
+        noise = predicted(tracks, method, instant, exposures)
+        scale = 100 / np.abs(reference).max()
+        error = np.abs(measured - reference) * scale
+        results.append(
+            {
+                "measured_deflection": measured,
+                "point_error": error[:, 0],
+                "mean_error": np.sqrt(np.nanmean(error**2, axis=-1)),
+                "max_point_error": np.nanmax(error, axis=-1),
+                "predicted_error": [scale * _rms(noise[row])],
+                "mac": assurance(measured, reference),
+                "missing": np.mean(np.isnan(measured), axis=-1),
+                "in_view": _in_view(tracks, markers),
+                "ground_sample_distance": np.mean(
+                    [study.distance_mm / 1000 / c.K[0, 0] for c in tracks.cameras]
+                ),
+                "centre_scatter": _rms(tracks.sigma),
+                "grid_residual": tracks.frame.rms,
+                "grid_scale": tracks.frame.scale,
+                "grid_tilt": np.degrees(tracks.frame.tilt),
+                **_harmonic_results(tracks, instant, data, exposures, markers),
+            }
+        )
+    return _cube(study, settings, reference, results, data)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def _in_view(tracks: Tracks, markers: Markers) -> float:
+    """Share of the markers at rest, camera by camera, that lie on the sensor, found or not."""
+    frame, grid = tracks.frame, markers.world[:, : markers.count]
+    world = frame.R.T @ grid + frame.origin[:, None]
+    return float(np.mean([on_sensor(lens.project(c, world)[None], c.size) for c in tracks.cameras]))
+
+
+def _harmonic_results(
+    tracks: Tracks, instant: Instant, data: xr.Dataset, exposures: Array, markers: Markers
+) -> dict[str, Any]:
+    """Amplitude, phase to the force and standard error of every marker; drive-point mobility."""
+    motion = amplitude(tracks, instant.omega, exposures)
+    real, imaginary = data["force"].values
+    force = complex(real, imaginary) * float(data["full_scale"])
+    beam = setups.beam()
+    shape = Component().shape(beam, markers.positions[:, : markers.count])
+    known = np.isfinite(motion)
+    modal = np.vdot(shape[known], motion[known]) / np.vdot(shape[known], shape[known])
+    drive = Component().shape(beam, beam.force_point)[0]
+    mobility = 1j * instant.omega * modal * drive / force
+    row = markers.middle_row
+    return {
+        "amplitude": np.abs(motion)[None, row],
+        "phase": np.degrees(np.angle(motion / force))[None, row],
+        "standard_error": predicted(tracks, "harmonic", instant, exposures)[None, row],
+        "mobility_real": mobility.real,
+        "mobility_imag": mobility.imag,
+    }
+
+
+_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
+    **VARIABLES,
+    "predicted_error": (
+        ("mode",), "float64", "percent", "rms error by the noise of the centres alone"),
+    "missing": (("mode", "trial"), "float64", "1", "share of markers that no two cameras see"),
+    "centre_scatter": ((), "float64", "px", "scatter of the centres about their harmonics"),
+    "grid_residual": ((), "float64", "m", "rms distance of the markers at rest from their grid"),
+    "grid_scale": ((), "float64", "1", "size of the measured grid over the nominal one"),
+    "grid_tilt": ((), "float64", "degree", "angle of the measured plane to the fitted grid"),
+    "amplitude": (("mode", "point"), "float64", "m", "amplitude by the harmonic fit"),
+    "phase": (("mode", "point"), "float64", "degree", "phase to the force by the harmonic fit"),
+    "standard_error": (
+        ("mode", "point"), "float64", "m", "standard error of the amplitude by the harmonic fit"),
+    "mobility_real": ((), "float64", "m s-1 N-1", "drive-point mobility, real part"),
+    "mobility_imag": ((), "float64", "m s-1 N-1", "drive-point mobility, imaginary part"),
+}  # fmt: skip
+
+
+def _cube(
+    study: Experiment,
+    settings: list[setups.Setting],
+    reference: Array,
+    results: list[dict[str, Any]],
+    data: xr.Dataset,
+) -> xr.Dataset:
+    cube = xr.Dataset(coords=coordinates(study, study.modes, setups.beam(), settings))
+    cube["frequency"] = ("mode", [study.frequency_hz],
+                         {"long_name": "frequency of the force", "units": "Hz"})  # fmt: skip
+    cube["trial"].attrs["long_name"] = "draw of starts, clocks and noise, 0 for the chain's result"
+    cube["reference_deflection"] = (
+        ("mode", "point"), reference[None],
+        {"units": "m", "long_name": "reference deflection of the markers"},
+    )  # fmt: skip
+    for name, (dims, dtype, units, long_name) in _VARIABLES.items():
+        values = np.array([result[name] for result in results]).astype(dtype)
+        cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
+    add_cameras(cube, settings)
+    beam = setups.beam()
+    natural = 2 * np.pi * study.frequency_hz / np.sqrt(1 - 2 * beam.damping**2)
+    omega = 2 * np.pi * study.frequency_hz
+    drive = Component().shape(beam, beam.force_point)[0]
+    stiffness = natural**2 - omega**2 + 2j * beam.damping * natural * omega
+    mobility = 1j * omega * drive**2 / (beam.mass / 4 * stiffness)
+    cube["mobility_reference"] = (
+        "part", [mobility.real, mobility.imag],
+        {"units": "m s-1 N-1", "long_name": "drive-point mobility of the beam, resonant there"},
+    )  # fmt: skip
+    if "shots_used" in data:
+        cube["shots_used"] = ("shots_camera", data["shots_used"].values, data["shots_used"].attrs)
+    kept = {"missing_share": "tracking_missing", "wrong_share": "tracking_wrong",
+            "centre_error": "tracking_error"}  # fmt: skip
+    for name, new in kept.items():
+        cube[new] = ("tracked_width", data[name].values, data[name].attrs)
+    text = {"long_name": "width at which frames were tracked", "units": "1"}
+    cube["tracked_width"] = ("tracked_width", data["width"].values, text)
+    return cube

@@ -1,0 +1,161 @@
+"""The parameters of chapter 5: the laboratory, and what is studied on its recordings."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting
+from thesis_lib.laboratory.parameters import NAMES, Rig
+from thesis_lib.studies.request import Study
+from thesis_lib.studies.vocabulary import Width, field
+
+TRIED_PX = 320  # the thesis tried this width, and gave it up
+METHODS = ("matched", "literal", "aligned", "harmonic")
+Method = Literal["matched", "literal", "aligned", "harmonic"]
+FilmedWidth = Annotated[int, Field(ge=160, le=1920)]
+
+
+class Laboratory(Rig, Study):
+    """One set of recordings, measured once for all studies that use it."""
+
+    name = "laboratory"
+    title = "Experiment: the recordings"
+    subject = "experiment"
+    study = "laboratory"
+    varied = "width_px"
+    varied_label = "resolution"
+
+    widths_px: list[Width]
+
+    def settings(self) -> list[Setting]:
+        """Nothing is varied."""
+        return []
+
+
+class Experiment(Rig, Study):
+    """Parameters that the studies of chapter 5 share."""
+
+    subject = "experiment"
+    first = "the chain's result"
+    predicts = "noise of the centres"
+    draws = "starts, clocks and noise"
+
+    trials: int = field(
+        200,
+        "further runs, with centre noise, clocks and starts drawn at random",
+        "a whole number from 0 to 10000",
+        ge=0,
+        le=10_000,
+    )
+    seed: int = field(0, "seed of all noise", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63)
+
+    @property
+    def recordings(self) -> Laboratory:
+        """What has to be filmed and followed."""
+        raise NotImplementedError
+
+    @property
+    def modes(self) -> list[int]:
+        """The one mode that chapter 5 measures."""
+        return [1]
+
+    def laboratory(self, widths_px: list[int]) -> Laboratory:
+        """The recordings that the study needs, followed at all of these widths."""
+        widths = sorted({TRIED_PX, *setups.table("experiment", "resolution")["widths_px"],
+                         *widths_px})  # fmt: skip
+        fields = {name: getattr(self, name) for name in Rig.model_fields}
+        return Laboratory(**fields, seed=self.seed, trials=0, widths_px=widths)
+
+    def _setting(self, case: str, value: float, label: str, names: str, width: int) -> Setting:
+        directions = tuple(self.directions_deg[name] for name in names)
+        size = (width, round(width * 9 / 16))
+        return Setting(case, value, label, self.distance_mm, directions, size)
+
+
+class ExperimentResolution(Experiment):
+    """All four cameras with growing resolution (section 5.2.1)."""
+
+    name = "experiment-resolution"
+    title = "Experiment: resolution of the cameras"
+    study = "resolution"
+    varied = "width_px"
+    varied_label = "resolution"
+
+    cases: list[Method] = field(
+        lambda: list(METHODS),
+        "cases to run",
+        "a list of different ones of matched, literal, aligned, harmonic",
+        min_length=1,
+    )
+    widths_px: list[FilmedWidth] = field(
+        setups.table("experiment", "resolution")["widths_px"],
+        "widths of the reduced frames; heights are 9/16 of them",
+        "a list of different whole numbers from 160 to 1920",
+        min_length=1,
+    )
+
+    def settings(self) -> list[Setting]:
+        """One setting per method and width."""
+        return [
+            self._setting(case, width, f"{width}×{round(width * 9 / 16)}", NAMES, width)
+            for case in self.cases
+            for width in self.widths_px
+        ]
+
+    @property
+    def recordings(self) -> Laboratory:
+        """What has to be filmed and followed."""
+        return self.laboratory(self.widths_px)
+
+
+class ExperimentCameras(Experiment):
+    """Two to four cameras (section 5.2.2), and all sets of them (section 5.3)."""
+
+    name = "experiment-cameras"
+    title = "Experiment: number of cameras"
+    study = "cameras"
+    varied = "n_cameras"
+    varied_label = "cameras"
+
+    cases: list[Method | Literal["literal-all", "harmonic-all"]] = field(
+        lambda: [*METHODS, "literal-all", "harmonic-all"],
+        "cases to run",
+        "a list of different ones of matched, literal, aligned, harmonic, literal-all, "
+        "harmonic-all",
+        min_length=1,
+    )
+    width_px: FilmedWidth = field(
+        setups.table("experiment", "cameras")["width_px"],
+        "width of the frames; the height is 9/16 of it",
+        "a whole number from 160 to 1920",
+    )
+
+    def settings(self) -> list[Setting]:
+        """A–B, A–B–C, A–B–C–D, or all eleven sets, for each method."""
+        every = ["".join(names) for n in (2, 3, 4) for names in combinations(NAMES, n)]
+        growing = [NAMES[:n] for n in (2, 3, 4)]
+        return [
+            self._setting(case, len(names), "–".join(names), names, self.width_px)
+            for case in self.cases
+            for names in (every if case.endswith("-all") else growing)
+        ]
+
+    @property
+    def recordings(self) -> Laboratory:
+        """What has to be filmed and followed."""
+        return self.laboratory([self.width_px])
+
+
+def method_of(case: str) -> str:
+    """The method of a case: matched, literal, aligned or harmonic.
+
+    Examples
+    --------
+    >>> method_of("harmonic-all")
+    'harmonic'
+    """
+    return case.removesuffix("-all")

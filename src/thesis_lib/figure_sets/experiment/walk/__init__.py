@@ -1,0 +1,1 @@
+"""The pictures and numbers that walk through one experiment."""

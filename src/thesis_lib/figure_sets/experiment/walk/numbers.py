@@ -1,0 +1,228 @@
+"""The numbers of the page that walks through chapter 5, from the measured recordings."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment import methods as shapes
+from thesis_lib.measure.fitting.reconstruction import deflection_at
+from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.synchronisation.synchronise import coupling_delay
+from thesis_lib.vibration.motion import Component
+from thesis_lib.web.markdown import table
+
+Array = NDArray[np.float64]
+LITERAL, FULL = "literal", "full"
+
+
+def _parameters(data: xr.Dataset) -> dict[str, Any]:
+    """The parameters that the recordings were made with."""
+    given: dict[str, Any] = json.loads(data.attrs["parameters"])
+    return given
+
+
+def _omega(data: xr.Dataset) -> float:
+    return 2 * np.pi * float(data["frequency"])
+
+
+def _signed(value: float, digits: int) -> str:
+    """A number with its sign, the minus as it is printed."""
+    return f"{value:+.{digits}f}".replace("-", "−")
+
+
+def _calibration(data: xr.Dataset) -> str:
+    """What each way of calibrating makes of the cameras."""
+    rows = []
+    for name in data["camera"].values:
+        camera = data.sel(camera=name)
+        focal = [
+            f"{np.abs(camera[f'focal_error_{kind}'].values).max():.4f}"
+            for kind in ("single", LITERAL, FULL)
+        ]
+        places = [f"{1e6 * float(camera[f'centre_error_{kind}']):.0f}" for kind in (LITERAL, FULL)]
+        residual = np.sqrt(np.nanmean(camera["corner_residuals"].values ** 2))
+        rows.append(
+            [str(name), f"{int(camera['shots_used'])}", *focal, *places,
+             f"{1e6 * float(camera['centre_deviation']):.0f}", f"{residual:.4f}"]
+        )  # fmt: skip
+    header = ["camera", "shots used", "focal length alone, %", "literal, %", "adjusted, %",
+              "centre literal, µm", "adjusted, µm", "predicted, µm", "residual, px"]  # fmt: skip
+    literal = data["reprojection_rms"].sel(calibration=LITERAL)
+    return table(header, rows) + (
+        "\nErrors against the truth: of the worse of the two focal lengths, and of the centre of "
+        "projection after the four cameras are moved as one rigid body onto the true ones. *Alone* "
+        "is Zhang's method camera by camera, with all corners; *literal* the thesis's way; "
+        "*adjusted* all corners and all cameras together. The residual is the rms of a "
+        f"coordinate after the adjustment; the literal way leaves {float(literal):.4f} px.\n"
+    )
+
+
+def _synchronisation(data: xr.Dataset) -> str:
+    """Delays, and what is left of them by the two alignments."""
+    rows = []
+    for name in data["camera"].values[1:]:
+        camera = data.sel(camera=name)
+        true, rate = float(camera["true_delay"]), float(camera["frame_rate"])
+        whole = int(camera["delay_frames"]) - true * rate
+        part = (float(camera["delay"]) - true) * rate
+        loss = 100 * (1 - np.cos(_omega(data) * whole / rate))
+        rows.append(
+            [str(name), _signed(1000 * true, 2), _signed(true * rate, 3),
+             _signed(int(camera["delay_frames"]), 0), _signed(whole, 3), f"{loss:.2f}",
+             _signed(part, 4)]
+        )  # fmt: skip
+    header = ["camera", "starts after A, ms", "in frames", "whole frames", "their error, frames",
+              "costs at a maximum, %", "error of the tone's phase, frames"]  # fmt: skip
+    return table(header, rows)
+
+
+def _tracking(data: xr.Dataset) -> str:
+    """What is found at each width."""
+    rows = []
+    for width in sorted(data["width"].values.tolist(), reverse=True):
+        at = data.sel(width=width)
+        wrong, error = float(at["wrong_share"]), float(at["centre_error"])
+        rows.append(
+            [f"{width}×{round(width * 9 / 16)}", f"{100 * float(at['missing_share']):.1f}",
+             f"{100 * wrong:.1f}" if np.isfinite(wrong) else "–",
+             f"{error:.4f}" if np.isfinite(error) else "–"]
+        )  # fmt: skip
+    given = _parameters(data)
+    camera = data.sel(calibration=FULL).isel(camera=0)
+    narrow = min(data["width"].values.tolist())
+    focal = float(camera["K"].values[0, 0]) * narrow / float(camera["size"].values[0])
+    long = 1000 * rows_on(setups.beam()).diameter * focal / given["distance_mm"]
+    high = long * np.sin(np.radians(given["elevation_deg"]))
+    header = ["frames", "missing, %", "of those found wrong, %", "rms error of the others, px"]
+    return table(header, rows) + (
+        "\nOver all markers, frames and cameras. *Wrong* is more than one pixel of that width off; "
+        f"the rms is of one coordinate. At {narrow} px a marker is {long:.1f} px long and "
+        f"{high:.1f} px high.\n"
+    )
+
+
+def _shapes(data: xr.Dataset) -> str:
+    """The measured deflection by the four methods, and the frame it is measured in."""
+    markers, given = rows_on(setups.beam()), _parameters(data)
+    beam, row = setups.beam(), markers.middle_row
+    part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
+    reference = part.amplitude * part.shape(beam, beam.markers)
+    instant = shapes.instant_of(data, beam.damping)
+    names = "".join(data["camera"].values.tolist())
+    exposures = data["exposure"].values
+    widest = int(data["width"].max())
+    by = {kind: shapes.tracks_of(data, markers, names, widest, kind) for kind in (LITERAL, FULL)}
+    matched = shapes.tracks_of(data, markers, names, widest, LITERAL, matched=True)
+    rows = []
+    for method in ("matched", "literal", "aligned", "harmonic"):
+        tracks = {"matched": matched, "harmonic": by[FULL]}.get(method, by[LITERAL])
+        measured = shapes.deflection(tracks, instant, method, exposures)[row]
+        error = 100 * np.abs(measured - reference) / np.abs(reference).max()
+        rows.append(
+            [method, f"{1000 * measured[-1]:.4f}", f"{np.sqrt(np.nanmean(error**2)):.3f}",
+             f"{np.nanmax(error):.3f}"]
+        )  # fmt: skip
+    header = ["method", "outermost marker, mm", "mean error, %", "largest error, %"]
+    frame = by[FULL].frame
+    return table(header, rows) + (
+        f"\nFour cameras at {widest} px; the truth at the outermost marker is "
+        f"{1000 * reference[-1]:.4f} mm. The 75 markers at rest fit their nominal grid with "
+        f"{1e6 * frame.rms:.1f} µm rms; the measured grid's size is "
+        f"off by {_signed(1e6 * (frame.scale - 1), 0)} millionths.\n"
+    )
+
+
+def _parts(data: xr.Dataset) -> str:
+    """What the literal method loses to the missed maximum and to whole frames, each alone."""
+    markers, beam = rows_on(setups.beam()), setups.beam()
+    names = "".join(data["camera"].values.tolist())
+    instant = shapes.instant_of(data, beam.damping)
+    tracks = shapes.tracks_of(data, markers, names, int(data["width"].max()), LITERAL)
+    first = tracks.times[0, 0] * tracks.rate
+    maximum, frame = (float(t) for t in instant.nearest(tracks.rate, first))
+    exact = (data["delay"] - data["delay"][0]).values
+    left, n = exact - tracks.frames / tracks.rate, len(exact)
+
+    def lost(times: Array) -> float:
+        seen, most = (shape_at(t)[markers.middle_row] for t in (times, np.full(n, maximum)))
+        return float(100 * np.sqrt(np.nanmean((seen - most) ** 2)) / np.nanmax(np.abs(most)))
+
+    def shape_at(times: Array) -> Array:
+        images = [
+            own.at(instant.omega, [t])[0] for own, t in zip(tracks.harmonics, times, strict=True)
+        ]
+        return deflection_at(tracks.P, tracks.frame, tracks.still, np.array(images))
+
+    peak, rounding, both = (
+        lost(times) for times in (np.full(n, frame), maximum + left, frame + left)
+    )
+    return (
+        f"Here A's nearest frame is {abs(frame - maximum) * tracks.rate:.2f} frames off the "
+        f"maximum, which alone makes an error of {peak:.2f} %; whole frames between the cameras "
+        f"alone make {rounding:.2f} %, both together {both:.2f} %.\n"
+    )
+
+
+def _clocks(data: xr.Dataset) -> str:
+    """Frames in a period, and what a clock that is off costs."""
+    rate, frequency = float(data["frame_rate"][0]), float(data["frequency"])
+    half, whole = (100 * (1 - np.cos(_omega(data) * n / rate)) for n in (0.5, 1.0))
+    return (
+        f"At {rate:g} frames a second and {frequency:g} Hz a period has {rate / frequency:.2f} "
+        f"frames, and one frame is {360 * frequency / rate:.1f}° of it. Half a frame, the most "
+        f"that rounding leaves, costs {half:.1f} %; one whole frame, which is as far as the "
+        f"thesis vouches for its alignment, costs {whole:.1f} %.\n"
+    )
+
+
+def _inputs(data: xr.Dataset) -> str:
+    """What two audio inputs with different corner frequencies do to a tone."""
+    frequency, rate = float(data["frequency"]), float(data["frame_rate"][0])
+    return (
+        f"A tone of {frequency:g} Hz through inputs that cut at 2 and at 3 Hz comes "
+        f"out {coupling_delay(frequency) * rate:.2f} frames apart.\n"
+    )
+
+
+def _exposure(data: xr.Dataset) -> str:
+    """What the exposure takes."""
+    time, frequency = float(data["exposure"][0]), float(data["frequency"])
+    loss = 100 * (1 - np.sinc(frequency * time))
+    open_ = 100 * (1 - np.sinc(frequency / float(data["frame_rate"][0])))
+    return (
+        f"Here the shutter is open for {1000 * time:g} ms, which takes {loss:.3f} %; open for the "
+        f"whole frame it would take {open_:.2f} %.\n"
+    )
+
+
+def _matches(data: xr.Dataset) -> str:
+    """How many places look like a marker in camera A's first frame, and how far the tip goes."""
+    markers, given = rows_on(setups.beam()), _parameters(data)
+    found = data["picture_matches"].transpose("axis", "match").values
+    spare = int(data.attrs["spare_matches"])
+    away = given["amplitude_mm"] / np.tan(np.radians(given["elevation_deg"]))
+    return (
+        f"In camera A's first frame {found.shape[1]} places look like a disc: the markers, the "
+        f"hole and {spare} more. The tip's {given['amplitude_mm']:g} mm up look like {away:.1f} mm "
+        f"sideways on the plane at rest, where rows are {1000 * markers.row_spacing:g} mm apart.\n"
+    )
+
+
+PIECES: dict[str, Callable[[xr.Dataset], str]] = {
+    "lab-calibration": _calibration,
+    "lab-synchronisation": _synchronisation,
+    "lab-clocks": _clocks,
+    "lab-inputs": _inputs,
+    "lab-exposure": _exposure,
+    "lab-matches": _matches,
+    "lab-tracking": _tracking,
+    "lab-steps": _shapes,
+    "lab-parts": _parts,
+}

@@ -1,0 +1,72 @@
+"""The pictures of the page that walks through chapter 5, from the measured recordings."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import xarray as xr
+from matplotlib.figure import Figure
+from PIL import Image
+
+from thesis_lib import files
+from thesis_lib.figure_sets.experiment.walk import photographs, signals, sketches
+from thesis_lib.plotting.style import saved
+
+PIXELS = 1500  # width of pictures that hold photographs
+TONES = 160  # colours they are kept in
+
+PICTURES: dict[str, Callable[[xr.Dataset], Figure]] = {
+    "rig": sketches.rig,
+    "views": photographs.views,
+    "board": photographs.board,
+    "coverage": sketches.coverage,
+    "sound": signals.sound,
+    "outline": photographs.outline,
+    "plane": photographs.plane,
+    "centres": photographs.centres,
+    "widths": photographs.widths,
+    "tracks": signals.tracks,
+}
+
+
+def file_name(name: str) -> str:
+    """Name of a picture's file: PNG if it holds photographs, SVG otherwise."""
+    kind = "png" if PICTURES[name].__module__ == photographs.__name__ else "svg"
+    return f"lab-{name}.{kind}"
+
+
+def write(data: xr.Dataset, folder: Path) -> list[Path]:
+    """Write all pictures; the same dataset gives the same bytes.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        The measured recordings, as :func:`~thesis_lib.figure_sets.experiment.recordings.run`
+        returns them.
+    folder : Path
+        Where ``lab-NAME.svg`` and ``lab-NAME.png`` go.
+    """
+    paths = []
+    for name, draw in PICTURES.items():
+        path = folder / file_name(name)
+        content = _png(draw(data)) if path.suffix == ".png" else saved(draw(data), "svg")
+        files.whole_file(path, partial(Path.write_bytes, data=content))
+        paths.append(path)
+    return paths
+
+
+def _png(figure: Figure) -> bytes:
+    """As PNG: grey where all of it is grey, else in few colours."""
+    file = io.BytesIO(saved(figure, "png", dpi=PIXELS / figure.get_figwidth()))
+    picture = Image.open(file).convert("RGB")
+    red, green, blue = picture.split()
+    if red.tobytes() == green.tobytes() == blue.tobytes():
+        small = red
+    else:
+        small = picture.quantize(TONES, dither=Image.Dither.NONE)
+    file = io.BytesIO()
+    small.save(file, format="png", optimize=True)
+    return file.getvalue()

@@ -1,0 +1,1 @@
+"""Where the cameras of the experiment should stand."""

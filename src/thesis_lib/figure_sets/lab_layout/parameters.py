@@ -1,0 +1,273 @@
+"""The parameters of ``lab-elevation`` and ``lab-layout``: where cameras are put, and what it costs.
+
+Both film the beam of chapter 5 in its first mode, with calibration and clocks known, from other
+places than the laboratory of the thesis had room for (sections 3.4, 5.3 and 7.1).
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from itertools import combinations
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Direction, Setting
+from thesis_lib.laboratory.filming import EDGE, FilmedWidth, Noise, off_centre
+from thesis_lib.laboratory.parameters import Rig as ChapterFive
+from thesis_lib.studies.request import Study, permitted, refuse
+from thesis_lib.studies.vocabulary import Azimuth, Positive, field
+from thesis_lib.vision.pinhole import hemisphere_directions
+
+LEAST_FRAMES = 8  # in a period
+NAMES = "ABCDEFGH"
+FilmedElevation = Annotated[float, Field(ge=1, le=80)]
+
+
+def _as_in_chapter_5(name: str) -> Any:
+    """A field of the laboratory of chapter 5."""
+    return copy(ChapterFive.model_fields[name])
+
+
+class Layouts(Study):
+    """What both studies film, and with what."""
+
+    subject = "lab"
+    varied_label = "layout"
+    first = "rendered run"
+    predicts = "law, centres equally exact"
+    draws = "noise of the centres"
+
+    focal_length_mm: Positive = _as_in_chapter_5("focal_length_mm")
+    sensor_width_mm: Positive = _as_in_chapter_5("sensor_width_mm")
+    lens_k1: float = _as_in_chapter_5("lens_k1")
+    frequency_hz: Annotated[float, Field(ge=1)] = field(
+        ChapterFive.model_fields["frequency_hz"].default,
+        "frequency of the vibration",
+        "a number from 1 to an eighth of the frame rate",
+    )
+    amplitude_mm: float = _as_in_chapter_5("amplitude_mm")
+    frame_rate_hz: float = _as_in_chapter_5("frame_rate_hz")
+    periods: int = field(
+        1, "periods of the steady vibration that are filmed", "a whole number from 1 to 20",
+        ge=1, le=20,
+    )  # fmt: skip
+    exposure_ms: Positive = field(
+        1.0,
+        "exposure time of a frame",
+        "a number above 0, at most the time between frames",
+    )
+    shot_noise: Noise = _as_in_chapter_5("shot_noise")
+    read_noise: Noise = _as_in_chapter_5("read_noise")
+    distance_mm: Positive = _as_in_chapter_5("distance_mm")
+    width_px: FilmedWidth = field(
+        1920,
+        "width of the frames; the height is 9/16 of it",
+        "a whole number from 320 to 1920",
+    )
+    trials: int = field(
+        200,
+        "further runs, with noise of the centres drawn at random",
+        "a whole number from 0 to 10000",
+        ge=0,
+        le=10_000,
+    )
+    seed: int = field(0, "seed of all noise", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63)
+
+    @property
+    def modes(self) -> list[int]:
+        """The one mode that is filmed."""
+        return [1]
+
+    @property
+    def film_request(self) -> Study:
+        """The same without trials and file: what has to be filmed."""
+        return self.model_copy(update={"trials": 0, "cube": ""})
+
+    def recorded(self, setting: Setting) -> Setting:
+        """The recording that holds a setting's cameras: its own, if it shares none."""
+        return setting
+
+    def recordings(self) -> list[Setting]:
+        """What has to be filmed, each once."""
+        return list(dict.fromkeys(map(self.recorded, self.settings())))
+
+    def blamed(self, case: str) -> str:
+        """The parameter that decides whether the cameras of a case see the whole beam."""
+        return "distance_mm"
+
+    def varied_of(self, case: str) -> str:
+        """What varies in a case."""
+        return self.varied
+
+    @model_validator(mode="after")
+    def _check_layouts(self) -> Layouts:
+        kind, rate = type(self), self.frame_rate_hz
+        if self.frequency_hz > rate / LEAST_FRAMES:
+            refuse("frequency_hz", self.frequency_hz, permitted(kind, "frequency_hz"))
+        if self.exposure_ms > 1000 / rate:
+            refuse("exposure_ms", self.exposure_ms, permitted(kind, "exposure_ms"))
+        extent, lift = setups.beam().extent, self.amplitude_mm / 1000
+        reach = 1000 * math.hypot(*extent) / 2 + self.amplitude_mm
+        for recording in self.recordings():
+            name, given = self.blamed(recording.case), recording.distance_mm
+            if given <= reach:
+                refuse(name, given, f"allowed: more than {reach:.4g} mm, the reach of the "
+                       "structure and its deflection")  # fmt: skip
+            far = recording.distance_mm / 1000
+            if max(off_centre(self, extent, lift, d, far) for d in recording.directions_deg) > EDGE:
+                refuse(name, given, "allowed: so far, or with a focal length so short against the "
+                       f"sensor, that all cameras see the whole beam (case {recording.case}, "
+                       f"{recording.label})")  # fmt: skip
+        return self
+
+
+def _size(width: int) -> tuple[int, int]:
+    return width, round(width * 9 / 16)
+
+
+class LabElevation(Layouts):
+    """Four cameras at growing elevation: sensitivity against localisation (section 3.4)."""
+
+    name = "lab-elevation"
+    title = "Laboratory: elevation of the cameras"
+    study = "elevation"
+    varied = "elevation_deg"
+    varied_label = "elevation φ"
+
+    cases: list[Literal["three-rows", "middle-row", "coarse"]] = field(
+        lambda: ["three-rows", "middle-row", "coarse"],
+        "cases to run",
+        "a list of different ones of three-rows, middle-row, coarse",
+        min_length=1,
+    )
+    elevations_deg: list[FilmedElevation] = field(
+        lambda: [3.0, 5.0, 7.0, 9.0, 12.0, 16.0, 22.0, 35.0, 60.0],
+        "elevations of the cameras",
+        "a list of different numbers from 1 to 80",
+        min_length=1,
+    )
+    azimuth_deg: Annotated[float, Field(gt=0, lt=90)] = _as_in_chapter_5("azimuth_deg")
+    coarse_width_px: FilmedWidth = field(
+        1280,
+        "width of the frames in case coarse; the height is 9/16 of it",
+        "a whole number from 320 to 1920",
+    )
+
+    def settings(self) -> list[Setting]:
+        """One setting per case and elevation."""
+        a = self.azimuth_deg
+        azimuths = (a, -a, 180 + a, 180 - a)
+        return [
+            Setting(
+                case, elevation, f"{elevation:g}°", self.distance_mm,
+                tuple((azimuth, elevation) for azimuth in azimuths),
+                _size(self.coarse_width_px if case == "coarse" else self.width_px),
+            )
+            for case in self.cases
+            for elevation in self.elevations_deg
+        ]  # fmt: skip
+
+
+class LabLayout(Layouts):
+    """Distance, aperture and number of cameras, filmed (sections 5.3 and 7.1)."""
+
+    name = "lab-layout"
+    title = "Laboratory: layout of the cameras"
+    study = "layout"
+    varied = "layout"
+
+    cases: list[Literal["distance", "aperture", "subsets"]] = field(
+        lambda: ["distance", "aperture", "subsets"],
+        "cases to run",
+        "a list of different ones of distance, aperture, subsets",
+        min_length=1,
+    )
+    distances_mm: list[Positive] = field(
+        lambda: [550.0, 750.0, 1000.0, 1500.0],
+        "distances of a pair from the beam's centre, case distance",
+        "a list of different numbers above the beam's reach, at most 100000",
+        min_length=1,
+    )
+    azimuth_deg: Annotated[float, Field(gt=0, lt=90)] = field(
+        30.0,
+        "the pair of case distance stands at plus and minus this azimuth",
+        "a number above 0 and below 90",
+    )
+    half_apertures_deg: list[Annotated[float, Field(gt=0, lt=180)]] = field(
+        lambda: [8.0, 30.0, 55.0, 80.0],
+        "half of the azimuths between the cameras of a pair, case aperture",
+        "a list of different numbers above 0 and below 180",
+        min_length=1,
+    )
+    distance_mm: Positive = field(
+        ChapterFive.model_fields["distance_mm"].default,
+        "distance of the cameras from the beam's centre, cases aperture and subsets",
+        "a number above the beam's reach, at most 100000",
+    )
+    elevation_deg: FilmedElevation = field(
+        ChapterFive.model_fields["elevation_deg"].default,
+        "elevation of the pairs of cases distance and aperture",
+        "a number from 1 to 80",
+    )
+    directions_deg: list[tuple[Azimuth, FilmedElevation]] = field(
+        lambda: [(10.0, 22.0), (-10.0, 22.0), (190.0, 22.0), (170.0, 22.0),
+                 (60.0, 22.0), (-60.0, 22.0), (225.0, 40.0), (135.0, 40.0)],
+        "[azimuth, elevation] of cameras A, B … of case subsets",
+        "a list of 2 to 8 different [azimuth, elevation], azimuth -360 to 360, elevation 1 to 80",
+        min_length=2,
+        max_length=8,
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _check_places(self) -> LabLayout:
+        azimuth, elevation = np.radians(self.directions_deg).T
+        places = hemisphere_directions(azimuth, elevation)
+        apart = np.linalg.norm(places[:, None] - places, axis=2)
+        if np.any(apart[np.triu_indices(len(places), k=1)] < 1e-6):
+            self.refuse("directions_deg")
+        return self
+
+    def settings(self) -> list[Setting]:
+        """A pair at each distance, a pair of each aperture, every set of the cameras."""
+        size, phi, far = _size(self.width_px), self.elevation_deg, self.distance_mm
+        settings: list[Setting] = []
+        for case in self.cases:
+            if case == "distance":
+                pair = _pair(self.azimuth_deg, phi)
+                settings += [Setting(case, d, f"{d:g} mm", d, pair, size)
+                             for d in self.distances_mm]  # fmt: skip
+            elif case == "aperture":
+                settings += [Setting(case, 2 * half, f"{2 * half:g}°", far, _pair(half, phi), size)
+                             for half in self.half_apertures_deg]  # fmt: skip
+            else:
+                every = range(len(self.directions_deg))
+                settings += [self._set(chosen) for n in every[1:]
+                             for chosen in combinations(every, n + 1)]  # fmt: skip
+        return settings
+
+    def _set(self, chosen: tuple[int, ...]) -> Setting:
+        label = "–".join(NAMES[i] for i in chosen)
+        directions = tuple(self.directions_deg[i] for i in chosen)
+        size = _size(self.width_px)
+        return Setting("subsets", len(chosen), label, self.distance_mm, directions, size)
+
+    def recorded(self, setting: Setting) -> Setting:
+        """All sets of cameras are parts of one recording."""
+        every = tuple(range(len(self.directions_deg)))
+        return self._set(every) if setting.case == "subsets" else setting
+
+    def blamed(self, case: str) -> str:
+        """The parameter that decides whether the cameras of a case see the whole beam."""
+        return "distances_mm" if case == "distance" else "distance_mm"
+
+    def varied_of(self, case: str) -> str:
+        """What varies in a case."""
+        return {"distance": "distance_mm", "aperture": "aperture_deg"}.get(case, "n_cameras")
+
+
+def _pair(half_deg: float, elevation_deg: float) -> tuple[Direction, Direction]:
+    return (half_deg, elevation_deg), (-half_deg, elevation_deg)

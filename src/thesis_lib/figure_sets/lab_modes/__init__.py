@@ -1,0 +1,1 @@
+"""More than one mode in the laboratory."""

@@ -1,0 +1,128 @@
+"""Figures of ``lab-modes`` and ``lab-plate``, drawn from their cubes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from thesis_lib.figure_sets.lab_plate.figures import filmed_plate_figure
+from thesis_lib.plotting import panels as figures
+from thesis_lib.plotting.selection import best_and_worst, error_bars, select
+from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, in_style, subplots
+
+Array = NDArray[np.float64]
+MANY = 3.0  # over what noise makes of it, beyond which cameras disagree
+
+
+def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
+    """Setup, bending along the axis, what the edge rows do beside it, bars."""
+    part = select(cube, case, mode)
+    chosen = best_and_worst(part)
+    drawing, axes = subplots(2, 2, figsize=(7.6, 5.6), layout="constrained")
+    figures.setup_panel(axes[0, 0], cube, part)
+    x, y = part["x"].values * 1000, part["y"].values
+    rows = [np.flatnonzero(y == value) for value in np.unique(y)]
+    axis = rows[len(rows) // 2]
+    labels = part["label"].values
+    axes[0, 1].plot(x[axis], part["reference_deflection"].values[axis] * 1000,
+                    color=REFERENCE, linewidth=3, label="true")  # fmt: skip
+    for index in chosen:
+        measured = part["measured_deflection"].values[index, 0] * 1000
+        word = "best" if index == chosen[0] else "worst"
+        axes[0, 1].plot(x[axis], measured[axis], ".-", color=color(index), linewidth=1,
+                        label=f"{labels[index]} ({word})")  # fmt: skip
+    axes[0, 1].set(title="(b) at the maximum of bending", xlabel="x in mm", ylabel="w in mm")
+    axes[0, 1].legend()
+    _torsion_panel(axes[1, 0], part, rows, chosen)
+    figures.bar_panel(axes[1, 1], part, [error_bars(cube, case, mode)])
+    axes[1, 1].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
+    return drawing
+
+
+def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[int]) -> None:
+    """The edge rows a quarter of a period before the maximum of bending, in µm."""
+    x = part["x"].values * 1000
+    true = part["reference_quadrature"].values * 1e6
+    axes.set(title="(c) a quarter of a period before", xlabel="x in mm", ylabel="w in µm")
+    for row, mark, name in ((rows[0], "v", "first row"), (rows[-1], "^", "last row")):
+        axes.plot(x[row], true[row], color=REFERENCE, linewidth=2)
+        for index in chosen:
+            measured = part["quadrature_deflection"].values[index] * 1e6
+            axes.plot(x[row], measured[row], mark, color=color(index), markersize=3.5)
+        axes.plot([], [], mark, color="#777777", markersize=4, label=name)
+    axes.plot([], [], color=REFERENCE, linewidth=2, label="true")
+    if np.isnan(part["quadrature_deflection"].values[chosen]).all():
+        axes.text(0.5, 0.5, "one instant shows\none instant alone", ha="center", va="center",
+                  transform=axes.transAxes, color="#777777")  # fmt: skip
+    axes.legend(ncols=3, loc="upper left", columnspacing=1, handlelength=1.2)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.2 * (high - low))
+
+
+def aliases_figure(cube: xr.Dataset, mode: int) -> Figure:
+    """Where a mode shows at each frame rate, at which alias cameras agree, what detuning costs."""
+    part = cube.sel(mode=mode)
+    rates = part["frame_rate"].values
+    n = len(rates)
+    with in_style(POWERS):
+        drawing = Figure(figsize=(7.6, 1.2 + 1.15 * max(n, 3)), layout="constrained")
+        halves = drawing.add_gridspec(1, 2)
+        left, right = (drawing.add_subfigure(halves[0, column]) for column in (0, 1))
+        for r, axes in enumerate(np.atleast_1d(left.subplots(n, 1))):
+            _spectrum_panel(axes, part, r)
+        misfits, costs = right.subplots(2, 1)
+        _misfit_panel(misfits, part)
+        for r, rate in enumerate(rates):
+            costs.plot(part["cycles"], part["detuned_error"].values[r], "o", markersize=4,
+                       color=color(r), label=f"{rate:g} fps")  # fmt: skip
+        costs.plot(part["cycles"], part["detuned_prediction"], color="#222222", linewidth=1,
+                   label="loss of amplitude")  # fmt: skip
+        costs.set(title="(c) if the known frequency is wrong", ylim=(0, None),
+                  xlabel="error in periods per recording", ylabel="mean error in %")  # fmt: skip
+        costs.legend(ncols=2, columnspacing=1, handlelength=1.2)
+    return drawing
+
+
+def _spectrum_panel(axes: Axes, part: xr.Dataset, r: int) -> None:
+    rate = float(part["frame_rate"][r])
+    axes.plot(part["spectrum_frequency"].values[r], part["spectrum"].values[r],
+              color=color(r), linewidth=1.2)  # fmt: skip
+    true, shown = float(part["frequency"]), float(part["alias_frequency"][r])
+    aliased = abs(true - shown) > 1e-6
+    axes.axvline(shown, color=HIGHLIGHT if aliased else "#222222", linewidth=0.8,
+                 linestyle="--")  # fmt: skip
+    text = f"{shown:.1f} Hz" + (f", an alias of {true:.1f} Hz" if aliased else "")
+    right = shown > 0.6 * rate / 2
+    axes.annotate(text, (shown, 1.0), (-3 if right else 3, 1), textcoords="offset points",
+                  ha="right" if right else "left", va="bottom", fontsize=7,
+                  color=HIGHLIGHT if aliased else "#222222")  # fmt: skip
+    axes.set(xlim=(0, rate / 2), ylim=(0, 1.25), yticks=[0, 1], ylabel=f"{rate:g} fps")
+    if r == 0:
+        axes.set_title("(a) share explained by a harmonic")
+    if r == part.sizes["frame_rate"] - 1:
+        axes.set_xlabel("frequency in Hz, up to half of the frame rate")
+
+
+def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
+    for r, rate in enumerate(part["frame_rate"].values):
+        axes.semilogy(part["candidate_frequency"].values[r], part["misfit"].values[r], "o",
+                      markersize=4, color=color(r), label=f"{rate:g} fps")  # fmt: skip
+    axes.axvline(float(part["frequency"]), color="#222222", linewidth=0.8, linestyle="--")
+    axes.axhline(1, color="#222222", linewidth=0.8)
+    axes.set(title="(b) disagreement of the cameras at each alias", xlabel="frequency in Hz",
+             ylabel="over what noise makes")  # fmt: skip
+    top = float(np.nanmax(part["misfit"].values))
+    axes.set_ylim(0.5, 20 * max(top, MANY))
+    axes.legend(ncols=2, columnspacing=1, handlelength=1, loc="upper right")
+
+
+FIGURES: dict[str, Callable[[xr.Dataset, str, int], Figure]] = {
+    "lab-modes": modes_figure,
+    "lab-plate": filmed_plate_figure,
+}

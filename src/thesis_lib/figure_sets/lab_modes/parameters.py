@@ -1,0 +1,164 @@
+"""The parameters of ``lab-modes``: faster vibrations and torsion of the beam."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Direction, Setting
+from thesis_lib.laboratory.filming import (
+    Film,
+    FilmedElevation,
+    FilmedMode,
+    FilmedWidth,
+    LabStudy,
+    Peak,
+    Rate,
+    check_amplitudes,
+    check_markers,
+    check_place,
+    check_rates,
+    peaks_m,
+)
+from thesis_lib.studies.request import permitted, refuse
+from thesis_lib.studies.vocabulary import Positive, field
+from thesis_lib.vibration.structure import resonance
+
+RIG = setups.table("experiment", "rig")
+ROWS, MARKER = 0.010, 0.005  # distance of the markers' rows and their diameter, m
+
+
+class BeamMotions(Film):
+    """What is filmed of the beam: higher modes with torsion, at several frame rates."""
+
+    distance_mm: Positive = field(
+        RIG["distance_mm"],
+        "distance of the cameras from the beam's centre",
+        "a number above the beam's reach, at most 100000",
+    )
+    azimuth_deg: Annotated[float, Field(gt=0, lt=90)] = field(
+        RIG["azimuth_deg"],
+        "A and B stand at plus and minus this azimuth, C and D opposite",
+        "a number above 0 and below 90",
+    )
+    elevation_deg: FilmedElevation = field(
+        RIG["elevation_deg"], "elevation of the cameras", "a number from 10 to 75"
+    )
+    width_px: FilmedWidth = field(
+        1280,
+        "width of the frames; the height is 9/16 of it",
+        "a whole number from 320 to 1920",
+    )
+    frame_rates_hz: list[Rate] = field(
+        lambda: [60.0, 120.0, 240.0, 480.0],
+        "frames per second of the recordings",
+        "a list of different numbers from 10 to 5000 that keep the alias of every mode away from 0 "
+        "and from half of them",
+        min_length=1,
+    )
+    modes: list[FilmedMode] = field(
+        lambda: [2, 3],
+        "bending modes to film",
+        "a list of different whole numbers from 1 to 5",
+        min_length=1,
+    )
+    amplitude_mm: Peak | list[Peak] | Literal["force"] = field(
+        "force",
+        "deflection of the beam's tip by bending",
+        'a number above 0, at most 100, a list with one for each mode, or "force" (the response '
+        "to 1 N)",
+    )
+    torsion_mm: Annotated[float, Field(ge=0, le=5)] = field(
+        0.01,
+        "deflection of the tip's edges by the first torsional shape, at the same frequency",
+        "a number from 0 to 5",
+    )
+    torsion_phase_deg: Annotated[float, Field(ge=-360, le=360)] = field(
+        90.0, "phase by which the torsion is ahead of the bending", "a number from -360 to 360"
+    )
+    starts: Literal["free", "together"] = field(
+        "free",
+        "whether the cameras start when they like or all at the same instant",
+        '"free" or "together"',
+    )
+
+    @property
+    def peaks_m(self) -> list[float]:
+        """Deflection of the tip in m for each mode."""
+        return peaks_m(setups.beam(), self.modes, self.amplitude_mm)
+
+    @property
+    def directions_deg(self) -> tuple[Direction, ...]:
+        """Azimuth and elevation of cameras A to D."""
+        azimuths = (self.azimuth_deg, -self.azimuth_deg, 180 + self.azimuth_deg,
+                    180 - self.azimuth_deg)  # fmt: skip
+        return tuple((azimuth, self.elevation_deg) for azimuth in azimuths)
+
+    def setting(self, case: str, rate: float) -> Setting:
+        """The four cameras at a frame rate."""
+        size = (self.width_px, round(self.width_px * 9 / 16))
+        return Setting(case, rate, f"{rate:g} fps", self.distance_mm, self.directions_deg, size)
+
+    @model_validator(mode="after")
+    def _check_motions(self) -> BeamMotions:
+        beam = setups.beam()
+        check_amplitudes(type(self), self.modes, self.amplitude_mm)
+        check_rates(self, beam, self.modes, "frame_rates_hz", self.frame_rates_hz)
+        lift = max(self.peaks_m) + self.torsion_mm / 1000
+        setting = self.setting("", self.frame_rates_hz[0])
+        check_place(self, beam.extent, lift, setting, "distance_mm", self.distance_mm)
+        check_markers(self, ROWS, MARKER, lift, setting, "width_px", self.width_px)
+        return self
+
+
+class BeamRecordings(BeamMotions, LabStudy):
+    """The recordings of the beam, filmed once."""
+
+    name = "lab-modes-recordings"
+    title = "Laboratory: recordings of the beam"
+    study = "modes"
+    varied = "frame_rate_hz"
+    varied_label = "frame rate"
+
+
+class LabModes(BeamMotions, LabStudy):
+    """Higher bending modes and torsion of the beam, at frame rates that suffice and do not."""
+
+    name = "lab-modes"
+    title = "Laboratory: higher modes and torsion"
+    study = "modes"
+    varied = "frame_rate_hz"
+    varied_label = "frame rate"
+    draws = "starts and noise"
+
+    cases: list[Literal["instant", "read", "found", "known"]] = field(
+        lambda: ["instant", "read", "found", "known"],
+        "cases to run",
+        "a list of different ones of instant, read, found, known",
+        min_length=1,
+    )
+    highest_hz: Positive = field(
+        300.0,
+        "frequency up to which aliases are taken for the truth, case found",
+        "a number above the highest mode's frequency, at most 100000",
+    )
+
+    def settings(self) -> list[Setting]:
+        """One setting per case and frame rate."""
+        return [self.setting(case, rate) for case in self.cases for rate in self.frame_rates_hz]
+
+    @property
+    def recordings(self) -> BeamRecordings:
+        """What has to be filmed."""
+        fields = {name: getattr(self, name) for name in BeamMotions.model_fields}
+        return BeamRecordings(**fields, seed=self.seed, trials=0)
+
+    @model_validator(mode="after")
+    def _check_highest(self) -> LabModes:
+        highest = max(resonance(setups.beam(), mode) for mode in self.modes) / (2 * np.pi)
+        if self.highest_hz <= highest:
+            refuse("highest_hz", self.highest_hz, permitted(type(self), "highest_hz"))
+        return self

@@ -1,0 +1,140 @@
+"""Tables of ``lab-modes`` and ``lab-plate``, from their cubes."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import xarray as xr
+from IPython.display import SVG, Markdown
+from numpy.typing import NDArray
+
+from thesis_lib.figure_sets.lab_modes.figures import aliases_figure
+from thesis_lib.measure.fitting.aliasing import detuning_loss
+from thesis_lib.plotting.selection import select
+from thesis_lib.plotting.style import POWERS, svg
+from thesis_lib.studies.cubes import percent_text
+from thesis_lib.web.markdown import table
+
+Array = NDArray[np.float64]
+
+
+def aliases(cube: xr.Dataset, mode: int) -> SVG | None:
+    """The figure of a mode's aliases, or nothing if the mode was not run."""
+    return SVG(svg(aliases_figure(cube, mode), POWERS)) if mode in cube["mode"] else None
+
+
+def frequency_table(cube: xr.Dataset) -> Markdown:
+    """What the frames show of each frequency, and which of its aliases the cameras agree on."""
+    rows = []
+    for m, mode in enumerate(cube["mode"].values):
+        part = cube.isel(mode=m)
+        for r, rate in enumerate(cube["frame_rate"].values):
+            misfits = np.sort(part["misfit"].values[r])
+            rows.append(
+                [
+                    str(mode), f"{rate:g}", f"{float(part['frequency']):.2f}",
+                    f"{part['alias_frequency'].values[r]:.2f}",
+                    f"{part['read_frequency'].values[r]:.2f}",
+                    f"{part['found_frequency'].values[r]:.2f}", f"{misfits[0]:.2f}",
+                    "—" if len(misfits) < 2 or np.isnan(misfits[1]) else f"{misfits[1]:.1f}",
+                ]
+            )  # fmt: skip
+    header = ["mode", "fps", "true, Hz", "shows at, Hz", "read, Hz", "agree at, Hz",
+              "there", "next best"]  # fmt: skip
+    note = (
+        "Agree at: the frequency at which the cameras do. The last columns are their disagreement "
+        "there and at the next best frequency: what one motion in space leaves of the amplitudes "
+        "in the pictures, over what the noise of the centres makes it, which is 1. A dash: no "
+        "other frequency up to the highest that is tried shows at the same place."
+    )
+    return Markdown(f"{table(header, rows)}\n{note}")
+
+
+def parts_table(cube: xr.Dataset) -> Markdown:
+    """Bending and torsion by the three rows, with standard errors, mode by mode."""
+    header = ["case", "setting", "bending, µm", "torsion, µm", "phase, °", "MAC"]
+    texts = []
+    for mode in cube["mode"].values:
+        part = cube.sel(mode=mode)
+        rows = []
+        for s in range(part.sizes["setting"]):
+            one = part.isel(setting=s)
+            row = [str(one["case"].values), str(one["label"].values)]
+            for kind, digits in (("bending", 1), ("torsion", 2)):
+                value = 1e6 * float(one[f"{kind}_amplitude"][0])
+                error = 1e6 * float(one[f"{kind}_standard_error"])
+                row.append(f"{value:.{digits}f} ± {error:.2f}")
+            phase = float(one["torsion_phase"][0])
+            row.append("—" if np.isnan(phase) else f"{phase:.0f}".replace("-", "−"))
+            row.append(f"{float(one['mac'][0]):.4f}")
+            rows.append(row)
+        title = (
+            f"Mode {mode}; true: bending {1e6 * float(part['bending_reference']):.1f} µm, torsion "
+            f"{1e6 * float(cube['torsion_reference']):.2f} µm"
+        )
+        texts.append(f"**{title}**\n\n{table(header, rows)}")
+    texts.append(
+        "As filmed, at the tip and at the tip's edges, ± one standard error by the noise of the "
+        "centres. Phase: torsion ahead of bending. MAC: modal assurance criterion of the shape at "
+        "the maximum of bending."
+    )
+    return Markdown("\n\n".join(texts))
+
+
+def conditions_table(cube: xr.Dataset) -> Markdown:
+    """What a fit at a known frequency asks for, mode by mode."""
+    frames = json.loads(cube.attrs["parameters"])["frames"]
+    slowest = float(cube["frame_rate"].min())
+    cycles = np.linspace(0, 1, 2001)
+    rows = []
+    for m, mode in enumerate(cube["mode"].values):
+        part = cube.isel(mode=m)
+        shape = part["reference_deflection"].values
+        rms = 100 * np.sqrt(np.mean(shape**2)) / np.abs(shape).max()
+        allowed = float(np.interp(1, rms * detuning_loss(cycles, frames), cycles))
+        rows.append(
+            [
+                str(mode), f"{float(part['frequency']):.2f}",
+                f"{1e6 * float(part['bending_reference']):.0f}",
+                f"{float(part['signal_over_noise'][-1]):.0f}",
+                f"{100 * float(part['exposure_loss']):.1f}",
+                f"{allowed * slowest / frames:.3f}", f"{float(part['settling_time']):.2f}",
+                f"{1e6 * float(part['torsion_of_force']):.1f}",
+            ]
+        )  # fmt: skip
+    header = ["mode", "Hz", "tip, µm", "over noise", "exposure, %", "δf for 1 %, Hz",
+              "settled, s", "twist by 1 N, µm"]  # fmt: skip
+    note = (
+        "Over noise: tip over the noise of deflections by one frame of each camera. δf: error of "
+        f"the frequency at which {frames} frames at {slowest:g} a second lose 1 % of the largest "
+        "deflection, rms. Exposure: what it takes. Settled: when a transient has fallen to a "
+        "hundredth. Twist: of the tip's edges, by a force 10 mm beside the axis."
+    )
+    return Markdown(f"{table(header, rows)}\n{note}")
+
+
+def modes_results(cube: xr.Dataset) -> str:
+    """Median errors of the four ways, by mode and frame rate."""
+    cases = list(dict.fromkeys(cube["case"].values.tolist()))
+    rows = []
+    for m, mode in enumerate(cube["mode"].values):
+        for r, rate in enumerate(cube["frame_rate"].values):
+            row = [str(mode), f"{rate:g}", f"{cube['alias_frequency'].values[m, r]:.1f}"]
+            for case in cases:
+                part = select(cube, case, int(mode))
+                drawn = part["mean_error"].transpose("setting", "trial").values[r, 1:]
+                row.append(percent_text(float(np.median(drawn))))
+            rows.append(row)
+    header = ["mode", "frames per second", "shows at, Hz", *(f"*{case}*, %" for case in cases)]
+    known = select(cube, "known", int(cube["mode"].values[-1]))
+    torsion, error = (
+        [1e6 * float(known[name].values[i]) for i in (0, -1)]
+        for name in ("torsion_standard_error", "bending_standard_error")
+    )
+    return table(header, rows) + (
+        "\nMedian over the trials of the rms error, in % of the largest deflection. In mode "
+        f"{cube['mode'].values[-1]} the standard errors of bending and torsion are {error[0]:.2f} "
+        f"and {torsion[0]:.2f} µm with {known['label'].values[0]}, {error[1]:.2f} and "
+        f"{torsion[1]:.2f} µm with {known['label'].values[-1]}, for as many frames.\n"
+    )

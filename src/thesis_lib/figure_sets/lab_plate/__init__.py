@@ -1,0 +1,1 @@
+"""A plate in the laboratory."""

@@ -1,0 +1,289 @@
+"""The cube of ``lab-plate``: deflections of a filmed plate, and the sound that follows from them.
+
+The frames are far too few for the plate's frequencies, so harmonics are fitted at the known ones.
+What is left are errors of the centres, each marker's own. The same cameras with whole pixels, as in
+chapters 4 and 6, are put beside it by the law of rounding: there, markers err together.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
+from scipy.special import j1
+
+from thesis_lib.acoustics import radiation
+from thesis_lib.acoustics.planes import pistons
+from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.facts.setups import Setting
+from thesis_lib.figure_sets.lab_plate.parameters import MARKER, LabPlate, stands_of
+from thesis_lib.figure_sets.lab_plate.recordings import plate_rig
+from thesis_lib.laboratory import direct
+from thesis_lib.laboratory.recordings import found_in
+from thesis_lib.measure.fitting.aliasing import alias
+from thesis_lib.measure.fitting.harmonics import amplitude, deviation
+from thesis_lib.measure.fitting.reconstruction import normal_gain
+from thesis_lib.studies import labels
+from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates, field_coordinates
+from thesis_lib.vibration.motion import amplitudes
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import (
+    deflection_shape,
+    peak_deflection,
+    resonance,
+    world_points,
+)
+from thesis_lib.vision import rounding
+from thesis_lib.vision.simulation import assurance
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+PARAMETERS = {"distance": "distance_mm", "aperture": "aperture_deg", "elevation": "elevation_deg",
+              "resolution": "width_px", "cameras": "n_cameras"}  # fmt: skip
+
+
+def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
+    """The cube of ``lab-plate``.
+
+    Parameters
+    ----------
+    study : LabPlate
+        Validated parameters.
+    data : xarray.Dataset
+        The recordings, as :func:`~thesis_lib.laboratory.recordings.run` gives them.
+    """
+    plate, settings = study.plate, study.settings()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "k times the size of a piston")  # the table says so
+        sounds = [
+            PlateSound.of(plate, study.planes, study.medium, resonance(plate, mode),
+                          deflection_shape(plate, mode, plate.markers, peak))
+            for mode, peak in zip(study.modes, study.peaks_m, strict=True)
+        ]  # fmt: skip
+    results: list[dict[str, Any]] = []
+    for setting in settings:
+        each = [
+            _results(study, data, setting, mode, heard)
+            for mode, heard in zip(study.modes, sounds, strict=True)
+        ]
+        results.append({name: np.array([one[name] for one in each]) for name in each[0]})
+        results[-1] |= {
+            "in_view": 1.0,  # others are refused
+            "ground_sample_distance": setting.distance_mm / 1000 * study.sensor_width_mm
+            / (study.focal_length_mm * setting.resolution_px[0]),
+        }  # fmt: skip
+    cube = xr.Dataset(coords=_coordinates(study, plate, settings))
+    reference = np.array([heard.reference for heard in sounds])
+    _add(cube, "reference_deflection", ("mode", "point"), reference, "m",
+         "true deflection of the markers at its maximum")  # fmt: skip
+    for name, (dims, dtype, units, long_name) in _VARIABLES.items():
+        values = np.array([result[name] for result in results]).astype(dtype)
+        _add(cube, name, ("setting", *dims), values, units, long_name)
+    add_cameras(cube, settings)
+    _add_fields(cube, study, sounds)
+    return cube
+
+
+_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
+    **VARIABLES,
+    "predicted_error": (
+        ("mode",), "float64", "percent", "rms error by the noise of the centres alone"),
+    "missing": (("mode", "trial"), "float64", "1", "share of markers that too few cameras see"),
+    "centre_scatter": (("mode",), "float64", "px", "scatter of the centres about the harmonic"),
+    "plane_error": (
+        ("mode", "trial", "plane"), "float64", "percent",
+        "rms pressure error over a plane (eq. 6.8), of the plane's largest reference pressure"),
+    "predicted_plane_error": (
+        ("mode", "plane"), "float64", "percent", "the same by the noise of the centres alone"),
+    "power_error": (
+        ("mode", "trial"), "float64", "percent", "radiated power over the true one, less one"),
+    "predicted_power_error": (
+        ("mode",), "float64", "percent", "rms power error by the noise of the centres alone"),
+    "neighbour_correlation": (
+        ("mode",), "float64", "1", "correlation of the errors of neighbouring markers, as filmed"),
+    "rounded_error": (
+        ("mode",), "float64", "percent", "rms error of these cameras with whole pixels"),
+    "rounded_plane_error": (
+        ("mode", "plane"), "float64", "percent", "rms pressure error of these with whole pixels"),
+    "rounded_power_error": (
+        ("mode",), "float64", "percent", "rms power error of these with whole pixels"),
+    "rounded_correlation": (
+        ("mode",), "float64", "1", "correlation of neighbouring errors with whole pixels"),
+}  # fmt: skip
+
+
+def _results(
+    study: LabPlate, data: xr.Dataset, setting: Setting, mode: int, heard: PlateSound
+) -> dict[str, Any]:
+    """What the cameras of one setting make of one mode, as filmed and in trials."""
+    measured, noise, scatter = measure(study, data, setting, mode)
+    reference = heard.reference
+    scale = 100 / np.abs(reference).max()
+    error = np.abs(measured - reference) * scale
+    missing = np.isnan(noise)
+    complete = np.nan_to_num(measured) @ filling(study.plate.markers, missing).T
+    covariance = np.diag(np.where(missing, np.nanmean(noise**2), noise**2))
+    points = world_points(study.plate, np.stack([np.zeros_like(reference), reference]))
+    P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
+    rounded = rounding.deflection_covariance(P, points[:, 0], points[:, 1])
+    return {
+        "measured_deflection": measured,
+        "point_error": error[0],
+        "mean_error": np.sqrt(np.nanmean(error**2, axis=-1)),
+        "max_point_error": np.nanmax(error, axis=-1),
+        "predicted_error": scale * np.sqrt(np.nanmean(noise**2)),
+        "mac": assurance(measured, reference),
+        "missing": np.mean(np.isnan(measured), axis=-1),
+        "centre_scatter": scatter,
+        "plane_error": heard.plane_errors(complete),
+        "predicted_plane_error": heard.expected_plane_errors(covariance),
+        "power_error": heard.power_errors(complete),
+        "predicted_power_error": heard.expected_power_error(covariance),
+        "neighbour_correlation": neighbours(complete[:1] - reference, study.grid),
+        "rounded_error": scale * np.sqrt(np.mean(np.diag(rounded))),
+        "rounded_plane_error": heard.expected_plane_errors(rounded),
+        "rounded_power_error": heard.expected_power_error(rounded),
+        "rounded_correlation": neighbours(np.linalg.cholesky(
+            rounded + 1e-9 * np.trace(rounded) * np.eye(len(rounded))).T, study.grid),
+    }  # fmt: skip
+
+
+def measure(
+    study: LabPlate, data: xr.Dataset, setting: Setting, mode: int
+) -> tuple[Array, Array, float]:
+    """Deflections of a setting and a mode, from the recordings and in trials.
+
+    Trials draw noise of the centres, as large as the tracks show, about where the markers truly
+    were.
+
+    Returns
+    -------
+    measured : ndarray, shape (1 + trials, markers)
+        At the maximum of the deflection, m; NaN where too few cameras see a marker.
+    noise : ndarray, shape (markers,)
+        Standard deviation by the noise of the centres, m.
+    scatter : float
+        Of the centres, rms over all, px.
+    """
+    chosen = stands_of(setting)
+    rig = plate_rig(study, study.seed, mode, chosen)
+    first = study.modes.index(mode) * len(study.stands)
+    found = [found_in(data, first + study.stands.index(stand))[0] for stand in chosen]
+    omega, exposure = resonance(study.plate, mode), study.exposure_ms / 1000
+    fit = direct.fit_of(rig, found, omega, 1)
+    noise = deviation(fit, omega, exposure)
+    truth = amplitudes(rig.motion, rig.markers.centres, omega / (2 * np.pi))
+    seen = np.asarray(np.isfinite(fit.sigma).all(axis=1))
+    gains = np.nan_to_num(normal_gain(fit.P, fit.frame, fit.points, seen))
+    spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in fit.harmonics])
+    each = np.nan_to_num(gains * spread * fit.sigma) / np.sinc(omega * exposure / (2 * np.pi))
+    motion = np.empty((1 + study.trials, len(noise)), complex)
+    motion[0] = amplitude(fit, omega, exposure)
+    for k in range(1, len(motion)):
+        drawn = np.random.default_rng([study.seed, 8, k]).standard_normal((2, *each.shape))
+        motion[k] = truth + np.sum(each * (drawn[0] + 1j * drawn[1]), axis=(0, 1))
+    motion[:, np.isnan(noise)] = np.nan
+    shape = deflection_shape(study.plate, mode, study.plate.markers, 1.0)
+    phase = np.angle(np.nansum(motion * shape, axis=1, keepdims=True))
+    measured = np.real(motion * np.exp(-1j * phase))
+    return measured, noise, float(np.sqrt(np.nanmean(fit.sigma**2)))
+
+
+def filling(points: Array, missing: NDArray[np.bool_]) -> Array:
+    """Matrix (markers, markers) that puts a smooth surface through the others where one is missing.
+
+    To be applied to deflections in which what is missing is 0 or NaN-free.
+    """
+    known = np.flatnonzero(~missing)
+    surface = RBFInterpolator(points[:, known].T, np.eye(len(known)), neighbors=min(24, len(known)))
+    matrix = np.zeros((len(missing),) * 2)
+    matrix[np.ix_(known, known)] = np.eye(len(known))
+    matrix[np.ix_(np.flatnonzero(missing), known)] = surface(points[:, missing].T)
+    return matrix
+
+
+def neighbours(errors: Array, grid: tuple[int, int]) -> float:
+    """Correlation of errors (n, markers) of mean 0 with those of the next markers, over all."""
+    e = errors.reshape(len(errors), grid[1], grid[0])
+    products = np.sum(e[:, :, 1:] * e[:, :, :-1]) + np.sum(e[:, 1:] * e[:, :-1])
+    pairs = grid[1] * (grid[0] - 1) + (grid[1] - 1) * grid[0]
+    return float(products / pairs / (np.sum(e**2) / (grid[0] * grid[1])))
+
+
+def _add(cube: xr.Dataset, name: str, dims: tuple[str, ...], values: object, units: str,
+         text: str) -> None:  # fmt: skip
+    cube[name] = (dims, values, {"units": units, "long_name": text})
+
+
+def _coordinates(study: LabPlate, plate: Plate, settings: list[Setting]) -> dict[str, Any]:
+    cases = list(dict.fromkeys(setting.case for setting in settings))
+    coords = coordinates(study, study.modes, plate, settings)
+    coords["parameter"] = (
+        "setting", np.array([PARAMETERS[s.case] for s in settings]), coords["parameter"][2]
+    )  # fmt: skip
+    hertz = np.array([resonance(plate, mode) / (2 * np.pi) for mode in study.modes])
+    coords["frequency"] = ("mode", hertz, {"long_name": "frequency of the vibration",
+                                           "units": "Hz"})  # fmt: skip
+    coords["trial"][2]["long_name"] = "draw of the centres' noise, 0 for what was filmed"
+    return {**coords, **field_coordinates(study.planes, cases)}
+
+
+def _add_fields(cube: xr.Dataset, study: LabPlate, sounds: list[PlateSound]) -> None:
+    """Fields of the truth and of the best and worst settings, and what scales them."""
+    plate, chosen = study.plate, labels.extremes(cube)
+    reference = np.array([heard.fields(heard.reference) for heard in sounds])
+    deflections = np.nan_to_num(cube["measured_deflection"].values[:, :, 0].astype(float))
+    measured = np.array([
+        [[sounds[m].fields(deflections[s, m]) for s in of_case[m]] for m in range(len(sounds))]
+        for of_case in chosen.values()
+    ])  # fmt: skip
+    plane = ("plane", "u", "z")
+    _add_complex(cube, "pressure_reference", ("mode", *plane), reference, "true pressure")
+    _add_complex(cube, "pressure_measured", ("case", "mode", "extreme", *plane), measured,
+                 "pressure of what was filmed")  # fmt: skip
+    size = [heard.omega / study.medium.speed_of_sound * max(pistons(plate).size)
+            for heard in sounds]  # fmt: skip
+    efficiency = []
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "k times the size of a piston")
+        for heard in sounds:
+            velocity = heard.omega * heard.reference
+            efficiency.append(radiation.radiation_efficiency(
+                pistons(plate), velocity, heard.omega, study.medium))  # fmt: skip
+    extremes = np.array(list(chosen.values()))
+    _add(cube, "best_and_worst", ("case", "mode", "extreme"), extremes, "1",
+         "index of the setting with the lowest and highest deflection error as filmed")  # fmt: skip
+    hertz, radius = cube["frequency"].values, MARKER * study.spacing / 2
+    waves = np.sqrt([h.omega * np.sqrt(plate.mass_per_area / plate.bending_stiffness)
+                     for h in sounds])  # fmt: skip
+    table: list[tuple[str, tuple[str, ...], Any, str, str]] = [
+        ("largest_pressure", ("mode", "plane"), [heard.largest for heard in sounds], "Pa",
+         "largest reference pressure, NaN where a plane is nodal"),
+        ("independent_ratio", ("mode", "plane"), [h.independent_ratios for h in sounds], "1",
+         "plane error over mean deflection error for errors of equal size, marker by marker"),
+        ("piston_size", ("mode",), size, "1",
+         "wavenumber times the longer side of a piston; above 1 it is hardly a point source"),
+        ("radiation_efficiency", ("mode",), efficiency, "1",
+         "radiated power over that of a plane wave of the same mean square velocity"),
+        ("alias_frequency", ("mode",), alias(hertz, study.frame_rate_hz), "Hz",
+         "where the vibration shows below half of the frame rate"),
+        ("exposure_loss", ("mode",), 1 - np.sinc(hertz * study.exposure_ms / 1000), "1",
+         "share of an amplitude that the exposure takes"),
+        ("marker_loss", ("mode",), 1 - 2 * j1(waves * radius) / (waves * radius), "1",
+         "share of an amplitude that is lost as a marker shows the mean of the plate under it"),
+        ("force_deflection", ("mode",), [peak_deflection(plate, m) for m in study.modes], "m",
+         "peak of the deflection by a force of 1 N"),
+    ]  # fmt: skip
+    for name, dims, numbers, units, text in table:
+        _add(cube, name, dims, np.asarray(numbers), units, text)
+
+
+def _add_complex(cube: xr.Dataset, name: str, dims: tuple[str, ...], values: ComplexArray,
+                 text: str) -> None:  # fmt: skip
+    for part, numbers in (("real", values.real), ("imag", values.imag)):
+        word = "real" if part == "real" else "imaginary"
+        _add(cube, f"{name}_{part}", dims, numbers.astype("float32"), "Pa", f"{text}, {word} part")

@@ -1,0 +1,217 @@
+"""The parameters of ``lab-plate``: the plate filmed with one parameter varied at a time."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Direction, Setting
+from thesis_lib.laboratory.filming import (
+    Film,
+    FilmedElevation,
+    FilmedMode,
+    FilmedWidth,
+    LabStudy,
+    Peak,
+    Rate,
+    check_amplitudes,
+    check_markers,
+    check_place,
+    check_rates,
+    peaks_m,
+)
+from thesis_lib.studies.shared_fields import Markers, PlateMarkers, SoundPlanes
+from thesis_lib.studies.vocabulary import Positive, field
+from thesis_lib.vibration.plate import Plate
+
+MARKER = 0.2  # diameter of a marker over the smaller distance of two
+Stand = tuple[Direction, float, int]  # azimuth and elevation in °, distance in mm, width in px
+OBSERVED = {"distance": "distances_mm", "aperture": "half_apertures_deg",
+            "elevation": "elevations_deg", "resolution": "widths_px",
+            "cameras": "camera_counts"}  # fmt: skip
+
+
+class Plates(PlateMarkers, Film):
+    """What is filmed of the plate: five parameters, one at a time, about one pair of cameras."""
+
+    cases: list[Literal["distance", "aperture", "elevation", "resolution", "cameras"]] = field(
+        lambda: list(OBSERVED),
+        "cases to run: which parameter is varied",
+        "a list of different ones of distance, aperture, elevation, resolution, cameras",
+        min_length=1,
+    )
+    distances_mm: list[Positive] = field(
+        lambda: [750.0, 1000.0, 1500.0],
+        "distances of the pair, case distance",
+        "a list of different numbers above the plate's reach, at most 100000",
+        min_length=1,
+    )
+    half_apertures_deg: list[Annotated[float, Field(gt=0, lt=180)]] = field(
+        lambda: [8.0, 30.0, 55.0, 80.0],
+        "azimuths of the pair, case aperture",
+        "a list of different numbers above 0 and below 180",
+        min_length=1,
+    )
+    elevations_deg: list[FilmedElevation] = field(
+        lambda: [15.0, 25.0, 40.0, 60.0],
+        "elevations of the pair, case elevation",
+        "a list of different numbers from 10 to 75",
+        min_length=1,
+    )
+    widths_px: list[FilmedWidth] = field(
+        lambda: [480, 960, 1920],
+        "widths of the frames, case resolution; heights are 9/16 of them",
+        "a list of different whole numbers from 320 to 1920",
+        min_length=1,
+    )
+    camera_counts: list[Literal[2, 4, 6]] = field(
+        lambda: [2, 4, 6],
+        "numbers of cameras, case cameras: the pair, a pair opposite, a pair at the ends",
+        "a list of different ones of 2, 4, 6",
+        min_length=1,
+    )
+    distance_mm: Positive = field(
+        1000.0,
+        "distance of the cameras where it is not varied",
+        "a number above the plate's reach, at most 100000",
+    )
+    azimuth_deg: Annotated[float, Field(gt=0, lt=90)] = field(
+        30.0,
+        "the pair stands at plus and minus this azimuth where it is not varied",
+        "a number above 0 and below 90",
+    )
+    elevation_deg: FilmedElevation = field(
+        25.0, "elevation of the cameras where it is not varied", "a number from 10 to 75"
+    )
+    width_px: FilmedWidth = field(
+        960, "width of the frames where it is not varied", "a whole number from 320 to 1920"
+    )
+    frame_rate_hz: Rate = field(
+        60.0,
+        "frames per second",
+        "a number from 10 to 5000 that keeps the alias of every mode away from 0 and from half "
+        "of it",
+    )
+    exposure_ms: Positive = field(
+        0.2,
+        "exposure time of a frame",
+        "a number above 0, at most the time between frames and 0.8 of the shortest period",
+    )
+    frames: int = field(
+        16,
+        "frames of the steady vibration in each recording",
+        "a whole number from 8 to 500",
+        ge=8,
+        le=500,
+    )
+    modes: list[FilmedMode] = field(
+        lambda: [1, 2, 3],
+        "modes to film",
+        "a list of different whole numbers from 1 to 5",
+        min_length=1,
+    )
+    amplitude_mm: Peak | list[Peak] = field(
+        1.0,
+        "peak of the deflection over the plate",
+        "a number above 0, at most 100, or a list with one for each mode",
+    )
+    grid: tuple[Markers, Markers] = field(
+        tuple(setups.plate().grid),
+        "markers along and across the plate",
+        "[along, across], whole numbers from 2 to 60",
+    )
+
+    @property
+    def plate(self) -> Plate:
+        """The plate with its markers."""
+        return setups.plate(self.grid)
+
+    @property
+    def spacing(self) -> float:
+        """The smaller distance of two markers in m."""
+        return min(self.plate.length / self.grid[0], self.plate.width / self.grid[1])
+
+    @property
+    def peaks_m(self) -> list[float]:
+        """Peak deflection of each mode in m."""
+        return peaks_m(self.plate, self.modes, self.amplitude_mm)
+
+    def settings(self) -> list[Setting]:
+        """One parameter at a time is varied; the others stay as they are."""
+        a, e, d, w = self.azimuth_deg, self.elevation_deg, self.distance_mm, self.width_px
+        every = {
+            "distance": [_setting("distance", x, f"{x:g} mm", a, e, x, w)
+                         for x in self.distances_mm],
+            "aperture": [_setting("aperture", 2 * x, f"{2 * x:g}°", x, e, d, w)
+                         for x in self.half_apertures_deg],
+            "elevation": [_setting("elevation", x, f"{x:g}°", a, x, d, w)
+                          for x in self.elevations_deg],
+            "resolution": [_setting("resolution", x, f"{x}×{round(x * 9 / 16)}", a, e, d, x)
+                           for x in self.widths_px],
+            "cameras": [_setting("cameras", n, f"{n} cameras", a, e, d, w, n)
+                        for n in self.camera_counts],
+        }  # fmt: skip
+        return [setting for case in self.cases for setting in every[case]]
+
+    @property
+    def stands(self) -> list[Stand]:
+        """Every camera that some setting needs, once."""
+        return list(dict.fromkeys(s for setting in self.settings() for s in stands_of(setting)))
+
+    @model_validator(mode="after")
+    def _check_motions(self) -> Plates:
+        check_amplitudes(type(self), self.modes, self.amplitude_mm)
+        check_rates(self, self.plate, self.modes, "frame_rate_hz", [self.frame_rate_hz])
+        lift, extent = max(self.peaks_m), self.plate.extent
+        # The cameras that are not varied come first: what is wrong with them is not a list's fault.
+        settings = sorted(self.settings(), key=lambda setting: setting.case != "cameras")
+        for setting in settings:
+            name, value = OBSERVED[setting.case], setting.value
+            if setting.case == "cameras":
+                name, value = "distance_mm", self.distance_mm
+            elif setting.case == "aperture":
+                value /= 2
+            check_place(self, extent, lift, setting, name, value)
+            check_markers(self, self.spacing, MARKER * self.spacing, lift, setting, name, value)
+        return self
+
+
+def stands_of(setting: Setting) -> list[Stand]:
+    """The cameras of a setting."""
+    return [(d, setting.distance_mm, setting.resolution_px[0]) for d in setting.directions_deg]
+
+
+def _setting(case: str, value: float, label: str, azimuth: float, elevation: float,
+             distance: float, width: int, count: int = 2) -> Setting:  # fmt: skip
+    azimuths = (azimuth, -azimuth, 180 + azimuth, 180 - azimuth, 90.0, -90.0)[:count]
+    directions = tuple((a, elevation) for a in azimuths)
+    return Setting(case, value, label, distance, directions, (width, round(width * 9 / 16)))
+
+
+class PlateRecordings(Plates, LabStudy):
+    """The recordings of the plate, filmed once."""
+
+    name = "lab-plate-recordings"
+    title = "Laboratory: recordings of the plate"
+    study = "plate"
+    varied = "setup"
+    varied_label = "setup"
+
+
+class LabPlate(Plates, SoundPlanes, LabStudy):
+    """The plate filmed, five parameters one at a time, and its sound."""
+
+    name = "lab-plate"
+    title = "Laboratory: the plate and its sound"
+    study = "plate"
+    varied = "setup"
+    varied_label = "one parameter at a time"
+    draws = "centre noise"
+
+    @property
+    def recordings(self) -> PlateRecordings:
+        """What has to be filmed."""
+        fields = {name: getattr(self, name) for name in Plates.model_fields}
+        return PlateRecordings(**fields, seed=self.seed, trials=0)

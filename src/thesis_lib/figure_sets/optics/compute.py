@@ -1,0 +1,295 @@
+"""The cube of ``cameras``: angles of view, projections, pixels, colours, sharpness, parallel pairs.
+
+Every variable is a closed form of :mod:`thesis_lib.vision.optics`, but for the depths of a parallel
+pair with whole pixels, which are drawn at random, and the pictures, which are drawn in full.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.optics import pictures as optics_pictures
+from thesis_lib.figure_sets.optics.parameters import FARTHEST, Cameras
+from thesis_lib.vibration.structure import world_points
+from thesis_lib.vision import optics, rounding
+from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
+
+Array = NDArray[np.float64]
+
+CURVE = 121  # places of a curve over distance
+ROUNDED_PX = np.sqrt(1 / 6)  # of the difference of two coordinates, each rounded with 1/12 px²
+RATIOS = {"4:3": (4, 3), "3:2": (3, 2)}
+SIDES = ("width", "height", "diagonal")
+
+# Dimensions, units, long name.
+VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "sensor_size": (("sensor", "side"), "m", "length on the sensor"),
+    "angle_of_view": (("sensor", "side", "focal_length"), "degree", "angle of view"),
+    "crop_factor": (("sensor",), "1", "diagonal of 36 mm x 24 mm over that of the sensor"),
+    "format_height": (("ratio", "format_width"), "1", "whole rows of pixels"),
+    "projection_error": (
+        ("distance",), "px",
+        "largest distance between the images of a marker by a pinhole and with one depth"),
+    "relative_projection_error": (
+        ("distance",), "percent", "the same over the length of the image of the row of markers"),
+    "nearest_depth": (("distance",), "m", "least depth of a marker"),
+    "farthest_depth": (("distance",), "m", "largest depth of a marker"),
+    "depth_range": (
+        ("distance",), "percent",
+        "largest difference of a marker's depth from the mean one, over the mean one"),
+    "image": (
+        ("shown_distance", "projection", "axis", "point"), "px", "images of the markers"),
+    "vanishing_point": (
+        ("shown_distance", "axis"), "px", "where the images of the beam's long edges meet"),
+    "edge_angle": (
+        ("shown_distance",), "degree", "angle between the images of the beam's long edges"),
+    "pixelated": (
+        ("width", "row", "column"), "1",
+        "grey value from 0 to 255 of the part of the picture with the beam"),
+    "pixel_size": (
+        ("width",), "m", "length of a pixel at the beam's centre, across the optical axis"),
+    "marker_contrast": (
+        ("width",), "percent",
+        "a marker's centre against midway between two, over the same of large markers"),
+    "variance_kept": (
+        ("width",), "percent",
+        "variance of the grey values over that of a picture 1280 pixels wide"),
+    "colour_picture": (
+        ("stage", "crop_row", "crop_column", "colour"), "1",
+        "the largest marker in colours, from 0 to 1"),
+    "colour_error": (
+        (), "percent", "rms difference of interpolated from true colours on the beam"),
+    "largest_colour_error": (
+        (), "percent", "largest difference of interpolated from true colours on the beam"),
+    "centre_shift": ((), "px", "rms shift of the markers' centres by colour interpolation"),
+    "near_limit": (("f_number", "distance"), "m", "nearest sharp depth at a focused distance"),
+    "far_limit": (("f_number", "distance"), "m", "farthest sharp depth at a focused distance"),
+    "hyperfocal_distance": (
+        ("f_number",), "m", "focused distance from which on infinity is sharp"),
+    "circle": ((), "px", "circle of confusion"),
+    "magnification": (
+        ("distance",), "1",
+        "size of an image over that of its object; focusing travel over focal length"),
+    "disparity": (("baseline", "distance"), "px", "difference of the two images of a point"),
+    "depth_error": (
+        ("baseline", "distance"), "m",
+        "depth error of first order for the given error of the disparity"),
+    "rounding_depth_error": (
+        ("baseline", "distance"), "m", "rms depth error of first order with whole pixels"),
+    "rounded_depth_error": (
+        ("baseline", "distance"), "m",
+        "rms depth error of the trials with whole pixels, where the disparity is above 1 px"),
+    "quantity": (("quantity",), "1", "what a value is"),
+    "value": (("quantity",), "1", "value, in the unit beside it"),
+    "unit": (("quantity",), "1", "unit of the value"),
+}  # fmt: skip
+
+
+def run(study: Cameras) -> xr.Dataset:
+    """The cube of the figure set ``cameras``.
+
+    Parameters
+    ----------
+    study : Cameras
+        Validated parameters.
+
+    Returns
+    -------
+    xarray.Dataset
+        Lengths in m, angles in degrees, images in px. ``distance`` holds those asked for among
+        others; ``quantity``, ``value`` and ``unit`` are what runs are compared by.
+    """
+    cube = xr.Dataset(coords=_coordinates(study))
+    for part in (_views, _projections, _horizons, _pictures, _sharpness, _stereo, _summary):
+        for name, values in part(cube, study).items():
+            dims, units, words = VARIABLES[name]
+            cube[name] = (dims, np.asarray(values), {"units": units, "long_name": words})
+    return cube
+
+
+def focal_px(study: Cameras) -> float:
+    """Focal length in px of the pictures that are not drawn."""
+    return study.focal_length_mm * study.resolution_px[0] / study.sensor_width_mm
+
+
+def _coordinates(study: Cameras) -> dict[str, Any]:
+    asked = np.array(study.distances_mm) / 1000
+    curve = np.geomspace(asked.min(), FARTHEST * asked.max(), CURVE)
+    every = np.unique(np.round(np.concatenate([curve, asked]), 9))
+    table: dict[str, tuple[str, Any, str, str]] = {
+        "sensor": ("sensor", list(study.sensors_mm), "1", "sensor"),
+        "side": ("side", list(SIDES), "1", "side of the sensor"),
+        "focal_length": (
+            "focal_length", np.array(study.focal_lengths_mm) / 1000, "m", "focal length"),
+        "ratio": ("ratio", list(RATIOS), "1", "width to height"),
+        "format_width": ("format_width", study.format_widths_px, "1", "width in pixels"),
+        "distance": ("distance", every, "m", "distance, of the object or the focused one"),
+        "shown_distance": ("shown_distance", np.round(asked, 9), "m", "distance of the camera"),
+        "projection": ("projection", ["pinhole", "one depth"], "1", "projection"),
+        "axis": ("axis", ["u", "v"], "1", "image coordinate"),
+        "x": ("point", setups.beam().markers[0], "m", "marker position along the beam"),
+        "width": ("width", study.widths_px, "1", "width of the picture in pixels"),
+        "colour": ("colour", ["red", "green", "blue"], "1", "colour"),
+        "stage": ("stage", ["true", "mosaic", "interpolated"], "1", "stage of a colour picture"),
+        "f_number": ("f_number", study.f_numbers, "1", "focal length over diameter of the lens"),
+        "baseline": (
+            "baseline", np.array(study.baselines_mm) / 1000, "m", "distance of parallel cameras"),
+    }  # fmt: skip
+    return {
+        name: (dim, np.array(values), {"units": units, "long_name": words})
+        for name, (dim, values, units, words) in table.items()
+    }
+
+
+def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """Angles of view, crop factors, heights of formats (2.2.3, 2.4)."""
+    sensors = np.array(list(study.sensors_mm.values())) / 1000
+    sides = np.concatenate([sensors, np.linalg.norm(sensors, axis=1, keepdims=True)], axis=1)
+    angles = optics.angle_of_view(sides[:, :, None], cube["focal_length"].values)
+    return {
+        "sensor_size": sides,
+        "angle_of_view": np.degrees(angles),
+        "crop_factor": optics.crop_factor(1000 * sensors),
+        "format_height": [
+            [optics.picture_height(width, *ratio) for width in study.format_widths_px]
+            for ratio in RATIOS.values()
+        ],
+    }
+
+
+def _projections(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """The markers by a pinhole and with one depth for all of them (2.1)."""
+    beam = setups.beam()
+    points = world_points(beam, np.zeros(beam.n_markers))
+    theta, phi = np.radians([[study.azimuth_deg], [study.elevation_deg]])
+    images, depths = [], []
+    for distance in cube["distance"].values:
+        camera = hemisphere_cameras(distance, theta, phi, focal_px(study), study.resolution_px)
+        images.append([project(camera.P, points)[0], optics.weak_perspective(camera, points)[0]])
+        depths.append(camera.R_camera_world[0, 2] @ (points - camera.centres[0][:, None]))
+    image, depth = np.array(images), np.array(depths)
+    error = np.linalg.norm(image[:, 1] - image[:, 0], axis=1).max(axis=1)
+    length = np.linalg.norm(image[:, 0, :, -1] - image[:, 0, :, 0], axis=1)
+    shown = np.searchsorted(cube["distance"].values, cube["shown_distance"].values)
+    return {
+        "projection_error": error,
+        "relative_projection_error": 100 * error / length,
+        "nearest_depth": depth.min(axis=1),
+        "farthest_depth": depth.max(axis=1),
+        "depth_range": 100 * np.abs(depth / depth.mean(axis=1, keepdims=True) - 1).max(axis=1),
+        "image": image[shown],
+    }
+
+
+def _horizons(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """Where parallel edges meet in the picture, by homogeneous coordinates (Appendix C)."""
+    length, width = setups.beam().extent
+    corners = np.array([[[-1, 1], [-1, 1]], [[-1, -1], [1, 1]], [[0, 0], [0, 0]]]) / 2
+    corners = corners * np.array([length, width, 0])[:, None, None]  # coordinate, edge, end
+    theta, phi = np.radians([[study.azimuth_deg], [study.elevation_deg]])
+    points, angles = [], []
+    for distance in cube["shown_distance"].values:
+        camera = hemisphere_cameras(distance, theta, phi, focal_px(study), study.resolution_px)
+        ends = optics.homogeneous(np.moveaxis(project(camera.P, corners)[0], 0, -1))
+        lines = optics.join(ends[:, 0], ends[:, 1])
+        points.append(optics.from_homogeneous(optics.join(lines[0], lines[1])))
+        normals = lines[:, :2] / np.linalg.norm(lines[:, :2], axis=1, keepdims=True)
+        angles.append(np.degrees(np.arcsin(abs(np.linalg.det(normals)))))
+    return {"vanishing_point": points, "edge_angle": angles}
+
+
+def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """The beam drawn with coarser and coarser pixels, and through colour filters (2.2)."""
+    nearest, focal = min(study.distances_mm) / 1000, study.focal_length_mm / study.sensor_width_mm
+    theta, phi = np.radians([study.azimuth_deg, study.elevation_deg])
+    picture = optics_pictures.draw(
+        setups.beam(), nearest, theta, phi, focal, study.marker_mm / 1000
+    )
+    blocks = [optics_pictures.FINEST[0] // width for width in study.widths_px]
+    least = min(blocks)
+    finest = picture.colours(1).mean(axis=-1)
+    grey = [optics.block_means(finest, block) for block in blocks]
+    shown = [
+        np.kron(one, np.ones((block, block)))[::least, ::least]
+        for one, block in zip(grey, blocks, strict=True)
+    ]
+    loss = optics_pictures.colour_loss(picture, least, study.bayer_pattern)
+    return {
+        "pixelated": np.rint(255 * np.array(shown)).astype("u1"),
+        "pixel_size": nearest / focal / np.array(study.widths_px),
+        "marker_contrast": [100 * picture.contrast(block) for block in blocks],
+        "variance_kept": [100 * one.var() / finest.var() for one in grey],
+        "colour_picture": np.array([loss.true, loss.mosaic, loss.interpolated], "f4"),
+        "colour_error": 100 * loss.error,
+        "largest_colour_error": 100 * loss.largest,
+        "centre_shift": loss.shift,
+    }
+
+
+def _sharpness(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """Depth of field of a lens (Appendix A)."""
+    focal, circle = study.focal_length_mm / 1000, study.circle_mm / 1000
+    d, N = cube["distance"].values, cube["f_number"].values
+    near, far = optics.depth_of_field(focal, N[:, None], d, circle)
+    return {
+        "near_limit": near,
+        "far_limit": far,
+        "hyperfocal_distance": optics.hyperfocal_distance(focal, N, circle),
+        "circle": study.circle_mm * study.resolution_px[0] / study.sensor_width_mm,
+        "magnification": optics.magnification(focal, d),
+    }
+
+
+def _stereo(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """Depth error of two parallel cameras (Appendix B)."""
+    z, b, f = cube["distance"].values, cube["baseline"].values[:, None], focal_px(study)
+    true = optics.disparity(z, b, f)
+    shifts = rounding.grid_shifts(study.seed, study.trials, 2)[1:, :, 0, None, None]
+    images = np.stack([true, -true]) / 2
+    left, right = np.moveaxis(pixelate(images + shifts) - shifts, 1, 0)
+    found = optics.stereo_depth(np.where(true > 1, left - right, np.nan), b, f)
+    return {
+        "disparity": true,
+        "depth_error": optics.depth_error(z, b, f, study.disparity_error_px),
+        "rounding_depth_error": optics.depth_error(z, b, f, ROUNDED_PX),
+        "rounded_depth_error": np.sqrt(np.mean((found - z) ** 2, axis=0)),
+    }
+
+
+def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """What is published and compared: one number and unit for every entry of the tables."""
+    rows: list[tuple[str, float, str]] = []
+
+    def of(words: str, values: xr.DataArray, unit: str, scale: float = 1.0) -> None:
+        rows.append((words, scale * float(values), unit))
+
+    for sensor in study.sensors_mm:
+        of(f"crop factor, {sensor}", cube["crop_factor"].sel(sensor=sensor), "1")
+        for i, focal in enumerate(study.focal_lengths_mm):
+            angle = cube["angle_of_view"].sel(sensor=sensor, side="width")[i]
+            of(f"angle of view across, {sensor}, {focal:g} mm", angle, "degree")
+    for i, width in enumerate(study.widths_px):
+        of(f"marker contrast, {width} px", cube["marker_contrast"][i], "percent")
+        of(f"variance kept, {width} px", cube["variance_kept"][i], "percent")
+    of("colour error", cube["colour_error"], "percent")
+    of("largest colour error", cube["largest_colour_error"], "percent")
+    of("centre shift by colour", cube["centre_shift"], "px")
+    for i, N in enumerate(study.f_numbers):
+        of(f"hyperfocal distance, f/{N:g}", cube["hyperfocal_distance"][i], "mm", 1000)
+    for distance in study.distances_mm:
+        at = cube.sel(distance=round(distance / 1000, 9))
+        of(f"error of one depth, {distance:g} mm", at["projection_error"], "px")
+        for i, N in enumerate(study.f_numbers):
+            of(f"near limit, f/{N:g}, {distance:g} mm", at["near_limit"][i], "mm", 1000)
+            of(f"far limit, f/{N:g}, {distance:g} mm", at["far_limit"][i], "mm", 1000)
+        for i, b in enumerate(study.baselines_mm):
+            place = f"{b:g} mm apart, {distance:g} mm"
+            of(f"depth error, {place}", at["depth_error"][i], "mm", 1000)
+            of(f"depth error in whole pixels, {place}", at["rounded_depth_error"][i], "mm", 1000)
+    words, values, units = (list(column) for column in zip(*rows, strict=True))
+    return {"quantity": words, "value": values, "unit": units}

@@ -1,0 +1,185 @@
+"""Figures of ``cameras``, drawn from its cube."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from thesis_lib.plotting.style import COLORS, INK, REFERENCE, color, in_style, logarithmic, subplots
+
+Array = NDArray[np.float64]
+
+SIZE = (7.2, 3.3)  # inches
+EVERY = 6  # of the drawn depths, so that dots stand apart
+
+
+def figure(cube: xr.Dataset, name: str) -> Figure:
+    """One of :data:`FIGURES` by name."""
+    with in_style():
+        return FIGURES[name](cube)
+
+
+def view(cube: xr.Dataset) -> Figure:
+    """Angle of view against focal length, and against focal length times crop factor."""
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained", sharey=True)
+    f = cube["focal_length"].values * 1000
+    order = np.argsort(f)
+    for i, sensor in enumerate(cube["sensor"].values):
+        one = cube.sel(sensor=sensor)
+        width, height = one["sensor_size"].values[:2] * 1000
+        style = {"color": color(i), "linewidth": 1.2, "marker": "osD^v"[i % 5], "markersize": 3.5}
+        name = f"{sensor}, {width:g}×{height:g} mm"
+        across, diagonal = (one["angle_of_view"].sel(side=s).values for s in ("width", "diagonal"))
+        left.plot(f[order], across[order], label=name, **style)
+        right.plot(f[order] * float(one["crop_factor"]), diagonal[order], **style)
+    logarithmic(left.xaxis, [10, 20, 50, 100])
+    logarithmic(right.xaxis, [10, 20, 50, 100, 200, 500])
+    left.set(title="(a) across", xlabel="focal length f in mm", ylabel="angle of view in °",
+             ylim=(0, None))  # fmt: skip
+    right.set(title="(b) diagonally: one curve for all", xlabel="f times crop factor in mm")
+    left.legend(handlelength=1.6, fontsize=7)
+    return drawing
+
+
+def projection(cube: xr.Dataset) -> Figure:
+    """The markers by a pinhole and with one depth, and how far they are apart."""
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained",
+                                         width_ratios=[1.25, 1])  # fmt: skip
+    near = int(np.argmin(cube["shown_distance"].values))
+    (u, v), (flat_u, flat_v) = cube["image"].values[near]
+    for start, end in zip(zip(u, v, strict=True), zip(flat_u, flat_v, strict=True), strict=True):
+        left.plot(*zip(start, end, strict=True), color=REFERENCE, linewidth=0.6)
+    left.plot(u, v, "o", color=COLORS[0], markersize=3.5, label="pinhole")
+    left.plot(flat_u, flat_v, "o", color=COLORS[4], markersize=3.5, markerfacecolor="none",
+              label="one depth for all")  # fmt: skip
+    distance = cube["shown_distance"].values[near] * 1000
+    left.set(title=f"(a) the markers from {distance:g} mm", xlabel="u in px", ylabel="v in px",
+             aspect="equal")  # fmt: skip
+    left.invert_yaxis()
+    left.margins(y=0.7)
+    left.legend(loc="lower center", ncols=2, columnspacing=1)
+    d = cube["distance"].values * 1000
+    asked = np.isin(cube["distance"].values, cube["shown_distance"].values)
+    for name, style, words in (
+        ("projection_error", {"color": COLORS[4]}, "largest error, px"),
+        ("relative_projection_error", {"color": COLORS[1], "linestyle": "--"},
+         "the same, % of the row of markers"),
+        ("depth_range", {"color": REFERENCE, "linestyle": ":"}, "spread of the depths, ± %"),
+    ):  # fmt: skip
+        values = cube[name].values
+        right.plot(d, values, label=words, linewidth=1.5, **style)
+        right.plot(d[asked], values[asked], "o", color=style["color"], markersize=3.5)
+    _distances(right, d)
+    logarithmic(right.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20, 50])
+    right.set(title="(b) the error of one depth")
+    right.legend(loc="lower left")
+    return drawing
+
+
+def pixels(cube: xr.Dataset) -> Figure:
+    """The same picture with coarser and coarser pixels."""
+    number = cube.sizes["width"]
+    rows, columns = cube["pixelated"].shape[1:]
+    height = 6.6 * rows / columns + 0.3
+    drawing, axes = subplots(number, 1, figsize=(6.8, number * height), squeeze=False,
+                             layout="constrained")  # fmt: skip
+    for one, axis in zip(range(number), axes[:, 0], strict=True):
+        part = cube.isel(width=one)
+        axis.imshow(part["pixelated"].values, cmap="gray", vmin=0, vmax=255,
+                    interpolation="none")  # fmt: skip
+        axis.set_title(
+            f"{int(part['width'])} pixels across: {1000 * float(part['pixel_size']):.2g} mm each; "
+            f"contrast of the markers {float(part['marker_contrast']):.0f} %"
+        )
+        axis.axis("off")
+    return drawing
+
+
+def mosaic(cube: xr.Dataset) -> Figure:
+    """A marker in colours, through the filters, interpolated, and the error."""
+    true, raw, found = cube["colour_picture"].values
+    drawing, axes = subplots(2, 2, figsize=(6.4, 4.6), layout="constrained")
+    shown = (
+        (true, "(a) what is there"), (raw, "(b) what the sensor records"),
+        (found, "(c) interpolated"),
+    )  # fmt: skip
+    for axis, (picture, title) in zip(axes.flat, shown, strict=False):
+        axis.imshow(np.clip(picture, 0, 1), interpolation="none")
+        axis.set_title(title)
+    last = axes[1, 1]
+    error = 100 * np.abs(found - true).max(axis=-1)
+    image = last.imshow(error, cmap="magma", vmin=0, interpolation="none")
+    last.set_title("(d) error of the worst colour")
+    drawing.colorbar(image, ax=last, label="% of full scale", shrink=0.8)
+    for axis in axes.flat:
+        axis.axis("off")
+    return drawing
+
+
+def sharpness(cube: xr.Dataset) -> Figure:
+    """Nearest and farthest sharp depth against the focused distance."""
+    drawing, axes = subplots(figsize=(6.0, 3.6), layout="constrained")
+    d = cube["distance"].values * 1000
+    top = 2 * d.max()
+    least = float(cube["near_limit"].min()) * 1000
+    for i in np.argsort(-cube["f_number"].values):
+        part = cube.isel(f_number=i)
+        near, far = (part[name].values * 1000 for name in ("near_limit", "far_limit"))
+        far = np.where(np.isfinite(far), far, 10 * top)
+        axes.fill_between(d, near, far, color=color(int(i)), alpha=0.18, linewidth=0)
+        axes.plot(d, near, color=color(int(i)), linewidth=1.3, label=f"f/{float(part.f_number):g}")
+        axes.plot(d, far, color=color(int(i)), linewidth=1.3)
+    axes.plot(d, d, color=REFERENCE, linewidth=0.8)
+    for name, word in (("nearest_depth", "nearest and farthest marker"), ("farthest_depth", "")):
+        axes.plot(d, cube[name].values * 1000, color=INK, linewidth=1, linestyle="--",
+                  label=word or "_")  # fmt: skip
+    _distances(axes, d, "focused distance d in mm")
+    logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
+    axes.set(ylabel="sharp depths in mm", ylim=(0.8 * least, top))
+    axes.legend(loc="upper left")
+    return drawing
+
+
+def stereo(cube: xr.Dataset) -> Figure:
+    """Depth error of two parallel cameras against distance."""
+    drawing, axes = subplots(figsize=(6.0, 3.8), layout="constrained")
+    d = cube["distance"].values * 1000
+    for i, baseline in enumerate(cube["baseline"].values):
+        part = cube.isel(baseline=i)
+        fine, law, drawn = (
+            part[name].values * 1000
+            for name in ("depth_error", "rounding_depth_error", "rounded_depth_error")
+        )
+        axes.plot(d, fine, color=color(i), linewidth=1.4, label=f"b = {1000 * baseline:g} mm")
+        axes.plot(d, law, color=color(i), linewidth=1, linestyle="--")
+        axes.plot(d[::EVERY], drawn[::EVERY], "o", color=color(i), markersize=3)
+    for style, word in (
+        ({"linestyle": "-"}, "fine centres"), ({"linestyle": "--"}, "whole pixels, first order"),
+        ({"linestyle": "none", "marker": "o", "markersize": 3}, "whole pixels, drawn"),
+    ):  # fmt: skip
+        axes.plot([], [], color=INK, linewidth=1, label=word, **style)
+    _distances(axes, d)
+    logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
+    axes.set(ylabel="error of the depth in mm")
+    axes.legend(ncols=2, columnspacing=1)
+    return drawing
+
+
+def _distances(axes: Axes, d: Array, label: str = "distance d in mm") -> None:
+    logarithmic(axes.xaxis, [500, 1000, 2000, 5000, 10000])
+    axes.set(xlim=(d.min(), d.max()), xlabel=label)
+
+
+FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
+    "view": view,
+    "projection": projection,
+    "pixels": pixels,
+    "mosaic": mosaic,
+    "sharpness": sharpness,
+    "stereo": stereo,
+}

@@ -1,0 +1,1 @@
+"""Beam, plate, sound and shapes: one camera parameter is varied."""

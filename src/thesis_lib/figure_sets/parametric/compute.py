@@ -1,0 +1,138 @@
+"""Parametric studies: from validated parameters to a labelled cube (thesis 3.3).
+
+For every setting the markers are projected at rest and in each deflection shape, rounded to whole
+pixels on the grid of each trial, triangulated, and compared with the reference. Shifting a pixel
+grid by s is ``rint(uv + s) − s`` with unchanged cameras, so all trials, all shapes and the rest
+image of a setting are one batch of points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.facts.setups import Setting
+from thesis_lib.figure_sets.parametric.parameters import CameraStudy
+from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
+from thesis_lib.studies.labels import CAMERAS, VARIABLES, add_cameras, coordinates
+from thesis_lib.vibration.structure import deflection_shape, world_points
+from thesis_lib.vision import rounding
+from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project
+from thesis_lib.vision.simulation import measure, modal_assurance, percent_errors
+
+Array = NDArray[np.float64]
+
+
+def block_results(
+    block: Block,
+    *,
+    points: Array,
+    focal_length_mm: float,
+    sensor_width_mm: float,
+    seed: int,
+    principal_offset_px: float,
+    rest_is_known: bool,
+    estimator: str,
+) -> dict[str, Any]:
+    """What some trials of a setting give: a value for each of ``VARIABLES``.
+
+    Those without trials are there where the block has the literal run.
+    """
+    cameras = block.load.cameras(focal_length_mm, sensor_width_mm)
+    trials = block.trials
+    shifts = rounding.grid_shifts(seed, trials.stop - 1, len(cameras), trials.start)
+    shifts += principal_offset_px
+    reference = points[2, 1:]
+    measured = measure(cameras, points, shifts, rest_is_known, estimator)
+    point, mean, largest = percent_errors(measured, reference)
+    results = {
+        "measured_deflection": measured.astype("float32"),
+        "mean_error": mean,
+        "max_point_error": largest,
+        "mac": modal_assurance(measured, reference),
+    }
+    if trials.start > 0:
+        return results
+    variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:], rest_is_known)
+    scale = 100 / np.max(np.abs(reference), axis=-1)
+    return results | {
+        "point_error": point[:, 0],
+        "predicted_error": np.sqrt(np.mean(variance, axis=-1)) * scale,
+        "in_view": np.mean(on_sensor(project(cameras.P, points[:, 1:]), cameras.size)),
+        "ground_sample_distance": ground_sample_distance(cameras),
+    }
+
+
+def run(study: CameraStudy, scheduler: str = "") -> xr.Dataset:
+    """The cube of a camera study, in memory.
+
+    Parameters
+    ----------
+    study : CameraStudy
+        Validated parameters.
+    scheduler : str
+        Workers that compute it (:func:`thesis_lib.studies.schedulers.checked`), else this process
+        does.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions ``setting``, ``mode``, ``trial``, ``point``, ``camera``; every variable has
+        ``units`` and ``long_name``.
+    """
+    return outline(study, scheduler).in_memory()
+
+
+def outline(study: CameraStudy, scheduler: str = "", piece_bytes: int = PIECE_BYTES) -> Outline:
+    """The cube of a camera study, to be filled in block by block."""
+    structure, settings = study.structure, study.settings()
+    shapes = [
+        deflection_shape(structure, mode, structure.markers, peak)
+        for mode, peak in zip(study.modes, study.peaks_m, strict=True)
+    ]
+    reference = np.array(shapes)
+    points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
+    cube = xr.Dataset(coords=coordinates(study, study.modes, structure, settings))
+    cube["reference_deflection"] = (
+        ("mode", "point"), reference,
+        {"units": "m", "long_name": "reference deflection of the markers"},
+    )  # fmt: skip
+    add_cameras(cube, settings)
+    order = ("reference_deflection", *VARIABLES, *CAMERAS)
+    large = {
+        name: (("setting", *dims), dtype, {"units": units, "long_name": long_name})
+        for name, (dims, dtype, units, long_name) in VARIABLES.items()
+    }
+    large["predicted_error"][2]["long_name"] = study.law
+    work = partial(
+        block_results,
+        points=points,
+        focal_length_mm=study.focal_length_mm,
+        sensor_width_mm=study.sensor_width_mm,
+        seed=study.seed,
+        principal_offset_px=study.principal_offset_px,
+        rest_is_known=study.rest == "known",
+        estimator=study.estimator,
+    )
+
+    def fill(values: Mapping[str, Any]) -> None:
+        blocks = _blocks(settings, study.trials, points[0].size)
+        for block, results in computed(work, blocks, scheduler, piece_bytes):
+            for name, result in results.items():
+                of_trials = "trial" in VARIABLES[name][0]
+                values[name][block.place if of_trials else block.setting] = result
+
+    return Outline(cube, large, fill, order)
+
+
+def _blocks(settings: list[Setting], trials: int, n_points: int) -> Iterator[Block]:
+    """Blocks of a study whose cameras see that many points, modes times markers, in a trial."""
+    for index, setting in enumerate(settings):
+        trial_bytes = 16 * len(setting.directions_deg) * n_points
+        for run in runs_of_trials(trials, trial_bytes):
+            yield Block(index, run, (run.stop - run.start) * trial_bytes, setting)

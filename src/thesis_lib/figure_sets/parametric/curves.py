@@ -1,0 +1,37 @@
+"""Figures of a beam: deflection shapes and errors along it."""
+
+from __future__ import annotations
+
+import xarray as xr
+from matplotlib.figure import Figure
+
+from thesis_lib.plotting.panels import bar_panel, setup_panel
+from thesis_lib.plotting.selection import best_and_worst, error_bars, select
+from thesis_lib.plotting.style import REFERENCE, color, subplots
+
+
+def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
+    """Setup, shapes, marker errors and bars."""
+    part = select(cube, case, mode)
+    chosen = best_and_worst(part)
+    labels = list(part["label"].values)
+    drawing, axes = subplots(2, 2, figsize=(7.6, 5.4), layout="constrained")
+    setup_panel(axes[0, 0], cube, part)
+    x = part["x"].values * 1000
+    reference = part["reference_deflection"].values * 1000
+    axes[0, 1].plot(x, reference, color=REFERENCE, linewidth=3, label="reference")
+    for index in chosen:
+        measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
+        name = "best" if index == chosen[0] else "worst"
+        axes[0, 1].plot(x, measured, ".-", color=color(index), linewidth=1,
+                        label=f"{labels[index]} ({name})")  # fmt: skip
+        error = part["point_error"].values[index]
+        axes[1, 0].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
+    axes[0, 1].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
+    axes[1, 0].set(title="(c) error of each marker", xlabel="x in mm",
+                   ylabel="% of the largest deflection", ylim=(0, None))  # fmt: skip
+    axes[0, 1].legend()
+    axes[1, 0].legend()
+    bar_panel(axes[1, 1], part, [error_bars(cube, case, mode)])
+    axes[1, 1].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
+    return drawing

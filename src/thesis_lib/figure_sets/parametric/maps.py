@@ -1,0 +1,93 @@
+"""Figures of a plate and of its sound: maps and error bars."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from thesis_lib.plotting import outlines
+from thesis_lib.plotting import panels as figures
+from thesis_lib.plotting.maps import draw_map
+from thesis_lib.plotting.selection import best_and_worst, error_bars, select
+from thesis_lib.plotting.style import mosaic
+from thesis_lib.vibration.panel import Panel
+
+
+def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
+    """Setup, ideal shape, best and worst measured shape, bars."""
+    part = select(cube, case, mode)
+    chosen = best_and_worst(part)
+    drawing, axes = mosaic(
+        "abb;cde", figsize=(8.2, 5.6), layout="constrained", height_ratios=[1.15, 1]
+    )
+    figures.setup_panel(axes["a"], cube, part)
+    figures.bar_panel(axes["b"], part, [error_bars(cube, case, mode)])
+    axes["b"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
+    reference = part["reference_deflection"].values * 1000
+    shapes = [("(b) ideal", reference)]
+    for index, word in ((chosen[0], "best"), (chosen[-1], "worst")):
+        measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
+        shapes.append((f"(c) {word}: {part['label'].values[index]}", measured))
+    limit = max(float(np.max(np.abs(values))) for _, values in shapes)
+    picture: Any = None
+    x, y, place = outlines.cells(cube)
+    x, y, structure = 1000 * x, 1000 * y, outlines.structure_of(cube)
+    middle = np.array(structure.extent) / 2
+    for name, (title, values) in zip("cde", shapes, strict=True):
+        placed = outlines.spread(values, place, len(x) * len(y))
+        picture = draw_map(axes[name], placed.reshape(len(y), len(x)), x, y, limit)
+        if isinstance(structure, Panel):
+            for curve in outlines.contours(structure):
+                axes[name].fill(*(1000 * (curve + middle)).T, fill=False, edgecolor="#444444")
+        axes[name].plot(part["x"] * 1000, part["y"] * 1000, ".", color="#444444", markersize=1.2)
+        axes[name].set(title=title, xlabel="x in mm")
+    axes["c"].set_ylabel("y in mm")
+    drawing.colorbar(picture, ax=[axes[name] for name in "cde"], shrink=0.8, label="w in mm")
+    return drawing
+
+
+def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
+    """Setup, bars of both planes, ideal, best and worst field on both planes."""
+    part = select(cube, case, mode)
+    drawing, axes = mosaic(
+        "abb;cde;fgh", figsize=(8.2, 7.4), layout="constrained", height_ratios=[1.2, 1, 1]
+    )
+    figures.setup_panel(axes["a"], cube, part)
+    bars = [error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
+    figures.bar_panel(axes["b"], part, bars)
+    axes["b"].set(title="(c) rms error of the field", ylabel="% of the largest pressure")
+    u, z = cube["u"].values * 1000, cube["z"].values * 1000
+    c = cube["case_name"].values.tolist().index(case)
+    measured = cube["pressure_measured_real"].isel(case=c).sel(mode=mode)
+    first = int(np.flatnonzero(cube["case"].values == case)[0])
+    best, worst = (
+        part["label"].values[int(i) - first]
+        for i in cube["best_and_worst"].isel(case=c).sel(mode=mode).values
+    )
+    nodal = part["independent_ratio"].isnull()
+    ideal = part["pressure_reference_real"]
+    limits = {
+        plane: max(float(abs(ideal.sel(plane=plane)).max()),
+                   float(abs(measured.sel(plane=plane)).max()))
+        for plane in ("XZ", "YZ")
+    }  # fmt: skip
+    for row, plane in zip(("cde", "fgh"), ("XZ", "YZ"), strict=True):
+        silent = bool(nodal.sel(plane=plane))
+        limit = max(limits.values()) if silent else limits[plane]
+        fields = (
+            (f"(b) {plane}, ideal{' (nodal)' if silent else ''}", ideal.sel(plane=plane).values),
+            (f"best: {best}", measured.sel(plane=plane, extreme="best").values),
+            (f"worst: {worst}", measured.sel(plane=plane, extreme="worst").values),
+        )
+        picture: Any = None
+        for name, (title, values) in zip(row, fields, strict=True):
+            picture = draw_map(axes[name], values.T, u, z, limit)
+            axes[name].set(title=title, xlabel=f"{plane[0]} in mm")
+        axes[row[0]].set_ylabel("Z in mm")
+        drawing.colorbar(
+            picture, ax=[axes[name] for name in row], shrink=0.85, label="Re p in Pa", pad=0.01
+        )
+    return drawing

@@ -1,0 +1,401 @@
+"""The parameters of every figure set: typed, bounded, and refused in one line.
+
+One model per figure set serves the command line, the notebooks and the tables of the book. A
+field's ``allowed`` text is what the user reads, in the table and in the error message alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from copy import copy
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, Field, create_model, model_validator
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.readings import reading
+from thesis_lib.facts.setups import Setting
+from thesis_lib.figure_sets.parametric.shapes import CONTOURS
+from thesis_lib.studies.request import Study, refuse, shown
+from thesis_lib.studies.shared_fields import PlateMarkers, SoundPlanes
+from thesis_lib.studies.vocabulary import (
+    Azimuth,
+    Elevation,
+    Mode,
+    Name,
+    Positive,
+    Resolution,
+    Width,
+    field,
+    trials,
+)
+from thesis_lib.vibration.structure import Structure, peak_deflection
+from thesis_lib.vision.pinhole import hemisphere_directions
+from thesis_lib.vision.simulation import LEAST_SQUARES
+
+Order = Literal["printed", "reversed"]
+Layout = list[Annotated[list[tuple[Azimuth, Elevation]], Field(min_length=2, max_length=100)]]
+
+
+class CameraStudy(Study):
+    """Parameters that all camera studies share."""
+
+    focal_length_mm: Positive = field(
+        ..., "focal length of the lenses", "a number above 0, at most 100000"
+    )
+    sensor_width_mm: Positive = field(
+        ..., "width of the sensors", "a number above 0, at most 100000"
+    )
+    amplitude_mm: Positive | list[Positive] | Literal["force"] = field(
+        ...,
+        "peak of the deflection over the structure",
+        'a number above 0, a list with one for each mode, or "force" (the response to 1 N)',
+    )
+    rest: Literal["rebuilt", "known"] = field(
+        ...,
+        "whether the rest position is rebuilt from rounded pixels or known",
+        '"rebuilt" or "known"',
+    )
+    azimuth_zero: Literal["Y", "X"] = field(
+        ...,
+        "axis from which azimuths are measured, towards the other one",
+        '"Y" or "X"',
+    )
+    principal_offset_px: Annotated[float, Field(ge=-0.5, le=0.5)] = field(
+        ...,
+        "how far right and down of the sensor's middle the principal point is",
+        "a number from -0.5 to 0.5",
+    )
+    estimator: Literal["least-squares", "analytic-centre"] = field(
+        "least-squares",
+        "how points are estimated from rounded pixels; the thesis takes least squares",
+        '"least-squares" or "analytic-centre"',
+    )
+    modes: list[Mode] = field(
+        lambda: [1, 2, 3],
+        "modes to measure",
+        "a list of different whole numbers from 1 to 30",
+        min_length=1,
+    )
+
+    def printed(self) -> list[Setting]:
+        """The study's settings with azimuths as they are given."""
+        raise NotImplementedError
+
+    def settings(self) -> list[Setting]:
+        """The study's settings in the order of the thesis's tables, azimuths measured from +Y."""
+        return [s.turned() if self.azimuth_zero == "X" else s for s in self.printed()]
+
+    @property
+    def law(self) -> str:
+        """Long name of `predicted_error`, which is a law of least squares for every estimator."""
+        law = "rms error over the trials by the law of rounding"
+        return law if self.estimator == LEAST_SQUARES else f"{law}, of least squares"
+
+    @property
+    def peaks_m(self) -> list[float]:
+        """Peak deflection of each mode in m."""
+        if self.amplitude_mm == "force":
+            return [peak_deflection(self.structure, mode) for mode in self.modes]
+        if isinstance(self.amplitude_mm, list):
+            return [peak / 1000 for peak in self.amplitude_mm]
+        return [float(self.amplitude_mm) / 1000] * len(self.modes)
+
+    @model_validator(mode="after")
+    def _check_together(self) -> CameraStudy:
+        if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
+            self.refuse("amplitude_mm")
+        settings = self.printed()  # as given, so that a refusal says what was given
+        _check_reach(self, settings)
+        for setting in settings:
+            _check_coincidence(self, setting)
+        return self
+
+
+def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
+    length, width = study.structure.extent
+    reach = 1000 * (math.hypot(length, width) / 2 + max(study.peaks_m))
+    field = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
+    for setting in settings:
+        if setting.distance_mm <= reach:
+            refuse(field, setting.distance_mm, f"allowed: more than {reach:.4g} mm, the reach "
+                    "of the structure and its deflection")  # fmt: skip
+
+
+def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
+    angles = np.radians(setting.directions_deg)
+    directions = hemisphere_directions(angles[:, 0], angles[:, 1])
+    apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)
+    first, second = np.nonzero(np.triu(apart < 1e-6, k=1))
+    if len(first):
+        if setting.case in getattr(study, "layouts", {}):
+            field = "layouts"
+        elif setting.directions_deg[first[0]][1] < 90:
+            field = "azimuth_deg"
+        else:
+            field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
+        given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
+        where = f"case {shown(setting.case)}, {setting.label}"
+        refuse(field, given, f"two cameras at the same place in {where} "
+                "([azimuth, elevation] in °), allowed: different places")  # fmt: skip
+
+
+ELEVATION = "a number above 0, at most 90"
+DISTANCE = field(
+    ...,
+    "distance of all cameras from the structure's centre",
+    "a number above the structure's reach, at most 100000",
+)
+RESOLUTION = field(
+    ...,
+    "width and height of the sensors",
+    "[width, height], whole numbers from 2 to 20000",
+)
+AZIMUTH = field(..., "the pair stands at plus and minus this azimuth", "a number from -360 to 360")
+
+
+# The four studies. Where a field has no default here, it is what the table of the structure says.
+
+
+class Distance(CameraStudy):
+    """Case 1: two cameras at growing distance (sections 3.3.1, 4.2.1, 6.2.1)."""
+
+    study = "distance"
+    title = "distance of the cameras"
+    varied = "distance_mm"
+    varied_label = "distance d"
+
+    distances_mm: list[Positive] = field(
+        ...,
+        "distances of the pair from the structure's centre",
+        "a list of different numbers above the structure's reach, at most 100000",
+        min_length=1,
+    )
+    azimuth_deg: Azimuth = AZIMUTH
+    elevation_deg: Elevation = field(..., "elevation of the cameras", ELEVATION)
+    resolution_px: Resolution = RESOLUTION
+
+    def printed(self) -> list[Setting]:
+        """One setting per distance."""
+        return setups.distance_settings(
+            self.distances_mm, self.azimuth_deg, self.elevation_deg, self.resolution_px
+        )
+
+
+class Aperture(CameraStudy):
+    """Cases 2a–2d: two cameras at growing aperture (sections 3.3.2, 4.2.2, 6.2.2)."""
+
+    study = "aperture"
+    title = "aperture between the cameras"
+    varied = "aperture_deg"
+    varied_label = "aperture α"
+
+    cases: list[Literal["2a", "2b", "2c", "2d"]] = field(
+        lambda: ["2a", "2b", "2c", "2d"],
+        "cases to run",
+        "a list of different ones of 2a, 2b, 2c, 2d",
+        min_length=1,
+    )
+    half_apertures_deg: list[Annotated[float, Field(gt=0, lt=180)]] = field(
+        ...,
+        "half of the azimuths between the cameras, cases 2a and 2c",
+        "a list of different numbers above 0 and below 180",
+        min_length=1,
+    )
+    elevations_deg: list[Elevation] = field(
+        ...,
+        "elevations of the cameras, cases 2b and 2d",
+        "a list of different numbers above 0 and below 90",
+        min_length=1,
+    )
+    elevation_deg: Elevation = field(..., "elevation in cases 2a and 2c", ELEVATION)
+    distance_mm: Positive = DISTANCE
+    resolution_px: Resolution = RESOLUTION
+
+    def printed(self) -> list[Setting]:
+        """Cases in the order asked for, apertures in the order of the table."""
+        return setups.aperture_settings(
+            self.cases,
+            self.half_apertures_deg,
+            self.elevations_deg,
+            self.elevation_deg,
+            self.distance_mm,
+            self.resolution_px,
+        )
+
+
+class Resolutions(CameraStudy):
+    """Case 3: two cameras of growing resolution (sections 3.3.3, 4.2.3, 6.2.3)."""
+
+    study = "resolution"
+    title = "resolution of the cameras"
+    varied = "width_px"
+    varied_label = "resolution"
+
+    widths_px: list[Width] = field(
+        ...,
+        "widths of the sensors; heights are 9/16 of them",
+        "a list of different whole numbers from 2 to 20000",
+        min_length=1,
+    )
+    distance_mm: Positive = DISTANCE
+    azimuth_deg: Azimuth = AZIMUTH
+    elevation_deg: Elevation = field(..., "elevation of the cameras", ELEVATION)
+
+    def printed(self) -> list[Setting]:
+        """One setting per width."""
+        return setups.resolution_settings(
+            self.widths_px, self.distance_mm, self.azimuth_deg, self.elevation_deg
+        )
+
+
+class Arrays(CameraStudy):
+    """Cases 4a–4e: growing numbers of cameras (sections 3.3.4, 4.2.4, 6.2.4), and own layouts."""
+
+    study = "arrays"
+    title = "number and layout of the cameras"
+    varied = "n_cameras"
+    varied_label = "cameras"
+
+    cases: list[Literal["4a", "4a'", "4b", "4c", "4d", "4e"]] = field(
+        lambda: ["4a", "4a'", "4b", "4c", "4d", "4e"],
+        "cases to run",
+        "a list of different ones of 4a, 4a', 4b, 4c, 4d, 4e; empty only with layouts",
+    )
+    pair_order: dict[Literal["4a", "4a'", "4b", "4c", "4d", "4e"], Order] = field(
+        lambda: {},
+        'order of adding pairs by case, over the default {"4d": "reversed"}',
+        'an object such as {"4b": "reversed"}: cases of Table 3.4 to "printed" or "reversed"',
+    )
+    layouts: dict[Name, Annotated[Layout, Field(min_length=1, max_length=50)]] = field(
+        lambda: {},
+        "your own layouts: name to a list of growing sets of [azimuth, elevation] in degrees",
+        'an object such as {"mine": [[[0, 20], [90, 20]]]}: new names of 1 to 40 characters, each '
+        "with growing sets of 2 to 100 different cameras, azimuth -360 to 360, elevation above 0 "
+        "to 90",
+    )
+    distance_mm: Positive = DISTANCE
+    resolution_px: Resolution = RESOLUTION
+
+    @model_validator(mode="after")
+    def _check_cases(self) -> Arrays:
+        if not self.cases and not self.layouts:
+            self.refuse("cases")
+        grow = all(
+            len(one) < len(other) for sets in self.layouts.values() for one, other in pairwise(sets)
+        )
+        if set(self.layouts) & set(setups.pairs()) or not grow:
+            self.refuse("layouts")
+        return self
+
+    def printed(self) -> list[Setting]:
+        """Growing sets of cameras, cases first and layouts after them."""
+        return setups.array_settings(
+            self.cases,
+            reading("beam")["pair_order"]
+            | {str(case): order for case, order in self.pair_order.items()},
+            self.layouts,
+            self.distance_mm,
+            self.resolution_px,
+        )
+
+
+class OfL(Arrays):
+    """Cases 4a–4e around an L-shaped plate."""
+
+    study = "l"
+    title = "an L"
+    trials: int = trials(100)
+
+
+class Perforated(Arrays):
+    """Cases 4a–4e around a plate with holes."""
+
+    study = "holes"
+    title = "a plate with holes"
+    trials: int = trials(100)
+
+
+# What beam and sound add.
+
+
+class BeamMarkers(BaseModel):
+    """Parameters of the beam."""
+
+    first_marker_mm: Annotated[float, Field(ge=0, le=23)] = field(
+        ..., "distance of the first marker from the clamp", "a number from 0 to 23"
+    )
+
+    @property
+    def structure(self) -> Structure:
+        """What is measured."""
+        return setups.beam(self.first_marker_mm / 1000)
+
+
+class PlateSound(SoundPlanes):
+    """Parameters of the sound field of a plate's study."""
+
+    @property
+    def plate_request(self) -> dict[str, Any]:
+        """Parameters of the plate's study whose deflections radiate."""
+        model = CAMERA_STUDIES[self.name.replace("sound", "plate")]  # type: ignore[attr-defined]
+        return {key: value for key, value in self.model_dump().items() if key in model.model_fields}
+
+
+def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
+    """A study of one structure: its fields default to what the structure's tables say."""
+    grid = {"grid": setups.plate().grid}
+    like = "plate" if subject == "shape" else subject
+    printed = {**grid, **reading(like), **setups.table(subject, kind.study)}
+    bases = (*more, kind)
+    fields: dict[str, Any] = {}
+    for name, info in {
+        k: v for base in reversed(bases) for k, v in base.model_fields.items()
+    }.items():
+        if name in printed and info.is_required():
+            filled = copy(info)
+            filled.default = _held(name, printed[name])
+            fields[name] = (info.annotation, filled)
+    model: type[CameraStudy] = create_model(
+        f"{subject.title()}{kind.__name__}",
+        __base__=bases,  # type: ignore[arg-type]
+        __doc__=kind.__doc__,
+        **fields,
+    )
+    model.subject, model.name = subject, f"{subject}-{kind.study}"
+    model.title = f"{subject.title()}: {kind.title}"
+    return model
+
+
+def _held(name: str, value: Any) -> Any:
+    """A value of the tables as models hold it."""
+    if name == "resolution_px":
+        return tuple(value)
+    return list(map(_frozen, value)) if name in CONTOURS else value
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(map(_frozen, value)) if isinstance(value, list) else float(value)
+
+
+_KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
+_EXTRA: dict[str, tuple[type[BaseModel], ...]] = {
+    "beam": (BeamMarkers,), "plate": (PlateMarkers,), "sound": (PlateSound,),
+}  # fmt: skip
+CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
+    study.name: study
+    for subject, extra in _EXTRA.items()
+    for study in (figure_set(subject, kind, *extra) for kind in _KINDS)
+}
+
+
+def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraStudy:
+    """Parameters of one of the camera studies, of chapters 3, 4 and 6."""
+    from thesis_lib.figure_sets.registry import validate
+
+    study = validate(name, values or {})
+    assert isinstance(study, CameraStudy)
+    return study

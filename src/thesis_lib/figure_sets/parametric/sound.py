@@ -1,0 +1,240 @@
+"""The sound of measured deflections: from a plate's cube to a cube of plane errors (thesis 6.2).
+
+The pressure on a plane is linear in the deflection errors e, so its rms error is ω ‖F e‖ with a
+small triangular factor F of the plane and the frequency: no trial ever needs its field.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.acoustics import radiation
+from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
+from thesis_lib.acoustics.plate_sound import NODAL
+from thesis_lib.acoustics.sources import Medium
+from thesis_lib.figure_sets.parametric.parameters import CameraStudy
+from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
+from thesis_lib.studies.labels import extremes, field_coordinates
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import resonance, world_points
+from thesis_lib.vision import rounding
+
+Array = NDArray[np.float64]
+
+
+def checksum(plate_cube: xr.Dataset) -> str:
+    """SHA-256 of the measured deflections that a plate's cube holds."""
+    total, deflections = hashlib.sha256(), plate_cube["measured_deflection"]
+    for block in _runs(deflections):
+        total.update(block.values.tobytes())
+    return total.hexdigest()
+
+
+def _runs(values: xr.DataArray) -> Iterator[xr.DataArray]:
+    """Parts of a variable (setting, mode, trial, ...) in the order in which it is stored."""
+    for setting in range(values.sizes["setting"]):
+        for mode in range(values.sizes["mode"]):
+            part = values.isel(setting=setting, mode=mode)
+            for trials in runs_of_trials(part.sizes["trial"] - 1, part[0].nbytes):
+                yield part.isel(trial=trials)
+
+
+@dataclass(frozen=True)
+class _Sound:
+    """What the blocks of a study share: of each mode, ω, the deflections, the planes' factors."""
+
+    study: tuple[float, float, bool]  # focal length and sensor width in mm, rest known
+    omegas: list[float]
+    points: Array  # (modes, 3, 2, markers): at rest and deflected
+    factors: list[list[Array]]
+
+    def __call__(self, block: Block) -> dict[str, Array]:
+        """Rms errors (modes, trials, planes) in Pa; with the first trials what is predicted."""
+        setting, measured = block.load
+        error = measured.astype(float) - self.points[:, 2, 1][:, None]
+        rms = np.empty((*error.shape[:2], len(self.factors[0])))
+        predicted = np.empty((len(self.omegas), len(self.factors[0])))
+        focal_length_mm, sensor_width_mm, known = self.study
+        first = block.trials.start == 0
+        P = setting.cameras(focal_length_mm, sensor_width_mm).P
+        for m, (omega, points, factors) in enumerate(
+            zip(self.omegas, self.points, self.factors, strict=True)
+        ):
+            if first:
+                C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known)
+            for p, factor in enumerate(factors):
+                rms[m, :, p] = omega * np.linalg.norm(error[m] @ factor.T, axis=-1)
+                if first:
+                    predicted[m, p] = omega * np.sqrt(np.sum((factor @ C) * factor))
+        return {"rms": rms, "predicted": predicted} if first else {"rms": rms}
+
+
+def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.Dataset:
+    """The cube of a sound study, in memory.
+
+    Parameters
+    ----------
+    study : CameraStudy
+        Validated parameters of a sound study.
+    plate_cube : xarray.Dataset
+        Cube of the plate's study with the same settings, modes and trials.
+    scheduler : str
+        Workers that compute it (:func:`thesis_lib.studies.schedulers.checked`), else this process
+        does.
+
+    Returns
+    -------
+    xarray.Dataset
+        Errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8,
+        with the modulus of the complex difference), NaN where a plane is nodal, and of the larger
+        of the two, NaN where both are; predicted errors; reference fields and those of the best
+        and worst settings.
+    """
+    return outline(study, plate_cube, scheduler).in_memory()
+
+
+def outline(
+    study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "", piece_bytes: int = PIECE_BYTES
+) -> Outline:
+    """The cube of a sound study, to be filled in block by block."""
+    plate = study.structure
+    assert isinstance(plate, Plate)
+    planes: tuple[Plane, ...] = study.planes  # type: ignore[attr-defined]
+    medium: Medium = study.medium  # type: ignore[attr-defined]
+    reference, deflections = (
+        plate_cube["reference_deflection"].values,
+        plate_cube["measured_deflection"],
+    )
+    settings, chosen = study.settings(), extremes(plate_cube)
+
+    n_modes = len(study.modes)
+    independent, largest = np.empty((n_modes, len(planes))), np.empty((n_modes, len(planes)))
+    fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
+    power, piston_size = np.empty((n_modes, 2)), np.empty(n_modes)
+    omegas = [resonance(plate, mode) for mode in study.modes]
+    operators = [[operator(plate, plane, omega, medium) for plane in planes] for omega in omegas]
+    factors = [[full_factor(op) for op in of_mode] for of_mode in operators]
+    for m, omega in enumerate(omegas):
+        for p, (op, factor) in enumerate(zip(operators[m], factors[m], strict=True)):
+            fields[m, p] = op.field(1j * omega * reference[m])
+            largest[m, p] = np.max(np.abs(fields[m, p]))
+            independent[m, p] = omega * np.linalg.norm(factor)
+        parts = pistons(plate)
+        piston_size[m] = omega / medium.speed_of_sound * max(parts.size)
+        velocity = 1j * omega * reference[m]
+        power[m] = (
+            radiation.sound_power(parts, velocity, omega, medium),
+            radiation.radiation_efficiency(parts, velocity, omega, medium),
+        )
+
+    amplitude = np.max(np.abs(reference), axis=1)[:, None]
+    expected = np.maximum(largest, independent * amplitude).max(axis=1, keepdims=True)
+    usable = np.where(largest > NODAL * expected, largest, np.nan)
+    greater = np.fmax.reduce(usable, axis=1, keepdims=True)  # NaN if both planes are nodal
+    kept = {
+        str(name): coordinate
+        for name, coordinate in plate_cube.coords.items()
+        if coordinate.dims in (("setting",), ("mode",), ("trial",))
+    }
+    cube = xr.Dataset(coords={**kept, **field_coordinates(planes, list(chosen))})
+    trial = ("setting", "mode", "trial", "plane")
+    field = ("mode", "plane", "u", "z")
+    later: dict[str, Any] = {}
+    order = []
+    for name, dims, values, units, long_name in (
+        ("plane_error", trial, None, "percent",
+         "rms pressure error over a plane (eq. 6.8), of the plane's largest reference pressure"),
+        ("plane_error_of_larger", trial, None, "percent",
+         "rms pressure error over a plane, of the largest reference pressure of both planes"),
+        ("predicted_error", ("setting", "mode", "plane"), None, "percent", study.law),
+        ("independent_ratio", ("mode", "plane"), independent * amplitude / usable, "1",
+         "plane error over mean deflection error for errors of equal size, marker by marker"),
+        ("largest_pressure", ("mode", "plane"), largest, "Pa", "largest reference pressure"),
+        ("deflection_error", trial[:3], None, "percent",
+         "rms deflection error over the markers of the same run (eq. 4.9)"),
+        ("best_and_worst", ("case", "mode", "extreme"), np.array(list(chosen.values())), "1",
+         "index of the setting with the lowest and highest deflection error in trial 0"),
+        (
+            "piston_size",
+            ("mode",),
+            piston_size,
+            "1",
+            "wavenumber times the longer side of a piston; above 1 it is hardly a point source",
+        ),
+        ("radiation_efficiency", ("mode",), power[:, 1], "1",
+         "radiated power over that of a plane wave of the same mean square velocity"),
+        ("pressure_reference_real", field, fields.real, "Pa", "reference pressure, real part"),
+        ("pressure_reference_imag", field, fields.imag, "Pa", "reference pressure, imaginary part"),
+        ("pressure_measured_real", ("case", "mode", "extreme", *field[1:]), None,
+         "Pa", "pressure of the measured deflections in trial 0, real part"),
+        ("pressure_measured_imag", ("case", "mode", "extreme", *field[1:]), None,
+         "Pa", "pressure of the measured deflections in trial 0, imaginary part"),
+    ):  # fmt: skip
+        attributes = {"units": units, "long_name": long_name}
+        kind = "float32" if name.startswith("pressure") else "float64"
+        order.append(name)
+        if values is None:
+            later[name] = (dims, kind, attributes)
+        else:
+            cube[name] = (dims, values.astype(kind) if kind == "float32" else values, attributes)
+    for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
+        cube[name] = plate_cube[name]
+    if study.amplitude_mm == "force":
+        _add_levels(cube, power[:, 0], largest)
+    order += [str(name) for name in cube.data_vars if name not in order]
+
+    rests = np.zeros_like(reference)
+    points = np.stack(
+        [world_points(plate, np.stack(two)) for two in zip(rests, reference, strict=True)]
+    )
+    shared = (study.focal_length_mm, study.sensor_width_mm, study.rest == "known")
+    work = _Sound(shared, omegas, points, factors)
+
+    def blocks() -> Iterator[Block]:
+        trial_bytes = 8 * reference.size
+        for index, setting in enumerate(settings):
+            for trials in runs_of_trials(study.trials, trial_bytes):
+                measured = deflections.isel(setting=index, trial=trials).values
+                nbytes = trial_bytes * measured.shape[1]
+                yield Block(index, trials, nbytes, (setting, measured))
+
+    def fill(target: Mapping[str, Any]) -> None:
+        for block, found in computed(work, blocks(), scheduler, piece_bytes):
+            target["plane_error"][block.place] = 100 * found["rms"] / usable[:, None]
+            target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
+            if "predicted" in found:
+                target["predicted_error"][block.setting] = 100 * found["predicted"] / usable
+            mean = plate_cube["mean_error"].isel(setting=block.setting, trial=block.trials)
+            target["deflection_error"][block.place] = mean.values
+        for c, of_case in enumerate(chosen.values()):
+            for m, omega in enumerate(omegas):
+                for x, setting in enumerate(of_case[m]):
+                    literal = deflections.isel(setting=setting, mode=m, trial=0).values.astype(
+                        float
+                    )
+                    for p, op in enumerate(operators[m]):
+                        pressure = op.field(1j * omega * literal)
+                        target["pressure_measured_real"][c, m, x, p] = pressure.real
+                        target["pressure_measured_imag"][c, m, x, p] = pressure.imag
+
+    cube = cube.assign_attrs(deflections_sha256=checksum(plate_cube))
+    return Outline(cube, later, fill, tuple(order))
+
+
+def _add_levels(cube: xr.Dataset, power: Array, largest: Array) -> None:
+    """Power and levels, which mean something only for a force in newtons."""
+    for name, dims, values, units, long_name in (
+        ("sound_power", ("mode",), power, "W", "sound power of the reference deflection"),
+        ("sound_power_level", ("mode",), radiation.power_level(power), "dB",
+         "sound power level re 1 pW"),
+        ("largest_pressure_level", ("mode", "plane"), radiation.pressure_level(largest), "dB",
+         "largest sound pressure level re 20 uPa"),
+    ):  # fmt: skip
+        cube[name] = (dims, values, {"units": units, "long_name": long_name})

@@ -1,0 +1,1 @@
+"""Questions about where cameras should stand."""

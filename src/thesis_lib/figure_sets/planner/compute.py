@@ -1,0 +1,146 @@
+"""The cube of ``planner``: plans for standard questions, and the thesis's layouts beside them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.readings import reading
+from thesis_lib.figure_sets.planner.parameters import THESIS, Planner
+from thesis_lib.planning import errors
+from thesis_lib.planning.cube import as_cube
+from thesis_lib.planning.lattice import first_most
+from thesis_lib.planning.optimum import layout_cost
+from thesis_lib.planning.planner import Plan, plan
+
+Array = NDArray[np.float64]
+
+_DROPPED = ("chosen", "point_error", "marker", "normal", "reference_deflection")
+_THESIS = {  # of what is said of the thesis's own layouts
+    "thesis_expected": "the averaged error of the thesis's layout",
+    "thesis_predicted": "error of the worst mode of the thesis's layout by the law",
+    "thesis_simulated": "rms error of the worst mode of the thesis's layout over the trials",
+}  # fmt: skip
+
+
+def run(study: Planner) -> xr.Dataset:
+    """The cube of the figure set ``planner``.
+
+    Parameters
+    ----------
+    study : Planner
+        Validated parameters.
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables of a plan's cube along ``question``; of the thesis's layouts, at the first of the
+        resolutions, along ``thesis_case`` and ``count``; ``quantity``, ``value`` and ``unit`` are
+        what runs are compared by.
+    """
+    plans = {name: plan(request) for name, request in study.questions.items()}
+    cube = xr.concat(
+        [_whole(as_cube(one), one, study) for one in plans.values()], "question", join="outer",
+        coords="minimal", compat="override", combine_attrs="drop",
+    )  # fmt: skip
+    cube = cube.assign_coords(
+        question=("question", list(plans), {"units": "1", "long_name": "what was asked"}),
+        count=("count", sorted(study.counts), {"units": "1", "long_name": "number of cameras"}),
+    )
+    cube.attrs = {"cost_is": "pixels per second"}
+    own = [_of_thesis(study, plans[name], body) for body, name in THESIS.items()]
+    cube = cube.assign(xr.concat(own, xr.Variable("structure", list(THESIS), {
+        "units": "1", "long_name": "structure"})).data_vars)  # fmt: skip
+    cube["structure"].attrs = {"units": "1", "long_name": "structure"}
+    cube["thesis_case"].attrs = {"units": "1", "long_name": "case of the thesis"}
+    for name, words in _THESIS.items():
+        cube[name].attrs = {"units": "percent", "long_name": words}
+    return cube.assign(_summary(cube, study))
+
+
+def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
+    """A plan's cube with a row for every option that was asked for, NaN where none was found."""
+    wanted = [(w, n) for w, _ in study.resolutions_px for n in sorted(study.counts)]
+    have = {(one.resolution[0], len(one.layout)): i for i, one in enumerate(made.options)}
+    cube = cube.drop_vars(_DROPPED).pad(
+        camera=(0, max(study.counts) - cube.sizes["camera"]), constant_values=np.nan
+    )
+    rows = [have.get(pair, -1) for pair in wanted]
+    cube = cube.isel(option=[max(row, 0) for row in rows])
+    missing = xr.DataArray(np.array(rows) < 0, dims="option")
+    cube = cube.where(~missing)
+    for name in ("outline", "frequency"):
+        cube[name] = cube[name].isel(option=0, drop=True)
+    for name in ("n_cameras", "width_px", "height_px"):
+        column = {"n_cameras": [n for _, n in wanted], "width_px": [w for w, _ in wanted]}.get(name)
+        if column:
+            cube[name] = ("option", column, cube[name].attrs)
+    return cube
+
+
+def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
+    """Errors of the thesis's layouts of as many cameras, at the first of the resolutions."""
+    scene, width = made.options[0].scene, study.resolutions_px[0][0]
+    table, counts = setups.table(body, "arrays"), sorted(study.counts)
+    cases = list(setups.pairs())
+    order = reading(body)["pair_order"]
+    size = study.resolutions_px[0]
+    found: Array = np.full((3, len(cases), len(counts)), np.nan)
+    factor = float(np.max(errors.percent(scene))) * np.sqrt(errors.MOTION) / width
+    for setting in setups.array_settings(cases, order, {}, table["distance_mm"], size):
+        number = len(setting.directions_deg)
+        if number not in counts:
+            continue
+        at = (slice(None), cases.index(setting.case), counts.index(number))
+        layout = np.column_stack([
+            np.radians(setting.directions_deg), np.full(number, setting.distance_mm / 1000),
+            np.full(number, study.focal_length_mm / study.sensor_width_mm),
+        ])  # fmt: skip
+        cost = layout_cost(scene, layout, "mean")
+        if not np.isfinite(cost):
+            continue
+        point = errors.predicted(scene, layout, width)
+        drawn = errors.simulated(scene, layout, width, study.trials, study.seed, "least-squares")
+        best = first_most(point)
+        found[at] = (factor * np.sqrt(cost), np.max(errors.counted(point, "mean")),
+                     np.max(drawn.error("mean", best)))  # fmt: skip
+    values = {
+        name: (("thesis_case", "count"), row) for name, row in zip(_THESIS, found, strict=True)
+    }
+    return xr.Dataset(values, coords={"thesis_case": cases})
+
+
+def cheapest(one: xr.Dataset, target: float) -> int | None:
+    """The cheapest option of a question that reaches a target, predicted and simulated."""
+    kinds = [one[name].max("mode").values for name in ("predicted_error", "simulated_error")]
+    worst, cost = np.max(kinds, axis=0), one["cost"].values
+    good = [i for i in range(len(worst)) if worst[i] <= target]
+    return min(good, key=lambda i: (cost[i], worst[i]), default=None)
+
+
+def _summary(cube: xr.Dataset, study: Planner) -> dict[str, Any]:
+    """What is published and compared."""
+    rows: list[tuple[str, float, str]] = []
+    width = study.resolutions_px[0][0]
+    for name in cube["question"].values.tolist():
+        one = cube.sel(question=name)
+        for i in np.flatnonzero(one["width_px"].values == width):
+            n = int(one["n_cameras"][i])
+            expected = float(one["expected_error"][i])
+            rows.append((f"{name}, {n} cameras, averaged error", expected, "percent"))
+        best = cheapest(one, study.target_percent)
+        rate = np.nan if best is None else float(one["cost"][best]) / 1e6
+        rows.append((f"{name}, cheapest for the target", rate, "million pixels/s"))
+    ratio = cube["simulated_error"] / cube["predicted_error"]
+    rows += [("simulated over predicted, least", float(ratio.min()), "1"),
+             ("simulated over predicted, largest", float(ratio.max()), "1")]  # fmt: skip
+    words = {"quantity": "what a value is", "value": "value, in the unit beside it",
+             "unit": "unit of the value"}  # fmt: skip
+    return {
+        name: ("quantity", list(column), {"units": "1", "long_name": text})
+        for (name, text), column in zip(words.items(), zip(*rows, strict=True), strict=True)
+    }

@@ -1,0 +1,238 @@
+"""Tables and figures of ``planner``, from its cube."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from IPython.display import HTML, SVG, Markdown
+from matplotlib.figure import Figure
+
+from thesis_lib.figure_sets.planner.compute import cheapest
+from thesis_lib.figure_sets.planner.parameters import THESIS
+from thesis_lib.planning.figures import VIEWS, front_panel, layout_panel
+from thesis_lib.planning.lattice import TIE
+from thesis_lib.planning.layout_view import layout_view
+from thesis_lib.plotting.style import REFERENCE, color, in_style, logarithmic, subplots, svg
+from thesis_lib.studies.cubes import percent_text
+from thesis_lib.web.markdown import table
+
+FRONT = "beam: nearer or farther, too"  # of which the front is drawn
+DRAWN = 4  # cameras of the layouts that are drawn, or the number next to it
+
+
+def _asked(cube: xr.Dataset, name: str) -> Any:
+    return json.loads(cube.attrs["parameters"])[name]
+
+
+def _coarse(cube: xr.Dataset, question: str) -> xr.Dataset:
+    """The options of a question with the first of the resolutions."""
+    one = cube.sel(question=question)
+    return one.isel(option=np.flatnonzero(one["width_px"] == _asked(cube, "resolutions_px")[0][0]))
+
+
+def _text(value: float) -> str:
+    return "—" if np.isnan(value) else percent_text(value)
+
+
+def _best_of_thesis(cube: xr.Dataset, body: str) -> list[tuple[str, float, float]]:
+    """Case with the least averaged error, that error, and the simulated one, for each count."""
+    found = []
+    part = cube.sel(structure=body)
+    for i in range(cube.sizes["count"]):
+        expected = part["thesis_expected"].values[:, i]
+        if np.isnan(expected).all():
+            found.append(("—", np.nan, np.nan))
+            continue
+        best = int(np.nanargmin(expected))
+        found.append((str(cube["thesis_case"].values[best]), float(expected[best]),
+                      float(part["thesis_simulated"].values[best, i])))  # fmt: skip
+    return found
+
+
+def against_thesis(cube: xr.Dataset) -> str:
+    """Planned layouts beside the best of the thesis with as many cameras."""
+    rows = []
+    for body, question in THESIS.items():
+        one = _coarse(cube, question)
+        for i, (case, own, drawn) in enumerate(_best_of_thesis(cube, body)):
+            expected, bound = (float(one[name][i]) for name in ("expected_error", "bound"))
+            simulated = float(one["simulated_error"][i].max())
+            rows.append([
+                body, str(int(cube["count"][i])), case, _text(own), _text(expected),
+                _text(100 * (1 - expected / own)), _text(bound), _text(drawn), _text(simulated),
+            ])  # fmt: skip
+    header = ["", "cameras", "best case of the thesis", "its error", "planned", "less by, %",
+              "bound", "simulated: thesis", "planned"]  # fmt: skip
+    width, height = _asked(cube, "resolutions_px")[0]
+    return table(header, rows) + (
+        f"\nErrors of the worst mode in % of its largest deflection, {width}×{height} px, averaged "
+        "over amplitudes. No layout on the grid of the search is below the *bound*; one beside it "
+        "may be, by little. The last two columns are simulated at the amplitude asked for.\n"
+    )
+
+
+def limits(cube: xr.Dataset) -> str:
+    """What limits on places cost."""
+    counts = [int(n) for n in cube["count"].values]
+    rows = []
+    for question in cube["question"].values.tolist():
+        body = str(question).partition(":")[0]
+        free = _coarse(cube, THESIS[body])["expected_error"].values
+        own = _coarse(cube, question)["expected_error"].values
+        cells = [
+            _text(e) + ("" if np.isnan(more) or abs(more) < TIE else f" ({100 * more:+.0f} %)")
+            for e, more in zip(own, own / free - 1, strict=True)
+        ]
+        rows.append([str(question), *cells])
+    tilt = _asked(cube, "tilt_deg")
+    return table(["", *(f"{n} cameras" for n in counts)], rows) + (
+        "\nAveraged errors in %, and how much more than in the first row of the structure. But for "
+        f"that row markers are read up to {tilt:g}° from their normals. With a wall or a machine "
+        "cameras may stand nearer or farther, too.\n"
+    )
+
+
+def front(cube: xr.Dataset) -> str:
+    """The options on the front of one question."""
+    one = cube.sel(question=FRONT)
+    order = np.argsort(one["cost"].values, kind="stable")
+    rows = [
+        [str(int(one["n_cameras"][i])), f"{int(one['width_px'][i])}×{int(one['height_px'][i])}",
+         f"{float(one['cost'][i]) / 1e6:.0f}", _text(float(one["expected_error"][i])),
+         _text(float(one["predicted_error"][i].max())),
+         _text(float(one["simulated_error"][i].max()))]
+        for i in order if one["on_front"].values[i] == 1
+    ]  # fmt: skip
+    header = ["cameras", "pixels", "million pixels/s", "averaged, %", "predicted, %",
+              "simulated, %"]  # fmt: skip
+    return table(header, rows)
+
+
+def targets(cube: xr.Dataset) -> str:
+    """The cheapest layout that reaches the target, question by question."""
+    target = _asked(cube, "target_percent")
+    rows = []
+    for question in cube["question"].values.tolist():
+        one = cube.sel(question=question)
+        best = cheapest(one, target)
+        if best is None:
+            rows.append([str(question), "none", "", "", "", ""])
+            continue
+        at = one.isel(option=best)
+        rows.append([
+            str(question), str(int(at["n_cameras"])),
+            f"{int(at['width_px'])}×{int(at['height_px'])}", f"{float(at['cost']) / 1e6:.0f}",
+            _text(float(at["predicted_error"].max())), _text(float(at["simulated_error"].max())),
+        ])  # fmt: skip
+    header = ["", "cameras", "pixels", "million pixels/s", "predicted, %", "simulated, %"]
+    return table(header, rows) + f"\nThe target is {target:g} % in the worst mode.\n"
+
+
+def verification(cube: xr.Dataset) -> str:
+    """Simulated over predicted errors, over all options and modes of a structure."""
+    rows = []
+    for body in THESIS:
+        some = [q for q in cube["question"].values.tolist() if str(q).startswith(body)]
+        part = cube.sel(question=some)
+        ratio = (part["simulated_error"] / part["predicted_error"]).values.ravel()
+        ratio = ratio[np.isfinite(ratio)]
+        rows.append([body, str(len(ratio)), f"{ratio.min():.3f}", f"{np.median(ratio):.3f}",
+                     f"{ratio.max():.3f}"])  # fmt: skip
+    header = ["simulated over predicted", "layouts × modes", "least", "median", "largest"]
+    return table(header, rows)
+
+
+def _near(cube: xr.Dataset, question: str, count: int) -> int:
+    counts = cube.sel(question=question)["n_cameras"].values
+    return int(np.argmin(np.abs(counts - count)))
+
+
+def gain_figure(cube: xr.Dataset) -> Figure:
+    """Errors of the thesis's layouts and of planned ones against the number of cameras."""
+    drawing, axes = subplots(1, 2, figsize=(7.4, 3.4), layout="constrained")
+    n = cube["count"].values
+    for panel, (body, question) in zip(axes, THESIS.items(), strict=True):
+        own = cube.sel(structure=body)["thesis_expected"]
+        for i, case in enumerate(cube["thesis_case"].values):
+            panel.plot(n, own.sel(thesis_case=case), "o--", color=color(i), markersize=3.5,
+                       linewidth=0.8, label=f"case {case}")  # fmt: skip
+        one = _coarse(cube, question)
+        panel.plot(n, one["expected_error"], "o-", color="#222222", linewidth=2, label="planned")
+        panel.plot(n, one["bound"], "_", color="#222222", markersize=12, label="bound")
+        read = _coarse(cube, f"{body}: markers that can be read")
+        panel.plot(n, read["expected_error"], "s-", color=REFERENCE, linewidth=1.4, markersize=4,
+                   label="planned, readable")  # fmt: skip
+        logarithmic(panel.xaxis, n.tolist())
+        logarithmic(panel.yaxis, [2, 5, 10, 20, 50])
+        panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
+    axes[1].legend(fontsize=7)
+    return drawing
+
+
+def layouts_figure(cube: xr.Dataset) -> Figure:
+    """Planned layouts of some questions from a corner and from above."""
+    shown = [q for q in cube["question"].values.tolist() if "read" not in str(q)]
+    across = 3
+    rows = -(-len(shown) // across)
+    drawing, grid = subplots(2 * rows, across, figsize=(7.6, 3.6 * rows), layout="constrained",
+                             squeeze=False)  # fmt: skip
+    columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
+    for column, question in zip(columns, shown, strict=False):
+        part = cube.sel(question=question).isel(option=_near(cube, question, DRAWN))
+        for panel, (_, azimuth, elevation) in zip(column, VIEWS, strict=False):
+            layout_panel(panel, part, azimuth, elevation)
+        column[0].set_title(str(question))
+    for column in columns[len(shown) :]:
+        for panel in column:
+            panel.axis("off")
+    return drawing
+
+
+def front_picture(cube: xr.Dataset) -> Figure:
+    """Error against cost for one question."""
+    drawing, panel = subplots(figsize=(7.2, 3.8), layout="constrained")
+    one = cube.sel(question=FRONT)
+    best = cheapest(one, _asked(cube, "target_percent"))
+    one = one.isel(option=np.flatnonzero(np.isfinite(one["cost"].values)))
+    target = None if best is None else _asked(cube, "target_percent")
+    kept = np.isfinite(cube.sel(question=FRONT)["cost"].values)
+    chosen = 0 if best is None else int(np.sum(kept[:best]))
+    front_panel(panel, one.assign(chosen=chosen), target)
+    return drawing
+
+
+FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
+    "gain": gain_figure, "layouts": layouts_figure, "front": front_picture,
+}  # fmt: skip
+TABLES: dict[str, Callable[[xr.Dataset], str]] = {
+    "thesis": against_thesis, "limits": limits, "front": front, "targets": targets,
+    "verification": verification,
+}  # fmt: skip
+PIECES = TABLES
+
+
+def show(cube: xr.Dataset, name: str) -> Markdown:
+    """One of :data:`TABLES`, for a notebook."""
+    return Markdown(TABLES[name](cube))
+
+
+def view(cube: xr.Dataset) -> HTML:
+    """Every planned layout, to be turned, for a notebook."""
+    plans = []
+    for question in cube["question"].values.tolist():
+        one = cube.sel(question=question)
+        found = np.flatnonzero(np.isfinite(one["cost"].values))
+        first = int(np.searchsorted(found, _near(cube, question, DRAWN)))
+        plans.append((str(question), one.isel(option=found), first))
+    return HTML(layout_view(plans))
+
+
+def picture(cube: xr.Dataset, name: str) -> SVG:
+    """One of :data:`FIGURES`, for a notebook."""
+    with in_style():
+        drawing = FIGURES[name](cube)
+    return SVG(svg(drawing))

@@ -1,0 +1,146 @@
+"""Recordings of the laboratory: filmed and measured once, and from then on data.
+
+To film chapter 5 and to follow all markers takes a quarter of an hour. What was measured, image
+coordinates to :data:`STEP`, is in ``data/recordings``, beside each file the digests of itself and
+of what it was made from: its request, and the code. A file that is damaged, or that other code has
+made, is named, and its recordings are filmed anew; so are those of another request, whose files
+``build/cache`` keeps. ``thesis record`` makes all of them anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib import records
+from thesis_lib.asides import aside
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.files import code, project_root
+from thesis_lib.studies import effort
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.cache import cached
+from thesis_lib.studies.request import Study
+from thesis_lib.studies.storage import opened, write
+
+SUBJECTS = ("experiment", "lab")
+"""Of the figure sets that are computed from recordings."""
+STEP = 1e-4
+"""Image coordinates are kept to this, in px: a hundredth of what noise does to them."""
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """Some recordings, and how they are made.
+
+    Parameters
+    ----------
+    request : Study
+        What is filmed.
+    film : callable
+        Films it and measures: request to dataset.
+    sources : list of Path
+        What the result depends on besides the request.
+    """
+
+    request: Study
+    film: Callable[[Any], xr.Dataset]
+    sources: list[Path]
+
+    @property
+    def path(self) -> Path:
+        """Where what was measured is data."""
+        return folder() / f"{self.request.name}.nc"
+
+    @property
+    def made_from(self) -> str:
+        """Digests of the request and of the code, in which comments do not count."""
+        total = hashlib.sha256()
+        for path in sorted(self.sources, key=lambda path: path.name):
+            total.update(code(path))
+        return f"{self.request.digest} {total.hexdigest()}"
+
+
+def folder() -> Path:
+    """Where all of the data are."""
+    return project_root() / "data" / "recordings"
+
+
+def laboratory(request: Study) -> Recordings:
+    """The recordings that a figure set of chapter 5 is computed from, whatever its parameters."""
+    from thesis_lib.figure_sets.experiment import recordings as filmed
+    from thesis_lib.figure_sets.experiment.parameters import Experiment
+    from thesis_lib.figure_sets.lab_layout import recordings as lab_layout_film
+    from thesis_lib.figure_sets.lab_layout.parameters import Layouts
+    from thesis_lib.figure_sets.lab_modes.parameters import LabModes
+    from thesis_lib.figure_sets.lab_plate.parameters import LabPlate
+    from thesis_lib.laboratory import recordings as lab_films
+
+    if isinstance(request, Experiment):
+        return Recordings(request.recordings, filmed.run, filmed.sources())
+    if isinstance(request, Layouts):
+        return Recordings(request.film_request, lab_layout_film.run, lab_layout_film.sources())
+    assert isinstance(request, LabModes | LabPlate)
+    return Recordings(request.recordings, lab_films.run, lab_films.sources())
+
+
+def every() -> list[Recordings]:
+    """All recordings that there are data of."""
+    asked = [study() for study in STUDIES.values() if study.subject in SUBJECTS]
+    found = {of.request.name: of for of in map(laboratory, asked)}
+    return list(found.values())
+
+
+def measured(of: Recordings) -> xr.Dataset:
+    """What was measured on recordings: from the data, the cache, or filmed now."""
+    data = _kept(of)
+    return cached(of.request, partial(_filmed, of.film), of.sources) if data is None else data
+
+
+def record(of: Recordings) -> Path:
+    """Film recordings now and make what is measured on them the data."""
+    seconds = effort.stopwatch()
+    made = _filmed(of.film, of.request)
+    made = with_provenance(made, of.request, seconds())
+    write(made, of.path, compact=True, steps=dict.fromkeys(_coordinates(made), STEP))
+    records.write(_record(of.path), of.made_from, [of.path])
+    return of.path
+
+
+def _filmed(film: Callable[[Any], xr.Dataset], request: Study) -> xr.Dataset:
+    """What is measured, with coordinates as they will be read from the data."""
+    data = film(request)
+    return data.assign({
+        name: data[name].copy(data=np.rint(data[name].values.astype(float) / STEP) * STEP)
+        for name in _coordinates(data)
+    })  # fmt: skip
+
+
+def _coordinates(data: xr.Dataset) -> list[str]:
+    """Variables that hold image coordinates of every frame."""
+    return [str(name) for name, values in data.data_vars.items()
+            if "frame" in values.dims and values.attrs.get("units") == "px"]  # fmt: skip
+
+
+def _record(path: Path) -> Path:
+    return path.with_suffix(".json")
+
+
+def _kept(of: Recordings) -> xr.Dataset | None:
+    """The data, if they are of this request and code; what is wrong with them is said."""
+    record = records.read(_record(of.path))
+    if record is None or not record.made_from.startswith(of.request.digest):
+        return None
+    problem = records.damage(_record(of.path), [of.path])
+    if not problem and record.made_from != of.made_from:
+        problem = f"{of.path} was measured by other code"
+    if problem:
+        aside(f"{problem}; it is filmed anew, which takes minutes")
+        return None
+    return opened(of.path)

@@ -1,0 +1,156 @@
+"""The files of a recording: videos, sound, pictures of the board, manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from thesis_lib.laboratory.render import BeamView, Image, board_image
+from thesis_lib.laboratory.rig import REST, Rig
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.manifest import write_manifest
+from thesis_lib.measure.recordings.manifest_model import (
+    BoardSpec,
+    CameraFiles,
+    Excitation,
+    Manifest,
+)
+from thesis_lib.measure.recordings.manifest_model import Markers as MarkerSpec
+from thesis_lib.measure.recordings.manifest_model import Structure as StructureSpec
+from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.parallel import abreast
+from thesis_lib.vibration.beam import Beam
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import Structure
+
+Array = NDArray[np.float64]
+SAMPLE_RATE = 48000  # Hz
+
+
+def frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
+    """The frames of one camera, one after the other."""
+    station = rig.stations[index]
+    view = BeamView(station.camera, rig.markers, rig.motion, station.sensor)
+    for k in range(int(rig.duration * station.frame_rate)):
+        rng = rig.generator(1, index, k) if noise else None
+        yield view.frame(station.start + k / station.frame_rate, rng)
+
+
+def sound(rig: Rig, index: int) -> Array:
+    """The audio track of one camera: the force over full scale, with noise."""
+    station = rig.stations[index]
+    times = station.start + np.arange(int(rig.duration * SAMPLE_RATE)) / SAMPLE_RATE
+    signal = rig.motion.force(times) / rig.full_scale
+    tone = signal[times > rig.motion.steady]
+    spread = np.std(tone) * 10 ** (-rig.audio_noise_db / 20)
+    return signal + spread * rig.generator(2, index, 0).standard_normal(len(signal))
+
+
+def shots(rig: Rig, index: int) -> Iterator[Image]:
+    """The pictures that one camera takes of the board."""
+    station = rig.stations[index]
+    for k, (R, t) in enumerate(zip(rig.rotations, rig.translations, strict=True)):
+        rng = rig.generator(3, index, k)
+        yield board_image(station.camera, rig.board, R, t, station.sensor, rng)
+
+
+def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23) -> Path:
+    """Write a video and the board shots of every camera; the cameras film side by side.
+
+    Returns
+    -------
+    Path
+        The manifest. Camera A's files are ``A.mkv`` and ``A/00.png`` and so on.
+    """
+
+    def one(index: int) -> Path:
+        station = rig.stations[index]
+        video = folder / f"{station.camera.name}.mkv"
+        media.write_video(video, frames(rig, index), station.frame_rate, sound(rig, index),
+                          SAMPLE_RATE, codec, crf)  # fmt: skip
+        for k, image in enumerate(shots(rig, index)):
+            media.write_png(folder / station.camera.name / f"{k:02d}.png", image)
+        return video
+
+    abreast(one, range(len(rig.stations)))
+    path = folder / "manifest.yaml"
+    write_manifest(manifest_of(rig), path)
+    return path
+
+
+def manifest_of(rig: Rig) -> Manifest:
+    """What the files of a filmed rig are."""
+    board = rig.board
+    return Manifest(
+        structure=_structure(rig.motion.structure, rig.markers),
+        cameras=tuple(
+            CameraFiles(
+                name=station.camera.name, video=f"{station.camera.name}.mkv",
+                width_px=station.camera.size[0], height_px=station.camera.size[1],
+                frame_rate_hz=station.frame_rate, exposure_s=station.sensor.exposure,
+                shots=station.camera.name,
+            )
+            for station in rig.stations
+        ),
+        board=BoardSpec(
+            columns=board.columns, rows=board.rows, tile_mm=_mm(board.tile),
+            margin_mm=_mm(board.margin),
+        ),
+        excitation=Excitation(
+            frequency_hz=rig.motion.components[0].frequency, rest_s=REST,
+            force_per_full_scale_n=rig.full_scale,
+        ),
+    )  # fmt: skip
+
+
+def _structure(structure: Structure, markers: Markers) -> StructureSpec:
+    """What is filmed: its markers by rows where they stand in such, else one by one."""
+    x, y = structure.force_point[:, 0]
+    if isinstance(structure, Plate):
+        own: dict[str, Any] = {
+            "kind": "plate",
+            "poissons_ratio": structure.poisson,
+            "force_across_mm": _mm(y),
+        }
+    elif isinstance(structure, Beam):
+        own = {"kind": "beam"}
+    else:
+        raise TypeError(f"{type(structure).__name__}: neither a beam nor a plate")
+    given: dict[str, Any] = {
+        "diameter_mm": _mm(markers.diameter),
+        "tone": "bright" if markers.bright else "dark",
+        "hole_mm": markers.hole and (_mm(markers.hole[0]), _mm(markers.hole[1])),
+    }
+    rows = {
+        "rows": len(markers.rows), "columns": markers.columns,
+        "spacing_mm": _mm(float(np.diff(markers.centres[0, :2])[0])),
+        "row_spacing_mm": _mm(markers.row_spacing) if len(markers.rows) > 1 else 10.0,
+    }  # fmt: skip
+    points = tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)
+
+    def spec(layout: dict[str, Any]) -> StructureSpec:
+        return StructureSpec(
+            length_mm=_mm(structure.length), width_mm=_mm(structure.width),
+            thickness_mm=_mm(structure.thickness), density_kg_m3=structure.density,
+            youngs_modulus_pa=structure.youngs_modulus, damping=structure.damping,
+            force_position_mm=_mm(x), markers=MarkerSpec(**given, **layout), **own,
+        )  # fmt: skip
+
+    by_points = spec({"points_mm": points})
+    try:
+        by_rows = spec(rows)
+    except ValidationError:  # they are no rows
+        return by_points
+    near = by_rows.marker_points.shape == by_points.marker_points.shape and np.allclose(
+        by_rows.marker_points, by_points.marker_points, atol=1e-8
+    )
+    return by_rows if near else by_points
+
+
+def _mm(metres: float) -> float:
+    return round(1000 * metres, 9)

@@ -1,0 +1,149 @@
+"""Recordings of fast vibrations: rigs that the parameters describe, filmed and tracked at once.
+
+Each camera is at rest for a few frames and then, after half a period that no frame needs, films
+the steady vibration. A real structure takes its time to get there; frames before that are useless.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.lab_modes.parameters import BeamRecordings
+from thesis_lib.figure_sets.lab_plate.parameters import PlateRecordings
+from thesis_lib.laboratory import direct
+from thesis_lib.laboratory.direct import Seen
+from thesis_lib.laboratory.filming import Film
+from thesis_lib.laboratory.render import Sensor
+from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.parallel import abreast
+from thesis_lib.vibration.motion import Component, Motion
+from thesis_lib.vibration.structure import Structure
+
+Array = NDArray[np.float64]
+
+REST = 4  # frames at rest
+RAMP = 0.5  # periods in which the vibration takes up
+SAMPLES = 3  # of the motion within an exposure
+
+
+def sources() -> list[Path]:
+    """The files that the recordings depend on."""
+    library = Path(__file__).parents[1]
+    names = """
+        figure_sets/lab_modes/parameters figure_sets/lab_modes/recordings
+        figure_sets/lab_plate/parameters figure_sets/lab_plate/recordings laboratory/direct
+        laboratory/film laboratory/filming laboratory/recordings laboratory/render laboratory/rig
+        measure/fitting/harmonics measure/fitting/reconstruction measure/recordings/markers
+        measure/tracking/centres measure/tracking/homography measure/tracking/tracker vibration/beam
+        vibration/motion vibration/plate vibration/structure vision/lens vision/pinhole
+        vision/triangulation
+    """
+    files = [library / f"{name}.py" for name in names.split()]
+    return [*files, setups.data_folder() / "structures.toml"]
+
+
+def sensor(film: Film) -> Sensor:
+    """The sensor, with the positions in an exposure so spread that their variance is the light's.
+
+    n positions in the middle of equal parts of a time T have the variance T² (1 − 1/n²) / 12.
+    """
+    exposure = film.exposure_ms / 1000 / np.sqrt(1 - 1 / SAMPLES**2)
+    return Sensor(exposure, SAMPLES, shot=film.shot_noise, read=film.read_noise)
+
+
+def film_seed(seed: int, *what: object) -> int:
+    """A seed of its own for what is filmed, whatever else is filmed."""
+    text = repr((seed, *what)).encode()
+    return int.from_bytes(hashlib.sha256(text).digest()[:6], "big")
+
+
+def settled(rig: Rig, offsets: Sequence[float], frames: int) -> Rig:
+    """The rig with frames at rest, then so many of the steady vibration.
+
+    Camera i starts `offsets[i]` of a frame after time 0.
+    """
+    rate = rig.stations[0].frame_rate
+    stations = tuple(
+        replace(station, start=offset / rate)
+        for station, offset in zip(rig.stations, offsets, strict=True)
+    )
+    components = rig.motion.components
+    ramp = RAMP / min(part.frequency for part in components)
+    motion = Motion(rig.motion.structure, components, (REST + 1) / rate, ramp)
+    count = int(np.ceil(motion.steady * rate)) + frames
+    return replace(rig, stations=stations, motion=motion, duration=(count + 0.5) / rate)
+
+
+def film_rig(
+    film: Film, structure: Structure, directions: Sequence[tuple[float, float]], distance_mm: float,
+    width: int, rate: float, components: tuple[Component, ...], seed: int,
+) -> Rig:  # fmt: skip
+    """A rig that films a structure so many frames per second, from some directions."""
+    return default_rig(
+        structure, directions, focal_length=film.focal_length_mm / 1000,  # type: ignore[arg-type]
+        sensor_width=film.sensor_width_mm / 1000, distance=distance_mm / 1000,
+        size=(width, round(width * 9 / 16)), sensor=sensor(film), frame_rate=rate,
+        components=components, lens_k1=film.lens_k1, seed=seed,
+    )  # fmt: skip
+
+
+def run(request: BeamRecordings | PlateRecordings) -> xr.Dataset:
+    """Film and track everything, see :func:`record`."""
+    from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
+    from thesis_lib.figure_sets.lab_plate.recordings import plate_rigs
+
+    if isinstance(request, BeamRecordings):
+        return record(beam_rigs(request, request.seed), request.frames)
+    return record(plate_rigs(request, request.seed), request.frames)
+
+
+def record(
+    rigs: Sequence[Rig], frames: int, look: Callable[[Rig], list[Seen]] = direct.seen
+) -> xr.Dataset:
+    """What the cameras of some rigs see at rest and in the last `frames` frames.
+
+    Two rigs at a time; `look` films a rig and tracks its markers.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``centres`` and ``truth`` along ``rig``, ``camera``, ``frame``, ``axis`` and ``marker`` in
+        px, lens distortion included, and ``time`` of each frame in s.
+    """
+    every = abreast(look, rigs)
+    kept = [[_kept(own, frames) for own in found] for found in every]
+    data = xr.Dataset()
+    dims = ("rig", "camera", "frame", "axis", "marker")
+    for name, units, text in (
+        ("centres", "px", "marker centres as they were found"),
+        ("truth", "px", "where the markers were at the middle of the exposure"),
+    ):
+        values = np.array([[getattr(own, name) for own in found] for found in kept])
+        data[name] = (dims, values, {"units": units, "long_name": text})
+    times = np.array([[own.times for own in found] for found in kept])
+    data["time"] = (dims[:3], times, {"units": "s", "long_name": "middle of the exposure"})
+    return data
+
+
+def _kept(own: Seen, frames: int) -> Seen:
+    chosen = np.r_[:REST, len(own.times) - frames : len(own.times)]
+    return Seen(own.times[chosen], own.centres[chosen], own.truth[chosen])
+
+
+def found_in(data: xr.Dataset, rig: int) -> list[Seen]:
+    """What the cameras of one rig saw."""
+    part = data.isel(rig=rig)
+    return [
+        Seen(times, centres, truth)
+        for times, centres, truth in zip(
+            part["time"].values, part["centres"].values, part["truth"].values, strict=True
+        )
+    ]

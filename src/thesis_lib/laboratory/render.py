@@ -1,0 +1,291 @@
+"""Pictures of polygons: exact areas of pixels, point spread, noise, eight bits.
+
+A scene is a set of flat colours bounded by closed polygons in space. Their vertices are projected
+exactly, lens distortion included; the share of each pixel that a polygon covers is then the exact
+area of the projected polygon in the pixel, summed edge by edge (the signed-area method of font
+rasterisers). The approximations are the number of vertices and, where the light spreads, that it
+does so between half pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.markers import Markers, on_surface
+from thesis_lib.vibration.motion import Motion
+from thesis_lib.vision import lens
+from thesis_lib.vision.lens import Camera
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+FINE = 2  # the spread acts on pixels this much finer: light is spread before pixels collect it
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What turns light into grey levels.
+
+    Parameters
+    ----------
+    exposure : float
+        Exposure time in s; a frame's time is the middle of it.
+    samples : int
+        Positions within the exposure that are averaged; 1 freezes the motion.
+    spread : float
+        Standard deviation of the Gaussian point spread in px, beside the pixel's own area.
+    shot, read : float
+        The variance of the noise is shot · I + read² for a grey level I.
+    white, dark, background : float
+        Grey levels of the beam and the board, of the print, and of what lies behind.
+    """
+
+    exposure: float = 1 / 250
+    samples: int = 8
+    spread: float = 0.6
+    shot: float = 0.05
+    read: float = 1.0
+    white: float = 200.0
+    dark: float = 30.0
+    background: float = 60.0
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """Closed polygons one after the other.
+
+    Parameters
+    ----------
+    first : ndarray of int, shape (polygons,)
+        Index of each polygon's first vertex.
+    contrast : ndarray, shape (polygons,)
+        What the polygon adds to the grey level of what is under it.
+    """
+
+    first: NDArray[np.int64]
+    contrast: Array
+
+    def following(self, n_vertices: int) -> NDArray[np.int64]:
+        """Index of the vertex that each vertex is joined to."""
+        index = np.arange(1, n_vertices + 1)
+        last = np.append(self.first[1:], n_vertices) - 1
+        index[last] = self.first
+        return index
+
+
+def rasterise(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
+    """Sum of the polygons' contrasts, each weighted with the share of the pixel it covers.
+
+    Parameters
+    ----------
+    uv : ndarray, shape (2, vertices) or (2, frames, vertices)
+        Vertices in px; over several frames the mean is taken.
+    polygons : Polygons
+        How the vertices are joined; either way round.
+    width, height : int
+        Size of the picture.
+
+    Returns
+    -------
+    ndarray, shape (height, width)
+    """
+    start = uv.reshape(2, -1, uv.shape[-1])
+    frames, n = start.shape[1:]
+    following = polygons.following(n)
+    stop = start[:, :, following]
+    twice_area = np.add.reduceat(
+        start[0] * stop[1] - start[1] * stop[0], polygons.first, axis=1
+    )  # its sign tells which way round
+    sizes = np.diff(np.append(polygons.first, n))
+    weight = np.repeat(np.sign(twice_area) * polygons.contrast / frames, sizes, axis=1)
+    edge, t0, t1 = _pieces(start.reshape(2, -1), stop.reshape(2, -1))
+    (x, y), (dx, dy) = start.reshape(2, -1)[:, edge], (stop - start).reshape(2, -1)[:, edge]
+    middle = (t0 + t1) / 2
+    x, y, rise = x + middle * dx, y + middle * dy, (t1 - t0) * dy
+    inside = (y >= 0) & (y < height) & (rise != 0)
+    x, y = np.clip(x[inside], 0, width), y[inside]
+    amount = -(rise * weight.ravel()[edge])[inside]
+    column = np.minimum(x.astype(np.int64), width)
+    index = y.astype(np.int64) * (width + 2) + column
+    share = x - column
+    sums = np.bincount(index, amount * (1 - share), height * (width + 2))
+    sums += np.bincount(index + 1, amount * share, height * (width + 2))
+    return np.asarray(np.cumsum(sums.reshape(height, width + 2), axis=1)[:, :width], float)
+
+
+def _pieces(start: Array, stop: Array) -> tuple[NDArray[np.int64], Array, Array]:
+    """Edges (2, n) cut at the borders of pixels: number of the edge, and from where to where."""
+    edges = np.arange(start.shape[1])
+    ids, cuts = [edges], [np.zeros(len(edges))]
+    for from_, to in zip(start, stop, strict=True):
+        low = np.ceil(np.minimum(from_, to)).astype(np.int64)
+        count = np.maximum(np.floor(np.maximum(from_, to)).astype(np.int64) - low + 1, 0)
+        which = np.repeat(edges, count)
+        step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = (low[which] + step - from_[which]) / (to - from_)[which]
+        keep = (at > 0) & (at < 1)
+        ids.append(which[keep])
+        cuts.append(at[keep])
+    edge, t = np.concatenate(ids), np.concatenate(cuts)
+    order = np.argsort(2 * edge + t)
+    edge, t = edge[order], t[order]
+    end = np.append(t[1:], 1.0)
+    end[np.append(edge[1:] != edge[:-1], True)] = 1.0
+    return edge, t, end
+
+
+class BeamView:
+    """One camera's view of a marked, moving beam: what does not change from frame to frame."""
+
+    VERTICES = 64  # of a marker; 0.007 px from its circle
+
+    def __init__(self, camera: Camera, markers: Markers, motion: Motion, sensor: Sensor) -> None:
+        self.camera, self.markers, self.motion, self.sensor = camera, markers, motion, sensor
+        turn = 2 * np.pi * np.arange(self.VERTICES) / self.VERTICES
+        radius = markers.diameter / 2 * np.sqrt(turn[1] / np.sin(turn[1]))  # of the same area
+        circle = radius * np.stack([np.cos(turn), np.sin(turn)])
+        discs = markers.positions[:, :, None] + circle[:, None]
+        length, width = markers.extent
+        outline = _outline(np.array([[0, 0], [length, 0], [length, width], [0, width]]), 0.004)
+        self.points = np.concatenate([outline, discs.reshape(2, -1)], axis=1)
+        n = discs.shape[1]
+        first = np.concatenate([[0], outline.shape[1] + self.VERTICES * np.arange(n)])
+        contrast = np.full(n + 1, sensor.dark - sensor.white)
+        contrast[0] = sensor.white - sensor.background
+        self.polygons = Polygons(first, contrast)
+        self.shapes = motion.shapes(self.points)
+
+    def frame(self, time: float, rng: np.random.Generator | None = None) -> Image:
+        """The frame taken at a time in s of the motion; without a generator it has no noise."""
+        return self.light(time).recorded(self.sensor, rng)
+
+    def light(self, time: float) -> Light:
+        """What the sensor collects around a time in s of the motion."""
+        samples = self.sensor.samples
+        within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
+        deflection = self.motion.coordinates(time + within).T @ self.shapes
+        if np.ptp(deflection, axis=0).max() < 1e-9:  # at rest
+            deflection = deflection[:1]
+        world = on_surface(self.markers.extent, self.points[:, None], deflection)
+        uv = lens.project(self.camera, world)
+        return light_of(uv, self.polygons, self.camera.size, self.sensor)
+
+
+def board_image(
+    camera: Camera,
+    board: Board,
+    rotation: ArrayLike,
+    translation: ArrayLike,
+    sensor: Sensor,
+    rng: np.random.Generator | None = None,
+) -> Image:
+    """Picture of a board that is printed on both sides.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    board : Board
+        The board.
+    rotation, translation : array_like, shapes (3, 3) and (3,)
+        World coordinates are ``rotation @ board + translation``, in m.
+    sensor : Sensor
+        Grey levels and noise.
+    rng : numpy.random.Generator, optional
+        Source of the noise; without it there is none.
+    """
+    shapes = [_outline(vertices, 0.01) for vertices in (board.outline, *board.dark_tiles)]
+    sizes = [shape.shape[1] for shape in shapes]
+    flat = np.concatenate(shapes, axis=1)
+    points = np.concatenate([flat, np.zeros_like(flat[:1])])
+    world = np.asarray(rotation, float) @ points + np.asarray(translation, float)[:, None]
+    contrast = np.full(len(shapes), sensor.dark - sensor.white)
+    contrast[0] = sensor.white - sensor.background
+    polygons = Polygons(np.cumsum([0, *sizes[:-1]]), contrast)
+    return expose(lens.project(camera, world), polygons, camera.size, sensor, rng)
+
+
+def expose(
+    uv: Array,
+    polygons: Polygons,
+    size: tuple[int, int],
+    sensor: Sensor,
+    rng: np.random.Generator | None,
+) -> Image:
+    """Grey levels of polygons before the background: spread, noise, rounding to eight bits."""
+    return light_of(uv, polygons, size, sensor).recorded(sensor, rng)
+
+
+@dataclass(frozen=True)
+class Light:
+    """What a sensor collects in an exposure.
+
+    Parameters
+    ----------
+    picture : ndarray of float32, shape (height, width)
+        Grey levels without noise.
+    box : tuple of slice or None
+        Rows and columns beyond which there is background alone; None if nothing is in view.
+    """
+
+    picture: NDArray[np.float32]
+    box: tuple[slice, slice] | None
+
+    def recorded(self, sensor: Sensor, rng: np.random.Generator | None = None) -> Image:
+        """The picture with noise, if there is a generator, rounded to eight bits."""
+        picture = self.picture.copy()
+        if rng is not None and (sensor.shot > 0 or sensor.read > 0):
+            base = sensor.shot * sensor.background + sensor.read**2
+            noise = rng.standard_normal(picture.shape, dtype=np.float32)
+            noise *= np.float32(np.sqrt(base))
+            if self.box is not None:
+                noise[self.box] *= np.sqrt(
+                    (sensor.shot * picture[self.box] + sensor.read**2) / base
+                )
+            picture += noise
+        return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0, out=picture)), np.uint8)
+
+
+def light_of(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Sensor) -> Light:
+    """Grey levels of polygons before the background, spread; over several frames the mean.
+
+    Parameters are those of :func:`rasterise` and the sensor.
+    """
+    width, height = size
+    margin = int(np.ceil(5 * sensor.spread)) + 1
+    points = uv.reshape(2, -1)
+    low = np.maximum(np.floor(np.nanmin(points, axis=1)).astype(int) - margin, 0)
+    high = np.minimum(np.ceil(np.nanmax(points, axis=1)).astype(int) + margin, size)
+    picture = np.full((height, width), sensor.background, np.float32)
+    box = None
+    if np.all(high > low):  # else nothing is in view
+        (left, top), (right, bottom) = low, high
+        fine = FINE * (uv - low.reshape((2,) + (1,) * (uv.ndim - 1)))
+        part = rasterise(fine, polygons, *(FINE * (high - low)))
+        grey: Any = (part + sensor.background).astype(np.float32)  # OpenCV's types are wide
+        if sensor.spread > 0:
+            taps = 2 * FINE * margin - 1
+            grey = cv2.GaussianBlur(grey, (taps, taps), FINE * sensor.spread,
+                                    borderType=cv2.BORDER_REPLICATE)  # fmt: skip
+        grey = cv2.resize(grey, (high - low).tolist(), interpolation=cv2.INTER_AREA)
+        box = slice(int(top), int(bottom)), slice(int(left), int(right))
+        picture[box] = grey
+    return Light(picture, box)
+
+
+def _outline(vertices: ArrayLike, step: float) -> Array:
+    """A polygon (n, 2) with its sides divided into parts of at most `step`, shape (2, m)."""
+    corners = np.asarray(vertices, float)
+    sides = []
+    for here, there in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        n = int(np.ceil(np.linalg.norm(there - here) / step))
+        sides.append(here[:, None] + (there - here)[:, None] * np.arange(n) / n)
+    return np.concatenate(sides, axis=1)

@@ -1,0 +1,180 @@
+"""The rendered laboratory: what the cameras of chapter 5 would have filmed, with known truth.
+
+World time counts from before the first camera starts. Every camera starts when it likes, its clock
+counts from there, and frame k is exposed around k / frame rate on that clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.laboratory.render import Sensor
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.markers import Markers, rows_on
+from thesis_lib.vibration.beam import Beam
+from thesis_lib.vibration.motion import Component, Motion
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.vision.lens import Camera
+from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics
+
+Array = NDArray[np.float64]
+
+REST = 1.0  # s at rest at the start of every recording
+LATE = 0.25  # s within which the cameras start
+HEADROOM = 0.5  # largest force on the audio track over full scale
+
+
+@dataclass(frozen=True)
+class Station:
+    """A camera, what its sensor does, how fast it films, and when it starts.
+
+    Parameters
+    ----------
+    camera : Camera
+        Optics and pose.
+    sensor : Sensor
+        Exposure, spread, noise, grey levels.
+    frame_rate : float
+        Frames per second.
+    start : float
+        World time of its first frame, s.
+    """
+
+    camera: Camera
+    sensor: Sensor
+    frame_rate: float
+    start: float
+
+
+@dataclass(frozen=True)
+class Rig:
+    """All that is filmed and heard.
+
+    Parameters
+    ----------
+    stations : tuple of Station
+        The cameras.
+    markers : Markers
+        The beam and what is printed on it.
+    motion : Motion
+        How it moves, in world time.
+    duration : float
+        Length of each recording, s.
+    audio_noise_db : float
+        Power of the force over that of the noise on the audio tracks, dB.
+    seed : int
+        Seed of all noise.
+    board : Board
+        The calibration board.
+    rotations, translations : ndarray, shapes (shots, 3, 3) and (shots, 3)
+        Poses of the board in the world.
+    """
+
+    stations: tuple[Station, ...]
+    markers: Markers
+    motion: Motion
+    duration: float
+    audio_noise_db: float = 20.0
+    seed: int = 0
+    board: Board = field(default_factory=Board)
+    rotations: Array = field(default_factory=lambda: default_poses()[0])
+    translations: Array = field(default_factory=lambda: default_poses()[1])
+
+    @property
+    def cameras(self) -> list[Camera]:
+        """The cameras alone."""
+        return [station.camera for station in self.stations]
+
+    @property
+    def full_scale(self) -> float:
+        """Force in N at full scale of the audio tracks."""
+        times = np.linspace(self.motion.start, self.motion.steady + 1, 4000)
+        return float(np.abs(self.motion.force(times)).max()) / HEADROOM
+
+    def generator(self, what: int, camera: int, item: int) -> np.random.Generator:
+        """Noise of one frame, shot or track: the same whatever else is made."""
+        return np.random.default_rng([self.seed, what, camera, item])
+
+
+def default_rig(
+    structure: Beam | Plate,
+    directions_deg: Sequence[tuple[float, float]],
+    *,
+    focal_length: float = 0.024,
+    sensor_width: float = 0.036,
+    distance: float = 0.57,
+    size: tuple[int, int] = (1920, 1080),
+    sensor: Sensor | None = None,
+    frame_rate: float = 60.0,
+    components: tuple[Component, ...] = (Component(),),
+    lens_k1: float = -0.08,
+    audio_noise_db: float = 20.0,
+    seed: int = 0,
+    markers: Markers | None = None,
+) -> Rig:
+    """The rig of section 5.1: similar, but not identical cameras that look at the structure.
+
+    Focal lengths, principal points and distortions differ by what cameras of one kind differ by.
+    The motion is at rest for a second, grows over two periods, and is filmed in its steady state
+    for a second and at least five periods.
+
+    Parameters
+    ----------
+    structure : Beam or Plate
+        What is filmed.
+    directions_deg : sequence of tuple
+        Azimuth and elevation of each camera.
+    focal_length, sensor_width : float
+        In m; the pixels are square and fill the width.
+    distance : float
+        Of all cameras from the structure's centre, m.
+    size : tuple of int
+        Width and height of the sensors in px.
+    sensor : Sensor, optional
+        Exposure, spread, noise and grey levels.
+    frame_rate : float
+        Frames per second.
+    components : tuple of Component
+        The steady vibration.
+    lens_k1 : float
+        First coefficient of the lens distortion.
+    audio_noise_db : float
+        Power of the force over that of the noise on the audio tracks, dB.
+    seed : int
+        Seed of all noise and of the cameras' starts.
+    markers : Markers, optional
+        Those of the thesis's beam if not given, or in the plate's cells with a fifth of their side
+        as diameter.
+    """
+    angles = np.radians(directions_deg)
+    rotations = hemisphere_rotations(angles[:, 0], angles[:, 1])
+    centres = distance * hemisphere_directions(angles[:, 0], angles[:, 1])
+    starts = np.random.default_rng([seed, 0]).uniform(0, LATE, len(angles))
+    focal = focal_length / sensor_width * size[0]
+    stations = []
+    for i, (R, centre, start) in enumerate(zip(rotations, centres, starts, strict=True)):
+        differs = np.sin([1.0 + 7 * i, 2.0 + 5 * i, 3.0 + 3 * i, 4.0 + 2 * i])  # in −1…1
+        K = intrinsics(focal * (1 + 0.005 * differs[0]), size)
+        K[:2, 2] += 0.004 * size[0] * differs[1:3]
+        distortion = lens_k1 * (1 + 0.2 * differs[3]) * np.array([1, -0.15, 0.005, -0.004, 0])
+        camera = Camera(chr(ord("A") + i), K, distortion, R, centre, size)
+        stations.append(Station(camera, sensor or Sensor(), frame_rate, float(start)))
+    period = 1 / min(part.frequency for part in components)
+    motion = Motion(structure, components, REST + LATE, 2 * period)
+    return Rig(
+        tuple(stations), markers or _default_markers(structure), motion,
+        duration=motion.steady + max(1.0, 5 * period),
+        audio_noise_db=audio_noise_db, seed=seed,
+    )  # fmt: skip
+
+
+def _default_markers(structure: Beam | Plate) -> Markers:
+    if isinstance(structure, Beam):
+        return rows_on(structure)
+    cells = Markers(structure.extent, structure.markers, 0.0)
+    return replace(cells, diameter=float(cells.nearest.min()) / 5)

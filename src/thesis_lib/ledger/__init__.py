@@ -1,0 +1,1 @@
+"""What the thesis states held against cubes, by one rule."""

@@ -1,0 +1,139 @@
+"""How a stated figure is judged: which interval is met."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.facts.claims import Claim
+from thesis_lib.studies import cubes
+from thesis_lib.studies.blocks import runs_of_trials
+
+WIDER, WIDER_BELOW_10 = 1.0, 0.5  # points by which the band is widened
+UNCHANGED = "no material change"  # of trends alone
+VERDICTS = ("agrees", "within scatter", "differs", UNCHANGED, "undefined")
+
+
+@dataclass(frozen=True)
+class Check:
+    """A claim and what a cube says of it, in %, at that of its settings that is farthest off.
+
+    Parameters
+    ----------
+    claim : Claim
+        What is stated.
+    literal, median, low, high : float
+        The literal run, and median and 5–95 % band of the trials.
+    inside : bool
+        Whether the band meets the claim in all of its settings.
+    exact : bool
+        Whether the literal run does, to the printed digits.
+    """
+
+    claim: Claim
+    literal: float
+    median: float
+    low: float
+    high: float
+    inside: bool
+    exact: bool
+
+    @property
+    def verdict(self) -> str:
+        """One of ``VERDICTS``."""
+        return "agrees" if self.exact else "within scatter" if self.inside else "differs"
+
+    @property
+    def ratio(self) -> float:
+        """The median over the nearest value that the claim allows: 1 inside the stated interval."""
+        least, most = self.claim.ends
+        nearest = self.median if least is None else max(self.median, least)
+        return self.median / (nearest if most is None else min(nearest, most))
+
+
+def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
+    """The quantity that a claim speaks of, over its settings and all trials, in %."""
+    where = cube["case"].values == claim.case
+    if claim.values:
+        where &= np.isin(cube["value"].values, claim.values)
+    if claim.pair_order:
+        where &= cube["pair_order"].values == claim.pair_order
+    here = {
+        "setting": np.flatnonzero(where),
+        "mode": cube["mode"].values.tolist().index(claim.mode),
+    }
+    if not claim.excepted:
+        return cubes.errors(cube)[claim.quantity].isel(here)
+    part = cube.isel(here)
+    trial_bytes = 24 * part.sizes["setting"] * part.sizes["point"]
+    runs = [
+        point_errors(part.isel(trial=trials)).isel(point=-1 - claim.excepted)
+        for trials in runs_of_trials(part.sizes["trial"] - 1, trial_bytes)
+    ]
+    return runs[0] if len(runs) == 1 else xr.concat(runs, "trial")
+
+
+def point_errors(cube: xr.Dataset) -> xr.DataArray:
+    """Errors of the markers in %, the least first, over settings, modes and trials."""
+    reference = cube["reference_deflection"]
+    error = abs(cube["measured_deflection"].astype(float) - reference)
+    error = error / abs(reference).max("point") * 100
+    ordered = np.sort(error.values, axis=error.get_axis_num("point"))
+    return error.copy(data=ordered).drop_vars(["x", "y"], errors="ignore")
+
+
+def meets(claim: Claim, low: float, high: float) -> bool:
+    """Whether a band in % meets the claim by the rule at the top of this module."""
+    margin = WIDER_BELOW_10 if claim.high < 10 else WIDER
+    return _gap(claim, low, high) <= margin
+
+
+def _exact(claim: Claim, literal: float) -> bool:
+    """Whether a literal run is what the claim says, to the printed digits."""
+    least, most = claim.ends
+    if claim.relation == "less_than":
+        return literal < claim.high
+    above = least is None or literal >= least - claim.rounding[0]
+    return above and (most is None or literal <= most + claim.rounding[1])
+
+
+def _gap(claim: Claim, low: float, high: float) -> float:
+    """How far a band in % is from the stated interval, negative inside it."""
+    least, most = claim.ends
+    return max(-np.inf if most is None else low - most, -np.inf if least is None else least - high)
+
+
+def check(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
+    """Hold claims against a cube; those whose settings or modes it lacks are left out."""
+    return [found for claim in claims if isinstance(found := judge(cube, claim), Check)]
+
+
+def undefined(cube: xr.Dataset, claim: Claim) -> str:
+    """Why a claim cannot be held against a cube, in a few words, or empty if it can."""
+    found = judge(cube, claim)
+    return found if isinstance(found, str) else ""
+
+
+def judge(cube: xr.Dataset, claim: Claim) -> Check | str:
+    """Hold one claim against a cube, or say in a few words why that cannot be done."""
+    if claim.mode not in cube["mode"]:
+        return f"mode {claim.mode} was not run"
+    here = errors(cube, claim)
+    found = set(here["value"].values.tolist())
+    missing = [f"{value:g}" for value in claim.values if value not in found]
+    if missing or not found:
+        return f"case {claim.case} was not run" + (f" at {', '.join(missing)}" if missing else "")
+    if cube.sizes["trial"] < 2:
+        return "the cube has no random trials"
+    first, band = here.isel(trial=0).values, cubes.band(here)[::2]
+    if not (np.isfinite(first).all() and np.isfinite(band).all()):
+        return "the reference is zero: a nodal plane"
+    worst = int(np.argmax([_gap(claim, low, high) for low, high in band.T]))
+    low, high = (float(end) for end in band[:, worst])
+    exact = all(_exact(claim, float(value)) for value in first)
+    median = float(np.median(here.isel(setting=worst).values[1:]))
+    inside = meets(claim, low, high)
+    return Check(claim, float(first[worst]), median, low, high, inside, exact)

@@ -1,0 +1,1 @@
+"""Recordings to deflection shapes: calibrate, synchronise, track, fit, report."""

@@ -1,0 +1,196 @@
+"""Bundle adjustment: cameras and boards that fit all pictures at once (eq. 5.1, Appendix E).
+
+The unknowns are each camera's pose and, if wanted, its intrinsics and distortion, and each board's
+pose (:mod:`~thesis_lib.measure.calibration.reprojection`). The board's tiles give the scale; where
+the world lies is free. The normal equations are therefore singular in six directions, known in
+closed form, and the steps keep clear of them (inner constraints, a free network; Triggs et al.
+2000, section 9). Module :mod:`~thesis_lib.measure.calibration.alignment` expresses the result in
+other frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.measure.calibration import reprojection
+from thesis_lib.measure.calibration.reprojection import LENS, POSE, Network
+from thesis_lib.measure.calibration.zhang import CalibrationError
+from thesis_lib.vision.lens import Camera
+
+Array = NDArray[np.float64]
+
+_DETERMINED = 1e-11  # least eigenvalue of the normal equations, scaled to a unit diagonal
+
+
+@dataclass(frozen=True)
+class Adjustment(Network):
+    """Cameras and boards after a bundle adjustment.
+
+    Parameters
+    ----------
+    cameras, rotations, translations
+        As in :class:`~thesis_lib.measure.calibration.reprojection.Network`.
+    residuals : ndarray, shape (cameras, shots, 2, points)
+        Seen minus computed, px; NaN where absent.
+    rms : float
+        Root mean square residual per coordinate, px.
+    sigma : float
+        Standard deviation of a coordinate that the residuals speak of, px: as the rms, but over
+        the degrees of freedom.
+    deviations : ndarray, shape (cameras, 8)
+        Standard deviations of f_x, f_y, c_x, c_y (px), k₁, k₂, p₁, p₂; 0 where held fixed.
+    covariance : ndarray, shape (unknowns, unknowns)
+        Of all cameras' poses, then all boards' (rotation, position; rad, m), then the lenses', up
+        to the choice of a datum; see
+        :func:`~thesis_lib.measure.calibration.alignment.camera_deviations`.
+    iterations : int
+        Steps taken.
+    """
+
+    residuals: Array
+    rms: float
+    sigma: float
+    deviations: Array
+    covariance: Array
+    iterations: int
+
+
+def adjust(
+    observations: Array,
+    points: Array,
+    cameras: Sequence[Camera],
+    intrinsics: bool = True,
+    distortion: bool = True,
+    steps: int = 50,
+) -> Adjustment:
+    """Cameras and board poses of least squared reprojection error (eq. 5.1).
+
+    Parameters
+    ----------
+    observations : ndarray, shape (cameras, shots, 2, points)
+        Pixels, in one order of the points for all pictures; a picture with NaN counts as absent.
+    points : ndarray, shape (3, points)
+        The board's corners in its own frame, m.
+    cameras : sequence of Camera
+        Names, sizes, and intrinsics and distortion to start from or to keep. Where the cameras
+        stand is found from the observations.
+    intrinsics : bool
+        Whether f_x, f_y, c_x, c_y of each camera are adjusted.
+    distortion : bool
+        Whether k₁, k₂, p₁, p₂ of each camera are adjusted.
+    steps : int
+        Most Levenberg–Marquardt steps.
+
+    Returns
+    -------
+    Adjustment
+        In the frame of the first shot's board.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not match.
+    CalibrationError
+        If a camera has no shot, a shot no camera, if either is not connected with the rest by
+        common pictures, or if the steps do not converge.
+    """
+    observations, points = np.asarray(observations, float), np.asarray(points, float)
+    expected = (len(cameras), 2, points.shape[1])
+    given = observations.shape
+    if observations.ndim != 4 or (given[0], given[2], given[3]) != expected:
+        raise ValueError(
+            f"observations: given shape {given}, needs ({expected[0]}, shots, 2, {expected[2]})"
+        )
+    seen: NDArray[np.bool_] = np.all(np.isfinite(observations), axis=(2, 3))
+    network = reprojection.start(observations, seen, points, cameras)
+    free = _free(network, intrinsics, distortion)
+    network, iterations = _minimised(observations, seen, points, network, free, steps)
+    network = reprojection.transformed(network, *reprojection.to_board(network, 0))
+    return _result(observations, seen, points, network, free, iterations)
+
+
+def _free(network: Network, intrinsics: bool, distortion: bool) -> NDArray[np.bool_]:
+    """Which unknowns are adjusted."""
+    poses = POSE * (len(network.cameras) + len(network.rotations))
+    lens = [intrinsics] * 4 + [distortion] * 4
+    return np.array([True] * poses + lens * len(network.cameras))
+
+
+def _minimised(
+    observations: Array,
+    seen: NDArray[np.bool_],
+    points: Array,
+    network: Network,
+    free: NDArray[np.bool_],
+    steps: int,
+) -> tuple[Network, int]:
+    """The network of least squares and the steps it took, by Levenberg–Marquardt's method."""
+    normal, right, residuals = reprojection.normal_equations(observations, seen, points, network)
+    cost, damping = np.nansum(residuals**2), 0.0
+    for step in range(1, steps + 1):
+        inverse, _ = _inverse(normal, network, free, damping)
+        change = inverse @ right
+        hoped = float(change @ right)  # twice what the cost would fall, were it a parabola
+        if hoped <= 1e-12 * cost or hoped < 1e-18:
+            return reprojection.stepped(network, change), step
+        trial = reprojection.stepped(network, change)
+        new = reprojection.normal_equations(observations, seen, points, trial)
+        new_cost = np.sum(new[2][seen] ** 2)  # NaN if a board came to lie behind a camera
+        if new_cost < cost:
+            network, (normal, right, _), cost = trial, new, new_cost
+            damping = damping / 10 if damping > 1e-6 else 0.0
+        else:
+            damping = max(10 * damping, 1e-6)
+    raise CalibrationError(f"adjustment: not converged after {steps} steps")
+
+
+def _inverse(
+    normal: Array, network: Network, free: NDArray[np.bool_], damping: float = 0.0
+) -> tuple[Array, float]:
+    """Generalised inverse of the normal equations, and their least eigenvalue besides the gauge's.
+
+    Scaled to a unit diagonal, the matrix becomes regular when the projector on its null space, the
+    gauge, is added; without it again the inverse has that null space.
+    """
+    scale = 1 / np.sqrt(np.diag(normal)[free])
+    Q, _ = np.linalg.qr(reprojection.gauge(network)[free] / scale[:, None])
+    scaled = normal[np.ix_(free, free)] * scale[:, None] * scale
+    values, vectors = np.linalg.eigh(scaled + Q @ Q.T + damping * np.eye(len(scale)))
+    part = (vectors / np.maximum(values, 1e-15)) @ vectors.T - Q @ Q.T / (1 + damping)
+    inverse = np.zeros_like(normal)
+    inverse[np.ix_(free, free)] = part * scale[:, None] * scale
+    return inverse, float(values[0])
+
+
+def _result(
+    observations: Array,
+    seen: NDArray[np.bool_],
+    points: Array,
+    network: Network,
+    free: NDArray[np.bool_],
+    iterations: int,
+) -> Adjustment:
+    normal, _, residuals = reprojection.normal_equations(observations, seen, points, network)
+    inverse, least = _inverse(normal, network, free)
+    if least < _DETERMINED:
+        raise CalibrationError("adjustment: the pictures do not determine all unknowns")
+    squares, count = float(np.nansum(residuals**2)), 2 * points.shape[1] * int(seen.sum())
+    freedom = count - (int(free.sum()) - POSE)
+    sigma = float(np.sqrt(squares / freedom))
+    covariance = sigma**2 * inverse
+    lenses = np.diag(covariance)[-LENS * len(network.cameras) :]
+    return Adjustment(
+        network.cameras,
+        network.rotations,
+        network.translations,
+        residuals,
+        float(np.sqrt(squares / count)),
+        sigma,
+        np.sqrt(lenses).reshape(-1, LENS),
+        covariance,
+        iterations,
+    )

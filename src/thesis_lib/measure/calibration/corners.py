@@ -1,0 +1,248 @@
+"""Corners of the checkerboard in an image, to a few thousandths of a pixel (Appendix D, step 3).
+
+OpenCV finds the grid; a least-squares fit of the grey levels finds each corner. Around a corner the
+blurred picture of two crossing edges is, with c the corner and dᵢ the distances from the edges,
+
+    I = a + b · erf(d₁/s) · erf(d₂/s),   dᵢ = nᵢ·(p − c) − κᵢ (tᵢ·(p − c))²/2,
+
+exactly so for edges at right angles under a Gaussian blur, and with the same centre of symmetry for
+all others. The lens bends the edges by curvatures κᵢ too weak to be seen in one window but worth
+0.005 px on a corner; they are read from the neighbouring corners.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.vision.lens import HALF
+
+Array = NDArray[np.float64]
+
+_WINDOW = 0.35  # half-size of the window over the distance to the neighbouring corners
+_REACH = 14  # most pixels from a corner to its window's edge: more add little to the precision
+_CLEAR = 4.0  # least distance of a corner from the image's border, px
+_OFF_GRID = (
+    0.25  # most that a corner as found may miss a smooth grid, over its neighbour's distance
+)
+_OFF_FIT = 1.0  # the same in px after the fit; a lens of k₁ = −0.1 leaves 0.25
+_MISFIT = 0.25  # most rms of grey levels about the fitted edges over their half contrast
+_MOVED = 3.0  # most that the fit may move a corner, px
+_STEPS = 8
+_ROUNDS = 3  # curvatures, and starts of corners that strayed, come from the round before
+
+
+class BoardNotFound(ValueError):  # noqa: N818 - no mistake, an image without a board
+    """An image in which no trustworthy checkerboard is seen; the message says why."""
+
+
+def find_corners(image: NDArray[np.uint8], board: Board) -> Array:
+    """Inner corners of the checkerboard in an image.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (h, w)
+        Grey levels.
+    board : Board
+        The board to look for.
+
+    Returns
+    -------
+    ndarray, shape (2, corners)
+        Pixels from the image's top-left corner, in the order of ``board.corners`` as seen from the
+        printed side. Which of the corners that look alike is the first cannot be seen.
+
+    Raises
+    ------
+    ValueError
+        If the image is not of 8-bit grey levels.
+    BoardNotFound
+        If the image shows no board, only part of it, or corners that are none.
+    """
+    if image.ndim != 2 or image.dtype != np.uint8:
+        raise ValueError(f"image: given {image.dtype} of shape {image.shape}, needs uint8 (h, w)")
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    # No fast check: it gives up on most views that are steep or have a narrow margin.
+    found, raw = cv2.findChessboardCorners(image, board.shape, flags=flags)
+    if not found:
+        raise BoardNotFound("no checkerboard seen")
+    nx, ny = board.shape
+    grid = np.asarray(raw, float).reshape(ny, nx, 2).transpose(2, 0, 1) + HALF
+    grid = _from_the_front(grid)
+    _check_border(grid, image.shape)
+    smooth = _smooth(grid, board)
+    _check_grid(grid, smooth, _OFF_GRID * _spacing(grid))
+    for _ in range(_ROUNDS):
+        start = np.where(_off(grid, smooth) > _OFF_FIT, smooth, grid)
+        state, misfit = _fit(image, start)
+        grid = state[:2].reshape(grid.shape)
+        smooth = _smooth(grid, board)
+    _check_fit(start, state, misfit)
+    _check_grid(grid, smooth, np.full((ny, nx), _OFF_FIT))
+    return grid.reshape(2, -1)
+
+
+def _from_the_front(grid: Array) -> Array:
+    """The grid (2, ny, nx) with x and y as seen from the printed side: y up where x is right."""
+    (xu, xv), (yu, yv) = (np.gradient(grid, axis=axis).mean((1, 2)) for axis in (2, 1))
+    return grid if xu * yv - xv * yu < 0 else grid[:, ::-1]
+
+
+def _spacing(grid: Array) -> Array:
+    """Distance of each corner (2, ny, nx) from its nearest neighbour, shape (ny, nx), px."""
+    along_x = np.linalg.norm(np.diff(grid, axis=2), axis=0)
+    along_y = np.linalg.norm(np.diff(grid, axis=1), axis=0)
+    padded_x = np.pad(along_x, ((0, 0), (1, 1)), constant_values=np.inf)
+    padded_y = np.pad(along_y, ((1, 1), (0, 0)), constant_values=np.inf)
+    return np.minimum.reduce([padded_x[:, 1:], padded_x[:, :-1], padded_y[1:], padded_y[:-1]])
+
+
+def _check_border(grid: Array, shape: tuple[int, ...]) -> None:
+    height, width = shape
+    u, v = grid
+    nearest = float(np.minimum.reduce([u, v, width - u, height - v]).min())
+    if nearest < _CLEAR:
+        raise BoardNotFound(f"a corner is {nearest:.1f} px from the border, needs {_CLEAR:.0f}")
+
+
+def _smooth(grid: Array, board: Board) -> Array:
+    """The nearest grid (2, ny, nx) that a plane shows under a moderately distorting lens.
+
+    The plane is a homography; the lens moves its images by a cubic of their coordinates.
+    """
+    plane, flat = board.corners[:2], grid.reshape(2, -1)
+    H, _ = cv2.findHomography(plane.T, flat.T)
+    if H is None:
+        raise BoardNotFound("false grid: the corners lie on a line")
+    image = H @ np.vstack([plane, np.ones_like(plane[:1])])
+    image = image[:2] / image[2]
+    x, y = (image - image.mean(axis=1, keepdims=True)) / image.std()
+    cubic = np.stack([x**i * y**j for i in range(4) for j in range(4 - i)])
+    shift = np.linalg.lstsq(cubic.T, (flat - image).T, rcond=None)[0].T @ cubic
+    return (image + shift).reshape(grid.shape)
+
+
+def _off(grid: Array, other: Array) -> Array:
+    """Distances (ny, nx) between the corners of two grids, px."""
+    return np.linalg.norm(grid - other, axis=0)
+
+
+def _check_grid(grid: Array, smooth: Array, allowed: Array) -> None:
+    """Refuse corners that are further off a smooth grid than allowed (ny, nx) in px."""
+    off = _off(grid, smooth)
+    worst = int(np.argmax(off / allowed))
+    if not off.flat[worst] <= allowed.flat[worst]:
+        raise BoardNotFound(f"false grid: a corner is {off.flat[worst]:.1f} px off a homography")
+
+
+def _fit(image: NDArray[np.uint8], grid: Array) -> tuple[Array, Array]:
+    """Corners fitted to the grey levels by Gauss–Newton, all at once.
+
+    Returns the states (7, corners) of :func:`_model` and the rms misfits (corners,) in grey levels.
+    """
+    start = grid.reshape(2, -1)
+    steps = np.stack([np.gradient(grid, axis=axis) for axis in (2, 1)]).reshape(2, 2, -1)
+    angles = np.arctan2(steps[:, 1], steps[:, 0])
+    bend = np.stack([_bend(grid), _bend(grid.swapaxes(1, 2)).T]).reshape(2, -1)
+    pixels, weight, grey = _windows(image, start, steps)
+    light, dark = (np.quantile(grey, q, axis=1) for q in (0.9, 0.1))
+    centre, half = (light + dark) / 2, (light - dark) / 2
+    state = np.stack([*start, *angles, centre, half, np.ones_like(half)])
+    pattern = _model(pixels, state, bend)[0] - centre[:, None]
+    state[5] *= np.sign(np.sum(weight * pattern * (grey - centre[:, None]), axis=1))
+    for _ in range(_STEPS):
+        model, J = _model(pixels, state, bend)
+        A = J * weight
+        normal = np.einsum("ipn,jpn->pij", A, J, optimize=True)
+        right = np.einsum("ipn,pn->pi", A, grey - model)
+        scale = np.sqrt(np.einsum("pii->pi", normal)) + 1e-12
+        normal /= scale[:, :, None] * scale[:, None, :]
+        normal += 1e-9 * np.eye(7)
+        state = state + (np.linalg.solve(normal, (right / scale)[..., None])[..., 0] / scale).T
+        # The pixel's own area spreads edges along its sides as much; with less the fit diverges.
+        state[6] = np.clip(np.abs(state[6]), 0.5, 8.0)
+    model = _model(pixels, state, bend)[0]
+    with np.errstate(invalid="ignore", divide="ignore"):  # a corner without pixels has no misfit
+        misfit = np.sqrt(np.sum(weight * (grey - model) ** 2, axis=1) / weight.sum(axis=1))
+    return state, misfit
+
+
+def _bend(grid: Array) -> Array:
+    """Signed curvature 1/px of the grid's lines along the last axis, shape (ny, nx)."""
+    a, b = grid[:, :, 1:-1] - grid[:, :, :-2], grid[:, :, 2:] - grid[:, :, 1:-1]
+    chord = a + b
+    turn = a[0] * b[1] - a[1] * b[0]
+    lengths = [np.linalg.norm(side, axis=0) for side in (a, b, chord)]
+    return np.pad(2 * turn / np.prod(lengths, axis=0), ((0, 0), (1, 1)), mode="edge")
+
+
+def _windows(image: NDArray[np.uint8], corners: Array, steps: Array) -> tuple[Array, Array, Array]:
+    """Pixels about each corner.
+
+    Returns their coordinates (2, corners, n), whether they are in the window, a parallelogram along
+    the steps to the neighbours, as 1 or 0, and their grey levels, both (corners, n).
+    """
+    side = np.arange(-_REACH, _REACH + 1)
+    column, row = (np.floor(c).astype(int)[:, None] for c in corners)
+    column, row = column + np.tile(side, len(side)), row + np.repeat(side, len(side))
+    height, width = image.shape
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    pixels = np.stack([column, row]) + HALF
+    du, dv = pixels - corners[:, :, None]
+    (au, av), (bu, bv) = steps[..., None]
+    determinant = au * bv - av * bu
+    along = np.maximum(abs(du * bv - dv * bu), abs(dv * au - du * av)) / abs(determinant)
+    inside &= (along <= _WINDOW) & (du**2 + dv**2 <= _REACH**2)
+    grey = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(float)
+    return pixels, inside.astype(float), grey
+
+
+def _model(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
+    """Grey levels (corners, n) and their derivatives (7, corners, n).
+
+    The state (7, corners) is u, v, the angles of the edges along x and y, the mean grey level, the
+    signed half contrast and the blur's width s.
+    """
+    u, v, angle_x, angle_y, mean, half, s = state[:, :, None]
+    du, dv = pixels[0] - u, pixels[1] - v
+    values, along, by_u, by_v, by_angle = [], [], [], [], []
+    for angle, kappa in zip((angle_x, angle_y), bend[:, :, None], strict=True):
+        cos, sin = np.cos(angle), np.sin(angle)
+        t, d = cos * du + sin * dv, cos * dv - sin * du
+        curved = d - kappa * t**2 / 2
+        values.append(erf(curved / s))
+        along.append(2 / np.sqrt(np.pi) * np.exp(-((curved / s) ** 2)) / s)
+        by_u.append(sin + kappa * t * cos)
+        by_v.append(-cos + kappa * t * sin)
+        by_angle.append(-t - kappa * t * d)
+        along.append(curved)
+    (f, g), (df, x, dg, y) = values, along
+    fg, gf = half * g * df, half * f * dg
+    J = np.stack(
+        [
+            fg * by_u[0] + gf * by_u[1],
+            fg * by_v[0] + gf * by_v[1],
+            fg * by_angle[0],
+            gf * by_angle[1],
+            np.ones_like(f),
+            f * g,
+            -(fg * x + gf * y) / s,
+        ]
+    )
+    return mean + half * f * g, J
+
+
+def _check_fit(start: Array, state: Array, misfit: Array) -> None:
+    """Refuse corners (2, ny, nx) whose grey levels are not those of two crossing edges."""
+    shape = start.shape[1:]
+    if not (worst := float(np.max(_off(state[:2].reshape(start.shape), start)))) <= _MOVED:
+        raise BoardNotFound(f"a corner's fit ends {worst:.1f} px from where it starts")
+    half = state[5].reshape(shape)
+    parity = np.indices(shape).sum(axis=0) % 2
+    if len(np.unique(np.sign(half) * (1 - 2 * parity))) != 1:
+        raise BoardNotFound("false grid: light and dark tiles do not alternate")
+    if (worst := float(np.max(misfit / np.abs(state[5])))) > _MISFIT:
+        raise BoardNotFound(f"a corner's edges misfit by {worst:.0%} of the contrast")

@@ -1,0 +1,250 @@
+"""The equations of a bundle adjustment: images, their derivatives, normal equations (App. E).
+
+A point X of the board in shot s has in camera c the coordinates
+
+    x = R_c (R_s X + t_s − C_c).
+
+Small changes turn the camera by a about its own axes, R_c ← exp([a]×) R_c, the board by b about the
+world's, R_s ← exp([b]×) R_s, and shift C_c and t_s. The unknowns are all cameras' poses, then all
+boards', six each, rotation first (rad, m), then the lenses', eight each: f_x, f_y, c_x, c_y (px),
+k₁, k₂, p₁, p₂.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from thesis_lib.measure.calibration.zhang import CalibrationError
+from thesis_lib.vision.lens import (
+    Camera,
+    distort,
+    distortion_jacobian,
+    from_pixels,
+    to_pixels,
+    undistort,
+)
+
+Array = NDArray[np.float64]
+
+POSE, LENS = 6, 8  # unknowns of a pose and of a lens
+
+
+@dataclass(frozen=True)
+class Network:
+    """Cameras and the boards they see.
+
+    Parameters
+    ----------
+    cameras : tuple of Camera
+        The cameras.
+    rotations : ndarray, shape (shots, 3, 3)
+        From each shot's board to the world.
+    translations : ndarray, shape (shots, 3)
+        Each board's centre in the world, m.
+    """
+
+    cameras: tuple[Camera, ...]
+    rotations: Array
+    translations: Array
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns, the lenses' included."""
+        return (POSE + LENS) * len(self.cameras) + POSE * len(self.rotations)
+
+
+def start(
+    observations: Array, seen: NDArray[np.bool_], points: Array, cameras: Sequence[Camera]
+) -> Network:
+    """Poses chained from picture to picture, the world being the first shot's board.
+
+    Raises
+    ------
+    CalibrationError
+        If a camera has no shot, a shot no camera, or they are not all connected.
+    """
+    for camera, views in zip(cameras, seen, strict=True):
+        if not views.any():
+            raise CalibrationError(f"{camera.name}: no shot shows the board")
+    for shot in np.flatnonzero(~seen.any(axis=0)):
+        raise CalibrationError(f"shot {shot}: no camera sees the board")
+    boards: dict[int, tuple[Array, Array]] = {0: (np.eye(3), np.zeros(3))}
+    placed: dict[int, Camera] = {}
+    views = [(int(c), int(s)) for c, s in np.argwhere(seen)]
+    while pending := [(c, s) for c, s in views if (c in placed) != (s in boards)]:
+        c, s = pending[0]
+        R, t = _planar_pose(cameras[c], points, observations[c, s])
+        if s in boards:
+            Rs, ts = boards[s]
+            rotation = R @ Rs.T
+            placed[c] = replace(cameras[c], R_camera_world=rotation, centre=ts - rotation.T @ t)
+        else:
+            turn = placed[c].R_camera_world.T
+            boards[s] = turn @ R, turn @ t + placed[c].centre
+    for c, camera in enumerate(cameras):
+        if c not in placed:
+            raise CalibrationError(f"{camera.name}: shares no shots, directly or not, with shot 0")
+    shots = [boards[s] for s in range(seen.shape[1])]
+    return Network(
+        tuple(placed[c] for c in range(len(cameras))),
+        np.array([R for R, _ in shots]),
+        np.array([t for _, t in shots]),
+    )
+
+
+def _planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]:
+    """Rotation and translation from a board to a camera that sees it."""
+    xy = undistort(from_pixels(camera.K, uv), camera.distortion)
+    _, turn, t = cv2.solvePnP(points.T.copy(), xy.T.copy(), np.eye(3), np.zeros(4))
+    return np.asarray(cv2.Rodrigues(turn)[0], float), np.ravel(np.asarray(t, float))
+
+
+def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Array]:
+    """Images of the boards' points in a camera and their derivatives.
+
+    Parameters
+    ----------
+    network : Network
+        Where the boards are.
+    camera : Camera
+        The camera.
+    points : ndarray, shape (3, points)
+        In the boards' frame, m.
+
+    Returns
+    -------
+    uv : ndarray, shape (2, shots, points)
+        Images in px; NaN behind the camera.
+    J : ndarray, shape (20, 2, shots, points)
+        Derivatives in the camera's pose (6), the board's pose (6) and the lens (8).
+    """
+    on_board = np.einsum("sij,jn->isn", network.rotations, points)
+    from_centre = on_board + (network.translations - camera.centre).T[:, :, None]
+    R = camera.R_camera_world
+    x, y, z = np.tensordot(R, from_centre, axes=1)
+    z = np.where(z > 0, z, np.nan)
+    p, q = xy = np.stack([x / z, y / z])
+    distorted = distort(xy, camera.distortion)
+    scale = camera.K[:2, :2]  # px per distorted coordinate
+    in_xy = np.einsum("ij,jk...->ik...", scale, distortion_jacobian(xy, camera.distortion))
+    in_xyz = np.stack([*in_xy.swapaxes(0, 1), -in_xy[:, 0] * p - in_xy[:, 1] * q]) / z
+    in_world = np.tensordot(R.T, in_xyz, axes=1)
+    r2 = p * p + q * q
+    zero, one = np.zeros_like(p), np.ones_like(p)
+    lens = np.array([[r2 * p, r2 * q], [r2**2 * p, r2**2 * q],
+                     [2 * p * q, r2 + 2 * q * q], [r2 + 2 * p * p, 2 * p * q]])  # fmt: skip
+    J = np.concatenate(
+        [
+            _crossed(np.stack([x, y, z])[:, None], in_xyz),
+            -in_world,
+            _crossed(on_board[:, None], in_world),
+            in_world,
+            [[distorted[0], zero], [zero, distorted[1]], [one, zero], [zero, one]],
+            np.einsum("ij,kj...->ki...", scale, lens),
+        ]
+    )
+    return to_pixels(camera.K, distorted), J
+
+
+def _crossed(a: Array, b: Array) -> Array:
+    """Product a × b: the derivative in a rotation of a if b is the one in a."""
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
+
+
+def normal_equations(
+    observations: Array, seen: NDArray[np.bool_], points: Array, network: Network
+) -> tuple[Array, Array, Array]:
+    """JᵀJ and Jᵀr of all unknowns, and the residuals r, as seen minus computed.
+
+    Each picture touches the twenty unknowns of its camera and its board only; the matrix is
+    gathered from such blocks.
+
+    Returns
+    -------
+    normal : ndarray, shape (unknowns, unknowns)
+    right : ndarray, shape (unknowns,)
+    residuals : ndarray, shape (cameras, shots, 2, points)
+        In px; NaN where absent.
+    """
+    n, m = seen.shape
+    normal = np.zeros((network.unknowns, network.unknowns))
+    right = np.zeros(network.unknowns)
+    residuals = np.full(observations.shape, np.nan)
+    for c, camera in enumerate(network.cameras):
+        uv, J = images(network, camera, points)
+        residuals[c] = observations[c] - uv.swapaxes(0, 1)
+        shots = np.flatnonzero(seen[c])
+        A = J[:, :, shots].transpose(2, 0, 1, 3).reshape(len(shots), POSE * 2 + LENS, -1)
+        r = residuals[c][shots].reshape(len(shots), -1, 1)
+        index = np.empty((len(shots), A.shape[1]), int)
+        index[:, :POSE] = c * POSE + np.arange(POSE)
+        index[:, POSE : 2 * POSE] = (n + shots[:, None]) * POSE + np.arange(POSE)
+        index[:, 2 * POSE :] = (n + m) * POSE + c * LENS + np.arange(LENS)
+        np.add.at(normal, (index[:, :, None], index[:, None]), A @ A.swapaxes(1, 2))
+        np.add.at(right, index, (A @ r)[..., 0])
+    residuals[~seen] = np.nan
+    return normal, right, residuals
+
+
+def gauge(network: Network) -> Array:
+    """How the unknowns change when the world turns and shifts, shape (unknowns, 6)."""
+    boards = range(len(network.rotations))
+    poses = [(-c.R_camera_world, c.centre) for c in network.cameras]  # a camera turns the other way
+    poses += [(np.eye(3), network.translations[s]) for s in boards]
+    G = np.zeros((network.unknowns, POSE))
+    for k, (turn, place) in enumerate(poses):
+        rows = G[k * POSE : (k + 1) * POSE]
+        rows[:3, :3] = turn
+        rows[3:, :3] = -np.cross(place, np.eye(3)).T  # w × place
+        rows[3:, 3:] = np.eye(3)
+    return G
+
+
+def stepped(network: Network, step: Array) -> Network:
+    """The network after changes of its unknowns."""
+    n, m = len(network.cameras), len(network.rotations)
+    poses = step[: (n + m) * POSE].reshape(-1, 2, 3)
+    turns = Rotation.from_rotvec(poses[:, 0]).as_matrix()
+    lenses = step[(n + m) * POSE :].reshape(n, LENS)
+    cameras = []
+    for camera, turn, shift, d in zip(network.cameras, turns, poses[:, 1], lenses, strict=False):
+        cameras.append(
+            replace(
+                camera,
+                K=camera.K + np.array([[d[0], 0, d[2]], [0, d[1], d[3]], [0, 0, 0]]),
+                distortion=camera.distortion + np.array([*d[4:], 0]),
+                R_camera_world=turn @ camera.R_camera_world,
+                centre=camera.centre + shift,
+            )
+        )
+    return Network(
+        tuple(cameras), turns[n:] @ network.rotations, network.translations + poses[n:, 1]
+    )
+
+
+def transformed(network: Network, rotation: Array, translation: Array) -> Network:
+    """The network in another frame, X' = rotation X + translation."""
+    cameras = tuple(
+        replace(
+            camera,
+            R_camera_world=camera.R_camera_world @ rotation.T,
+            centre=rotation @ camera.centre + translation,
+        )
+        for camera in network.cameras
+    )
+    places = network.translations @ rotation.T + translation
+    return Network(cameras, rotation @ network.rotations, places)
+
+
+def to_board(network: Network, shot: int) -> tuple[Array, Array]:
+    """Rotation and translation from the world to the frame of a shot's board."""
+    R, t = network.rotations[shot], network.translations[shot]
+    return R.T, -R.T @ t

@@ -1,0 +1,96 @@
+"""The cameras of a rig as adjusted together."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
+from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
+from thesis_lib.measure.calibration.symmetry import unify
+from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError, zhang
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.manifest import shot_paths
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.parallel import abreast
+from thesis_lib.vision.lens import Camera
+
+Array = NDArray[np.float64]
+
+
+@contextlib.contextmanager
+def alike() -> Iterator[None]:
+    """OpenCV with one thread, which makes the same bits in every run; the cameras run abreast."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+@alike()
+def adjusted(
+    manifest: Manifest, folder: Path, tick: Callable[[], object] = lambda: None
+) -> tuple[Array, list[str], list[Calibration], Adjustment]:
+    """All cameras from all corners of the board, adjusted together; `tick` is called per picture.
+
+    Returns
+    -------
+    corners, lost, single, full
+        As in :class:`~thesis_lib.figure_sets.experiment.chain.Calibrations`.
+    """
+    board = manifest.board.board
+
+    lost: list[str] = []
+
+    def one(path: Path | None) -> Array | BoardNotFound | None:
+        try:
+            return None if path is None else find_corners(media.read_png(path), board)
+        except BoardNotFound as error:
+            return error
+        finally:
+            tick()
+
+    paths = [shot_paths(camera, folder) for camera in manifest.cameras]
+    found = iter(abreast(one, [path for row in paths for path in row]))
+    shots: list[list[Array | None]] = []
+    for camera, row in zip(manifest.cameras, paths, strict=True):
+        shots.append([])
+        for path in row:
+            corners_of = next(found)
+            if isinstance(corners_of, BoardNotFound):
+                lost.append(f"{camera.name}, {path.name if path else '—'}: {corners_of}")
+                corners_of = None
+            shots[-1].append(corners_of)
+    try:
+        single = [
+            zhang(row, board, camera.size, True, camera.name)
+            for camera, row in zip(manifest.cameras, shots, strict=True)
+        ]
+    except CalibrationError as error:
+        hint = f" ({lost[0]}; has the board {board.columns} × {board.rows} tiles?)" if lost else ""
+        raise CalibrationError(f"{error}{hint}") from None
+    corners = unify(single, shots, board, manifest.board.two_sided)
+    return corners, lost, single, adjust(corners, board.corners, [one.camera() for one in single])
+
+
+def cameras_in(calibration: xr.Dataset) -> list[Camera]:
+    """The cameras of one calibration."""
+    return [
+        Camera(
+            str(name),
+            calibration["K"].values[i],
+            calibration["distortion"].values[i],
+            calibration["R_camera_world"].values[i],
+            calibration["centre"].values[i],
+            (int(calibration["size"].values[i, 0]), int(calibration["size"].values[i, 1])),
+        )
+        for i, name in enumerate(calibration["camera"].values)
+    ]

@@ -1,0 +1,169 @@
+"""One order of the corners for all pictures, though the board looks the same when turned.
+
+A square board of 9 × 9 tiles looks the same after quarter turns, and from behind too when it is
+printed on both faces, so each picture has its own idea of which corner is the first. The cameras do
+not move between the shots: :func:`unify` chooses, per picture, the one symmetry under which they
+stand still. Where the operator of Appendix D, step 3, clicks the same origin in every image, this
+is what stands in for the operator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError
+from thesis_lib.measure.recordings.board import Board
+
+Array = NDArray[np.float64]
+Pose = tuple[Array, Array]
+
+_FITS = 0.2  # most rms distance between one board seen by two cameras, over a tile
+_DISTINCT = 2.0  # how many times worse the next best rig has to be
+
+
+def unify(
+    calibrations: Sequence[Calibration],
+    shots: Sequence[Sequence[Array | None]],
+    board: Board,
+    two_sided: bool = False,
+) -> Array:
+    """Corners in one order for all cameras, given that the cameras do not move between shots.
+
+    In every shot the first camera that sees the board decides on its axes. A rig of cameras is
+    tried for each way in which two pictures can belong together; the one that fits all shots holds.
+
+    Parameters
+    ----------
+    calibrations : sequence of Calibration
+        One per camera.
+    shots : sequence of sequences of ndarray, shape (2, corners), or None
+        The corners that the calibrations were made from, by camera and shot.
+    board : Board
+        The board.
+    two_sided : bool
+        Whether the pattern is on both faces with corners behind corners, so that cameras may see
+        the board from either side.
+
+    Returns
+    -------
+    ndarray, shape (cameras, shots, 2, corners)
+        Corners in px in the order of ``board.corners``, NaN where the board was not found.
+
+    Raises
+    ------
+    CalibrationError
+        If two cameras share too few shots to tell the symmetries apart, or a shot fits no rig.
+    """
+    symmetries = _symmetries(board, two_sided)
+    points = [_images(c, board, symmetries) for c in calibrations]
+    rig = _rig(calibrations, points)
+    result = np.full((len(shots), len(shots[0]), 2, board.corners.shape[1]), np.nan)
+    orders = [_order(board, S) for S in symmetries]
+    for shot in range(result.shape[1]):
+        seen = [c for c in range(len(shots)) if points[c][shot] is not None]
+        for camera in seen:
+            first = _moved(rig[seen[0]], points[seen[0]][shot])[0]
+            off = _rms(_moved(rig[camera], points[camera][shot]) - first)
+            choice = int(np.argmin(off))
+            if off[choice] > _FITS * board.tile:
+                raise CalibrationError(
+                    f"{calibrations[camera].name}: shot {shot} is {off[choice] * 1e3:.1f} mm off "
+                    f"the rig of the other shots, allowed {_FITS * board.tile * 1e3:.1f} mm"
+                )
+            uv = shots[camera][shot]
+            assert uv is not None
+            result[camera, shot] = uv[:, orders[choice]]
+    return result
+
+
+def _symmetries(board: Board, two_sided: bool) -> Array:
+    """Rotations (symmetries, 3, 3) that take the board's corners to corners, the identity first."""
+    half, flip = np.diag([-1.0, -1.0, 1.0]), np.diag([1.0, -1.0, -1.0])
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turns = np.array([np.eye(3), half])
+    if board.columns == board.rows:
+        turns = np.concatenate([turns, turns @ quarter])
+    return np.concatenate([turns, turns @ flip]) if two_sided else turns
+
+
+def _order(board: Board, symmetry: Array) -> NDArray[np.int64]:
+    """Which corner is where each of the board's corners goes under a symmetry."""
+    X = board.corners
+    apart = np.linalg.norm((symmetry @ X)[:, :, None] - X[:, None], axis=0)
+    return np.argmin(apart, axis=1)
+
+
+def _images(calibration: Calibration, board: Board, symmetries: Array) -> list[Array | None]:
+    """The board's corners in the camera, (symmetries, 3, corners) in m, per shot."""
+    X = symmetries @ board.corners
+    return [
+        None if R is None or t is None else R @ X + t[:, None]
+        for R, t in zip(calibration.rotations, calibration.translations, strict=True)
+    ]
+
+
+def _rms(differences: Array) -> Array:
+    """Root mean square distance over the corners of (..., 3, corners)."""
+    return np.sqrt(np.mean(np.sum(differences**2, axis=-2), axis=-1))
+
+
+def _moved(pose: Pose, points: Array | None) -> Array:
+    """Points (..., 3, n) of a camera in the rig's frame."""
+    R, t = pose
+    assert points is not None
+    return R @ points + t[:, None]
+
+
+def _rig(calibrations: Sequence[Calibration], points: Sequence[list[Array | None]]) -> list[Pose]:
+    """Pose of every camera in the first one's frame, from the pairs that share most shots."""
+    n = len(calibrations)
+    seen = [{s for s, p in enumerate(images) if p is not None} for images in points]
+    rig: dict[int, Pose] = {0: (np.eye(3), np.zeros(3))}
+    while len(rig) < n:
+        pairs = [(i, j) for i in rig for j in range(n) if j not in rig]
+        i, j = max(pairs, key=lambda pair: len(seen[pair[0]] & seen[pair[1]]))
+        shared = sorted(seen[i] & seen[j])
+        if len(shared) < 2:
+            raise CalibrationError(
+                f"{calibrations[j].name}: shares {len(shared)} shots with "
+                f"{calibrations[i].name}, needs 2 to tell the board's symmetries apart"
+            )
+        source, target = (np.array([points[k][s] for s in shared]) for k in (j, i))
+        pose, distinct = _relative(source, target[:, 0])
+        if not distinct:
+            raise CalibrationError(
+                f"{calibrations[j].name}: its shots with {calibrations[i].name} do not tell the "
+                "board's symmetries apart"
+            )
+        R, t = rig[i]
+        rig[j] = R @ pose[0], R @ pose[1] + t
+    return [rig[i] for i in range(n)]
+
+
+def _relative(source: Array, target: Array) -> tuple[Pose, bool]:
+    """Pose that takes points to their targets in all shots, and whether only one does.
+
+    The points (shots, symmetries, 3, n) count under whichever symmetry brings them nearest to the
+    targets (shots, 3, n). A shot can miss by no more than rigs differ, so that a bad one does not
+    decide; which one it is shows later.
+    """
+    size = np.linalg.norm(target[0, :, 0] - target[0, :, -1]) / 4
+    trials = [_rigid(p, q) for ps, q in zip(source, target, strict=True) for p in ps]
+    missed = [_rms(_moved(pose, source) - target[:, None]).min(axis=1) for pose in trials]
+    scores = np.array([np.mean(np.minimum(miss, size)) for miss in missed])
+    best = trials[int(np.argmin(scores))]
+    X = source[0, 0]
+    other = np.array([_rms(_moved(pose, X) - _moved(best, X)) > size for pose in trials])
+    rival = scores[other].min(initial=np.inf)
+    return best, bool(rival > _DISTINCT * scores.min() and rival > 1e-9)
+
+
+def _rigid(points: Array, target: Array) -> Pose:
+    """Rotation and translation that take points (3, n) to their targets (Kabsch)."""
+    a, b = points.mean(axis=1), target.mean(axis=1)
+    U, _, Vt = np.linalg.svd((target - b[:, None]) @ (points - a[:, None]).T)
+    R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+    return R, b - R @ a

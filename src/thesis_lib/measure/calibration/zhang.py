@@ -1,0 +1,183 @@
+"""Each camera's calibration by itself, from pictures of the board (Appendix D).
+
+Zhang's method (Zhang 2000) finds a camera's intrinsics, its distortion and the board's pose in
+every shot. Which of the corners that look alike is the first is each picture's own idea; module
+:mod:`~thesis_lib.measure.calibration.symmetry` brings the pictures of several cameras together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.vision.lens import HALF, Camera
+
+Array = NDArray[np.float64]
+
+_LEAST_SHOTS = 3  # two homographies already determine K without skew, but leave nothing to check
+_LEAST_TILT = np.radians(4.0)  # between the two boards that differ most
+_LEAST_PRECISION = 0.05  # most standard deviation of a focal length over it
+_LITERAL_TILES = (5, 7)  # squares used in the thesis, Appendix D
+
+
+class CalibrationError(ValueError):
+    """Shots that do not determine a camera or a rig; the message says which and why."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """One camera, calibrated by itself.
+
+    Parameters
+    ----------
+    name : str
+        The camera's name.
+    size : tuple of int
+        Width and height of the sensor in px.
+    K : ndarray, shape (3, 3)
+        Intrinsic matrix in px.
+    distortion : ndarray, shape (5,)
+        Coefficients k₁, k₂, p₁, p₂, k₃, the last always 0.
+    rotations, translations : tuple of ndarray or None
+        The board's pose in the camera in each shot: rotation (3, 3) from board to camera and the
+        board's centre (3,) in m; None where the board was not found.
+    rms : float
+        Root mean square residual per coordinate, px.
+    deviations : ndarray, shape (4,)
+        Standard deviations of f_x, f_y, c_x and c_y in px.
+    """
+
+    name: str
+    size: tuple[int, int]
+    K: Array
+    distortion: Array
+    rotations: tuple[Array | None, ...]
+    translations: tuple[Array | None, ...]
+    rms: float
+    deviations: Array
+
+    def camera(self, shot: int = 0) -> Camera:
+        """The camera in the frame of the board of one shot; at the origin if that is absent."""
+        R, t = self.rotations[shot], self.translations[shot]
+        if R is None or t is None:
+            R, t = np.eye(3), np.zeros(3)
+        return Camera(self.name, self.K, self.distortion, R, -R.T @ t, self.size)
+
+
+def zhang(
+    shots: Sequence[Array | None],
+    board: Board,
+    size: tuple[int, int],
+    distortion: bool = True,
+    name: str = "camera",
+) -> Calibration:
+    """Intrinsics, distortion and board poses of one camera by Zhang's method (Appendix D, step 4).
+
+    Parameters
+    ----------
+    shots : sequence of ndarray, shape (2, corners), or None
+        Corners in px, None or NaN where the board was not found.
+    board : Board
+        The board.
+    size : tuple of int
+        Width and height of the sensor in px.
+    distortion : bool
+        Whether k₁, k₂, p₁, p₂ are estimated, else they are 0.
+    name : str
+        The camera's name, for messages too.
+
+    Raises
+    ------
+    CalibrationError
+        If fewer than three shots show the board, if the boards are parallel to each other, or if
+        the shots leave a focal length uncertain by more than 5 %.
+    """
+    return _zhang(shots, board.corners, size, distortion, name)
+
+
+def central(board: Board) -> NDArray[np.int64]:
+    """Indices of the corners of the central 5 × 7 squares, the part the thesis used.
+
+    Raises
+    ------
+    CalibrationError
+        If the board has fewer corners.
+    """
+    nx, ny = board.shape
+    mx, my = _LITERAL_TILES[0] + 1, _LITERAL_TILES[1] + 1
+    if nx < mx or ny < my:
+        raise CalibrationError(f"board: given {nx} by {ny} corners, needs {mx} by {my} or more")
+    index = np.arange(nx * ny).reshape(ny, nx)
+    left, top = (nx - mx) // 2, (ny - my) // 2
+    return index[top : top + my, left : left + mx].ravel()
+
+
+def _zhang(
+    shots: Sequence[Array | None],
+    points: Array,
+    size: tuple[int, int],
+    distortion: bool,
+    name: str,
+) -> Calibration:
+    """Zhang's method for any coplanar points (3, n)."""
+    used = [i for i, uv in enumerate(shots) if not _absent(uv)]
+    if len(used) < _LEAST_SHOTS:
+        raise CalibrationError(
+            f"{name}: {len(used)} of {len(shots)} shots show the board, needs {_LEAST_SHOTS}"
+        )
+    images = [np.asarray(shots[i], float) for i in used]
+    spread = _spread(points, images, size)
+    if spread < _LEAST_TILT:
+        raise CalibrationError(
+            f"{name}: the boards are parallel to within {np.degrees(spread):.1f}°, "
+            f"needs {np.degrees(_LEAST_TILT):.0f}° to determine a focal length"
+        )
+    flags = cv2.CALIB_FIX_K3
+    if not distortion:
+        flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST
+    objects = [points.T.astype(np.float32)] * len(images)
+    pixels = [(uv - HALF).T.astype(np.float32) for uv in images]
+    rms, K, k, turns, moves, deviations, _, _ = cv2.calibrateCameraExtended(
+        objects, pixels, size, np.eye(3), np.zeros(5), flags=flags
+    )
+    ours = np.asarray(K, float) + HALF * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+    sigma = np.ravel(np.asarray(deviations, float))[:4]
+    relative = float(np.max(sigma[:2] / np.diag(ours)[:2]))
+    if not 0 <= relative <= _LEAST_PRECISION:
+        raise CalibrationError(
+            f"{name}: the shots leave the focal length uncertain by {relative:.0%}, "
+            f"allowed {_LEAST_PRECISION:.0%}"
+        )
+    rotations: list[Array | None] = [None] * len(shots)
+    translations: list[Array | None] = [None] * len(shots)
+    for shot, turn, move in zip(used, turns, moves, strict=True):
+        rotations[shot] = np.asarray(cv2.Rodrigues(turn)[0], float)
+        translations[shot] = np.ravel(move)
+    # OpenCV's rms is per point: of the distance, not of its two coordinates.
+    return Calibration(
+        name, size, ours, np.ravel(np.asarray(k, float))[:5], tuple(rotations), tuple(translations),
+        float(rms / np.sqrt(2)), sigma,
+    )  # fmt: skip
+
+
+def _absent(uv: Array | None) -> bool:
+    return uv is None or not bool(np.isfinite(uv).all())
+
+
+def _spread(points: Array, images: Sequence[Array], size: tuple[int, int]) -> float:
+    """Largest angle between the normals of the boards, rad.
+
+    A board's vanishing line in the image, the last row of H⁻¹, is its normal seen through K. How
+    much the normals differ hardly depends on K, so a focal length of the image's width will do.
+    """
+    K = np.array([[size[0], 0, size[0] / 2], [0, size[0], size[1] / 2], [0, 0, 1.0]])
+    homographies = [cv2.findHomography(points[:2].T, uv.T)[0] for uv in images]
+    normals = np.array([K.T @ np.linalg.inv(H)[2] for H in homographies])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    across = np.linalg.norm(np.cross(normals[:, None], normals[None]), axis=-1)
+    return float(np.arcsin(np.clip(across.max(), 0, 1)))

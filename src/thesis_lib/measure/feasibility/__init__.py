@@ -1,0 +1,1 @@
+"""What a planned measurement can find."""

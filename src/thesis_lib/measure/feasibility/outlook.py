@@ -1,0 +1,240 @@
+"""What cameras and rig can reach, from the manifest alone; NaN where it does not tell.
+
+Cameras are ideal pinholes on the hemisphere of :mod:`thesis_lib.vision.pinhole` that look at the
+structure's centre, and every marker is taken to move by `amplitude_mm`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from thesis_lib.measure.feasibility.predictions import alias, noise_errors, rounding_errors
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.vision.optics import blur_circle, depth_of_field
+from thesis_lib.vision.pinhole import (
+    CameraArray,
+    hemisphere_directions,
+    hemisphere_rotations,
+    intrinsics,
+    on_sensor,
+    project,
+)
+from thesis_lib.vision.triangulation import jacobian
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+CIRCLE_PX = 1.0  # circle of confusion: a pixel spreads as much by itself
+STEADY_S = 1.0  # s of steady recording that errors stand for where the manifest gives none
+OPTICS = ("focal_length_mm", "sensor_width_mm", "distance_mm", "azimuth_deg", "elevation_deg")
+
+
+@dataclass(frozen=True)
+class CameraOutlook:
+    """What one camera can do; NaN where the manifest does not tell.
+
+    Parameters
+    ----------
+    name : str
+        The camera.
+    ground_sample_mm : float
+        Length d/f that a pixel spans at the structure's centre across the axis, mm.
+    along_px, across_px : float
+        Axes D f/d and D sin φ f/d of a marker's image there, px.
+    blur_px, lost : float
+        Most that an image moves in an exposure, min(2πfT, 2) A ∂(u, v)/∂Z, px, and the share
+        1 − sin(πfT)/(πfT) of the amplitude that the exposure takes.
+    near_mm, far_mm : float
+        Depths between which points are sharp, mm.
+    nearest_mm, farthest_mm, defocus_px : float
+        Depths of the nearest and the farthest marker as they move, mm; largest circle of
+        confusion of the two, f²/(N(d − f)) |1 − d/z|, px.
+    in_view : float
+        Share of the markers that stay in the picture.
+    gap_px : float
+        Least distance between the edges of two markers' images, px.
+    move_px, move_spacings : float
+        Most that an image moves from frame to frame, 2A |sin(πf/r)| ∂(u, v)/∂Z, px; what the same
+        is on the plane at rest, by the cotangent of the line of sight, over the least spacing.
+    """
+
+    name: str
+    ground_sample_mm: float
+    along_px: float
+    across_px: float
+    blur_px: float
+    lost: float
+    near_mm: float
+    far_mm: float
+    nearest_mm: float
+    farthest_mm: float
+    defocus_px: float
+    in_view: float
+    gap_px: float
+    move_px: float
+    move_spacings: float
+
+
+@dataclass(frozen=True)
+class RigOutlook:
+    """Standard errors of the deflection: root mean square over the markers, and worst, in mm.
+
+    Parameters
+    ----------
+    located : int
+        Cameras whose lens and place are given; only they count.
+    noise_px : float
+        Scatter of the centres that is assumed, px.
+    steady_s, frames : float, int
+        Length of the steady recording, s, and frames in it of the slowest camera.
+    one_frame, fit, rounding : tuple of float
+        Of one frame, of the harmonic fit, and of whole-pixel centres at `amplitude_mm`, mm.
+    smallest_mm : float
+        Three standard errors of the fit at the worst marker, mm.
+    """
+
+    located: int
+    noise_px: float
+    steady_s: float
+    frames: int
+    one_frame: tuple[float, float]
+    fit: tuple[float, float]
+    rounding: tuple[float, float]
+    smallest_mm: float
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What the cameras see, as far as the manifest tells where they are; cameras first.
+
+    Values of OPTICS; matrices; directions; world points (3, n); depths (cameras, 3, n) at −A, 0
+    and A; images at rest; whether markers stay in the picture, and corners at rest; Jacobian
+    (cameras, 2, 3, n) in px/m; what deflection seems to move on the plane at rest, over deflection.
+    """
+
+    optics: Array
+    P: Array
+    directions: Array
+    points: Array
+    depths: Array
+    uv: Array
+    seen: Bools
+    corners: Bools
+    J: Array
+    slide: Array
+
+    @property
+    def located(self) -> Bools:
+        """Which cameras have lens and place."""
+        return np.asarray(np.isfinite(self.optics).all(axis=1))
+
+
+def sight_of(manifest: Manifest, amplitude: float) -> Sight:
+    """What the cameras see while the markers swing by an amplitude in m."""
+    cameras, s = manifest.cameras, manifest.structure
+    optics = np.array([[getattr(c, name) for name in OPTICS] for c in cameras], float)
+    azimuth, elevation = np.radians(optics[:, 3:].T)
+    focal_px = optics[:, 0] / optics[:, 1] * [c.width_px for c in cameras]
+    K = np.array([intrinsics(f, c.size) for f, c in zip(focal_px, cameras, strict=True)])
+    directions = hemisphere_directions(azimuth, elevation)
+    centres = optics[:, 2:3] / 1000 * directions
+    P = CameraArray(K, hemisphere_rotations(azimuth, elevation), centres, cameras[0].size).P
+    size = np.array([[s.length_mm], [s.width_mm]]) / 1000
+    X, corners = (
+        np.vstack([places - size / 2, np.zeros(places.shape[1])])
+        for places in (s.marker_points, size * [[0, 1, 1, 0], [0, 0, 1, 1]])
+    )
+    swing = np.repeat(X[:, None], 3, axis=1)
+    swing[2] += amplitude * np.array([[-1.0], [0.0], [1.0]])
+
+    def images(points: Array) -> tuple[Array, Array, Bools]:
+        uv, flat = project(P, points), points.reshape(3, -1)
+        depth = (P[:, 2, :3] @ flat + P[:, 2, 3:]).reshape(len(P), *points.shape[1:])
+        on = [on_sensor(own[None], c.size)[0] for own, c in zip(uv, cameras, strict=True)]
+        return depth, uv, (depth > 0) & np.array(on)
+
+    depths, uv, seen = images(swing)
+    slide = np.hypot(*(X[:2, None] - centres.T[:2, :, None])) / centres[:, 2:]
+    ahead = depths[:, 1] > 0
+    J = np.where(ahead[:, None, None], jacobian(P, X), np.nan)
+    rest, stay = np.where(ahead[:, None], uv[:, :, 1], np.nan), np.asarray(seen.all(axis=1))
+    inside, slide = images(corners)[2], np.where(ahead, slide, np.nan)
+    return Sight(optics, P, directions, X, depths, rest, stay, inside, J, slide)
+
+
+def _gap(uv: Array, J: Array, diameter: float) -> float:
+    """Least distance in px between the edges of two markers' images, of centres (2, n).
+
+    Convex sets are apart by the most that their projections on any direction n are; those of discs
+    with the Jacobian J = ∂(u, v)/∂(X, Y), shape (2, 2, n), reach D/2 |Jᵀn| from their centres.
+    """
+    if uv.shape[1] < 2 or not np.isfinite(uv).all():
+        return np.nan
+    angles = np.arange(90) * np.pi / 90
+    normals = np.stack([np.cos(angles), np.sin(angles)])
+    wide = diameter * np.linalg.norm(np.tensordot(normals, J, (0, 0)), axis=1).T
+    near = cKDTree(uv.T).query(uv.T, k=min(9, uv.shape[1]))[1][:, 1:]
+    apart = np.abs(np.tensordot(uv[:, near] - uv[:, :, None], normals, (0, 0)))
+    return float((apart - wide[:, None]).max(axis=2).min())
+
+
+def outlook(manifest: Manifest, sight: Sight, i: int, amplitude: float) -> CameraOutlook:
+    """The numbers of camera i, for an amplitude in m."""
+    camera, markers = manifest.cameras[i], manifest.structure.markers
+    f, exposure = manifest.excitation.frequency_hz or np.nan, camera.exposure_s
+    focal, sensor, distance, _, elevation = sight.optics[i]
+    pitch, stop = sensor / camera.width_px, float(camera.f_number or np.nan)
+    sample = distance * pitch / focal
+    ends = 1000 * np.array([sight.depths[i].min(), sight.depths[i].max()])
+    circle = blur_circle(focal, stop, distance, ends).max() / pitch
+    swept = min(2 * np.pi * f * exposure, 2.0) * amplitude
+    step = 2 * amplitude * abs(np.sin(np.pi * f / camera.frame_rate_hz))
+    lift = np.fmax.reduce(np.linalg.norm(sight.J[i, :, 2], axis=0))
+    places = manifest.structure.marker_points
+    near, far = map(float, depth_of_field(focal, stop, distance, CIRCLE_PX * pitch))
+    spacing = cKDTree(places.T).query(places.T, k=2)[0][:, 1].min()  # infinite for one marker
+    return CameraOutlook(
+        camera.name, sample, markers.diameter_mm / sample,
+        markers.diameter_mm / sample * np.sin(np.radians(elevation)),
+        swept * lift, 1 - np.sinc(f * exposure), near, far, ends[0], ends[1],
+        circle if ends[0] > 0 and distance > focal else np.nan,
+        sight.seen[i].mean() if sight.located[i] else np.nan,
+        _gap(sight.uv[i], sight.J[i, :, :2], markers.diameter_mm / 1000),
+        step * lift, step * np.fmax.reduce(sight.slide[i]) / spacing,
+    )  # fmt: skip
+
+
+def steady_seconds(manifest: Manifest) -> float:
+    """Length of the steady recording in s."""
+    given = manifest.excitation.steady_s
+    return STEADY_S if given is None else given[1] - given[0]
+
+
+def errors_of(manifest: Manifest, sight: Sight, amplitude: float, noise: float) -> list[Array]:
+    """Errors in mm of each marker: of one frame, of the fit, of whole pixels."""
+    on = sight.located
+    if np.count_nonzero(on) < 2:
+        return [np.full(sight.points.shape[1], np.nan)] * 3
+    P, X, seen = sight.P[on], sight.points, sight.seen[on]
+    rates = np.array([c.frame_rate_hz for c in manifest.cameras])[on]
+    exposures = np.array([c.exposure_s for c in manifest.cameras])[on]
+    f = manifest.excitation.frequency_hz or 0.0
+    fit = noise * np.sqrt(2 / (rates * steady_seconds(manifest))) / np.abs(np.sinc(f * exposures))
+    turn = 2 * np.pi * alias(f, rates.min()) / rates.min()
+    return [
+        1000 * noise_errors(P, X, np.full(len(P), noise), seen),
+        1000 * noise_errors(P, X, fit, seen),
+        1000 * rounding_errors(P, X, amplitude, turn, seen),
+    ]
+
+
+def rms_and_worst(errors: Array) -> tuple[float, float]:
+    """Root mean square and largest of the errors that are known; NaN if none is."""
+    known = errors[~np.isnan(errors)]
+    if len(known) == 0:
+        return np.nan, np.nan
+    return float(np.sqrt(np.mean(known**2))), float(known.max())

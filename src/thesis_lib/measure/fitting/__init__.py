@@ -1,0 +1,1 @@
+"""Tracks to points in space, to deflection shapes."""

@@ -1,0 +1,172 @@
+"""The frequency of the vibration, as the tracks themselves show it.
+
+It is looked for in a periodogram where nobody has given it, and in any case measured by how the
+phase of the motion advances from part to part of the recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from thesis_lib.measure.fitting.harmonics import fit_harmonics
+from thesis_lib.measure.tracking.tracks import Recording
+
+Array = NDArray[np.float64]
+
+MOST_FRAMES = 4096  # of each camera that the periodogram uses
+SERIES = 24  # image coordinates of each camera that move most
+SHARE = 0.5  # of their variance that one frequency must explain
+BLOCKS = 12  # parts whose phases are compared
+SHORTEST = 16  # frames of such a part
+
+
+class FrequencyError(ValueError):
+    """Tracks that show no vibration; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Advance:
+    """How the motion's phase and size change over the recording.
+
+    Parameters
+    ----------
+    frequency : float
+        Frequency in Hz at which the phase stands still.
+    deviation : float
+        Its standard error in Hz, from the scatter of the parts; NaN with fewer than three parts.
+    growth : float
+        Change of the amplitude over the whole recording, relative to its mean.
+    """
+
+    frequency: float
+    deviation: float
+    growth: float
+
+
+def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float:
+    """The frequency in Hz that explains most of the motion, below half of every frame rate.
+
+    Raises
+    ------
+    FrequencyError
+        If the recording is too short, or no one frequency explains half of the motion.
+    """
+    series = [_liveliest(own, begin, end) for own in recordings]
+    length = min(float(times[-1] - times[0]) for times, _ in series)
+    lowest, highest = 2 / length, 0.48 * min(own.rate for own in recordings)
+    if not lowest < highest:
+        raise FrequencyError(f"{length:.2f} s of motion are too short to look for its frequency")
+    grid = np.arange(lowest, highest, 1 / (4 * length))
+    power = np.zeros_like(grid)
+    for times, values in series:
+        n = 1 << int(np.ceil(np.log2(8 * len(times))))
+        step = float(times[1] - times[0])
+        spectrum = np.abs(np.fft.rfft(values, n, axis=0)) ** 2
+        power += np.interp(grid, np.fft.rfftfreq(n, step), spectrum.sum(axis=1))
+    peak = float(grid[np.argmax(power)])
+
+    def left(frequency: float) -> float:
+        omega = 2 * np.pi * frequency
+        return sum(
+            float(np.nansum(fit_harmonics(omega, times, values, 1).sigma ** 2)) * len(times)
+            for times, values in series
+        )
+
+    width = 1 / length
+    found = minimize_scalar(left, bounds=(max(peak - width, lowest / 2), peak + width),
+                            method="bounded", options={"xatol": 1e-6 * peak})  # fmt: skip
+    total = sum(float(np.nansum(np.var(values, axis=0))) * len(times) for times, values in series)
+    if not left(float(found.x)) < (1 - SHARE) * total:
+        raise FrequencyError(
+            f"no one frequency from {lowest:.3g} to {highest:.3g} Hz explains half of the motion; "
+            "give excitation.frequency_hz"
+        )
+    return float(found.x)
+
+
+def _liveliest(recording: Recording, begin: float, end: float) -> tuple[Array, Array]:
+    """Times (n,) and the image coordinates (n, series) that move most, without their means."""
+    times, values = [], []
+    for t, uv in recording.parts(begin, end):
+        times.append(t)
+        values.append(uv.reshape(len(t), -1))
+        if sum(map(len, times)) >= MOST_FRAMES:
+            break
+    if not times:
+        raise FrequencyError(f"camera {recording.camera.name} has no frame of the steady part")
+    flat = np.concatenate(values)
+    seen = flat[:, np.isfinite(flat).mean(axis=0) > 0.9]
+    if not seen.size:
+        raise FrequencyError(f"camera {recording.camera.name} sees no marker most of the time")
+    moved = np.nan_to_num(seen - np.nanmean(seen, axis=0))
+    return np.concatenate(times), moved[:, np.argsort(moved.std(axis=0))[-SERIES:]]
+
+
+def advance(
+    recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
+) -> Advance:
+    """How phase and amplitude change from part to part, against a frequency near the true one.
+
+    Every camera's image coordinates are fitted part by part. Against their mean over the parts the
+    fitted amplitudes have turned by 2π (f − f₀) t: the slope of that turn is the error of f₀.
+    """
+    estimates = []
+    for _ in range(2):  # the mean is larger once the parts no longer turn against each other
+        middles, turns, sizes, weights = _parts(recordings, begin, end, frequency, order)
+        if len(middles) < 3:
+            return Advance(frequency, np.nan, 0.0)
+        slope, deviation = _slope(middles, turns, weights)
+        frequency += slope / (2 * np.pi)
+        estimates.append(deviation / (2 * np.pi))
+    growth, _ = _slope(middles, sizes, weights)
+    return Advance(frequency, estimates[-1], growth * (end - begin))
+
+
+def _parts(
+    recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
+) -> tuple[Array, Array, Array, Array]:
+    """Middle, turn in rad, relative size and weight of every part of every camera, all (parts,)."""
+    omega = 2 * np.pi * frequency
+    middles, turns, sizes, weights = [], [], [], []
+    for own in recordings:
+        first, last = own.between(begin, end)
+        count = int(np.clip((last - first) // SHORTEST, 1, BLOCKS))
+        edges = np.linspace(begin, end, count + 1)
+        amplitudes, times = [], []
+        for low, high in pairwise(edges):
+            pieces = list(own.parts(low, high))
+            if not pieces:
+                continue
+            t = np.concatenate([times for times, _ in pieces])
+            fit = fit_harmonics(omega, t, np.concatenate([uv for _, uv in pieces]), order)
+            amplitudes.append((fit.coefficients[1] - 1j * fit.coefficients[2]).ravel())
+            times.append(0.5 * (low + high))
+        if len(amplitudes) < 3:
+            continue
+        A = np.nan_to_num(np.array(amplitudes))
+        if not A.any():  # it sees no marker
+            continue
+        mean = A.mean(axis=0)
+        against = A @ mean.conj() / np.vdot(mean, mean).real
+        middles += times
+        turns += list(np.unwrap(np.angle(against)))
+        sizes += list(np.abs(against))
+        weights += [float(np.vdot(mean, mean).real)] * len(times)
+    return np.array(middles), np.array(turns), np.array(sizes), np.array(weights)
+
+
+def _slope(x: Array, y: Array, weight: Array) -> tuple[float, float]:
+    """Weighted least-squares slope of y over x, and its standard error."""
+    w = weight / weight.sum()
+    dx, dy = x - w @ x, y - w @ y
+    spread = float(w @ dx**2)
+    slope = float(w @ (dx * dy)) / spread
+    residual = dy - slope * dx
+    error = np.sqrt(float(w**2 @ (residual**2 * dx**2))) / spread
+    return slope, float(error * np.sqrt(len(x) / max(len(x) - 2, 1)))

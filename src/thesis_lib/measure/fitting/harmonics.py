@@ -1,0 +1,278 @@
+"""Harmonics of tracks: all frames of all cameras, each at its own times, count.
+
+Every image coordinate of every marker is fitted with a constant and the harmonics of a known
+frequency. The sums of the fit can be made part by part, so a recording of any length fits into
+memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.measure.fitting.reconstruction import (
+    Frame,
+    fit_grid,
+    height_deviation,
+    triangulate_seen,
+)
+from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.vision import lens
+from thesis_lib.vision.lens import Camera
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """Mean and harmonics of tracks, with the scatter about them.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (1 + 2 order, ...)
+        Constant, then cosine and sine of each harmonic.
+    covariance : ndarray, shape (1 + 2 order, 1 + 2 order, ...)
+        Of the coefficients, for a scatter of one.
+    sigma : ndarray, shape (...)
+        Standard deviation of the residuals, with degrees of freedom; NaN where nothing is known.
+    """
+
+    coefficients: Array
+    covariance: Array
+    sigma: Array
+
+    def unblurred(self, turn: float) -> Harmonics:
+        """The same without the loss by exposures that last `turn` = ωT rad of the vibration.
+
+        The mean over an exposure of T shrinks harmonic n by sin(nωT/2) / (nωT/2).
+        """
+        order = (len(self.coefficients) - 1) // 2
+        loss = np.sinc(np.arange(1, order + 1) * turn / (2 * np.pi))
+        factor = 1 / np.concatenate([[1.0], np.repeat(loss, 2)])
+        along = factor.reshape((-1,) + (1,) * (self.coefficients.ndim - 1))
+        return Harmonics(
+            self.coefficients * along, self.covariance * along * along[:, None], self.sigma
+        )
+
+    def earlier(self, omega: float, seconds: ArrayLike) -> Harmonics:
+        """The same of values that were taken later than was thought, by seconds (...)."""
+        late = np.asarray(seconds, float)
+        coefficients = self.coefficients.copy()
+        for n in range(1, (len(coefficients) - 1) // 2 + 1):
+            a, b = self.coefficients[2 * n - 1], self.coefficients[2 * n]
+            c, s = np.cos(n * omega * late), np.sin(n * omega * late)
+            coefficients[2 * n - 1], coefficients[2 * n] = c * a - s * b, s * a + c * b
+        return replace(self, coefficients=coefficients)
+
+    def raised(self, constant: ArrayLike) -> Harmonics:
+        """The same of values that are larger by a constant (...)."""
+        coefficients = self.coefficients.copy()
+        coefficients[0] += constant
+        return replace(self, coefficients=coefficients)
+
+    def at(self, omega: float, times: ArrayLike) -> Array:
+        """Values at times (n,), shape (n, ...)."""
+        order = (len(self.coefficients) - 1) // 2
+        values: Array = np.tensordot(basis(omega, times, order), self.coefficients, axes=1)
+        return values
+
+
+def basis(omega: float, times: ArrayLike, order: int) -> Array:
+    """Columns 1, cos ωt, sin ωt, cos 2ωt …, shape (times, 1 + 2 order)."""
+    t = np.asarray(times, float)
+    columns = [np.ones_like(t)]
+    for n in range(1, order + 1):
+        columns += [np.cos(n * omega * t), np.sin(n * omega * t)]
+    return np.stack(columns, axis=-1)
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Sums of a least-squares fit of harmonics to values of shape (times, ...).
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (series, n, n)
+        Normal equations of every series, n = 1 + 2 order.
+    right : ndarray, shape (series, n)
+        Their right sides.
+    squares : ndarray, shape (series,)
+        Sum of the squares of the values.
+    count : ndarray of int, shape (series,)
+        Number of known values.
+    shape : tuple of int
+        Shape of the series.
+    """
+
+    matrix: Array
+    right: Array
+    squares: Array
+    count: NDArray[np.int64]
+    shape: tuple[int, ...]
+
+    def __add__(self, other: Sums) -> Sums:
+        return Sums(
+            self.matrix + other.matrix,
+            self.right + other.right,
+            self.squares + other.squares,
+            self.count + other.count,
+            self.shape,
+        )
+
+    def solve(self) -> Harmonics:
+        """The harmonics; NaN for a series with fewer values than coefficients plus two.
+
+        The scatter is found to about 1e-8 of the values: they should be those about a mean.
+        """
+        n = self.right.shape[1]
+        enough = self.count >= n + 2
+        matrix = np.where(enough[:, None, None], self.matrix, np.eye(n))
+        inverse = np.linalg.inv(matrix)
+        solution = np.einsum("sij,sj->is", inverse, self.right)
+        left = np.maximum(self.squares - np.einsum("is,si->s", solution, self.right), 0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            sigma = np.sqrt(left / (self.count - n))
+        solution[:, ~enough], sigma[~enough] = np.nan, np.nan
+        return Harmonics(
+            solution.reshape((n, *self.shape)),
+            np.moveaxis(inverse, 0, 2).reshape((n, n, *self.shape)),
+            sigma.reshape(self.shape),
+        )
+
+
+def sums_of(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -> Sums:
+    """What values (times, ...) add to a fit of harmonics; NaN is left out."""
+    values = np.asarray(values, float)
+    A = basis(omega, times, order)
+    flat = values.reshape(len(A), -1)
+    known = np.isfinite(flat)
+    filled = np.where(known, flat, 0.0)
+    return Sums(
+        np.einsum("ti,tj,ts->sij", A, A, known.astype(float), optimize=True),
+        np.einsum("ti,ts->si", A, filled),
+        np.sum(filled**2, axis=0),
+        known.sum(axis=0),
+        values.shape[1:],
+    )
+
+
+def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -> Harmonics:
+    """Least-squares harmonics of values (times, ...); NaN is left out.
+
+    A series with fewer values than coefficients plus two has NaN for all of its coefficients.
+    """
+    values = np.asarray(values, float)
+    sums = sums_of(omega, times, values, order)
+    found = sums.solve()
+    # The scatter from the residuals themselves; the sums lose it in the squares of the values.
+    left = np.nansum((values - found.at(omega, times)) ** 2, axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sigma = np.sqrt(left / (sums.count.reshape(sums.shape) - len(found.coefficients)))
+    return replace(found, sigma=np.where(np.isnan(found.sigma), np.nan, sigma))
+
+
+def harmonic_deflection(
+    P: ArrayLike, frame: Frame, omega: float, cameras: list[Harmonics], instants: int = 16
+) -> ComplexArray:
+    """Complex amplitudes along the beam's normal at ω, time factor e^{+jωt}, shape (markers,), m.
+
+    The harmonics of each camera, fitted at that camera's own times, are evaluated at common
+    instants of one period, triangulated there without any linearisation, and summed to the first
+    harmonic of the deflection.
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    frame : Frame
+        The beam's frame.
+    omega : float
+        Angular frequency in rad/s.
+    cameras : list of Harmonics
+        Of the tracks (2, markers) of each camera.
+    instants : int
+        Instants of one period.
+    """
+    times = np.arange(instants) * 2 * np.pi / (omega * instants)
+    uv = np.stack([camera.at(omega, times).swapaxes(0, 1) for camera in cameras])
+    points, _ = triangulate_seen(P, uv)
+    height = frame.to_beam(points)[2]
+    return np.asarray(2 / instants * np.exp(-1j * omega * times) @ height, complex)
+
+
+def mean_of(values: Array) -> Array:
+    """Mean over the first axis of what is known; NaN where less than half is."""
+    known = np.isfinite(values)
+    count = known.sum(axis=0)
+    mean = np.where(known, values, 0.0).sum(axis=0) / np.maximum(count, 1)
+    return np.where(count >= len(values) / 2, mean, np.nan)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Harmonics of all cameras, and the frame of the markers at rest.
+
+    Parameters
+    ----------
+    cameras : list of Camera
+        Calibrated.
+    harmonics : list of Harmonics
+        Of the tracks (2, markers) of each camera without lens distortion, px.
+    rest : ndarray, shape (cameras, 2, markers)
+        Marker centres at rest without distortion, px.
+    frame : Frame
+        The structure's frame.
+    """
+
+    cameras: list[Camera]
+    harmonics: list[Harmonics]
+    rest: Array
+    frame: Frame
+
+    @property
+    def P(self) -> Array:
+        """Projection matrices, shape (cameras, 3, 4)."""
+        return lens.projection_matrices(self.cameras)
+
+    @property
+    def sigma(self) -> Array:
+        """Scatter of the centres about the harmonics, (cameras, 2, markers), px."""
+        return np.array([h.sigma for h in self.harmonics])
+
+    @property
+    def points(self) -> Array:
+        """Markers at rest in the calibration's frame, shape (3, markers), m."""
+        return triangulate_seen(self.P, self.rest)[0]
+
+
+def fitted(
+    cameras: list[Camera], harmonics: list[Harmonics], rest: Array, markers: Markers
+) -> Fitted:
+    """Put harmonics and markers at rest together, in the frame of the markers' grid."""
+    points, _ = triangulate_seen(lens.projection_matrices(cameras), rest)
+    frame = fit_grid(points, markers.world[:, : markers.count])
+    return Fitted(cameras, harmonics, rest, frame)
+
+
+def unblurred(fit: Fitted, omega: float, exposures: ArrayLike) -> list[Harmonics]:
+    """The harmonics without the loss by each camera's exposure in s."""
+    times = np.broadcast_to(np.asarray(exposures, float), len(fit.cameras))
+    return [own.unblurred(omega * float(t)) for own, t in zip(fit.harmonics, times, strict=True)]
+
+
+def amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
+    """Complex amplitudes of the deflection at ω, shape (markers,), in m."""
+    return harmonic_deflection(fit.P, fit.frame, omega, unblurred(fit, omega, exposures))
+
+
+def deviation(fit: Fitted, omega: float, exposures: ArrayLike) -> Array:
+    """Standard deviation of the amplitude's part in phase, by the centres' scatter, (markers,), m.
+
+    White noise of σ over N frames leaves σ √(2/N) in each of the two parts of an amplitude.
+    """
+    own = unblurred(fit, omega, exposures)
+    spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in own])
+    return height_deviation(fit.P, fit.frame, fit.points, fit.sigma * spread)

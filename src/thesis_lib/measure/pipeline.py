@@ -1,0 +1,267 @@
+"""The whole chain on a folder of recordings: check, calibrate, listen, track, fit, report."""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from thesis_lib import __version__
+from thesis_lib.files import staging
+from thesis_lib.measure.calibration.alignment import camera_deviations
+from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
+from thesis_lib.measure.feasibility.assess import assess, describe
+from thesis_lib.measure.fitting.result import result
+from thesis_lib.measure.recordings import check as recordings_check
+from thesis_lib.measure.recordings.check import ChainError, markers_of
+from thesis_lib.measure.recordings.manifest import (
+    ManifestError,
+    on_one_line,
+    read_manifest,
+    shot_paths,
+)
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.report import page as report
+from thesis_lib.measure.report import uff
+from thesis_lib.measure.synchronisation.listen import listen
+from thesis_lib.measure.tracking.tracks import Recording, record
+from thesis_lib.parallel import abreast
+from thesis_lib.studies import storage
+from thesis_lib.studies.attributes import with_origin
+from thesis_lib.studies.cache import kept, key_of
+
+STEPS = ".steps"  # folder of what is kept between runs
+
+
+class StoppedError(RuntimeError):
+    """What tells the thread of one camera that another has failed, or the user wants to stop."""
+
+
+def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path:
+    """Measure the recordings that a manifest names.
+
+    Parameters
+    ----------
+    path : Path
+        The manifest.
+    out : Path
+        Folder for the results: ``report.html``, ``measured.nc``, ``shapes.csv``, ``shapes.uff``,
+        ``figures``; beside them steps that a second run need not repeat.
+    say : callable
+        Told, line by line, how far the measurement is.
+
+    Returns
+    -------
+    Path
+        The report.
+
+    Raises
+    ------
+    ManifestError, MediaError
+        If the manifest or a file cannot be used.
+    CalibrationError, SynchronisationError, TrackingError, ChainError, FrequencyError
+        If what was recorded does not suffice; one line that says what is missing.
+    """
+    manifest, folder = read_manifest(path), path.parent
+    assessment = assess(manifest)
+    for line in describe(assessment):
+        say(line)
+    say(f"checking {len(manifest.cameras)} videos")
+    counts = recordings_check.check(manifest, folder)  # what it refuses leaves no trace
+    steps = out / STEPS
+    sound = heard(manifest, folder, steps, say)  # first: it may refuse more of the manifest
+    calibration = calibrated(manifest, folder, steps, say)
+    recordings = tracked(manifest, folder, steps, calibration, sound, counts)
+    say("fitting the deflection")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+        data = result(manifest, sound, recordings)
+        _check_plane(data, manifest)
+        data = with_origin(
+            data.merge(_kept_of(calibration, sound)), f"measurement by thesis_lib {__version__}"
+        )
+        data.attrs.update(
+            title=f"Deflection of a {manifest.structure.kind}, "
+            f"measured with {len(recordings)} cameras",
+            parameters=manifest.model_dump_json(),
+            notes=calibration.attrs["notes"],
+            synchronisation=sound.attrs["synchronisation"],
+        )
+        pictures = report.figures(data, manifest, recordings, folder)
+        page = report.page(data, manifest, assessment, pictures)
+    with staging(out) as part:
+        (part / "figures").mkdir()
+        storage.write(data, part / "measured.nc")
+        for name, (kind, content) in pictures.items():
+            (part / "figures" / f"{name}.{kind}").write_bytes(content)
+        report.table(data).to_csv(part / "shapes.csv", index=False)
+        uff.write(part / "shapes.uff", data)
+        (part / "report.html").write_text(page, encoding="utf-8")
+        move(part, out)
+    for line in report.summary(data):
+        say(line)
+    return out / "report.html"
+
+
+def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
+    """Refuse markers at rest whose places do not tell the structure's plane."""
+    seen = np.isfinite(data["rest_position"].values).all(axis=0)
+    places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
+    if on_one_line(places, manifest.structure.markers.diameter_mm):
+        raise ChainError(
+            f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on one "
+            "line, which does not tell how the structure is turned about it: move a camera, or "
+            "add markers beside the line"
+        )
+
+
+def move(part: Path, out: Path) -> None:
+    """Move all files of a folder to another, each in place of the one that is there."""
+    files = [path.relative_to(part) for path in part.rglob("*") if path.is_file()]
+    for folder in {file.parent for file in files}:
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    for file in files:
+        (part / file).replace(out / file)
+
+
+def calibrated(
+    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
+) -> xr.Dataset:
+    """The cameras, adjusted together from all pictures of the board."""
+    rows = [shot_paths(camera, folder) for camera in manifest.cameras]
+    shots = [shot for row in rows for shot in row if shot]
+    what = [manifest.board.model_dump(mode="json")] + [
+        [c.name, c.size, [shot and shot.name for shot in row]]
+        for c, row in zip(manifest.cameras, rows, strict=True)
+    ]
+
+    def compute() -> xr.Dataset:
+        say(f"calibrating from {len(shots)} pictures of the board")
+        with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
+            corners, lost, single, full = adjusted(manifest, folder, lambda: bar.update())
+        data = xr.Dataset(coords={"camera": [c.name for c in manifest.cameras]})
+        for name, dims, values in (
+            ("K", "camera i j", [c.K for c in full.cameras]),
+            ("distortion", "camera coefficient", [c.distortion for c in full.cameras]),
+            ("R_camera_world", "camera i j", [c.R_camera_world for c in full.cameras]),
+            ("centre", "camera i", [c.centre for c in full.cameras]),
+            ("size", "camera side", [c.size for c in full.cameras]),
+            ("reprojection_rms", "", full.rms),
+            ("single_rms", "camera", [c.rms for c in single]),
+            ("focal_deviation", "camera", full.deviations[:, 0]),
+            ("centre_deviation", "camera", np.linalg.norm(camera_deviations(full)[0], axis=1)),
+            ("corners", "camera shot side corner", corners),
+            ("residuals", "camera shot side corner", full.residuals),
+        ):
+            data[name] = (dims.split(), np.asarray(values))
+        return data.assign_attrs(notes="\n".join(lost))
+
+    return kept(steps, "calibration", key_of(what, shots), compute)
+
+
+def heard(
+    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
+) -> xr.Dataset:
+    """When the cameras started, and what the sound tells of the vibration."""
+    videos = [folder / c.video for c in manifest.cameras]
+    what = [manifest.excitation.model_dump(mode="json"), [c.name for c in manifest.cameras],
+            [c.frame_rate_hz for c in manifest.cameras]]  # fmt: skip
+
+    def compute() -> xr.Dataset:
+        say(f"listening to {len(videos)} sound tracks")
+        sound = listen(manifest, folder)
+        found, rest = sound.synchronisation, manifest.excitation.rest_s
+        most = max(sound.steady[0] - max(float(found.delays.max()), 0.0), 0.0)
+        if manifest.excitation.steady_s is None and rest > most + 1e-6:
+            raise ManifestError(
+                f"excitation.rest_s: given {rest:.6g}, allowed: at most the {most:.3f} s after "
+                "which the vibration is steady"
+            )
+        force = sound.force or 0j
+        unknown: Any = np.nan
+        values = {
+            "delay": ("camera", found.delays),
+            "frequency": ("", sound.frequency or unknown),
+            "of_sound": ("", sound.found_frequency or unknown),
+            "of_sound_deviation": ("", sound.frequency_deviation or unknown),
+            "force": ("part", [force.real, force.imag]),
+            "steady": ("end", sound.steady),
+            "ambiguous": ("", int(found.ambiguous)),
+            "signal_to_noise": ("", found.snr),
+        }
+        data = xr.Dataset(
+            {name: (dims.split(), np.asarray(v)) for name, (dims, v) in values.items()}
+        )
+        return data.assign_attrs(
+            synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
+        )
+
+    return kept(steps, "sound", key_of(what, videos), compute)
+
+
+def tracked(
+    manifest: Manifest, folder: Path, steps: Path, calibration: xr.Dataset, sound: xr.Dataset,
+    counts: list[int],
+) -> list[Recording]:  # fmt: skip
+    """The markers followed through all videos of so many frames, two cameras at a time."""
+    markers, cameras = markers_of(manifest), cameras_in(calibration)
+    frequency = float(np.nan_to_num(sound["frequency"]))
+    visible = manifest.structure.model_dump(
+        mode="json", include={"length_mm", "width_mm", "markers"}
+    )
+    stop = threading.Event()
+    with tqdm(total=sum(counts), unit="frame", desc="tracking", disable=None, leave=False) as bar:
+
+        def tick(frames: int) -> None:
+            if stop.is_set():
+                raise StoppedError
+            bar.update(frames)
+
+        def one(index: int) -> Recording:
+            files = manifest.cameras[index]
+            path = steps / f"tracks-{index:02d}.npy"
+            turn = round(2 * np.pi * frequency / files.frame_rate_hz, 3)  # to look near the place
+            what = [files.corners_px, turn, visible, index, calibration.attrs["key"]]
+            key = key_of(what, [folder / files.video])
+            record(files, folder, counts[index], cameras[index], markers, turn, path, key, tick)
+            return Recording(cameras[index], files.frame_rate_hz, float(sound["delay"][index]),
+                             files.exposure_s, files.readout_s, path)  # fmt: skip
+
+        with alike():
+            return abreast(one, range(len(cameras)), stop.set)
+
+
+def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
+    """What of calibration and sound belongs to the result."""
+    data = xr.Dataset(coords={"camera": calibration["camera"]})
+    texts = {
+        "reprojection_rms": ("px", "rms residual of a coordinate of the board's corners"),
+        "single_rms": ("px", "the same of each camera calibrated alone"),
+        "focal_deviation": ("px", "standard deviation of the focal length"),
+        "centre_deviation": ("m", "standard deviation of the centre of projection"),
+        "K": ("px", "intrinsic matrix"),
+        "distortion": ("1", "k1, k2, p1, p2, k3"),
+        "size": ("px", "width and height of the pictures"),
+        "residuals": ("px", "corners seen minus computed"),
+        "corners": ("px", "corners of the board as they were found"),
+        "delay": ("s", "start after the first camera's"),
+        "steady": ("s", "steady part on the first camera's clock"),
+        "ambiguous": ("1", "whether the delays are in doubt by whole periods"),
+        "signal_to_noise": ("1", "signal over noise of the sound, power"),
+        "force": ("1", "amplitude of the force's signal over full scale, real and imaginary part"),
+    }
+    for name, (units, long_name) in texts.items():
+        source = calibration if name in calibration else sound
+        values = source[name]
+        data[name] = (values.dims, values.values, {"units": units, "long_name": long_name})
+    seen = np.isfinite(calibration["corners"].values[:, :, 0, 0]).sum(axis=1)
+    data["shots_used"] = (
+        "camera", seen, {"units": "1", "long_name": "pictures of the board that were used"},
+    )  # fmt: skip
+    return data

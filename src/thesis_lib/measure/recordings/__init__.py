@@ -1,0 +1,1 @@
+"""What is read: manifest, videos, sound, markers and board."""

@@ -1,0 +1,361 @@
+"""Manifests on disk: read and written, checked against the files they name."""
+
+from __future__ import annotations
+
+import json
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml  # type: ignore[import-untyped]
+from numpy.typing import ArrayLike
+from pydantic import BaseModel, ValidationError
+
+from thesis_lib.files import whole_text
+from thesis_lib.measure.recordings.manifest_model import INSIDE, CameraFiles, Manifest, Structure
+from thesis_lib.measure.recordings.media import read_png
+from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, probe
+from thesis_lib.studies.request import nearest, permitted, shown
+from thesis_lib.text import first_hidden, one_line
+
+STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
+RATE_TOLERANCE = 5e-4  # relative; 60 and 59.94 Hz are 0.1 % apart
+APART = 0.5  # s that a video's pictures and its sound may end apart
+PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}  # sought in folders
+DEEPEST = 20  # levels of a YAML text; a manifest has six
+
+
+class ManifestError(ValueError):
+    """A manifest that cannot be used; the message is one line."""
+
+
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
+    """YAML as plain as JSON: no key twice, nothing that stands for something else."""
+
+    depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):  # a few lines of them can stand for gigabytes
+            mark = self.peek_event().start_mark
+            raise yaml.MarkedYAMLError(problem="an alias, allowed: values", problem_mark=mark)
+        if self.depth >= DEEPEST:
+            mark = self.peek_event().start_mark
+            raise yaml.MarkedYAMLError(
+                problem=f"nested too deep, allowed: {DEEPEST} levels", problem_mark=mark
+            )
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except ValueError:  # a number of thousands of digits, a day that is none
+            raise yaml.MarkedYAMLError(
+                problem=f"given {one_line(str(node.value))}, allowed: a value that can be read",
+                problem_mark=node.start_mark,
+            ) from None
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        keys: set[str] = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.MarkedYAMLError(
+                    problem="a list or an object as a field's name, allowed: text",
+                    problem_mark=key.start_mark,
+                )
+            if key.value in keys:
+                raise yaml.MarkedYAMLError(
+                    problem=f"{one_line(str(key.value))} is given twice",
+                    problem_mark=key.start_mark,
+                )
+            keys.add(str(key.value))
+        return super().construct_mapping(node, deep)
+
+
+def read_manifest(path: Path, check_files: bool = True) -> Manifest:
+    """The manifest in a YAML file.
+
+    Parameters
+    ----------
+    path : Path
+        The file; what it names is sought from its folder.
+    check_files : bool
+        Whether the files it names must exist.
+
+    Raises
+    ------
+    ManifestError
+        In one line: the file, the line or field, what was given and what is allowed.
+    """
+    if not path.is_file():
+        raise ManifestError(
+            f"{path}: {'a folder, give the YAML file in it' if path.is_dir() else 'no such file'}"
+        )
+    try:
+        values = yaml.load(path.read_text(encoding="utf-8"), _Loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = f"line {mark.line + 1}" if mark else "its text"
+        raise ManifestError(f"{path}: {where}: {one_line(str(error.problem))}") from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError):
+        raise ManifestError(f"{path}: not a YAML text in UTF-8") from None
+    if not isinstance(values, dict):
+        raise ManifestError(f"{path}: given {shown(values)}, allowed: fields and their values")
+    if problem := first_hidden(values):
+        raise ManifestError(f"{path}: {problem}")
+    try:
+        text = json.dumps(values)
+        manifest = Manifest.model_validate_json(text)
+    except ValidationError as error:
+        raise ManifestError(f"{path}: {_problem(json.loads(text), error)}") from None
+    except (TypeError, ValueError, RecursionError):
+        raise ManifestError(f"{path}: holds what is no text, number or list, as a date") from None
+    for problem in _file_problems(manifest, path.parent, check_files):
+        raise ManifestError(f"{path}: {problem}")
+    return manifest
+
+
+def write_manifest(manifest: Manifest, path: Path) -> None:
+    """Write a manifest as YAML, whole or not at all."""
+    values = manifest.model_dump(mode="json")
+    text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
+    whole_text(path, text)
+
+
+def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
+    """Files of a camera's pictures of the board in the order of poses, None where there is none.
+
+    Those of a folder or pattern are in the order of their names, numbers by value.
+    """
+    if not isinstance(camera.shots, str):
+        return [None if shot is None else folder / shot for shot in camera.shots]
+    place = folder / camera.shots
+    inside = place.is_dir()
+    try:
+        files = place.glob("*") if inside else folder.glob(camera.shots)
+        pictures = [
+            file for file in files
+            if not file.name.startswith(".")  # as macOS puts beside those it copies
+            and (not inside or file.suffix.lower() in PICTURES)
+        ]  # fmt: skip
+        return [*sorted(pictures, key=lambda file: _by_number(file.name))]
+    except (ValueError, NotImplementedError):  # no pattern that pathlib knows
+        return []
+
+
+def check_excitation(manifest: Manifest) -> list[str]:
+    """What of the excitation these cameras cannot film, one line each; empty if nothing.
+
+    Above half of the frame rate the motion is sampled too rarely, which is refused unless it is
+    declared; and near multiples of that half it seems to stand still or to flip from frame to
+    frame, from which its phase cannot be told.
+    """
+    lines = []
+    slowest = min(camera.frame_rate_hz for camera in manifest.cameras)
+    frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_s
+    given = f"excitation.frequency_hz: given {frequency:.6g}, allowed" if frequency else ""
+    if frequency is not None and manifest.excitation.undersampled:
+        for i, camera in enumerate(manifest.cameras):
+            half = camera.frame_rate_hz / 2
+            multiple = max(1, round(frequency / half)) * half
+            if abs(frequency - multiple) < STANDS_STILL * half:
+                lines.append(
+                    f"{given}: at least {STANDS_STILL * half:.4g} Hz from {multiple:.6g} Hz, a "
+                    f"multiple of half the frame rate of cameras[{i}]"
+                )
+                break
+    elif frequency is not None and frequency >= slowest / 2:
+        lines.append(f"{given}: below half of the frame rate, {slowest / 2:g} Hz")
+    if rest * slowest < 3 - 1e-9:
+        lines.append(
+            f"excitation.rest_s: given {rest:.6g}, allowed: at least {3 / slowest:.4g} s, three "
+            "frames"
+        )
+    return lines
+
+
+def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
+    """What in the recordings is other than the manifest says, one line each; empty if nothing.
+
+    The excitation, the markers' places, every video's size, frame rate, length and sound, and the
+    size of every picture of the board.
+    """
+    lines = check_excitation(manifest) + _check_plane(manifest.structure)
+    for i, camera in enumerate(manifest.cameras):
+        path = folder / camera.video
+        where, says = f"cameras[{i}].video: {path}", "as the manifest says"
+        try:
+            info = probe(path)
+            rate = info.frame_rate
+            if info.size != camera.size:
+                lines.append(f"{where}: {_px(info.size)}, allowed: {_px(camera.size)} {says}")
+            if abs(rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
+                lines.append(
+                    f"{where}: {rate:.6g} frames per second, allowed: {camera.frame_rate_hz:.6g} "
+                    f"{says}"
+                )
+            lines += [f"{where}: {line}" for line in _lengths(info, manifest.excitation.rest_s)]
+        except MediaError as error:
+            lines.append(f"cameras[{i}].video: {error}")
+        for shot in filter(None, shot_paths(camera, folder)):
+            try:
+                height, width = read_png(shot).shape
+                if (width, height) != camera.size:
+                    lines.append(
+                        f"cameras[{i}].shots: {shot}: {_px((width, height))}, allowed: "
+                        f"{_px(camera.size)} {says}"
+                    )
+            except MediaError as error:
+                lines.append(f"cameras[{i}].shots: {error}")
+    return lines
+
+
+def on_one_line(points: ArrayLike, diameter: float) -> bool:
+    """Whether markers at points (2, n) do not tell how the structure is turned about their line.
+
+    Nor which way is up then. Across the line their scatter must be more than a part of the
+    diameter, so that it is more than what they are off their places.
+    """
+    places = np.asarray(points, float)
+    off = places - places.mean(axis=1, keepdims=True)
+    across = np.linalg.eigvalsh(off @ off.T / places.shape[1])[0]
+    return bool(across < (diameter / 4) ** 2)
+
+
+def _check_plane(structure: Structure) -> list[str]:
+    """Whether the markers tell the structure's plane, one line if not."""
+    markers = structure.markers
+    if not on_one_line(1000 * structure.marker_points, markers.diameter_mm):
+        return []
+    name = "points_mm" if markers.points_mm else "rows" if markers.rows == 1 else "columns"
+    given = shown(getattr(markers, name))
+    return [f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"]
+
+
+def _lengths(info: VideoInfo, rest: float) -> Iterator[str]:
+    """What is wrong with the lengths of a video's pictures and sound, as far as it says them."""
+    if not info.has_audio:
+        yield "no audio track; it is needed to synchronise the cameras"
+    if info.duration is None:
+        return
+    if info.duration <= rest:
+        yield f"{info.duration:.3f} s of pictures, allowed: more than rest_s, {rest:g} s"
+    if info.sound_end is not None and abs(info.sound_end - info.duration) > APART:
+        yield (
+            f"its pictures end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
+            f"allowed: at most {APART:g} s apart"
+        )
+
+
+def _px(size: Sequence[int]) -> str:
+    return f"{size[0]} × {size[1]} px"
+
+
+def _by_number(name: str) -> list[tuple[int, str]]:
+    """A key that puts 2.png before 10.png."""
+    groups = "".join(c if c.isdigit() and c.isascii() else f" {c} " for c in name).split()
+    return [(int(group), "") if group.isdecimal() else (-1, group) for group in groups]
+
+
+def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[str]:
+    """What is wrong with the paths of a manifest, one line each."""
+    root = folder.resolve()
+
+    def outside(text: str) -> bool:
+        try:
+            return Path(text).is_absolute() or not (root / text).resolve().is_relative_to(root)
+        except (ValueError, OSError, RuntimeError):  # null characters, loops of links
+            return True
+
+    named = [("truth", manifest.truth)] if manifest.truth else []
+    numbers = {}
+    for i, camera in enumerate(manifest.cameras):
+        named.append((f"cameras[{i}].video", camera.video))
+        where = f"cameras[{i}].shots"
+        if isinstance(camera.shots, str):
+            if outside(camera.shots):
+                yield f"{where}: given {shown(camera.shots)}, allowed: {INSIDE}"
+                continue
+        else:
+            named += [(f"{where}[{k}]", s) for k, s in enumerate(camera.shots) if s is not None]
+        shots = shot_paths(camera, folder)
+        numbers[where] = len(shots)
+        files = [shot for shot in shots if shot is not None]
+        if exist and len(files) < 3:
+            yield f"{where}: given {shown(camera.shots)}, which is {len(files)} pictures, " \
+                  "allowed: at least 3"  # fmt: skip
+        if isinstance(camera.shots, str):
+            for shot in files:  # which may be links
+                if outside(str(shot.relative_to(folder))):
+                    yield f"{where}: {shown(shot.name)} leads outside, allowed: {INSIDE}"
+    videos: dict[Path, str] = {}
+    for where, text in named:
+        if outside(text):
+            yield f"{where}: given {shown(text)}, allowed: {INSIDE}"
+        elif exist and not _is_file(folder / text):
+            yield f"{where}: given {shown(text)}, no such file in {folder}"
+        else:
+            first = videos.setdefault((root / text).resolve(), where)
+            if where.endswith(".video") and first != where:
+                yield f"{where}: given {shown(text)}, the same as {first}"
+    if exist and len(set(numbers.values())) > 1:
+        counts = ", ".join(map(str, numbers.values()))
+        yield f"cameras: given {counts} shots, allowed: as many for every camera, in the same order"
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long, a folder that may not be entered
+        return False
+
+
+def _model_at(model: type[BaseModel], name: str) -> type[BaseModel] | None:
+    """The model that a field holds, or a list of."""
+
+    def search(annotation: Any) -> type[BaseModel] | None:
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            return annotation
+        return next(filter(None, map(search, typing.get_args(annotation))), None)
+
+    return search(model.model_fields[name].annotation)
+
+
+def _problem(values: Mapping[str, Any], error: ValidationError) -> str:
+    """The first problem in one line: the field, what was given, what is allowed."""
+    problems = error.errors(include_url=False)  # a misspelt field first: it explains a missing one
+    problem = min(problems, key=lambda one: one["type"] != "extra_forbidden")
+    model: type[BaseModel] | None = Manifest
+    holder: type[BaseModel] = Manifest
+    name = place = ""
+    inside: Any = values
+    for part in problem["loc"]:
+        there = isinstance(inside, Mapping) and part in inside
+        if isinstance(part, int) and isinstance(inside, list) and part < len(inside):
+            place, inside = f"{place}[{part}]", inside[part]
+        elif there or (model is not None and part in model.model_fields):
+            place = f"{place}.{one_line(str(part))}".lstrip(".")
+            inside = inside[part] if there else None
+            if model is not None and part in model.model_fields:
+                holder, name = model, str(part)
+                model = _model_at(model, name)
+    if problem["type"] == "refused":
+        return f"{place}.{problem['msg']}".lstrip(".")
+    if problem["type"] == "extra_forbidden" and model is not None:
+        names = list(model.model_fields)
+        meant = nearest(str(problem["loc"][-1]), names)
+        hint = f" (did you mean {meant}?)" if meant else ""
+        return f"{place}: no such field{hint}; there are {', '.join(names)}"
+    if problem["type"] == "missing":
+        return f"{place}: missing, {permitted(holder, name)}"
+    return f"{place}: given {_given(problem['input'])}, {permitted(holder, name)}"
+
+
+def _given(value: Any) -> str:
+    """A value as it stands in a refusal, of a long list its length."""
+    text = shown(value)
+    return f"a list of {len(value)}" if isinstance(value, list) and text.endswith("...") else text

@@ -1,0 +1,350 @@
+"""The manifest: one YAML file that names the recordings, the rig and the structure.
+
+Every field's ``allowed`` text is what stands in the error message. Lengths are in the units of
+their suffix here and nowhere else: properties without a suffix are in SI units.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from thesis_lib.facts import setups
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.studies.request import permitted, refuse
+from thesis_lib.studies.vocabulary import (
+    Azimuth,
+    Elevation,
+    Name,
+    Positive,
+    Width,
+    allowed_text,
+    field,
+)
+from thesis_lib.vibration.beam import Beam
+from thesis_lib.vibration.plate import Plate
+
+Array = NDArray[np.float64]
+Place = tuple[float, float]
+FileName = Annotated[str, Field(min_length=1, max_length=500)]
+
+POSITIVE = "a number above 0, at most 100000"
+OPTIONAL = f"null, or {POSITIVE}"
+COUNT = "a whole number from 1 to 200"
+INSIDE = "a path inside the manifest's folder"
+
+
+class Part(BaseModel):
+    """What all parts of a manifest share: typed, bounded, unchangeable."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True
+    )
+
+    def refuse(self, name: str, why: str = "") -> None:
+        """Refuse the value of a field, by what it allows if no other reason is given."""
+        refuse(name, getattr(self, name), why or permitted(type(self), name))
+
+
+def _beam(name: str, scale: float = 1.0) -> Any:
+    """A property of the thesis's beam (Table 3.1) as a default."""
+    return lambda: round(scale * getattr(setups.beam(), name), 9)
+
+
+def _thesis_layout(given: dict[str, Any]) -> bool:
+    """Whether markers are those of the thesis, which alone have a hole unless it is given."""
+    return all(
+        given.get(name) == Markers.model_fields[name].get_default(call_default_factory=True)
+        for name in ("rows", "columns", "spacing_mm", "row_spacing_mm", "diameter_mm", "points_mm")
+    )
+
+
+class Markers(Part):
+    """Round markers on the structure: rows along it, or any given places."""
+
+    rows: int = field(3, "rows of markers, side by side", COUNT, ge=1, le=200)
+    columns: int = field(
+        lambda: setups.beam().n_markers, "markers in each row", COUNT, ge=1, le=200
+    )
+    spacing_mm: Positive = field(
+        _beam("marker_spacing", 1000), "distance between centres along a row", POSITIVE
+    )
+    row_spacing_mm: Positive = field(10.0, "distance between rows", POSITIVE)
+    diameter_mm: Positive = field(5.0, "diameter of the markers", POSITIVE)
+    points_mm: tuple[Place, ...] | None = field(
+        None,
+        "places of markers in no rows, from the clamped corner; replaces rows and columns",
+        "null, or a list of 4 to 2000 different [x, y]",
+        min_length=4,
+        max_length=2000,
+    )
+    tone: Literal["dark", "bright"] = field(
+        "dark", "whether they are darker or brighter than the structure", '"dark" or "bright"'
+    )
+    hole_mm: Place | None = field(
+        lambda data: (24.0, 10.0) if _thesis_layout(data) else None,
+        "a hole that looks like a marker, from the clamped corner",
+        "null, or [x, y] on the structure, at least a diameter from every marker's centre",
+    )
+
+
+class Structure(Part):
+    """The structure that is filmed."""
+
+    kind: Literal["beam", "plate", "flat"] = field(
+        "beam",
+        "what it is, which gives the model that shapes are compared with",
+        '"beam", clamped at x = 0, "plate", simply supported, or "flat", without a model',
+    )
+    length_mm: Positive = field(_beam("length", 1000), "length along x", POSITIVE)
+    width_mm: Positive = field(_beam("width", 1000), "width along y", POSITIVE)
+    thickness_mm: Positive = field(_beam("thickness", 1000), "thickness", POSITIVE)
+    density_kg_m3: Positive = field(_beam("density"), "density", POSITIVE)
+    youngs_modulus_pa: float = field(
+        _beam("youngs_modulus"), "Young's modulus", "a number above 0, at most 1e13, in Pa",
+        gt=0, le=1e13,
+    )  # fmt: skip
+    poissons_ratio: float = field(
+        0.3, "Poisson's ratio, which a plate's model needs", "a number from 0 to 0.5", ge=0, le=0.5
+    )
+    damping: float = field(
+        _beam("damping"), "modal damping ratio", "a number above 0 and below 0.7", gt=0, lt=0.7
+    )
+    force_position_mm: Positive = field(
+        _beam("force_position", 1000),
+        "distance of the force from x = 0, a beam's clamp",
+        "a number above 0, at most length_mm",
+    )
+    force_across_mm: Positive | None = field(
+        None,
+        "distance of the force from y = 0; null is half the width",
+        "null, or a number above 0, at most width_mm",
+    )
+    markers: Markers = field(Markers, "its markers", "an object")
+
+    @model_validator(mode="after")
+    def _check(self) -> Structure:
+        if self.force_position_mm > self.length_mm:
+            self.refuse("force_position_mm")
+        if self.force_across_mm is not None and self.force_across_mm > self.width_mm:
+            self.refuse("force_across_mm")
+        if self.kind == "plate" and self.markers.points_mm is None and self.markers.rows < 2:
+            refuse("markers.rows", self.markers.rows, "allowed on a plate: at least 2")
+        size, radius = np.array([[self.length_mm], [self.width_mm]]), self.markers.diameter_mm / 2
+        points, hole = 1000 * self.marker_points, self.markers.hole_mm
+        name = "markers.points_mm" if self.markers.points_mm else "markers"
+        if np.any(points < radius - 1e-9) or np.any(points > size - radius + 1e-9):
+            refuse(name, self.markers.model_dump(mode="json", exclude={"hole_mm"}),
+                   "allowed: markers that lie on the structure")  # fmt: skip
+        apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=0)
+        if np.any(apart[np.triu_indices(points.shape[1], 1)] < 2 * radius):
+            refuse(name, self.markers.model_dump(mode="json", exclude={"hole_mm"}),
+                   "allowed: markers that do not overlap")  # fmt: skip
+        if hole is not None:
+            place = np.array(hole)[:, None]
+            near = np.linalg.norm(points - place, axis=0).min() < 2 * radius
+            if near or np.any(place < 0) or np.any(place > size):
+                refuse("markers.hole_mm", hole, permitted(Markers, "hole_mm"))
+        return self
+
+    @property
+    def marker_points(self) -> Array:
+        """Centres of the markers, shape (2, markers), in m, from the clamped corner; row by row."""
+        m = self.markers
+        if m.points_mm is not None:
+            return np.array(m.points_mm).T / 1000
+        x = self.length_mm / 2 + (np.arange(m.columns) - (m.columns - 1) / 2) * m.spacing_mm
+        y = self.width_mm / 2 + (np.arange(m.rows) - (m.rows - 1) / 2) * m.row_spacing_mm
+        return np.stack([np.tile(x, m.rows), np.repeat(y, m.columns)]) / 1000
+
+    @property
+    def hole(self) -> Array | None:
+        """Centre of the hole, shape (2,), in m."""
+        return None if self.markers.hole_mm is None else np.array(self.markers.hole_mm) / 1000
+
+    @property
+    def plate(self) -> Plate:
+        """The simply supported plate whose model the measurement is compared with."""
+        return Plate(
+            length=self.length_mm / 1000,
+            width=self.width_mm / 1000,
+            thickness=self.thickness_mm / 1000,
+            density=self.density_kg_m3,
+            youngs_modulus=self.youngs_modulus_pa,
+            poisson=self.poissons_ratio,
+            damping=self.damping,
+            force_position=(
+                self.force_position_mm / 1000,
+                (self.force_across_mm or self.width_mm / 2) / 1000,
+            ),
+            grid=(self.markers.columns, self.markers.rows),
+        )
+
+    @property
+    def beam(self) -> Beam:
+        """The beam whose model the measurement is compared with."""
+        return Beam(
+            length=self.length_mm / 1000,
+            width=self.width_mm / 1000,
+            thickness=self.thickness_mm / 1000,
+            density=self.density_kg_m3,
+            youngs_modulus=self.youngs_modulus_pa,
+            damping=self.damping,
+            force_position=self.force_position_mm / 1000,
+            n_markers=self.markers.columns,
+            marker_spacing=self.markers.spacing_mm / 1000,
+        )
+
+
+class CameraFiles(Part):
+    """One camera and its files."""
+
+    name: Name = field(..., "its name", "1 to 40 characters, different for every camera")
+    video: FileName = field(..., "video with the structure's vibration and its sound", INSIDE)
+    width_px: Width = field(1920, "width of the pictures", "a whole number from 2 to 20000")
+    height_px: Width = field(1080, "height of the pictures", "a whole number from 2 to 20000")
+    frame_rate_hz: float = field(
+        60.0, "frames per second", "a number from 1 to 100000", ge=1, le=1e5
+    )
+    exposure_s: float = field(
+        ..., "exposure time of a frame", "a number above 0, at most 1 / frame_rate_hz, in s",
+        gt=0, le=1,
+    )  # fmt: skip
+    readout_s: float = field(
+        0.0,
+        "time from the first row's exposure to the last row's; 0 for a global shutter",
+        "a number from -1 / frame_rate_hz to 1 / frame_rate_hz, in s; below 0 if the last is first",
+        ge=-1, le=1,
+    )  # fmt: skip
+    shots: FileName | tuple[FileName | None, ...] = field(
+        ...,
+        "pictures of the calibration board; the k-th of every camera shows the same pose",
+        "a folder of pictures, a pattern such as shots/A-*.png, or a list of 3 to 200 files with "
+        "null where there is none, each inside the manifest's folder",
+    )
+    corners_px: tuple[Place, Place, Place, Place] | None = field(
+        None,
+        "where the structure's corners lie in the pictures: at (0, 0), (length, 0), (length, "
+        "width), (0, width)",
+        "null, or four [u, v] around a convex quadrilateral",
+    )
+    focal_length_mm: Positive | None = field(None, "focal length of the lens", OPTIONAL)
+    sensor_width_mm: Positive | None = field(None, "width of the sensor", OPTIONAL)
+    f_number: Positive | None = field(None, "focal length over the aperture's diameter", OPTIONAL)
+    distance_mm: Positive | None = field(
+        None, "distance from the structure's centre, which the camera looks at", OPTIONAL
+    )
+    azimuth_deg: Azimuth | None = field(
+        None, "direction of the camera from +Y towards +X", "null, or a number from -360 to 360"
+    )
+    elevation_deg: Elevation | None = field(
+        None,
+        "direction of the camera above the structure's plane",
+        "null, or a number above 0, at most 90",
+    )
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the pictures in px."""
+        return self.width_px, self.height_px
+
+    @model_validator(mode="after")
+    def _check(self) -> CameraFiles:
+        if self.exposure_s * self.frame_rate_hz > 1 + 1e-9:
+            self.refuse("exposure_s")
+        if abs(self.readout_s) * self.frame_rate_hz > 1 + 1e-9:
+            self.refuse("readout_s")
+        if isinstance(self.shots, tuple) and not 3 <= len(self.shots) <= 200:
+            self.refuse("shots")
+        if self.corners_px is not None:
+            sides = np.diff([*self.corners_px, *self.corners_px[:2]], axis=0)
+            turns = sides[:-1, 0] * sides[1:, 1] - sides[:-1, 1] * sides[1:, 0]
+            if not (np.all(turns > 0) or np.all(turns < 0)):
+                self.refuse("corners_px")
+        return self
+
+
+class BoardSpec(Part):
+    """The calibration board: a checkerboard."""
+
+    columns: int = field(9, "tiles along x", "a whole number from 4 to 100", ge=4, le=100)
+    rows: int = field(9, "tiles along y", "a whole number from 4 to 100", ge=4, le=100)
+    tile_mm: Positive = field(45.0, "side of a tile", POSITIVE)
+    margin_mm: float = field(
+        45.0, "width of the white margin", "a number from 0 to 100000", ge=0, le=1e5
+    )
+    two_sided: bool = field(True, "whether it is printed on both sides", "true or false")
+
+    @property
+    def board(self) -> Board:
+        """The board in SI units."""
+        return Board(self.columns, self.rows, self.tile_mm / 1000, self.margin_mm / 1000)
+
+
+class Excitation(Part):
+    """How the structure is driven, and what the sound tracks carry."""
+
+    frequency_hz: float | None = field(
+        4.25, "frequency of the vibration; null looks for it",
+        "null, or a number above 0, at most 100000", gt=0, le=1e5,
+    )  # fmt: skip
+    undersampled: bool = field(
+        False,
+        "whether frequency_hz is so well known that it may exceed half of the frame rate",
+        "true or false",
+    )
+    amplitude_mm: Positive | None = field(
+        None, "largest deflection that is expected, for the warnings before measuring", OPTIONAL
+    )
+    sound: Literal["force", "room"] = field(
+        "force",
+        "what the sound tracks carry: the force's signal, or what microphones hear",
+        '"force" or "room"',
+    )
+    steady_s: tuple[float, float] | None = field(
+        None,
+        "from when to when the vibration is steady, on the first camera's clock; null looks for it "
+        "in the force's signal, or takes all after rest_s",
+        "null, or [begin, end] in s, from 0 to 100000, in this order",
+    )
+    rest_s: float = field(
+        1.0, "time at rest at the start", "a number from 0 to 3600, in s", ge=0, le=3600
+    )
+    force_per_full_scale_n: float | None = field(
+        None, "force at the sound's full scale", "null, or a number above 0, at most 100000, in N",
+        gt=0, le=1e5,
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _check(self) -> Excitation:
+        if self.undersampled and self.frequency_hz is None:
+            self.refuse("undersampled", "allowed with a given frequency_hz: true or false")
+        if self.steady_s is not None and not 0 <= self.steady_s[0] < self.steady_s[1] <= 1e5:
+            self.refuse("steady_s")
+        return self
+
+
+class Manifest(Part):
+    """Recordings of one structure by 2 to 16 cameras."""
+
+    structure: Structure = field(Structure, "the structure", "an object")
+    cameras: tuple[CameraFiles, ...] = field(
+        ..., "the cameras", "a list of 2 to 16 cameras", min_length=2, max_length=16
+    )
+    board: BoardSpec = field(BoardSpec, "the calibration board", "an object")
+    excitation: Excitation = field(Excitation, "the excitation", "an object")
+    truth: FileName | None = field(None, "truth of a rendered recording", f"null, or {INSIDE}")
+
+    @model_validator(mode="after")
+    def _check(self) -> Manifest:
+        for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
+            for name in ("name", "video"):
+                if getattr(one, name) == getattr(other, name):
+                    refuse(f"cameras[{j}].{name}", getattr(other, name),
+                           f"the same as cameras[{i}].{name}, allowed: "
+                           f"{allowed_text(CameraFiles, name)}")  # fmt: skip
+        return self

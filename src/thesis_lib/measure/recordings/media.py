@@ -1,0 +1,291 @@
+"""Recordings as files: gray video with its audio track, and pictures (thesis 5.1.2).
+
+Everything streams: memory does not grow with the number of frames. One convention of time serves
+all of the laboratory: frame k is exposed around k / frame rate after the start of the recording
+(its mid-exposure), audio sample j is taken at j / sample rate after the same start.
+
+Videos are written to Matroska, whose sound is plain PCM: AAC would put 1024 samples of padding
+before the first one and up to 1024 after the last, and trusts the reader to drop them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import chain
+from pathlib import Path
+from typing import Literal
+
+import av
+import cv2
+import numpy as np
+from av.video.reformatter import ColorRange
+from av.video.stream import VideoStream
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.files import whole_file
+from thesis_lib.measure.recordings.media_info import (
+    MediaError,
+    info_of,
+    opened,
+    start_of,
+    video_track,
+)
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+BLOCK = 1 << 16  # samples of sound that are read at once
+GAP = 0.02  # s that a block of audio may be off its place; containers round to 1 ms
+
+
+def write_video(
+    path: Path,
+    frames: Iterable[Image],
+    frame_rate: float,
+    audio: ArrayLike,
+    sample_rate: int = 48000,
+    codec: Literal["ffv1", "h264"] = "ffv1",
+    crf: int = 23,
+) -> None:
+    """Write gray frames and their sound to a Matroska file, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        File to write, ending in .mkv.
+    frames : iterable of ndarray, shape (height, width)
+        Frames as uint8, taken one at a time; height and width are even.
+    frame_rate : float
+        Frames per second in Hz.
+    audio : array_like, shape (samples,)
+        Sound from the first frame on, −1…1; what is beyond clips, as it does in a camera.
+    sample_rate : int
+        Audio samples per second in Hz.
+    codec : str
+        ``ffv1`` is lossless, ``h264`` (x264, full range, preset medium) is as cameras record.
+    crf : int
+        Constant rate factor of H.264, 0…51; lower is better.
+
+    Raises
+    ------
+    MediaError
+        If the file's name, the frames or the audio do not suit.
+    """
+    sound = np.asarray(audio, float)
+    if path.suffix != ".mkv":
+        raise MediaError(f"{path}: given the ending {path.suffix!r}, allowed: .mkv")
+    if sound.ndim != 1 or not np.isfinite(sound).all():
+        raise MediaError(f"{path}: audio of shape {sound.shape}, allowed: finite, one channel")
+    samples = np.rint(np.clip(sound, -1, 1 - 2**-15) * 2**15).astype(np.int16)
+    remaining = iter(frames)
+    first = next(remaining, None)
+    if first is None:
+        raise MediaError(f"{path}: no frames to write")
+    name, options = "ffv1", {"level": "3", "slices": "16", "slicecrc": "1"}
+    if codec == "h264":
+        # Without mbtree, whose assembly is not reproducible at every width; cameras have none.
+        name, options = "libx264", {"preset": "medium", "crf": str(crf), "mbtree": "0"}
+
+    def write(part: Path) -> None:
+        with av.open(str(part), "w", format="matroska", options={"fflags": "+bitexact"}) as file:
+            file.metadata["comment"] = " ".join([name, *map("=".join, options.items())])
+            video = file.add_stream(name, rate=Fraction(frame_rate).limit_denominator(1001))
+            assert isinstance(video, VideoStream)
+            video.height, video.width = first.shape
+            video.pix_fmt, video.thread_type = "gray", "AUTO"
+            video.options = dict(options)
+            video.codec_context.color_range = ColorRange.JPEG  # grey levels 0…255, not 16…235
+            track = file.add_stream("pcm_s16le", rate=sample_rate, layout="mono")
+
+            def add_sound(start: int, stop: int) -> None:
+                if start < (stop := min(stop, len(samples))):
+                    block = av.AudioFrame.from_ndarray(samples[None, start:stop], "s16", "mono")
+                    block.sample_rate, block.pts = sample_rate, start
+                    block.time_base = Fraction(1, sample_rate)
+                    file.mux(track.encode(block))
+
+            written = 0
+            for k, image in enumerate(chain([first], remaining)):
+                if image.dtype != np.uint8 or image.shape != first.shape:
+                    raise MediaError(
+                        f"{path}: frame {k} is {image.dtype} of shape {image.shape}, "
+                        f"allowed: uint8 of shape {first.shape}, as frame 0"
+                    )
+                picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="gray")
+                picture.pts, picture.time_base = k, 1 / video.codec_context.rate
+                file.mux(video.encode(picture))
+                heard = round((k + 1) * sample_rate / frame_rate)
+                add_sound(written, heard)
+                written = heard
+            for start in range(written, len(samples), sample_rate):
+                add_sound(start, start + sample_rate)
+            file.mux(video.encode(None))
+            file.mux(track.encode(None))
+
+    if first.dtype != np.uint8 or first.ndim != 2 or any(side % 2 for side in first.shape):
+        raise MediaError(
+            f"{path}: frame 0 is {first.dtype} of shape {first.shape}, "
+            "allowed: uint8 of an even height and width"
+        )
+    whole_file(path, write)
+
+
+def read_frames(path: Path, start: int = 0, stop: int | None = None) -> Iterator[Image]:
+    """Frames `start` to `stop` of a video in gray of full range, shape (height, width), in order.
+
+    Colour becomes luma, and a limited range (16…235) is stretched to 0…255.
+
+    Raises
+    ------
+    MediaError
+        While the frames are taken: as :func:`probe`, or if a frame is missing or cannot be decoded.
+    """
+    with opened(path) as file:
+        info, stream = info_of(file, path), video_track(file, path)
+        k, previous = 0, np.nan
+        frames = file.decode(stream)
+        while stop is None or k < stop:
+            try:
+                frame = next(frames, None)
+            except (av.FFmpegError, OSError):
+                raise MediaError(f"{path}: damaged, cannot be decoded from frame {k} on") from None
+            if frame is None:
+                break
+            if frame.is_corrupt:
+                raise MediaError(f"{path}: frame {k} is damaged")
+            time = np.nan if frame.time is None else frame.time
+            if (time - previous) * info.frame_rate > 1.75:
+                raise MediaError(
+                    f"{path}: frame {k} is missing: the one before is at {previous:.3f} s, "
+                    f"the next at {time:.3f} s"
+                )
+            if k >= start:
+                yield np.array(frame.to_ndarray(format="gray"), np.uint8)  # not the decoder's own
+            k, previous = k + 1, time
+        wanted = info.frames if stop is None else stop
+        if wanted is not None and k < wanted:
+            says = f"the file says {info.frames}" if stop is None else f"asked up to {stop}"
+            raise MediaError(f"{path}: ends before frame {k}, {says} frames")
+
+
+@dataclass(frozen=True)
+class Audio:
+    """Sound of a video that is read block by block, once.
+
+    Parameters
+    ----------
+    rate : int
+        Samples per second in Hz.
+    start : float
+        Time of the first sample after that of the first frame, s.
+    blocks : iterator of ndarray, shape (samples,)
+        The samples in −1…1, mixed to one channel, some tens of thousands at a time.
+    """
+
+    rate: int
+    start: float
+    blocks: Iterator[Array]
+
+
+@contextmanager
+def opened_audio(path: Path) -> Iterator[Audio]:
+    """Sound of a video, however long, while the file is open.
+
+    Raises
+    ------
+    MediaError
+        As :func:`probe`, or if there is no audio track; while the blocks are taken, if it is
+        damaged or has a gap.
+    """
+    with opened(path) as file:
+        if not file.streams.audio:
+            raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
+        track = file.streams.audio[0]
+        picture = start_of(file.streams.video[0]) if file.streams.video else 0.0
+        try:
+            frames = file.decode(track)
+            first = next(frames, None)
+        except (av.FFmpegError, OSError):
+            raise MediaError(f"{path}: damaged audio after 0.000 s") from None
+        if first is None:
+            raise MediaError(f"{path}: the audio track is empty")
+        start, rate = first.time or 0.0, track.sample_rate
+        yield Audio(rate, start - picture, _audio_blocks(path, chain([first], frames), start, rate))
+
+
+def _audio_blocks(
+    path: Path, frames: Iterable[av.AudioFrame], start: float, rate: int
+) -> Iterator[Array]:
+    convert = av.AudioResampler(format="fltp")
+    blocks: list[NDArray[np.float32]] = []
+    count = held = 0
+    try:
+        for frame in frames:
+            if abs((frame.time or 0.0) - start - count / rate) > GAP:
+                raise MediaError(f"{path}: the audio has a gap at {start + count / rate:.3f} s")
+            blocks += [block.to_ndarray().mean(axis=0) for block in convert.resample(frame)]
+            count, held = count + frame.samples, held + frame.samples
+            if held >= BLOCK:
+                yield np.concatenate(blocks, dtype=float)
+                blocks, held = [], 0
+    except (av.FFmpegError, OSError):
+        raise MediaError(f"{path}: damaged audio after {count / rate:.3f} s") from None
+    if blocks:
+        yield np.concatenate(blocks, dtype=float)
+
+
+def read_audio(path: Path) -> tuple[Array, int, float]:
+    """Sound of a video, mixed to one channel.
+
+    Returns
+    -------
+    samples : ndarray, shape (samples,)
+        In −1…1.
+    sample_rate : int
+        Samples per second in Hz.
+    start_time : float
+        Time of the first sample after that of the first frame, s.
+
+    Raises
+    ------
+    MediaError
+        As :func:`opened_audio`.
+    """
+    with opened_audio(path) as audio:
+        return np.concatenate(list(audio.blocks)), audio.rate, audio.start
+
+
+def write_png(path: Path, image: Image) -> None:
+    """Write a gray picture, uint8 of shape (height, width), whole or not at all.
+
+    Raises
+    ------
+    MediaError
+        If the picture is of another kind.
+    """
+    if image.dtype != np.uint8 or image.ndim != 2 or not image.size:
+        raise MediaError(f"{path}: {image.dtype} of shape {image.shape}, allowed: gray uint8")
+    _, data = cv2.imencode(".png", image)
+    whole_file(path, lambda part: part.write_bytes(data.tobytes()))
+
+
+def read_png(path: Path) -> Image:
+    """Read a picture as gray, uint8 of shape (height, width).
+
+    Raises
+    ------
+    MediaError
+        If there is no such file, it is not a picture, or cut off.
+    """
+    if not path.is_file():
+        raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
+    data = path.read_bytes()
+    png = data.startswith(b"\x89PNG")
+    whole = not png or b"IEND" in data[-12:]  # OpenCV fills what is cut off
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
+    if image is None or not whole:
+        raise MediaError(f"{path}: not a readable picture, or cut off")
+    return np.asarray(image, np.uint8)

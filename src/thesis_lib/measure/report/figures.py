@@ -1,0 +1,163 @@
+"""Pictures of a measurement: the shape, the cameras, what they saw, how well the fit is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, in_style, subplots
+
+Array = NDArray[np.float64]
+
+WIDE = 7.6  # inches
+SHOWN = 1000  # px of the width at which photographs are kept
+SIGMAS = 2  # standard errors that bars show
+
+
+def shape(data: xr.Dataset, manifest: Manifest) -> Figure:
+    """The deflection of every marker with its standard error, and the most similar mode."""
+    rows = markers_of(manifest).rows
+    with in_style():
+        if len(rows) <= 6 and max(row.stop - row.start for row in rows) >= 4:
+            return _rows(data, rows)
+        return _map(data, manifest)
+
+
+def _rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
+    figure, axes = subplots(figsize=(WIDE, 3.6), layout="constrained")
+    x, y = 1e3 * data["x"].values, 1e3 * data["y"].values
+    w, error = 1e3 * data["deflection"].values, 1e3 * data["standard_error"].values
+    reference = 1e3 * data["reference_deflection"].values
+    for k, row in enumerate(rows):
+        if np.isfinite(reference[row]).any():
+            name = data.attrs["most_similar"] if k == 0 else None
+            axes.plot(x[row], reference[row], color=REFERENCE, linewidth=2.5, label=name)
+        axes.errorbar(x[row], w[row], SIGMAS * error[row], fmt=".-", color=color(k),
+                      linewidth=0.9, capsize=2, label=f"row at y = {y[row][0]:.4g} mm")  # fmt: skip
+    axes.set(xlabel="x in mm", ylabel="deflection in mm",
+             title=f"deflection at its maximum; bars are {SIGMAS} standard errors")  # fmt: skip
+    axes.legend()
+    return figure
+
+
+def _map(data: xr.Dataset, manifest: Manifest) -> Figure:
+    length, width = manifest.structure.length_mm, manifest.structure.width_mm
+    panels = {
+        "deflection in mm": 1e3 * data["deflection"].values,
+        "standard error in mm": 1e3 * data["standard_error"].values,
+    }
+    if np.isfinite(data["reference_deflection"].values).any():
+        panels[f"{data.attrs['most_similar']} in mm"] = 1e3 * data["reference_deflection"].values
+    count = len(panels)
+    side = WIDE / count
+    figure, axes = subplots(1, count, figsize=(WIDE, min(side * width / length + 0.9, 6)),
+                            layout="constrained", squeeze=False)  # fmt: skip
+    most = float(np.nanmax(np.abs(panels["deflection in mm"])))
+    for panel, (title, values) in zip(axes[0], panels.items(), strict=True):
+        signed = "error" not in title
+        style: Any = (
+            {"cmap": "PuOr", "vmin": -most, "vmax": most} if signed else {"cmap": "viridis"}
+        )
+        drawn = panel.scatter(1e3 * data["x"], 1e3 * data["y"], c=values, s=24, **style)
+        panel.set(title=title, xlim=(0, length), ylim=(0, width), aspect="equal", xlabel="x in mm")
+        figure.colorbar(drawn, ax=panel, orientation="horizontal", fraction=0.08)
+    axes[0, 0].set_ylabel("y in mm")
+    return figure
+
+
+def cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
+    """Where the cameras stood, from above and from the side."""
+    with in_style():
+        figure, axes = subplots(1, 2, figsize=(WIDE, 3.4), layout="constrained")
+        length, width = manifest.structure.length_mm, manifest.structure.width_mm
+        centre = 1e3 * data["camera_centre"].values
+        rest = 1e3 * data["rest_position"].values
+        for panel, (i, j), half in ((axes[0], (0, 1), width / 2), (axes[1], (0, 2), 0.0)):
+            panel.plot(length / 2 * np.array([-1, 1, 1, -1, -1]),
+                       half * np.array([-1, -1, 1, 1, -1]), color=REFERENCE)  # fmt: skip
+            panel.plot(rest[i], rest[j], ".", color=REFERENCE, markersize=2)
+            for k, name in enumerate(data["camera"].values):
+                panel.plot([centre[k, i], 0], [centre[k, j], 0], color=color(k), linewidth=0.6)
+                panel.plot(centre[k, i], centre[k, j], "s", color=color(k))
+                panel.annotate(str(name), (centre[k, i], centre[k, j]), xytext=(5, 5),
+                               textcoords="offset points")  # fmt: skip
+            panel.set(aspect="equal", xlabel="x in mm", ylabel=f"{'xyz'[j]} in mm")
+            panel.margins(0.12)
+        axes[0].set_title("(a) from above")
+        axes[1].set_title("(b) from the side")
+    return figure
+
+
+def corners(data: xr.Dataset) -> Figure:
+    """What is left of the board's corners after the adjustment, camera by camera."""
+    residuals = data["residuals"].values
+    with in_style():
+        figure, axes = subplots(figsize=(4.2, 3.8), layout="constrained")
+        for k, name in enumerate(data["camera"].values):
+            u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
+            axes.plot(u, v, ".", color=color(k), markersize=2, alpha=0.5, label=str(name))
+        most = 1.05 * float(np.nanmax(np.abs(residuals)))
+        axes.set(aspect="equal", xlim=(-most, most), ylim=(-most, most), xlabel="u in px",
+                 ylabel="v in px", title="corners seen minus computed")  # fmt: skip
+        axes.legend(markerscale=4, ncols=2)
+    return figure
+
+
+def motion(data: xr.Dataset, recordings: Sequence[Recording]) -> Figure:
+    """The marker that moves most, folded into one period, as each camera saw it."""
+    period = 1 / float(data["frequency"])
+    begin, end = data["steady"].values
+    marker = int(np.nanargmax(np.abs(data["deflection"].values)))
+    rows = -(-len(recordings) // 2)
+    with in_style():
+        figure, axes = subplots(rows, 2, figsize=(WIDE, 0.5 + 1.5 * rows), sharex=True,
+                                layout="constrained", squeeze=False)  # fmt: skip
+        for k, (panel, own) in enumerate(zip(axes.flat, recordings, strict=False)):
+            parts = [
+                (t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - 2000 / own.rate), end)
+            ]
+            t = np.concatenate([times for times, _ in parts])
+            uv = np.concatenate([values for _, values in parts])
+            axis = int(np.nanargmax(np.nan_to_num(np.nanstd(uv, axis=0))))
+            moved = uv[:, axis] - np.nanmean(uv[:, axis])
+            panel.plot((t % period) / period, moved, ".", color=color(k), markersize=3)
+            panel.set(title=f"camera {own.camera.name}, {'uv'[axis]} in px")
+        for panel in axes.flat[len(recordings) :]:
+            panel.set_visible(False)
+        for panel in axes[-1]:
+            panel.set_xlabel("time in periods")
+    return figure
+
+
+def photograph(own: Recording, video: Path, manifest: Manifest, outline: Array) -> Figure:
+    """The first frame of a camera, with the markers found in it."""
+    image = next(media.read_frames(video, 0, 1))
+    height, width = image.shape
+    found = np.array(own.centres[0])
+    around = np.column_stack([found[:, np.isfinite(found[0])], outline])
+    margin = 0.04 * width
+    left, top = np.clip(np.min(around, axis=1) - margin, 0, None)
+    right, bottom = np.minimum(np.max(around, axis=1) + margin, (width, height))
+    step = max(int(right - left) // SHOWN, 1)
+    with in_style():
+        figure = Figure(figsize=(WIDE, WIDE * (bottom - top) / (right - left)))
+        axes: Axes = figure.add_axes((0, 0, 1, 1))
+        axes.imshow(image[::step, ::step], cmap="gray", vmin=0, vmax=255,
+                    extent=(0, width, height, 0))  # fmt: skip
+        axes.plot(*found, "+", color=HIGHLIGHT, markersize=5, markeredgewidth=0.8)
+        axes.plot(*np.column_stack([outline, outline[:, :1]]), color=COLORS[5], linewidth=0.8)
+        axes.set_xlim(left, right)
+        axes.set_ylim(bottom, top)
+        axes.set_axis_off()
+    return figure

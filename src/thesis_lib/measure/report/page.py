@@ -1,0 +1,303 @@
+"""The report of a measurement: one page that loads nothing, and the lines for the screen."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from thesis_lib.measure.feasibility.assess import describe
+from thesis_lib.measure.feasibility.limits import Assessment
+from thesis_lib.measure.fitting.result import rms
+from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.report import figures as draw
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.plotting.style import saved
+from thesis_lib.vision.lens import project
+from thesis_lib.web.page import shell
+
+Pictures = dict[str, tuple[str, bytes]]  # name: kind of file and content
+LOST = 0.05  # share of the frames from which on a camera's lost markers are told
+FROZEN = 0.2  # of the median scatter, below which a marker stands still in the video
+DRIFT = 0.05  # change of the amplitude from which on the vibration is not called steady
+
+
+def figures(
+    data: xr.Dataset, manifest: Manifest, recordings: Sequence[Recording], folder: Path
+) -> Pictures:
+    """All pictures of the report, by name."""
+    made = {
+        "shape": draw.shape(data, manifest),
+        "cameras": draw.cameras(data, manifest),
+        "corners": draw.corners(data),
+        "motion": draw.motion(data, recordings),
+    }
+    pictures = {name: ("svg", saved(figure, "svg")) for name, figure in made.items()}
+    for i, (own, files) in enumerate(zip(recordings, manifest.cameras, strict=True)):
+        outline = _outline(data, manifest, own)
+        photo = draw.photograph(own, folder / files.video, manifest, outline)
+        pictures[f"camera-{i:02d}"] = ("png", saved(photo, "png", dpi=140))
+    return pictures
+
+
+def _outline(data: xr.Dataset, manifest: Manifest, own: Recording) -> np.ndarray:
+    """The structure's outline in a camera's picture, (2, 4), px."""
+    markers = markers_of(manifest)
+    corners = on_surface(markers.extent, markers.corners)
+    R, origin = data["frame_rotation"].values, data["frame_origin"].values
+    return project(own.camera, R.T @ corners + origin[:, None])
+
+
+def table(data: xr.Dataset) -> pd.DataFrame:
+    """The result marker by marker, in mm and degrees."""
+    mm = {"x_mm": "x", "y_mm": "y", "deflection_mm": "deflection",
+          "standard_error_mm": "standard_error", "quadrature_mm": "quadrature",
+          "model_mm": "reference_deflection"}  # fmt: skip
+    frame = pd.DataFrame({name: np.round(1e3 * data[key].values, 6) for name, key in mm.items()})
+    frame.insert(0, "marker", np.arange(1, len(frame) + 1))
+    frame["phase_deg"] = np.round(data["phase"].values, 3)
+    frame["cameras"] = data["cameras_seen"].values
+    return frame
+
+
+def summary(data: xr.Dataset) -> list[str]:
+    """What was found, in a few lines."""
+    w, error = 1e3 * data["deflection"].values, 1e3 * data["standard_error"].values
+    known = np.isfinite(w)
+    most = int(np.nanargmax(np.abs(w)))
+    lines = [
+        f"frequency {_frequency(data)}",
+        f"largest deflection {abs(w[most]):.4g} ± {error[most]:.2g} mm at x = "
+        f"{1e3 * float(data['x'][most]):.4g} mm, y = {1e3 * float(data['y'][most]):.4g} mm",
+        f"{np.count_nonzero(known)} of {len(w)} markers measured; standard error of a marker "
+        f"{rms(error):.2g} mm, so that {3 * rms(error):.2g} mm could be told from rest",
+    ]
+    if data.attrs["most_similar"]:
+        best = data["mac"].sel(candidate=data.attrs["most_similar"])
+        lines.append(
+            f"most similar to {data.attrs['most_similar']}: MAC {float(best):.5f}, mean distance "
+            f"{float(data['mean_error']):.2g} % of the largest deflection"
+        )
+    return lines
+
+
+def warnings(data: xr.Dataset) -> list[str]:
+    """What a reader should know before trusting the result, one line each."""
+    lines = []
+    for name, share in zip(data["camera"].values, data["missing"].mean("marker").values,
+                           strict=True):  # fmt: skip
+        if share > LOST:
+            lines.append(f"Camera {name} lost {share:.0%} of its marker images.")
+    scatter = data["centre_scatter"].values
+    frozen = scatter < FROZEN * np.nanmedian(scatter, axis=1, keepdims=True)
+    if frozen.any():
+        lines.append(f"{frozen.any(axis=0).sum()} markers hardly scatter in some camera: the "
+                     "video's compression holds still what moves by parts of a pixel, and their "
+                     "deflections and standard errors come out too small.")  # fmt: skip
+    unknown = int(np.isnan(data["deflection"].values).sum())
+    if unknown:
+        lines.append(f"{unknown} markers were seen by fewer than two cameras, or in too few "
+                     "frames: they have no result.")  # fmt: skip
+    growth = float(data["growth"])
+    if abs(growth) > DRIFT:
+        lines.append(f"The amplitude changes by {growth:+.0%} over the steady part: the shape is "
+                     "that of its mean.")  # fmt: skip
+    if int(data["ambiguous"]):
+        lines.append("The cameras' starts are in doubt by whole periods. A steady vibration's shape"
+                     " and its phase to the force are right nevertheless.")  # fmt: skip
+    off = rms(data["quadrature"].values) / rms(data["deflection"].values)
+    if off > 0.05:
+        lines.append(f"A quarter of a period after the maximum {off:.0%} of the deflection is "
+                     "left: this is no standing wave of one mode.")  # fmt: skip
+    spread = _spread(data)
+    if np.isfinite(spread) and spread > 3:
+        lines.append(f"Shapes without one of the cameras differ by {spread:.1f} times what the "
+                     "centres' scatter explains: calibration, clocks or centres are off by more "
+                     "than the standard errors tell.")  # fmt: skip
+    return lines
+
+
+def page(data: xr.Dataset, manifest: Manifest, assessment: Assessment, pictures: Pictures) -> str:
+    """The report as one HTML page."""
+    parts = [
+        f"<h1>{escape(data.attrs['title'])}</h1>",
+        _list(summary(data)),
+        _warned(warnings(data)),
+        _figure(pictures, "shape", "Deflection of the markers at the instant of its maximum."),
+        _details("The numbers, marker by marker", _frame(table(data))),
+        "<h2>Model</h2>" + _model(data),
+        "<h2>Cameras and calibration</h2>",
+        _frame(_cameras(data)),
+        _figure(pictures, "cameras", "Where the calibration puts the cameras."),
+        _figure(pictures, "corners", "Residuals of the board's corners. They should scatter about "
+                "zero; a pattern tells of a lens that the model does not describe, or of a board "
+                "that is not flat."),
+        _details("Pictures of the board that were not used", _list(_lines(data, "notes"))),
+        "<h2>Synchronisation</h2>" + _list(_lines(data, "synchronisation")),
+        "<h2>Markers</h2>",
+        _frame(_tracking(data)),
+        *(
+            _figure(pictures, f"camera-{i:02d}",
+                    f"First frame of camera {escape(str(name))}: markers found, and the outline "
+                    "of the structure as the calibration puts it.")
+            for i, name in enumerate(data["camera"].values)
+        ),
+        "<h2>Vibration</h2>",
+        _figure(pictures, "motion", "The marker that moves most, folded into one period of the "
+                "frequency found. A thin line is a steady vibration that the cameras' clocks "
+                "agree on."),
+        "<h2>Feasibility, from the manifest alone</h2>",
+        f"<pre>{escape(chr(10).join(describe(assessment)))}</pre>",
+        "<h2>What was assumed</h2>" + _list(_assumed(data, manifest)),
+        _details("The manifest", f"<pre>{escape(manifest.model_dump_json(indent=1))}</pre>"),
+        _details("How this was made", _list(
+            [f"{key}: {str(data.attrs[key]).strip()}"
+             for key in ("source", "commit", "created", "versions")])),
+    ]  # fmt: skip
+    return shell(data.attrs["title"], "\n".join(part for part in parts if part))
+
+
+def _lines(data: xr.Dataset, name: str) -> list[str]:
+    """The lines of an attribute."""
+    return str(data.attrs[name]).split("\n")
+
+
+def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
+    """What the result rests on and nothing in it can prove."""
+    yield (
+        f"The size of everything comes from the board's tiles of {manifest.board.tile_mm:g} mm. "
+        f"By them the markers' grid is {100 * (float(data['grid_scale']) - 1):+.3f} % larger than "
+        f"the manifest says, and its markers lie {1e3 * float(data['grid_rms']):.3f} mm (rms) off "
+        "their places."
+    )
+    yield "The structure is flat at rest, and moves along its normal."
+    yield "The calibration was the same while the board and while the structure was filmed."
+    yield "Pictures and sound of a camera start together, and their clocks do not drift apart."
+    if any(camera.readout_s for camera in manifest.cameras):
+        yield "Every row of a picture was exposed at its own time, as readout_s says."
+    else:
+        yield (
+            "All rows of a frame are exposed at once. A rolling shutter sees markers lower in the "
+            "picture later: give readout_s, else their phase errs by up to 2πf times that."
+        )
+    if manifest.board.two_sided:
+        yield "The two sides of the board are printed in one place; its thickness is neglected."
+    order = int(data["harmonics"])
+    yield (
+        f"In the steady part every image coordinate is a constant and {order} "
+        f"harmonic{'s' if order > 1 else ''} of one frequency."
+    )
+    yield (
+        "Standard errors tell what the scatter of the centres does. They know nothing of errors of "
+        "the calibration, of the clocks, or of centres that are off alike in every frame."
+    )
+    if manifest.excitation.undersampled:
+        yield "The frequency is known from elsewhere: the frames alone would show an alias."
+    if manifest.excitation.sound == "room":
+        yield "The sound tells when the cameras started and nothing of the force: its phase, and " \
+              "which side is up, are unknown."  # fmt: skip
+    if not data.attrs["most_similar"]:
+        yield "There is no model of this structure: the shape is compared with none."
+    else:
+        yield "The model's shape is put into the size that fits best, so that only its form is " \
+              "compared."  # fmt: skip
+
+
+def _cameras(data: xr.Dataset) -> pd.DataFrame:
+    centre = 1e3 * data["camera_centre"].values
+    distance = np.linalg.norm(centre, axis=1)
+    return pd.DataFrame(
+        {
+            "camera": data["camera"].values,
+            "focal length in px": _texts(data["K"].values[:, 0, 0], ".2f"),
+            "± px": _texts(data["focal_deviation"].values, ".2g"),
+            "k₁": _texts(data["distortion"].values[:, 0], ".4f"),
+            "board pictures": data["shots_used"].values,
+            "rms alone in px": _texts(data["single_rms"].values, ".3f"),
+            "distance in mm": _texts(distance, ".1f"),
+            "± mm": _texts(1e3 * data["centre_deviation"].values, ".2g"),
+            "azimuth in °": _texts(np.degrees(np.arctan2(centre[:, 0], centre[:, 1])), ".1f"),
+            "elevation in °": _texts(np.degrees(np.arcsin(centre[:, 2] / distance)), ".1f"),
+        }
+    )
+
+
+def _tracking(data: xr.Dataset) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "camera": data["camera"].values,
+            "frames": data["frames"].values,
+            "lost in %": _texts(100 * data["missing"].mean("marker").values, ".2f"),
+            "markers never found": (data["missing"].values > 0.999).sum(axis=1),
+            "scatter of centres in px": _texts(
+                np.array([rms(own) for own in data["centre_scatter"].values]), ".3f"
+            ),
+            "start in ms": _texts(1e3 * data["delay"].values, "+.3f"),
+        }
+    )
+
+
+def _model(data: xr.Dataset) -> str:
+    if not data.sizes["candidate"]:
+        return "<p>The manifest gives no model to compare with.</p>"
+    order = np.argsort(-np.nan_to_num(data["mac"].values))[:6]
+    part = data.isel(candidate=order)
+    frame = pd.DataFrame(
+        {
+            "mode of the model": part["candidate"].values,
+            "MAC": _texts(part["mac"].values, ".5f"),
+            "its frequency in Hz": _texts(part["model_frequency"].values, ".4g"),
+        }
+    )
+    return f"<p>Found at {_frequency(data)}.</p>" + _frame(frame)
+
+
+def _frequency(data: xr.Dataset) -> str:
+    used, tracks = float(data["frequency"]), float(data["frequency_of_tracks"])
+    error = float(data["frequency_deviation"])
+    if np.isnan(error):
+        return f"{used:.6g} Hz (the recording is too short to check it)"
+    return f"{used:.6g} Hz (the tracks show {tracks:.6g} ± {error:.1g} Hz)"
+
+
+def _spread(data: xr.Dataset) -> float:
+    """Rms change of the shape without a camera, over what the standard errors explain."""
+    change = data["without_camera"].values - data["deflection"].values
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return rms(change / data["without_deviation"].values)
+
+
+def _texts(values: np.ndarray, form: str) -> list[str]:
+    return ["—" if np.isnan(value) else format(float(value), form) for value in values]
+
+
+def _frame(frame: pd.DataFrame) -> str:
+    return f'<div class="scroll">{frame.to_html(index=False, border=0, na_rep="—")}</div>'
+
+
+def _list(lines: Iterable[str]) -> str:
+    items = "".join(f"<li>{escape(line)}</li>" for line in lines if line)
+    return f"<ul>{items}</ul>" if items else "<p>None.</p>"
+
+
+def _warned(lines: Sequence[str]) -> str:
+    return f"<aside><p><strong>Note</strong></p>{_list(lines)}</aside>" if lines else ""
+
+
+def _details(title: str, inner: str) -> str:
+    return f"<details><summary>{escape(title)}</summary>{inner}</details>"
+
+
+def _figure(pictures: Mapping[str, tuple[str, bytes]], name: str, caption: str) -> str:
+    kind, content = pictures[name]
+    mime = "image/svg+xml" if kind == "svg" else "image/png"
+    source = f"data:{mime};base64,{base64.b64encode(content).decode()}"
+    text = escape(caption, quote=True)
+    return f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>'

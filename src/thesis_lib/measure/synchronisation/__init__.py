@@ -1,0 +1,1 @@
+"""Sound tracks to the delays of cameras."""

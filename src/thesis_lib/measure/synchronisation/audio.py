@@ -1,0 +1,291 @@
+"""Audio tracks of any length, read block by block, of which a bounded part is held at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.synchronisation.checks import checked, same_rate, shortest_of
+from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
+from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, Match
+from thesis_lib.measure.synchronisation.tones import TONE_RATE, check_rate
+from thesis_lib.measure.synchronisation.transients import ROOM_RATE, force_match, room_match
+
+Array = NDArray[np.float64]
+Track = NDArray[np.float32]
+
+SPAN = 1 << 21  # samples of each camera that are held at a time
+ROOM_SPANS = 8  # of them in which a room's sound is compared: ten minutes
+BUTTONS = 0.5  # s at either end of a room's recording, in which buttons are pressed
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A camera's file with sound.
+
+    Parameters
+    ----------
+    name : str
+        Of the camera, for errors.
+    path : Path
+        The file.
+    """
+
+    name: str
+    path: Path
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What was read of all recordings.
+
+    Parameters
+    ----------
+    rate : float
+        Sample rate of the files in Hz.
+    starts, ends : ndarray, shape (recordings,)
+        Of the sound of each after its first frame, s.
+    tones : list of ndarray, shape (samples,)
+        Of each as much as is held, at some tens of samples per period; empty without a tone.
+    tone_rate : float
+        Sample rate of the tones in Hz.
+    tone_start : float
+        When the tones' first samples come after the first samples of the files, s.
+    """
+
+    rate: float
+    starts: Array
+    ends: Array
+    tones: list[Track]
+    tone_rate: float
+    tone_start: float
+
+
+def low_rate_of(rate: float, frequency: float) -> float:
+    """Rate in Hz at which the force is measured."""
+    return rate / step_to(rate, max(CORRELATION_RATE, TONE_RATE * frequency))
+
+
+def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
+    """Samples `first` to `last` of a signal in blocks; what comes after is not read."""
+    count = 0
+    for block in blocks:
+        yield block[max(first - count, 0) : max(last - count, 0)]
+        count += len(block)
+        if count >= last:
+            return
+
+
+def held(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, int]:
+    """The whole signal, or, if it is longer than `most` samples, so many from `skip` on.
+
+    All blocks are taken.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        What is held.
+    int
+        How many samples came before.
+    """
+    kept, size, begin, count = np.empty(most, np.float32), 0, 0, 0
+    for block in blocks:
+        if not begin and skip and size + len(block) > most:
+            begin, size = skip, max(size - skip, 0)
+            kept[:size] = kept[skip : skip + size].copy()
+        part = block[max(begin - count, 0) :][: most - size]
+        kept[size : size + len(part)] = part
+        size, count = size + len(part), count + len(block)
+    return kept[:size].copy(), begin
+
+
+def hear(recordings: Sequence[Recording], frequency: float | None, skip: float) -> Heard:
+    """Read and check all tracks, and hold a tone of theirs.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The files.
+    frequency : float or None
+        Frequency of the tone in Hz; None if there is none to hold, as in a room.
+    skip : float
+        From when on the tone is held if it cannot be held from the start, s.
+
+    Raises
+    ------
+    MediaError, SynchronisationError
+        If a track is missing, of another rate, too short, silent or clipped.
+    """
+    shortest = 4 * BUTTONS if frequency is None else shortest_of(frequency)
+    rates: list[float] = []
+    starts, ends, tones, skipped = [], [], [], []
+    for recording in recordings:
+        with media.opened_audio(recording.path) as audio:
+            rates.append(audio.rate)
+            same_rate(rates, [one.name for one in recordings[: len(rates)]])
+            lengths: list[int] = []
+            blocks = checked(_noted(audio.blocks, lengths), audio.rate, shortest, recording.name)
+            low_rate = tone_rate = float(audio.rate)
+            if frequency is None:
+                blocks = (block[:0] for block in blocks)
+            else:
+                check_rate(audio.rate, frequency)
+                low_rate = low_rate_of(audio.rate, frequency)
+                step = step_to(low_rate, TONE_RATE * frequency)
+                blocks = decimate(decimate(blocks, round(audio.rate / low_rate)), step)
+                tone_rate = low_rate / step
+            tone, before = held(blocks, round(skip * tone_rate), SPAN)
+            tones.append(tone)
+            skipped.append(before)
+            starts.append(audio.start)
+            ends.append(audio.start + sum(lengths) / audio.rate)
+    later = max(skipped)
+    return Heard(
+        rate=rates[0],
+        starts=np.array(starts),
+        ends=np.array(ends),
+        tones=[tone[later - before :] for tone, before in zip(tones, skipped, strict=True)],
+        tone_rate=tone_rate,
+        tone_start=cut_off(rates[0], low_rate) + cut_off(low_rate, tone_rate) + later / tone_rate,
+    )
+
+
+def _noted(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array]:
+    """The blocks, whose lengths are noted."""
+    for block in blocks:
+        lengths.append(len(block))
+        yield block
+
+
+def low_track(recording: Recording, least: float, skip: float) -> tuple[Track, float, float]:
+    """A track that is checked and held, for looking for a tone.
+
+    Parameters
+    ----------
+    recording : Recording
+        The file.
+    least : float
+        Rate in Hz that the track must keep at least.
+    skip : float
+        From when on it is held if it cannot be held from the start, s.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        What is held.
+    float
+        Its sample rate in Hz.
+    float
+        Time of its first sample after the first frame, s.
+    """
+    with media.opened_audio(recording.path) as audio:
+        step = step_to(audio.rate, max(CORRELATION_RATE, least))
+        rate = audio.rate / step
+        blocks = checked(audio.blocks, audio.rate, shortest_of(None), recording.name)
+        track, before = held(decimate(blocks, step), round(skip * rate), SPAN)
+        return track, rate, audio.start + cut_off(audio.rate, rate) + before / rate
+
+
+def low_part(recording: Recording, wanted: float, first: int, last: int) -> Iterator[Array]:
+    """Samples `first` to `last` of a track at the lowest rate above `wanted`, in blocks."""
+    with media.opened_audio(recording.path) as audio:
+        low = decimate(audio.blocks, step_to(audio.rate, wanted))
+        yield from part_of(low, first, last)
+
+
+def matches(
+    recordings: Sequence[Recording], frequency: float | None, room: bool
+) -> dict[int, Match]:
+    """How each recording but the first matches the first.
+
+    Correlation sees a span of `SPAN` samples at a time, the same of all recordings: the first in
+    which a recording matches without doubt counts, or else the one in which it matches best. Spans
+    overlap by half, so that what all heard is within one if they started less than that apart. In
+    a room only the first `ROOM_SPANS` are tried.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The files, which :func:`hear` has checked.
+    frequency : float or None
+        Frequency of the force's tone in Hz.
+    room : bool
+        Whether the tracks hold what microphones hear instead of the force.
+    """
+    wanted = ROOM_RATE if room else CORRELATION_RATE
+    found: dict[int, Match] = {}
+    with ExitStack() as files:
+        tracks = []
+        for recording in recordings:
+            audio = files.enter_context(media.opened_audio(recording.path))
+            step = step_to(audio.rate, wanted)
+            low_rate = audio.rate / step
+            blocks = decimate(audio.blocks, step)
+            tracks.append(without_ends(blocks, round(BUTTONS * low_rate)) if room else blocks)
+        for span in islice(spans(tracks, SPAN), ROOM_SPANS if room else None):
+            for i, other in enumerate(span[1:], 1):
+                if i in found and (found[i].certain or len(other) < SPAN // 4):
+                    continue
+                match = (
+                    room_match(span[0], other, low_rate)
+                    if room
+                    else force_match(span[0], other, low_rate, frequency)
+                )
+                best = found.get(i, match)
+                found[i] = max(best, match, key=lambda one: (one.certain, one.peak))
+            if all(match.certain for match in found.values()):
+                break
+    return found
+
+
+def without_ends(blocks: Iterable[Array], n: int) -> Iterator[Array]:
+    """A signal in blocks without its first and its last `n` samples."""
+    last, drop = np.empty(0), n
+    for block in blocks:
+        last = np.concatenate([last, block[drop:]])
+        drop = max(drop - len(block), 0)
+        yield last[: max(len(last) - n, 0)]
+        last = last[max(len(last) - n, 0) :]
+
+
+def spans(tracks: Sequence[Iterable[Array]], length: int) -> Iterator[list[Track]]:
+    """The same spans of some signals in blocks, each half a `length` after the one before.
+
+    The first is given in any case; others while the first signal and another one last.
+    """
+    halves = [pieces(track, length // 2) for track in tracks]
+    none = np.empty(0, np.float32)
+    before = [next(half, none) for half in halves]
+    first = True
+    while True:
+        after = [next(half, none) for half in halves]
+        if not first and not (len(after[0]) and any(map(len, after[1:]))):
+            return
+        span = [np.concatenate(pair) for pair in zip(before, after, strict=True)]
+        before = [whole[len(half) :] for whole, half in zip(span, before, strict=True)]
+        first = False
+        del after
+        yield span
+
+
+def pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
+    """A signal in blocks as pieces of `length` samples, the last of which may be shorter."""
+    piece, size = np.empty(length, np.float32), 0
+    for block in blocks:
+        start = 0
+        while start < len(block):
+            part = block[start : start + length - size]
+            piece[size : size + len(part)] = part
+            start, size = start + len(part), size + len(part)
+            if size == length:
+                full, piece, size = [piece], np.empty(length, np.float32), 0
+                yield full.pop()  # of which nothing is kept here
+    if size:
+        yield piece[:size]

@@ -1,0 +1,228 @@
+"""Estimators of the delay between recordings of one signal: correlation, and phase of a tone.
+
+Recording i is xᵢ(t) = x_ref(t + delayᵢ). Correlation works at a few kHz, which keeps a clap sharp;
+the phase of a tone at tens of samples per period, which keeps it cheap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal import find_peaks
+
+from thesis_lib.measure.synchronisation.correlation import heights, normalised_correlation, summit
+from thesis_lib.measure.synchronisation.decimation import decimated
+from thesis_lib.measure.synchronisation.tones import (
+    TONE_RATE,
+    SynchronisationError,
+    check_rate,
+    settled_part,
+    tone_at,
+)
+
+Array = NDArray[np.float64]
+CORRELATION_RATE = 4000  # Hz at which signals are correlated
+UNLIKE = 0.3  # correlation below which two recordings have nothing in common
+DOUBT = 5.0  # standard deviations by which one peak must beat the other
+SAME = 0.9998  # ratio of peaks from which on they are alike, as recordings never are quite
+
+
+@dataclass(frozen=True)
+class Match:
+    """Where one recording lies on another: delay in s, other peaks, certainty.
+
+    `ratio`, `threshold`, `period`, `ambiguous` and `snr` are as in :class:`Synchronisation`, `peak`
+    is the highest correlation, `least` what it must be.
+    """
+
+    delay: float
+    peak: float
+    ratio: float
+    threshold: float
+    period: float | None
+    ambiguous: bool
+    snr: float
+    least: float = UNLIKE
+
+    @property
+    def certain(self) -> bool:
+        """Whether the recordings are alike, and in one place only."""
+        return not self.ambiguous and self.peak >= self.least
+
+
+def compared(
+    a: ArrayLike,
+    b: ArrayLike,
+    rate: float,
+    max_delay: float | None,
+    *,
+    same: float = SAME,
+    telling: int | None = None,
+    least: float = 0.0,
+    by_noise: bool = True,
+) -> Match:
+    """Delay by the highest peak of the normalised cross-correlation, at the given rate.
+
+    Where two recordings match, 1 minus their correlation is the energy of their noises over that of
+    the signal, ε; over n samples it scatters by ε √(2/n). Two peaks cannot be told apart if their
+    heights differ by less than `DOUBT` standard deviations of such a difference, and the part of
+    ε that the change of overlap may cause. Of such peaks that of the shortest delay is taken.
+
+    Parameters
+    ----------
+    a, b : array_like, shape (samples of each,)
+        The reference and the other recording.
+    rate : float
+        Their sample rate in Hz.
+    max_delay : float or None
+        Largest delay looked for in s; half of the shorter recording if not given.
+    same : float
+        Ratio of peaks from which on they are alike in any case.
+    telling : int, optional
+        Samples n in which there is anything; those that overlap if not given.
+    least : float
+        Other peaks nearer than this many s do not count.
+    by_noise : bool
+        Whether noise lowers the ratio from which on peaks are alike.
+    """
+    shorter = min(len(np.asarray(a)), len(np.asarray(b)))
+    most = shorter // 2 if max_delay is None else min(int(max_delay * rate), shorter - 2)
+    lags, c = normalised_correlation(a, b, most)
+    best = int(np.argmax(c))
+    peak = float(c[best])
+    tops, _ = find_peaks(np.concatenate([[-1], c, [-1]]), height=0.5 * peak, prominence=0.1 * peak)
+    tops = tops[tops != best + 1] - 1
+    tops = tops[np.abs(lags[tops] - lags[best]) > least * rate]
+    if not len(tops):
+        snr = peak / max(1 - peak, 1e-12)
+        return Match(summit(lags, c, best) / rate, peak, 0.0, 1.0, None, False, snr)
+    overlap = shorter - np.abs(lags[best])
+    noise = max(1 - peak, 1e-12) / max(peak, 1e-12)
+    apart = np.abs(lags[tops] - lags[best])
+    scatter = DOUBT * 2 / np.sqrt(telling or overlap)
+    thresholds = np.minimum(same, 1 - by_noise * noise * (scatter + apart / overlap))
+    ratios = heights(c, tops) / heights(c, np.array([best]))
+    doubtful = ratios >= thresholds
+    second = int(np.argmax(ratios))
+    alike = np.append(tops[doubtful], best)
+    chosen = int(alike[np.argmin(np.abs(lags[alike]))])
+    others = np.abs(lags[alike[alike != chosen]] - lags[chosen])
+    period = float(others.min() if len(others) else apart[second])
+    return Match(
+        summit(lags, c, chosen) / rate, peak, float(ratios[second]),
+        float(thresholds[second]), period / rate, bool(doubtful.any()), 1 / noise,
+    )  # fmt: skip
+
+
+def match(reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float | None) -> Match:
+    """Delay of one recording by correlation with another; see :func:`compared`."""
+    a, low_rate = decimated(reference, rate, CORRELATION_RATE)
+    b, _ = decimated(other, rate, CORRELATION_RATE)
+    return compared(a, b, low_rate, max_delay)
+
+
+def cross_correlation_delays(
+    signals: Sequence[ArrayLike], rate: float, reference: int = 0, max_delay: float | None = None
+) -> Array:
+    """Delays of all recordings by cross-correlation, shape (recordings,), s.
+
+    Parameters
+    ----------
+    signals : sequence of array_like
+        The recordings.
+    rate : float
+        Their sample rate in Hz.
+    reference : int
+        Recording whose delay is 0.
+    max_delay : float, optional
+        Largest delay looked for in s; half of the shorter recording if not given.
+    """
+    return np.array(
+        [
+            0.0 if i == reference else match(signals[reference], x, rate, max_delay).delay
+            for i, x in enumerate(signals)
+        ]
+    )
+
+
+def phase_delays(
+    signals: Sequence[ArrayLike],
+    rate: float,
+    frequency: float,
+    guess: ArrayLike,
+    reference: int = 0,
+    steady: tuple[float, float] | None = None,
+) -> Array:
+    """Delays from the phase of a tone, each the one nearest to a guess, shape (recordings,), s.
+
+    Every recording is fitted with cos, sin and a constant over the same stretch of the signal: the
+    reference's settled part, as far as all recordings hold it, in whole periods. So what is not a
+    tone disturbs all phases alike, and a frequency that is slightly off does no harm.
+
+    Parameters
+    ----------
+    signals : sequence of array_like
+        The recordings.
+    rate : float
+        Their sample rate in Hz.
+    frequency : float
+        The tone's frequency in Hz.
+    guess : array_like, shape (recordings,)
+        Delays to within half a period, s.
+    reference : int
+        Recording whose delay is 0.
+    steady : tuple of float, optional
+        Used instead of the reference's settled part, s after its first sample.
+
+    Raises
+    ------
+    SynchronisationError
+        If the recordings have less than one period of the steady tone in common, or a period has
+        too few samples.
+    """
+    check_rate(rate, frequency)
+    near = np.asarray(guess, float)
+    near = near - near[reference]
+    parts = [decimated(x, rate, TONE_RATE * frequency) for x in signals]
+    low_rate = parts[0][1]
+    start, end = steady or settled_part(parts[reference][0], low_rate, frequency)
+    start = max(start, float(near.max()))
+    end = min([end, *(float(len(x) / low_rate + g) for (x, _), g in zip(parts, near, strict=True))])
+    periods = int((end - start) * frequency)
+    if periods < 1:
+        raise SynchronisationError(
+            f"the recordings share {max(end - start, 0):.3f} s of steady tone, allowed: at least "
+            f"a period of {1 / frequency:.3f} s"
+        )
+    length = round(periods / frequency * low_rate)
+    phases, centres = [], []
+    for (x, _), g in zip(parts, near, strict=True):
+        first = max(0, min(round((start - g) * low_rate), len(x) - length))
+        centre = (first + (length - 1) / 2) / low_rate
+        part = x[first : first + length]
+        phases.append(np.angle(tone_at(part, low_rate, frequency, centre - first / low_rate)))
+        centres.append(centre)
+    turn = (np.array(phases) - phases[reference]) / (2 * np.pi * frequency)
+    delays = centres[reference] - np.array(centres) + turn
+    return delays - np.rint((delays - near) * frequency) / frequency
+
+
+def delay_deviation(frequency: float, snr: float, samples: int) -> float:
+    """Least standard deviation of a delay from the phases of two tones in white noise, s.
+
+    The Cramér–Rao bound of a phase, with frequency known, is 1 / (SNR · N) (Rife and Boorstyn
+    1974); a delay has two of them.
+
+    Parameters
+    ----------
+    frequency : float
+        Frequency of the tone in Hz.
+    snr : float
+        Power of the tone over that of the noise.
+    samples : int
+        Samples N of each recording.
+    """
+    return float(np.sqrt(2 / (snr * samples)) / (2 * np.pi * frequency))

@@ -1,0 +1,190 @@
+"""What the audio tracks of a folder of recordings tell: starts, frequency, phase of the force.
+
+Tracks are read block by block, as often as it takes, and of each only a bounded part is held, at a
+few kHz: memory does not grow with the length. What follows from that for long recordings:
+
+- Delays come from spans of 2²¹ samples, nine minutes of the force's signal, two of a room's sound:
+  the first in which the recordings match without doubt, of a room's those within ten minutes. The
+  recordings may start half a span apart.
+- The tone is fitted in as many samples from the rest at the start on, two hours of 4 Hz; beyond it
+  is not said to be steady.
+- One delay and one frequency serve all of a recording. Clocks of cameras differ by some 10⁻⁵: where
+  that makes the tones of two cameras drift apart by a fraction of a turn, they are refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from thesis_lib.measure.recordings.manifest import ManifestError, check_excitation
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.synchronisation.audio import (
+    Heard,
+    Recording,
+    hear,
+    low_part,
+    low_rate_of,
+    low_track,
+    matches,
+)
+from thesis_lib.measure.synchronisation.checks import find_tone
+from thesis_lib.measure.synchronisation.decimation import cut_off
+from thesis_lib.measure.synchronisation.synchronise import Synchronisation, combined
+from thesis_lib.measure.synchronisation.tones import (
+    FEWEST,
+    SLIP,
+    SynchronisationError,
+    fitted_tone,
+    frequency_deviation,
+    settled_part,
+    tone_frequency,
+)
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Sound:
+    """What the audio tracks tell.
+
+    Parameters
+    ----------
+    synchronisation : Synchronisation
+        When each camera started.
+    frequency : float or None
+        Of the force in Hz: the given one, else the one that was found.
+    force : complex or None
+        Its amplitude over full scale, time factor e^{+jωt}, on the reference camera's clock; None
+        where microphones hear a room.
+    steady : tuple of float
+        From when to when it is steady on that clock, s.
+    found_frequency : float or None
+        Frequency of the force's signal in Hz, by the clock of the reference camera's sound.
+    frequency_deviation : float or None
+        Its standard error in Hz; that the clock is off, by some 10⁻⁵, is not in it.
+    """
+
+    synchronisation: Synchronisation
+    frequency: float | None
+    force: complex | None
+    steady: Interval
+    found_frequency: float | None = None
+    frequency_deviation: float | None = None
+
+
+def listen(manifest: Manifest, folder: Path) -> Sound:
+    """Delays, and the force's frequency and phase.
+
+    Raises
+    ------
+    ManifestError
+        If the frequency is not one that the cameras can film, or the steady part is not one that
+        all of them recorded.
+    MediaError, SynchronisationError
+        If a track is missing, silent, clipped or unlike the others, or holds no steady tone of the
+        frequency where it should carry the force.
+    """
+    for problem in check_excitation(manifest):
+        raise ManifestError(problem)
+    recordings = [Recording(camera.name, folder / camera.video) for camera in manifest.cameras]
+    if manifest.excitation.sound == "room":
+        return _in_a_room(manifest, recordings)
+    return _of_the_force(manifest, recordings)
+
+
+def _in_a_room(manifest: Manifest, recordings: list[Recording]) -> Sound:
+    """What microphones tell: the starts, and what all cameras recorded after the rest."""
+    excitation = manifest.excitation
+    heard = hear(recordings, None, 0.0)
+    found = combined(
+        matches(recordings, None, room=True), [], heard.rate, manifest.cameras[0].frame_rate_hz,
+        None, names=[one.name for one in recordings], sound="room", starts=heard.starts,
+    )  # fmt: skip
+    begin, end = _common(found, heard)
+    if excitation.steady_s is not None:
+        _check_steady(manifest, begin, end)
+        return Sound(found, excitation.frequency_hz, None, excitation.steady_s)
+    begin += excitation.rest_s
+    if begin >= end:
+        raise ManifestError(
+            f"excitation.rest_s: given {excitation.rest_s:.6g}, allowed: less than the "
+            f"{end - begin + excitation.rest_s:.3f} s that all cameras recorded"
+        )
+    return Sound(found, excitation.frequency_hz, None, (begin, end))
+
+
+def _of_the_force(manifest: Manifest, recordings: list[Recording]) -> Sound:
+    """What the force's signal tells."""
+    excitation = manifest.excitation
+    skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s
+    frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings)
+    heard = hear(recordings, frequency, skip)
+    steady = None
+    if excitation.steady_s is not None:
+        _check_steady(manifest, 0.0, float(heard.ends[0]))
+        zero = float(heard.starts[0]) + heard.tone_start
+        steady = excitation.steady_s[0] - zero, excitation.steady_s[1] - zero
+    found = combined(
+        matches(recordings, frequency, room=False), heard.tones, heard.tone_rate,
+        manifest.cameras[0].frame_rate_hz, frequency, names=[one.name for one in recordings],
+        starts=heard.starts, steady=steady,
+    )  # fmt: skip
+    if excitation.steady_s is not None:
+        _check_steady(manifest, *_common(found, heard))
+    tone, rate = heard.tones[0], heard.tone_rate
+    begin, end = steady or settled_part(tone, rate, frequency)
+    part = tone[max(round(begin * rate), 0) : round(end * rate)]
+    measured = tone_frequency(part, rate, frequency)
+    used = excitation.frequency_hz or measured
+    low_rate = low_rate_of(heard.rate, frequency)
+    zero = float(heard.starts[0]) + cut_off(heard.rate, low_rate)
+    later = heard.tone_start - cut_off(heard.rate, low_rate)
+    first, last = max(round((begin + later) * low_rate), 0), round((end + later) * low_rate)
+    begin, end = zero + first / low_rate, zero + (last - 1) / low_rate
+    blocks = low_part(recordings[0], low_rate, first, last)
+    force, _ = fitted_tone(blocks, low_rate, used, -begin)
+    return Sound(
+        found, used, force, excitation.steady_s or (begin, end), measured,
+        frequency_deviation(part, rate, measured),
+    )  # fmt: skip
+
+
+def _tone_of_all(manifest: Manifest, recordings: list[Recording]) -> float:
+    """Frequency in Hz of the tone that all tracks hold."""
+    excitation, slowest = manifest.excitation, min(c.frame_rate_hz for c in manifest.cameras)
+    skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s
+    tones = []
+    for recording in recordings:
+        track, rate, start = low_track(recording, FEWEST * slowest / 2, skip)
+        begin, end = excitation.steady_s or (start, start)
+        part = (begin - start, end - start) if excitation.steady_s else None
+        tones.append(find_tone(track, rate, recording.name, part))
+        (first, _), (tone, seconds) = tones[0], tones[-1]
+        if abs(tone - first) * seconds > SLIP:
+            raise SynchronisationError(
+                f"{recording.name}: its tone has {tone:.7g} Hz, that of {recordings[0].name} "
+                f"{first:.7g} Hz, allowed: the same, to within {SLIP / seconds:.1g} Hz"
+            )
+    if first >= slowest / 2:
+        raise ManifestError(
+            f"excitation.frequency_hz: given null, and the sound has {first:.6g} Hz, allowed: "
+            f"below half of the frame rate, {slowest / 2:g} Hz, unless it is given and undersampled"
+        )
+    return first
+
+
+def _common(found: Synchronisation, heard: Heard) -> Interval:
+    """From when to when all cameras recorded, on the reference camera's clock, s."""
+    return max(float(found.delays.max()), 0.0), float((found.delays + heard.ends).min())
+
+
+def _check_steady(manifest: Manifest, begin: float, end: float) -> None:
+    """Refuse a steady part that is not in the recordings; their sound may be a frame shorter."""
+    steady = manifest.excitation.steady_s
+    frame = 1 / manifest.cameras[0].frame_rate_hz
+    if steady is not None and not begin <= steady[0] < steady[1] <= end + frame:
+        raise ManifestError(
+            f"excitation.steady_s: given [{steady[0]:g}, {steady[1]:g}], allowed: within the "
+            f"recordings, from {begin:.3f} to {end:.3f} s"
+        )

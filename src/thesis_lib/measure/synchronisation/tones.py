@@ -1,0 +1,180 @@
+"""A steady tone in a signal: its amplitude, frequency, share of the sound, and where it is steady.
+
+A tone is fitted at tens of samples per period, which keeps it cheap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.fft import next_fast_len, rfft
+from scipy.optimize import minimize_scalar
+
+from thesis_lib.measure.synchronisation.decimation import decimated
+
+Signal = NDArray[np.floating[Any]]
+
+TONE_RATE = 64  # samples per period at which a tone's phase is fitted
+FEWEST = 8  # samples per period from which on one is fitted
+PERIODS = 3  # of the settled tone that a recording must hold
+EXPLAINED = 0.8  # share of its variance, up to some harmonics, that the tone must explain
+OFF = 0.01  # relative error of the frequency that is not refused
+SLIP = 0.16  # turns over the length that are not, either
+BLOCK = 1 << 16  # samples that are fitted at once
+SEGMENT = 1 << 18  # samples of which a spectrum is taken at once
+
+
+class SynchronisationError(ValueError):
+    """Recordings that cannot be synchronised; the message is one line."""
+
+
+def check_rate(rate: float, frequency: float) -> None:
+    """Refuse a tone that has too few samples per period."""
+    if not 0 < FEWEST * frequency <= rate:
+        raise SynchronisationError(
+            f"excitation.frequency_hz: given {frequency:g}, allowed: at most {rate / FEWEST:g} Hz, "
+            f"{FEWEST} samples of the sound per period"
+        )
+
+
+def fitted_tone(
+    blocks: Iterable[ArrayLike], rate: float, frequency: float, centre: float
+) -> tuple[complex, float]:
+    """Least-squares fit of a tone plus a constant to a signal that comes in blocks.
+
+    Parameters
+    ----------
+    blocks : iterable of array_like, shape (samples,)
+        The signal.
+    rate : float
+        Its sample rate in Hz.
+    frequency : float
+        Frequency of the tone in Hz.
+    centre : float
+        Time of the amplitude, s after the first sample.
+
+    Returns
+    -------
+    amplitude : complex
+        Time factor e^{+jωt}.
+    share : float
+        Share of the signal's variance that the tone explains.
+    """
+    normal, right, squares, count = np.zeros((3, 3)), np.zeros(3), 0.0, 0
+    for block in blocks:
+        for k in range(0, len(x := np.asarray(block, float)), BLOCK):
+            part = x[k : k + BLOCK]
+            w = 2 * np.pi * frequency * ((count + np.arange(len(part))) / rate - centre)
+            basis = np.stack([np.cos(w), np.sin(w), np.ones_like(w)])
+            normal, right = normal + basis @ basis.T, right + basis @ part
+            squares, count = squares + float(part @ part), count + len(part)
+    fit, *_ = np.linalg.lstsq(normal, right, rcond=None)
+    n = max(count, 1)
+    explained = fit @ normal @ fit / n - (normal[2] @ fit / n) ** 2
+    variance = squares / n - (right[2] / n) ** 2
+    return complex(fit[0], -fit[1]), float(explained / max(variance, 1e-300))
+
+
+def tone_at(signal: ArrayLike, rate: float, frequency: float, centre: float) -> complex:
+    """Complex amplitude at `centre` s after the first sample of a tone plus a constant."""
+    return fitted_tone([signal], rate, frequency, centre)[0]
+
+
+def tone_share(signal: ArrayLike, rate: float, frequency: float) -> float:
+    """Share of a signal's variance that a tone explains."""
+    return fitted_tone([signal], rate, frequency, len(np.asarray(signal)) / rate / 2)[1]
+
+
+def strongest(
+    signal: ArrayLike, rate: float, low: float, high: float, most: int | None = None
+) -> float:
+    """Frequency in Hz from `low` to `high` at which a signal's spectrum is highest.
+
+    It is off by at most a quarter of 1 / length; or, where the spectra of parts of `most` samples
+    are added, of 1 / their length.
+    """
+    x = np.asarray(signal)
+    n = len(x) if most is None else min(len(x), most)
+    size = next_fast_len(4 * n, real=True)
+    window, power = np.hanning(n), np.zeros(size // 2 + 1)
+    for k in range(0, len(x) - n + 1, n):
+        part = x[k : k + n]
+        power += np.abs(rfft((part - part.mean(dtype=float)) * window, size)) ** 2
+    near = np.arange(int(low * size / rate) + 1, min(high * size / rate, len(power)), dtype=int)
+    return float(near[np.argmax(power[near])] * rate / size) if len(near) else low
+
+
+def tone_frequency(signal: ArrayLike, rate: float, guess: float) -> float:
+    """Frequency in Hz, within 10 % of a guess, of the tone that explains most of a signal."""
+    x, low_rate = decimated(signal, rate, TONE_RATE * guess)
+    resolution, low, high = low_rate / len(x), 0.9 * guess, 1.1 * guess
+    coarse = decimated(x, low_rate, FEWEST * guess) if len(x) > SEGMENT else (x, low_rate)
+    best = strongest(*coarse, low, high)
+    bounds = max(-resolution / 2, low - best), min(resolution / 2, high - best)
+
+    def missed(off: float) -> float:
+        return -tone_share(x, low_rate, best + off)
+
+    found = minimize_scalar(missed, bounds=bounds, options={"xatol": 1e-6 * resolution})
+    return best + float(found.x)
+
+
+def frequency_deviation(signal: ArrayLike, rate: float, frequency: float) -> float:
+    """Standard error in Hz of :func:`tone_frequency`, by the noise near the tone.
+
+    The Cramér–Rao bound of a frequency, √(3 / (SNR · N)) / (π T) (Rife and Boorstyn 1974), with the
+    noise that the signal without the tone has from half to twice its frequency. That the sample
+    clock is off, by some 10⁻⁵ in cameras, is not in it.
+    """
+    x = np.asarray(signal)
+    amplitude = tone_at(x, rate, frequency, 0.0)
+    n = min(len(x), SEGMENT)
+    f, window, powers = np.fft.rfftfreq(n, 1 / rate), np.hanning(n), []
+    near = (f > 0.5 * frequency) & (f < 2 * frequency)
+    for k in range(0, len(x) - n + 1, n):
+        w = 2 * np.pi * frequency / rate * np.arange(k, k + n)
+        left = x[k : k + n] - amplitude.real * np.cos(w) + amplitude.imag * np.sin(w)
+        spectrum = rfft((left - left.mean()) * window)
+        powers.append(np.mean(np.abs(spectrum[near]) ** 2) / (window @ window))
+    noise = float(np.mean(powers))
+    seconds = len(x) / rate
+    return float(np.sqrt(6 * noise / (abs(amplitude) ** 2 * len(x))) / (np.pi * seconds))
+
+
+def steady_part(x: Signal, rate: float, frequency: float) -> tuple[float, float]:
+    """Start and end in s of the longest part in which a tone keeps its amplitude within 15 %.
+
+    Amplitudes are those of whole periods, compared with the median of the louder half.
+    """
+    check_rate(rate, frequency)
+    period = rate / frequency
+    n = round(period)
+    edges = np.rint(np.arange(0, len(x) / period, 0.25) * period).astype(int)
+    edges = edges[edges + n <= len(x)]
+    if not len(edges):
+        return 0.0, len(x) / rate
+    w = 2 * np.pi * np.arange(n) / period
+    fit = np.linalg.pinv(np.stack([np.cos(w), np.sin(w), np.ones_like(w)], axis=1))[:2]
+    amplitudes = np.array([np.hypot(*(fit @ x[e : e + n])) for e in edges])
+    loud = np.median(amplitudes[amplitudes >= np.median(amplitudes)])
+    changes = np.diff(
+        np.concatenate([[0], np.abs(amplitudes - loud) < 0.15 * loud, [0]]).astype(int)
+    )
+    starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
+    if not len(starts):
+        return 0.0, 0.0
+    longest = int(np.argmax(ends - starts))
+    return float(edges[starts[longest]] / rate), float((edges[ends[longest]] + n) / rate)
+
+
+def settled_part(x: Signal, rate: float, frequency: float) -> tuple[float, float]:
+    """The steady part without what is left in it of a tone that grows before or fades after it.
+
+    That is its first period, and its last unless the recording ends with it.
+    """
+    start, end = steady_part(x, rate, frequency)
+    fades = end < len(x) / rate - 0.5 / frequency
+    return start + 1 / frequency, end - fades / frequency

@@ -1,0 +1,230 @@
+"""How a camera sees the beam's plane: a homography, from the beam's four corners.
+
+The corners are found in the picture, as those of the largest bright region, or given; a hole tells
+which end is clamped (thesis 5.1.2, figures F.3 and F.4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.vision.lens import HALF, Camera, distorted, undistorted
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+def as_dark(image: Image, markers: Markers) -> Image:
+    """The picture in which markers are dark: itself, or its negative."""
+    return 255 - image if markers.bright else image
+
+
+class TrackingError(ValueError):
+    """A beam that is not found; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class View:
+    """How a camera sees the beam's plane.
+
+    Parameters
+    ----------
+    camera : Camera
+        Intrinsics and distortion; the pose is not used.
+    markers : Markers
+        What is printed on the beam.
+    H_image_plane : ndarray, shape (3, 3)
+        Homography from the beam's plane in m to undistorted pixels.
+    blur : float
+        Standard deviation in px of the edges in the picture.
+    """
+
+    camera: Camera
+    markers: Markers
+    H_image_plane: Array
+    blur: float = 0.6
+
+    def to_image(self, plane: ArrayLike) -> Array:
+        """Pixels (2, ...), distortion included, of points (2, ...) of the plane in m."""
+        return distorted(self.camera, apply(self.H_image_plane, plane))
+
+    def to_plane(self, uv: ArrayLike) -> Array:
+        """Points (2, ...) of the plane in m of pixels (2, ...)."""
+        return apply(np.linalg.inv(self.H_image_plane), undistorted(self.camera, uv))
+
+    def stretch(self, plane: ArrayLike) -> Array:
+        """Derivative of :meth:`to_image`, shape (2, 2, n), in px/m, for points (2, n)."""
+        step, (x, y) = 1e-4, np.asarray(plane, float)
+        along = self.to_image([x + step, y]) - self.to_image([x - step, y])
+        across = self.to_image([x, y + step]) - self.to_image([x, y - step])
+        return np.stack([along, across], axis=1) / (2 * step)
+
+    def finest(self, plane: ArrayLike) -> Array:
+        """Pixels per metre where the plane is most foreshortened, shape (n,), for points (2, n)."""
+        smallest: Array = np.linalg.svd(np.moveaxis(self.stretch(plane), 2, 0))[1][:, 1]
+        return smallest
+
+
+def apply(H: ArrayLike, points: ArrayLike) -> Array:
+    """A homography (3, 3) applied to points (2, ...)."""
+    H, p = np.asarray(H, float), np.asarray(points, float)
+    x, y, w = np.tensordot(H[:, :2], p, axes=1) + H[:, 2].reshape((3,) + (1,) * (p.ndim - 1))
+    return np.stack([x / w, y / w])
+
+
+def homography(source: ArrayLike, target: ArrayLike) -> Array:
+    """Homography that takes points (2, n) to points (2, n) best in the target; NaN is left out.
+
+    Raises
+    ------
+    TrackingError
+        If fewer than four points are left, or they lie on a line.
+    """
+    source, target = np.asarray(source, float), np.asarray(target, float)
+    known = np.isfinite(source + target).all(axis=0)
+    count = np.count_nonzero(known)
+    if count < 4:
+        raise TrackingError(f"only {count} of {len(known)} points are known, and four are needed")
+    H, _ = cv2.findHomography(source.T[known], target.T[known])
+    if H is None or not np.isfinite(H).all() or np.linalg.cond(H) > 1e15:
+        raise TrackingError(f"the {count} points known are on a line")
+    return np.asarray(H, float)
+
+
+# Finding the beam.
+
+
+def find_view(image: Image, camera: Camera, markers: Markers) -> View:
+    """Find the beam, a bright quadrilateral on a dark ground, and which end is clamped.
+
+    The hole tells the two ends apart. Corners that are given instead go to :func:`view_of`.
+
+    Raises
+    ------
+    TrackingError
+        If no such quadrilateral is seen, or the hole does not tell the ends apart.
+    """
+    corners = _bright_quadrilateral(image, camera)
+    if markers.hole is None:
+        raise TrackingError(
+            f"camera {camera.name}: the beam has no hole to tell its ends apart, give the four "
+            "corners (corners_px)"
+        )
+    views = [view_of(camera, markers, np.roll(corners, turn, axis=1)) for turn in (0, 2)]
+    scores = [_hole_score(image, view) for view in views]
+    if abs(scores[0] - scores[1]) < 0.4:
+        raise TrackingError(
+            f"camera {camera.name}: the hole is not seen, so the clamped end is not known; give "
+            "the four corners (corners_px)"
+        )
+    return views[int(np.argmax(scores))]
+
+
+def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
+    """The view for the four corners in undistorted px, shape (2, 4).
+
+    In the order of the beam's frame: (0, 0), (L, 0), (L, W), (0, W).
+
+    Raises
+    ------
+    TrackingError
+        If they are no quadrilateral.
+    """
+    try:
+        return View(camera, markers, homography(markers.corners, corners))
+    except TrackingError as error:
+        raise TrackingError(f"camera {camera.name}: the beam's corners: {error}") from None
+
+
+def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
+    """Corners (2, 4) of the largest bright region in undistorted px, longer sides first and third.
+
+    Its sides are straight only without the lens's distortion.
+    """
+    _, bright = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
+    # In small pictures a column of markers may cut the beam in two.
+    closed = cv2.morphologyEx(bright, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    regions, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not regions:
+        raise TrackingError(f"camera {camera.name}: no bright region in the frame, so no beam")
+    region = max(regions, key=cv2.contourArea)
+    inside = cv2.drawContours(np.zeros_like(image), [region], 0, 255, cv2.FILLED)
+    beam = cv2.bitwise_and(inside, bright)
+    outlines, _ = cv2.findContours(beam, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    points = undistorted(camera, np.concatenate(outlines)[:, 0].T + HALF).T
+    points = points[np.isfinite(points[:, 0])]
+    hull = cv2.convexHull(points.astype(np.float32))
+    if cv2.contourArea(region) < 50 or len(hull) < 4 or min(cv2.minAreaRect(hull)[1]) < 2:
+        raise TrackingError(
+            f"camera {camera.name}: the largest bright region is too small to be the beam"
+        )
+    box = cv2.approxPolyN(hull, 4)[0].astype(float)
+    for last in (False, False, True):  # points go to the nearest side, sides to their points
+        nearest = np.argmin([_distance(points, a, b) for a, b in _sides(box)], axis=0)
+        lines = []
+        for side, (a, b) in enumerate(_sides(box)):
+            own = points[nearest == side]
+            along = (own - a) @ (b - a) / np.sum((b - a) ** 2)
+            own = own[(along > 0.03) & (along < 0.97)]  # corners are round
+            if len(own) < 2:
+                own = np.stack([a, b])
+            vx, vy, x0, y0 = cv2.fitLine(own.astype(np.float32), cv2.DIST_HUBER, 0, 0.01, 0.01)
+            normal = np.array([vy, -vx]).ravel()
+            outward = np.sign(normal @ (np.ravel([x0, y0]) - box.mean(axis=0)))
+            # Outlines run through the centres of the outermost pixels, half a pixel inside.
+            gap = last * HALF * np.abs(normal).max() * outward
+            lines.append(np.array([*normal, -normal @ np.ravel([x0, y0]) - gap]))
+        cross = [np.cross(lines[k - 1], lines[k]) for k in range(4)]
+        box = np.array([c[:2] / c[2] for c in cross])
+    sides = np.linalg.norm(np.roll(box, -1, axis=0) - box, axis=1)
+    if sides[0] + sides[2] < sides[1] + sides[3]:
+        box = np.roll(box, -1, axis=0)
+    (x, y), (x_next, y_next) = box.T, np.roll(box, -1, axis=0).T
+    if np.sum(x * y_next - y * x_next) > 0:  # seen from above it runs this way
+        box = box[[1, 0, 3, 2]]
+    return np.asarray(box.T)
+
+
+def _sides(box: Array) -> list[tuple[Array, Array]]:
+    return [(box[k], box[(k + 1) % 4]) for k in range(4)]
+
+
+def _distance(points: Array, a: Array, b: Array) -> Array:
+    """Distance of points (n, 2) from the segment from a to b."""
+    t = np.clip((points - a) @ (b - a) / np.sum((b - a) ** 2), 0, 1)
+    return np.asarray(np.linalg.norm(points - a - t[:, None] * (b - a), axis=1))
+
+
+def _hole_score(image: Image, view: View) -> float:
+    """How dark the place is where the hole should be: 0 as the beam, 1 as the nearest marker."""
+    markers = view.markers
+    hole, grid = markers.positions[:, -1:], markers.positions[:, : markers.count]
+    marker = grid[:, [np.argmin(np.hypot(*(grid - hole)))]]
+    # Without a hole the structure is seen as far from the nearest markers of the same row, or of
+    # others, as the hole is from its own: there the same lies around.
+    steps = grid - marker
+    inward = np.sign(np.array(markers.extent)[:, None] / 2 - hole)
+    order = np.lexsort([np.abs(steps[0]), np.sum(steps * inward, axis=0) <= 0, np.abs(steps[1])])
+    order = order[np.any(steps[:, order] != 0, axis=0)]
+    places = hole + steps[:, order]
+    free = np.min(np.hypot(*(places[:, :, None] - markers.positions[:, None])), axis=1)
+    places = places[:, free > 2 * markers.diameter][:, :2]
+    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    ring = markers.diameter * np.stack([np.cos(turn), np.sin(turn)])
+    disc = np.column_stack([0.15 * ring, 0.35 * ring])
+    beam = [disc + place[:, None] for place in places.T] or [marker + 1.5 * ring]
+    dark, print_, white = (
+        float(np.mean(_sample(image, view.to_image(part))))
+        for part in (hole + disc, marker + disc, np.hstack(beam))
+    )
+    return (white - dark) / max(white - print_, 10.0)
+
+
+def _sample(image: Image, uv: Array) -> Array:
+    u, v = (uv - HALF).astype(np.float32)
+    return np.asarray(cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR)[0], np.float64)

@@ -1,0 +1,180 @@
+"""Markers followed through a recording of any length, on disk as they are found.
+
+Centres go to a file that is read back in parts; beside it stands how far the tracker has come and
+what it knew there, so that a recording that was stopped in the middle goes on from there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.files import whole_text
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.manifest_model import CameraFiles
+from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.media_info import MediaError
+from thesis_lib.measure.tracking.follow import first_view
+from thesis_lib.measure.tracking.homography import TrackingError, as_dark
+from thesis_lib.measure.tracking.tracker import Tracker
+from thesis_lib.vision.lens import Camera, undistorted_tracks
+
+Array = NDArray[np.float64]
+
+OFTEN = 100  # frames after which the state is written
+CHUNK = 512  # frames that are read back at once
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One camera, its clock and its tracks.
+
+    Parameters
+    ----------
+    camera : Camera
+        Calibrated.
+    rate : float
+        Frames per second.
+    delay : float
+        Start after the reference camera's, s.
+    exposure : float
+        Exposure time in s.
+    readout : float
+        Time from the first row's exposure to the last row's, s; a frame's time is the middle row's.
+    path : Path
+        File of the centres (frames, 2, markers) in px, lens distortion included, NaN where
+        missing.
+    """
+
+    camera: Camera
+    rate: float
+    delay: float
+    exposure: float
+    readout: float
+    path: Path
+
+    @property
+    def centres(self) -> Array:
+        """The centres, mapped from the file."""
+        centres: Array = np.load(self.path, mmap_mode="r")
+        return centres
+
+    def between(self, begin: float, end: float) -> tuple[int, int]:
+        """First frame at or after a time and last before another, on the reference's clock."""
+        count = len(self.centres)
+        first = int(np.ceil((begin - self.delay) * self.rate - 1e-6))
+        last = int(np.floor((end - self.delay) * self.rate + 1e-6)) + 1
+        return min(max(first, 0), count), min(max(last, 0), count)
+
+    def parts(self, begin: float, end: float) -> Iterator[tuple[Array, Array]]:
+        """Times (n,) in s and centres without distortion (n, 2, markers), some frames at once."""
+        first, last = self.between(begin, end)
+        for start in range(first, last, CHUNK):
+            stop = min(start + CHUNK, last)
+            uv = undistorted_tracks(self.camera, self.centres[start:stop])
+            yield np.arange(start, stop) / self.rate + self.delay, uv
+
+
+def record(
+    files: CameraFiles,
+    folder: Path,
+    count: int,
+    camera: Camera,
+    markers: Markers,
+    turn: float,
+    path: Path,
+    key: str,
+    tick: Callable[[int], object],
+) -> None:
+    """Follow the markers through a camera's video into a file, from where an earlier run stopped.
+
+    Parameters
+    ----------
+    files : CameraFiles
+        The camera and its video.
+    folder : Path
+        The manifest's folder.
+    count : int
+        Frames of the video.
+    camera : Camera
+        Calibrated.
+    markers : Markers
+        What is on the structure.
+    turn : float
+        Angle of the vibration from frame to frame in rad; 0 if it is not known.
+    path : Path
+        Where the centres go (``.npy``).
+    key : str
+        Key of all that they depend on; what a run with another key has left is not used.
+    tick : callable
+        Called with the number of frames done since the last call.
+
+    Raises
+    ------
+    MediaError
+        If the video cannot be read.
+    TrackingError
+        If the structure or its markers are not found in the first frame.
+    """
+    video = folder / files.video
+    note = path.with_suffix(".json")
+    state = _state(note, path, key, count)
+    done = state["done"] if state else 0
+    tick(done)
+    if done == count:
+        return
+    first = as_dark(next(media.read_frames(video, 0, 1)), markers)
+    try:
+        tracker = Tracker(first_view(first, camera, markers, files.corners_px), turn)
+    except TrackingError as error:
+        given = "structure.markers and corners_px" if files.corners_px else "structure.markers"
+        raise TrackingError(f"{video}: frame 0: {error}; are {given} as filmed?") from None
+    if state:
+        tracker.moved, tracker.before = np.array(state["moved"]), np.array(state["before"])
+    else:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        note.unlink(missing_ok=True)
+        np.lib.format.open_memmap(path, "w+", np.float64, shape=(count, 2, markers.count))
+    with path.open("r+b") as file:  # not mapped: a full disk would kill the process
+        file.seek((done - count) * 2 * markers.count * 8, os.SEEK_END)
+        for image in islice(media.read_frames(video, done), count - done):
+            file.write(tracker.centres(as_dark(image, markers)).tobytes())
+            done += 1
+            tick(1)
+            if done % OFTEN == 0 or done == count:
+                file.flush()
+                os.fsync(file.fileno())
+                _write(note, {"key": key, "done": done, "moved": tracker.moved.tolist(),
+                              "before": tracker.before.tolist()})  # fmt: skip
+    if done < count:
+        raise MediaError(f"{video}: ends before frame {done}, the file lists {count}")
+
+
+def lost_share(recording: Recording) -> Array:
+    """Share of the frames in which each marker is missing, shape (markers,)."""
+    missing, count = np.zeros(recording.centres.shape[2]), len(recording.centres)
+    for start in range(0, count, CHUNK):
+        missing += np.isnan(recording.centres[start : start + CHUNK, 0]).sum(axis=0)
+    return missing / count
+
+
+def _state(note: Path, path: Path, key: str, count: int) -> dict[str, Any] | None:
+    """What an earlier run has left, if it is of the same key and whole."""
+    try:
+        state = json.loads(note.read_text(encoding="utf-8"))
+        fits = state["key"] == key and len(np.load(path, mmap_mode="r")) == count
+        return state if fits and 0 < state["done"] <= count else None
+    except (OSError, EOFError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _write(note: Path, state: dict[str, Any]) -> None:
+    whole_text(note, json.dumps(state))

@@ -1,1 +1,0 @@
-"""One's own recordings, from a folder to deflection shapes and a report."""

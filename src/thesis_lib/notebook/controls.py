@@ -1,0 +1,243 @@
+"""Live use: the parameters of a figure set as controls, and its notebook's results anew.
+
+For a notebook that is open in a front end with a kernel, such as JupyterLab. What is allowed, said
+and refused comes from the models of :mod:`thesis_lib.figure_sets.registry`, as for the command. In
+a file that nobody runs, the controls are nothing: their output holds a widget's view alone.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import time
+from collections.abc import Callable, Mapping, MutableMapping
+from dataclasses import dataclass
+from typing import Any
+
+import ipywidgets
+import xarray as xr
+
+from thesis_lib.figure_sets.parametric.tables import error_table
+from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.notebook import show as notebook
+from thesis_lib.studies import comparison, cubes, effort
+from thesis_lib.studies.commands import command
+from thesis_lib.studies.request import ParameterError, Study, describe, whole_numbers
+
+WIDE = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
+EXACT = 2**53  # largest whole number that a browser keeps
+SLIDER = 720  # widest range that a slider can set
+WITHOUT_VIEWER = ("cameras", "claims")  # subjects whose cubes hold no settings
+
+
+@dataclass(frozen=True)
+class View:
+    """A widget that shows in a live front end, and leaves nothing in a file.
+
+    Parameters
+    ----------
+    widget : ipywidgets.Widget
+        What to show.
+    """
+
+    widget: ipywidgets.Widget
+
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
+        view = {"version_major": 2, "version_minor": 0, "model_id": self.widget.model_id}
+        return {"text/plain": "", "application/vnd.jupyter.widget-view+json": view}
+
+
+@dataclass(frozen=True)
+class Controls:
+    """The controls of one figure set.
+
+    Parameters
+    ----------
+    inputs : mapping
+        A widget for each parameter, by name.
+    button : ipywidgets.Button
+        Runs the figure set with the values of the inputs.
+    command, message : ipywidgets.HTML
+        The command that does the same, and why it cannot be run.
+    output : ipywidgets.Output
+        Progress and results.
+    """
+
+    inputs: Mapping[str, ipywidgets.ValueWidget]
+    button: ipywidgets.Button
+    command: ipywidgets.HTML
+    message: ipywidgets.HTML
+    output: ipywidgets.Output
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """What the inputs say, as plain values."""
+        return {name: _value(widget) for name, widget in self.inputs.items()}
+
+
+def rerun(name: str, namespace: MutableMapping[str, Any]) -> View | None:
+    """Controls of a figure set for the end of its notebook.
+
+    Parameters
+    ----------
+    name : str
+        Name of the figure set.
+    namespace : mapping
+        The notebook's ``globals()``: its parameters are what the controls begin with, and a new
+        cube becomes its ``result``, so that any cell can be run again to show it.
+
+    Returns
+    -------
+    View or None
+        None if the notebook writes its cube to a file, for then nobody is looking.
+    """
+    if namespace.get("cube"):
+        return None
+    fields = STUDIES[name].model_fields
+    request = validate(name, {field: namespace[field] for field in fields if field in namespace})
+
+    def keep(cube: xr.Dataset) -> None:
+        namespace["result"] = cube
+
+    return View(layout(request, controls(request, keep)))
+
+
+def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None) -> Controls:
+    """Controls that begin with the values of a request.
+
+    Parameters
+    ----------
+    request : Study
+        A validated request.
+    keep : callable
+        Is given each new cube.
+    """
+    made = Controls(
+        _inputs(request),
+        ipywidgets.Button(description="Rerun", button_style="primary", icon="play"),
+        ipywidgets.HTML(),
+        ipywidgets.HTML(),
+        ipywidgets.Output(),
+    )
+
+    def check(_: object = None) -> None:
+        try:
+            _tell(made, command(validate(request.name, made.values)))
+        except ParameterError as error:
+            _tell(made, "", str(error))
+
+    def click(_: object) -> None:
+        check()
+        if not made.message.value:
+            _run(made, validate(request.name, made.values), keep)
+
+    for widget in made.inputs.values():
+        widget.observe(check, "value")
+    made.button.on_click(click)
+    check()
+    return made
+
+
+def layout(request: Study, made: Controls) -> ipywidgets.VBox:
+    """The controls one below the other, each with its unit and meaning; results below them."""
+    known = effort.read().get(request.name)
+    takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
+    rows = [_html(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
+    about = {row["name"]: row for row in describe(type(request))}
+    for name, widget in made.inputs.items():
+        row = about[name]
+        unit = f"{row['unit']}; " if row["unit"] else ""
+        rows.append(ipywidgets.HBox([widget, _html(html.escape(unit + row["meaning"]))]))
+    return ipywidgets.VBox([*rows, made.button, made.message, made.command, made.output])
+
+
+def _html(text: str) -> ipywidgets.HTML:
+    return ipywidgets.HTML(text)
+
+
+def _inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:
+    """A widget for each parameter but `cube`, in the order of the tables."""
+    values, model = request.model_dump(mode="json"), type(request)
+    schemas = model.model_json_schema()["properties"]
+    made = {}
+    for row in describe(model):
+        name = row["name"]
+        if name != "cube":
+            made[name] = _input(schemas[name], values[name])
+            made[name].description = name
+            made[name].tooltip = f"{row['meaning']}; {row['allowed']}"
+            made[name].layout, made[name].style.description_width = WIDE, "11rem"
+    return made
+
+
+def _input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
+    """The widget that suits a JSON schema: choices, sliders for what is bounded, else text."""
+    kind = schema.get("type")
+    low = schema.get("minimum", schema.get("exclusiveMinimum"))
+    high = schema.get("maximum", schema.get("exclusiveMaximum"))
+    if "enum" in schema:
+        return ipywidgets.Dropdown(options=schema["enum"], value=value)
+    if kind == "array" and "enum" in schema.get("items", {}):
+        options = schema["items"]["enum"]
+        return ipywidgets.SelectMultiple(options=options, value=tuple(value), rows=len(options))
+    if kind == "boolean":
+        return ipywidgets.Checkbox(value=value, indent=False)
+    if kind == "integer" and (high is None or high < EXACT):
+        return ipywidgets.IntText(value=value)
+    if kind == "number" and low is not None and high is not None and high - low <= SLIDER:
+        step = 1.0 if high - low > 100 else 0.5 if high - low > 10 else 0.01
+        return ipywidgets.FloatSlider(
+            value=value, step=step, readout_format=".4g", continuous_update=False,
+            min=low + step * ("exclusiveMinimum" in schema),
+            max=high - step * ("exclusiveMaximum" in schema),
+        )  # fmt: skip
+    if kind == "number":
+        return ipywidgets.FloatText(value=value)
+    text = value if isinstance(value, str) else json.dumps(whole_numbers(value), ensure_ascii=False)
+    return ipywidgets.Text(value=text, continuous_update=False)
+
+
+def _value(widget: ipywidgets.ValueWidget) -> Any:
+    """What a widget says, as a plain value; text is JSON or, if it is not, a word."""
+    if isinstance(widget, ipywidgets.Text):
+        try:
+            return json.loads(widget.value)
+        except (ValueError, RecursionError):
+            return widget.value
+    return list(widget.value) if isinstance(widget.value, tuple) else widget.value
+
+
+def _tell(made: Controls, words: str, refusal: str = "") -> None:
+    """Show the command, or why there is none."""
+    made.button.disabled = bool(refusal)
+    made.message.value = f'<span role="alert">{html.escape(refusal)}</span>' if refusal else ""
+    made.command.value = f"The same by command: <code>{html.escape(words)}</code>" if words else ""
+
+
+def _run(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -> None:
+    """Run a request and show what came of it: what changed, the viewer, the table."""
+    made.button.disabled = True
+    made.output.outputs = ()
+    known = effort.read().get(request.name)
+    made.output.append_stdout(
+        f"running {request.name}{f', about {known.time}' if known else ''} …\n"
+    )
+    start = time.perf_counter()
+    try:
+        cube = notebook.study(request.name, request.model_dump(mode="json"))
+        keep(cube)
+        seconds = time.perf_counter() - start
+        made.output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
+        made.output.append_stdout("\n".join(comparison.difference_lines(cube)) + "\n")
+        for shown in _results(request, cube):
+            made.output.append_display_data(shown)
+    except Exception as error:  # a kernel shows nothing of what a button raises
+        made.output.append_stderr(f"{type(error).__name__}: {error}\n")
+    finally:
+        made.button.disabled = False
+
+
+def _results(request: Study, cube: xr.Dataset) -> list[Any]:
+    if request.subject in WITHOUT_VIEWER:
+        return [cubes.summary(cube)]
+    return [View(notebook.viewer(cube)), error_table(cube)]

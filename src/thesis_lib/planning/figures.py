@@ -1,0 +1,114 @@
+"""Pictures of plans, drawn from their cubes: where cameras stand, and accuracy against cost."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from thesis_lib.plotting.style import (
+    HIGHLIGHT,
+    INK,
+    REFERENCE,
+    color,
+    in_style,
+    logarithmic,
+    subplots,
+)
+from thesis_lib.vision.pinhole import hemisphere_rotations
+
+Array = NDArray[np.float64]
+
+VIEWS = (("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("along Y", 180.0, 0.0))
+_SYMBOLS = "osD^vP*X"
+_TICKS = [a * 10.0**b for b in range(-4, 5) for a in (1, 2, 5)]
+
+
+def layout_figure(cube: xr.Dataset, option: int) -> Figure:
+    """The cameras of an option from three sides, with lines of sight."""
+    with in_style():
+        drawing, axes = subplots(1, 3, figsize=(7.6, 3.1), layout="constrained",
+                                 width_ratios=[1.3, 1, 1])  # fmt: skip
+        for axis, (words, azimuth, elevation) in zip(axes, VIEWS, strict=True):
+            layout_panel(axis, cube.isel(option=option), azimuth, elevation)
+            axis.set_title(words)
+    return drawing
+
+
+def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float) -> None:
+    """The cameras of one option in a parallel projection from a direction in degrees."""
+    right, down, _ = hemisphere_rotations(*np.radians([azimuth, elevation]))
+
+    def flat(points: Array) -> Array:
+        return np.asarray(points @ np.stack([right, -down]).T) * 1000
+
+    outline = part["outline"].values
+    outline = outline[np.isfinite(outline).all(axis=1)]
+    where = part["camera_position"].values
+    where = where[np.isfinite(where).all(axis=1)]
+    centre = (outline.max(axis=0) + outline.min(axis=0)) / 2
+    if len(outline) == 4:
+        axes.fill(*flat(outline).T, color="#9a9a9a", zorder=1)
+    else:
+        axes.plot(*flat(outline).T, color="#9a9a9a", linewidth=0.8, zorder=1)
+    if "marker" in part:
+        axes.plot(*flat(part["marker"].values).T, ".", color=INK, markersize=1.5, zorder=2)
+    for i, place in enumerate(where):
+        sight = flat(np.stack([place, centre]))
+        foot = flat(np.stack([place, [place[0], place[1], centre[2]]]))
+        axes.plot(*sight.T, color=color(i), linewidth=0.6, alpha=0.6)
+        axes.plot(*foot.T, ":", color=REFERENCE, linewidth=0.6)
+        axes.plot(*sight[0], "o", color=color(i), markersize=9, zorder=4, clip_on=False)
+        axes.annotate(str(i + 1), sight[0], color="white", fontsize=6.5, ha="center",
+                      va="center", zorder=5)  # fmt: skip
+    size = max(np.ptp(where, axis=0).max(), np.ptp(outline, axis=0).max()) / 3
+    for axis, name in zip(np.eye(3), "XYZ", strict=True):
+        line = flat(np.stack([centre, centre + size * axis]))
+        if np.linalg.norm(line[1] - line[0]) > 1:
+            axes.plot(*line.T, color="#777777", linewidth=0.8, zorder=3)
+            axes.annotate(name, line[1], color="#777777", fontsize=8, ha="center", va="bottom")
+    axes.set_aspect("equal")
+    axes.margins(0.1)
+    axes.axis("off")
+
+
+def front_figure(cube: xr.Dataset, target: float | None = None) -> Figure:
+    """Error against cost of every option, and the front of those that nothing beats."""
+    with in_style():
+        drawing, axes = subplots(figsize=(7.2, 3.8), layout="constrained")
+        front_panel(axes, cube, target)
+    return drawing
+
+
+def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> None:
+    """The same in axes: colours are numbers of cameras, symbols resolutions."""
+    priced = cube.attrs.get("cost_is") == "price"
+    cost = cube["cost"].values / (1.0 if priced else 1e6)
+    predicted = cube["predicted_error"].max("mode").values
+    simulated = cube["simulated_error"].max("mode").values
+    counts, widths = cube["n_cameras"].values, cube["width_px"].values
+    front = np.flatnonzero(cube["on_front"].values)
+    front = front[np.argsort(cost[front], kind="stable")]
+    axes.step(cost[front], predicted[front], where="post", color=REFERENCE, linewidth=1.2,
+              label="nothing cheaper is as accurate")  # fmt: skip
+    for i, n in enumerate(np.unique(counts)):
+        axes.plot([], [], "s", color=color(i), markersize=5, label=f"{n} cameras")
+        for j, width in enumerate(np.unique(widths)):
+            at = (counts == n) & (widths == width)
+            axes.plot(cost[at], predicted[at], _SYMBOLS[j % 8], color=color(i), markersize=6)
+    for j, width in enumerate(np.unique(widths)):
+        height = int(cube["height_px"].values[widths == width][0])
+        axes.plot([], [], _SYMBOLS[j % 8], color=INK, markersize=5, label=f"{width}×{height} px")
+    axes.plot(cost, simulated, "_", color="#222222", markersize=9, label="simulated")
+    if target is not None:
+        axes.axhline(target, color=HIGHLIGHT, linestyle="--", linewidth=1, label="target")
+        best = int(cube["chosen"])
+        axes.plot(cost[best], predicted[best], "o", markersize=14, markerfacecolor="none",
+                  color=HIGHLIGHT, label="cheapest that reaches it")  # fmt: skip
+    logarithmic(axes.xaxis, [t for t in _TICKS if cost.min() / 2 < t < 2 * cost.max()])
+    logarithmic(axes.yaxis, [t for t in _TICKS if predicted.min() / 2 < t < 2 * predicted.max()])
+    axes.set(xlabel="price of all cameras" if priced else "million pixels per second, all cameras",
+             ylabel="error of the worst mode, %")  # fmt: skip
+    axes.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize=7)

@@ -1,0 +1,196 @@
+"""A structure from a file: markers with normals, mode shapes and frequencies, as netCDF.
+
+The file has dimensions ``point`` and ``mode`` and, as xarray writes them,
+
+============================  ==================  =======================================
+variable                      dimensions          meaning
+============================  ==================  =======================================
+``x``, ``y``, ``z``           point               markers at rest in m
+``nx``, ``ny``, ``nz``        point               normals; without them +Z
+``shape``                     mode, point         deflection along the normal, in any scale
+``frequency``                 mode                natural frequency in Hz
+``mode``                      mode                optional: its number, else 1, 2, …
+============================  ==================  =======================================
+
+Anything else in the file is left alone. The peak of a mode is its largest deflection in the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.planning.bodies import Body
+from thesis_lib.studies import storage
+from thesis_lib.studies.attributes import with_origin
+from thesis_lib.studies.request import ParameterError
+from thesis_lib.text import first_hidden, one_line
+from thesis_lib.vibration.structure import Structure, deflection_shape
+
+Array = NDArray[np.float64]
+
+NEEDED = {"x": ("point",), "y": ("point",), "z": ("point",), "shape": ("mode", "point"),
+          "frequency": ("mode",)}  # fmt: skip
+NORMAL = ("nx", "ny", "nz")
+MOST = 1000
+LARGEST = 100.0  # m, as far as cameras may stand
+
+
+class MeshError(ParameterError):
+    """A structure file that is not one; the message is one line."""
+
+
+def read_body(path: Path, modes: Sequence[int]) -> Body:
+    """The modes wanted of the structure in a file.
+
+    Raises
+    ------
+    MeshError
+        In one line: the file, what is wrong with it, and what is needed.
+    """
+    if problem := first_hidden(path.name, "--structure"):  # the plan is named for it
+        raise MeshError(problem)
+    mesh = _opened(path)
+    for name, dims in NEEDED.items():
+        if name not in mesh.variables:
+            raise _refusal(path, f"has no variable {name}", f"{name}({', '.join(dims)})")
+    has = [name for name in NORMAL if name in mesh.variables]
+    if has and len(has) < 3:
+        raise _refusal(path, f"has {', '.join(has)} alone", "all of nx, ny, nz, or none")
+    values = {name: _values(path, mesh, name, dims) for name, dims in NEEDED.items()}
+    values |= {name: _values(path, mesh, name, ("point",)) for name in has}
+    points = np.stack([values["x"], values["y"], values["z"]])
+    _check_points(path, points)
+    normals = np.stack([values[n] for n in NORMAL]) if has else np.zeros_like(points)
+    if not has:
+        normals[2] = 1.0
+    length = np.linalg.norm(normals, axis=0)
+    if np.any(length < 1e-6):
+        at = int(np.argmin(length))
+        raise _refusal(path, f"the normal of point {at} has no direction", "a vector that is not 0")
+    shapes, hertz = values["shape"], values["frequency"]
+    if np.any(hertz < 0):
+        raise _refusal(path, f"frequency is {hertz.min():g} Hz", "numbers from 0")
+    numbers = _numbers(path, mesh)
+    missing = [mode for mode in modes if mode not in numbers]
+    if missing:
+        there = one_line(", ".join(map(str, numbers)))
+        raise ParameterError(f"plan: modes: given {list(modes)}, allowed: modes that {path} has: "
+                             f"{there}")  # fmt: skip
+    rows = [numbers.index(mode) for mode in modes]
+    peak = np.max(np.abs(shapes[rows]), axis=1)
+    if np.any(peak <= 0):
+        mode = modes[int(np.argmin(peak))]
+        raise _refusal(path, f"shape of mode {mode} is 0 everywhere", "a shape that moves")
+    return Body(
+        path.stem, points, normals / length, shapes[rows] / peak[:, None], hertz[rows],
+        tuple(modes), np.zeros((3, 0)),
+    )  # fmt: skip
+
+
+def _refusal(path: Path, problem: str, needed: str) -> MeshError:
+    return MeshError(f"--structure: {path} {problem}, needed: {needed}")
+
+
+def _opened(path: Path) -> xr.Dataset:
+    if not path.is_file():
+        kind = "is a folder" if path.is_dir() else "is not there"
+        raise _refusal(path, kind, "a netCDF file with x, y, z, shape and frequency")
+    try:
+        with xr.open_dataset(path, decode_times=False) as file:
+            return file.load()
+    except Exception as error:  # the netCDF and HDF libraries raise what they like
+        kind = f"is not readable as netCDF ({type(error).__name__})"
+        raise _refusal(path, kind, "a netCDF file with x, y, z, shape and frequency") from None
+
+
+def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> Array:
+    variable = mesh[name]
+    if set(variable.dims) != set(dims):
+        raise _refusal(path, f"has {name}({', '.join(map(str, variable.dims))})",
+                       f"{name}({', '.join(dims)})")  # fmt: skip
+    if variable.dtype.kind not in "fiu":
+        raise _refusal(path, f"has {name} of type {variable.dtype}", "real numbers")
+    values = variable.transpose(*dims).values.astype(float)
+    if not values.size:
+        raise _refusal(path, f"has no value in {name}", "at least one")
+    if not np.all(np.isfinite(values)):
+        at = np.argwhere(~np.isfinite(values))[0].tolist()
+        raise _refusal(path, f"has {values[tuple(at)]} in {name}{at}", "finite numbers")
+    return values
+
+
+def _check_points(path: Path, points: Array) -> None:
+    if points.shape[1] > MOST:
+        raise _refusal(path, f"has {points.shape[1]} points", f"at most {MOST}: the markers, not "
+                       "all nodes of a mesh")  # fmt: skip
+    size = float(np.max(np.abs(points)))
+    if size > LARGEST:
+        raise _refusal(path, f"has a coordinate of {size:g} m", f"at most {LARGEST:g} m (metres, "
+                       "not mm)")  # fmt: skip
+    if len(np.unique(points, axis=1).T) < points.shape[1]:
+        raise _refusal(path, "has two points at one place", "different places")
+
+
+def _numbers(path: Path, mesh: xr.Dataset) -> list[int]:
+    given = mesh["mode"].values  # 0, 1, … where the file does not number them
+    if "mode" not in mesh.variables:
+        return list(range(1, len(given) + 1))
+    if given.dtype.kind not in "iu" or len(set(given.tolist())) < len(given):
+        raise _refusal(path, "has numbers in mode that repeat or are not whole", "1, 2, …")
+    return [int(number) for number in given]
+
+
+def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
+    """Markers and mode shapes.
+
+    Parameters
+    ----------
+    structure : Structure
+        Beam, plate or panel.
+    modes : sequence of int
+        Numbers of the modes, from 1.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``x``, ``y``, ``z`` of each ``point`` in m from the middle of the box around the structure,
+        ``frequency(mode)`` in Hz, and ``shape(mode, point)``, which is 1 where the structure moves
+        most.
+    """
+    half = np.array(structure.extent) / 2
+    x, y = structure.markers - half[:, None]
+    shapes = [deflection_shape(structure, mode, structure.markers, peak=1.0) for mode in modes]
+    hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
+    places = {"x": x, "y": y, "z": np.zeros_like(x)}
+    return with_origin(
+        xr.Dataset(
+            {
+                **{
+                    name: ("point", values, {"units": "m", "long_name": f"position along {name}"})
+                    for name, values in places.items()
+                },
+                "shape": (
+                    ("mode", "point"), np.array(shapes),
+                    {"units": "1", "long_name": "mode shape along z, 1 where it is largest"},
+                ),
+                "frequency": (
+                    "mode", hertz[np.array(modes) - 1],
+                    {"units": "Hz", "long_name": "natural frequency"},
+                ),
+            },
+            coords={"mode": ("mode", np.array(modes), {"units": "1", "long_name": "mode number"})},
+            attrs={"title": "Markers and mode shapes"},
+        ),
+        f"thesis_lib.planning.structure_file, {type(structure).__name__}",
+    )  # fmt: skip
+
+
+def write_modes(structure: Structure, modes: Sequence[int], path: Path) -> Path:
+    """Write :func:`modes_of` to a netCDF file, whole or not at all; returns the file."""
+    storage.write(modes_of(structure, modes), Path(path))
+    return Path(path)

@@ -1,0 +1,1 @@
+"""Panels, maps, numbers and viewer data of any cube."""

@@ -1,0 +1,172 @@
+"""The numbers behind figures as tidy tables: one value, or one error of a setting, to a row."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from thesis_lib.facts.claims import Claim
+from thesis_lib.plotting.selection import best_and_worst, select, stated
+from thesis_lib.studies import cubes
+
+_STATED = ("stated_low", "stated_high", "stated")
+
+
+def errors_table(cube: xr.Dataset) -> pd.DataFrame:
+    """Every error of a cube in %: one row per setting, mode and kind of error.
+
+    Of the ledger: one row per claim, with all that the cube says of it; of a cube of single
+    quantities: each with its value and unit.
+
+    Parameters
+    ----------
+    cube : xarray.Dataset
+        Cube of a figure set.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The literal run (``trial_0``), median, 5 % and 95 % quantile of the trials, what is
+        predicted, and the ends and words of what the thesis states; an open end is empty.
+    """
+    if cube.attrs["figure_set"] == "claims":
+        return pd.DataFrame(
+            {str(n): v.values for n, v in cube.variables.items() if v.dims == ("claim",)}
+        )
+    table = cubes.summary(cube)
+    if "case" not in cube:
+        return table
+    table = table.rename(columns={"label": "setting", "low": "low_5", "high": "high_95"})
+    extra: list[dict[str, Any]] = []
+    number = {name: 0 for name in cubes.errors(cube)}
+    order = {name: _by_setting(cube, name) for name in number}
+    for row in table.itertuples():
+        extra.append(order[row.error][number[row.error]])
+        number[row.error] += 1
+    return pd.concat([table, pd.DataFrame(extra)], axis=1)
+
+
+def _by_setting(cube: xr.Dataset, error: str) -> list[dict[str, Any]]:
+    """Prediction and stated figures of an error, setting by setting and mode by mode."""
+    modes = cube["mode"].values.tolist()
+    told = error != "max_point_error" or f"predicted_{error}" in cube
+    predicted = cubes.predicted(cube, error).transpose("setting", "mode").values if told else None
+    said: dict[tuple[int, int], Claim | None] = {}
+    for case in dict.fromkeys(cube["case"].values.tolist()):
+        rows = np.flatnonzero(cube["case"].values == case).tolist()
+        for mode in modes:
+            said |= {(r, mode): c for r, c in zip(
+                rows, stated(cube, case, mode, error), strict=True)}  # fmt: skip
+    return [
+        {"parameter": str(cube["parameter"].values[s]),
+         "predicted": np.nan if predicted is None else float(predicted[s, m]),
+         **_stated(said[s, mode])}
+        for s in range(cube.sizes["setting"])
+        for m, mode in enumerate(modes)
+    ]  # fmt: skip
+
+
+def _stated(claim: Claim | None) -> dict[str, Any]:
+    if claim is None:
+        return dict.fromkeys(_STATED)
+    return dict(zip(_STATED, (*claim.ends, claim.stated), strict=True))
+
+
+def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -> pd.DataFrame:
+    """The numbers that a figure of a case and mode draws, one to a row.
+
+    Marker values are those of the setting with the least and of that with the largest error, all
+    else is of every setting. Maps of pressure are left to the cube.
+
+    Parameters
+    ----------
+    cube : xarray.Dataset
+        Cube of a figure set.
+    errors : pandas.DataFrame
+        Its :func:`errors_table`.
+    case : str
+        Case or layout.
+    mode : int
+        Mode.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``quantity``, ``statistic``, ``setting``, ``point``, ``x_mm``, ``y_mm``, ``value``
+        and ``unit``; those that do not apply are empty.
+    """
+    part = select(cube, case, mode)
+    whole = errors[(errors["case"] == case) & (errors["mode"] == mode)]
+    statistics = ("trial_0", "low_5", "median", "high_95", "predicted", *_STATED[:2])
+    rows = [
+        {"quantity": row["error"], "statistic": name, "setting": row["setting"],
+         "value": row[name], "unit": "percent"}
+        for row in whole.to_dict("records") for name in statistics if not pd.isna(row[name])
+    ]  # fmt: skip
+    rows += [row for name in part.data_vars for row in _drawn(part, str(name))]
+    columns = ["quantity", "statistic", "setting", "point", "x_mm", "y_mm", "value", "unit"]
+    table = pd.DataFrame(rows, columns=columns)
+    return table.astype({"point": "Int64"})
+
+
+def _drawn(part: xr.Dataset, name: str) -> Iterator[dict[str, Any]]:
+    """The values of one variable of a case and mode, if a figure has a place for them."""
+    values = part[name]
+    if "trial" in values.dims:
+        values = values.isel(trial=0)
+    of_tables = name in {v for v, _ in cubes.ERRORS.values()} or name.startswith("predicted_")
+    if values.dtype.kind != "f" or of_tables:
+        return
+    unit, labels = str(values.attrs.get("units", "1")), part["label"].values.astype(str)
+    if values.dims == ("setting",):
+        for label, value in zip(labels, values.values, strict=True):
+            if np.isfinite(value):
+                yield {"quantity": name, "setting": label, "value": value, "unit": unit}
+    if values.dims == ("point",):
+        yield from _points(part, name, values.values, unit, "")
+    if values.dims == ("setting", "point"):
+        for index in dict.fromkeys(best_and_worst(part)):
+            yield from _points(part, name, values.values[index], unit, labels[index])
+
+
+def _points(
+    part: xr.Dataset, name: str, values: Any, unit: str, setting: str
+) -> Iterator[dict[str, Any]]:
+    x, y = (part[axis].values * 1000 if axis in part else None for axis in ("x", "y"))
+    for point, value in enumerate(values):
+        if np.isfinite(value):
+            yield {
+                "quantity": name, "setting": setting, "point": point + 1, "value": value,
+                "unit": unit, "x_mm": None if x is None else x[point],
+                "y_mm": None if y is None else y[point],
+            }  # fmt: skip
+
+
+def as_csv(table: pd.DataFrame) -> str:
+    """A table as CSV with six digits; the same table gives the same text."""
+    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+
+
+def figure_names(cube: xr.Dataset) -> dict[tuple[str, int], str]:
+    """A file name without suffix for the numbers of each figure, by case and mode.
+
+    Cases may have any name; a file's has plain letters, digits and hyphens alone. A cube without
+    cases has no such files: all that its figures draw is in its one table.
+    """
+    names: dict[tuple[str, int], str] = {}
+    if "case" not in cube or cube.attrs["figure_set"] == "claims":
+        return names
+    for case in dict.fromkeys(cube["case"].values.tolist()):
+        plain = re.sub(r"[^A-Za-z0-9]+", "-", case.replace("'", "-prime")).strip("-") or "case"
+        for mode in cube["mode"].values.tolist():
+            name, number = f"{plain}-mode-{mode}".lower(), 1
+            while name in names.values():
+                number += 1
+                name = f"{plain}-{number}-mode-{mode}".lower()
+            names[case, int(mode)] = name
+    return names

@@ -1,0 +1,180 @@
+"""The standard figure framework of the parametric studies, drawn from a cube.
+
+Four panels as in the thesis: (a) the setups, (b) reference and measured shape, (c) error of each
+marker, (d) mean error of each setting. Added here: the 5–95 % band of the trials, the prediction
+by the law of rounding, and what the thesis states. One colour stands for one setting throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.plotting import outlines
+from thesis_lib.plotting.selection import Bars
+from thesis_lib.plotting.style import HIGHLIGHT, color
+from thesis_lib.studies import cubes
+from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
+
+Array = NDArray[np.float64]
+
+
+def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
+    """Bars of each setting, one or more side by side."""
+    n_settings, width = part.sizes["setting"], 0.7 / len(groups)
+    study = STUDIES[part.attrs["figure_set"]]
+    colors = [color(index) for index in range(n_settings)]
+    top = 0.1
+    for g, bars in enumerate(groups):
+        position = np.arange(n_settings) + (g - (len(groups) - 1) / 2) * width
+        first = g == 0
+        hidden = "" if first else "_"  # in the legend once
+        if np.isnan(bars.literal).all():
+            axes.plot([], [], " ", label=f"{bars.name}: nodal plane")
+            continue
+        low, median, high = bars.band
+        axes.bar(position, bars.literal, 0.9 * width, color=colors, alpha=0.75 if first else 0.4,
+                 label=bars.name or study.first)  # fmt: skip
+        if np.isfinite(median).all():  # there were trials
+            axes.vlines(position, low, high, color="#222222", linewidth=1.2)
+            axes.plot([], [], "|", color="#222222", markersize=10, markeredgewidth=1.2,
+                      label=hidden + "5–95 % of trials")  # fmt: skip
+            axes.plot(position, median, "o", color="#222222", markersize=4,
+                      label=hidden + "median")  # fmt: skip
+        axes.plot(position, bars.predicted, "_", color="#222222", markersize=18 / len(groups),
+                  label=hidden + cubes.predicts(part))  # fmt: skip
+        given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
+        for number, (i, claim) in enumerate(given):
+            at, name = position[i] + 0.54 * width, "thesis" if first and not number else None
+            least, most = claim.ends
+            if least is None or most is None:  # a bound: the arrow points to what it allows
+                marker = "v" if least is None else "^"
+                axes.plot([at - 0.3 * width, at + 0.3 * width], [claim.high] * 2,
+                          color=HIGHLIGHT, linewidth=1.2)  # fmt: skip
+                axes.plot(at, claim.high, marker, color=HIGHLIGHT, markersize=5,
+                          label=name and "thesis, bound")  # fmt: skip
+                continue
+            axes.plot([at, at], [least, most], color=HIGHLIGHT, linewidth=1.2)
+            axes.plot(at, (least + most) / 2, "D", markerfacecolor="white",
+                      color=HIGHLIGHT, markersize=4, label=name)  # fmt: skip
+        top = max(top, np.fmax.reduce(high), bars.literal.max(), *(c.high for _, c in given))
+        top = top if np.isfinite(top) else bars.literal.max()
+    labels = [text.replace(" cameras", "") for text in part["label"].values]
+    partial = part["in_view"].values < 1
+    names = [f"{label}*" if cut else label for label, cut in zip(labels, partial, strict=True)]
+    turn = 30 if n_settings > 4 and max(map(len, names)) > 4 else 0
+    axes.set_xticks(np.arange(n_settings), names, fontsize=8, rotation=turn)
+    unit = "number of cameras" if part["label"].values[0].endswith("cameras") else ""
+    cut = "* markers leave the sensor" if partial.any() else ""
+    axes.set_xlabel("; ".join(filter(None, [unit, cut])))
+    crowded = any(c.high > 0.8 * top for bars in groups for c in bars.claims if c)
+    axes.set_ylim(0, (1.5 if crowded else 1.35) * top)
+    axes.grid(visible=False, axis="x")
+    axes.legend(ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
+
+
+def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
+    """Cameras on their hemispheres, seen from a corner, with the varied parameter marked."""
+    study = STUDIES[cube.attrs["figure_set"]]
+    axes.set_title(f"(a) setups: {study.varied_label} varied")
+    cameras = [_positions(part.isel(setting=index)) for index in range(part.sizes["setting"])]
+    radius = max(np.linalg.norm(c, axis=1).max() for c in cameras)
+    turn = np.linspace(0, 2 * np.pi, 181)
+    circle = np.stack([np.sin(turn), np.cos(turn), 0 * turn], axis=1)
+    arcs = np.linspace(0, np.pi, 91)
+    overhead = np.stack([np.cos(arcs), 0 * arcs, np.sin(arcs)], axis=1)
+    across = overhead[:, [1, 0, 2]]
+    for curve in (circle, overhead, across):
+        _draw(axes, radius * curve, color="#d0d0d0", linewidth=0.7)
+    structure = outlines.structure_of(cube)
+    half = structure.extent[0] / 2
+    seen_curves = [_view(np.insert(c, 2, 0, axis=1)) for c in outlines.contours(structure)]
+    closed = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in seen_curves))
+    axes.add_patch(PathPatch(closed, color="#9a9a9a", linewidth=1, zorder=3))
+    seen: set[tuple[float, ...]] = set()
+    for index, places in enumerate(cameras):
+        for place in places:
+            key = tuple(np.round(place, 6))
+            if key in seen:
+                continue
+            seen.add(key)
+            _draw(axes, np.array([place, 0 * place]), color=color(index), linewidth=0.6, alpha=0.6)
+            axes.plot(*_view(place), "o", color=color(index), markersize=5, zorder=4)
+    _mark_varied(axes, cameras, str(part["parameter"].values[0]), part)
+    for end, name in (([1.12 * half, 0, 0], "X"), ([0, 0.45 * radius, 0], "Y"),
+                      ([0, 0, 0.45 * radius], "Z")):  # fmt: skip
+        arrow = _view([[0, 0, 0], end])
+        axes.plot(*arrow.T, color="#777777", linewidth=0.7, zorder=4)
+        _write(axes, np.array(end) * 1.08, name, color="#777777", fontsize=8)
+    axes.set_aspect("equal")
+    axes.margins(0.06)
+    axes.axis("off")
+
+
+def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset) -> None:
+    style = {"color": HIGHLIGHT, "linewidth": 1.6, "zorder": 5}
+    labels = [str(text) for text in part["label"].values]
+    if varied == "distance_mm":
+        far = max((c[0] for c in cameras), key=lambda c: float(np.linalg.norm(c)))
+        _draw(axes, np.array([0 * far, far]), **style)
+        _write(axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=HIGHLIGHT)
+    elif varied == "aperture_deg":
+        first, second = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))[:2]
+        radius = float(np.linalg.norm(first))
+        if (
+            abs(first[2] - second[2]) < 1e-9
+            and np.linalg.norm((first + second)[:2]) > 1e-6 * radius
+        ):
+            # α is the difference of the azimuths: an arc at the cameras' elevation
+            start, stop = np.unwrap([np.arctan2(c[0], c[1]) for c in (first, second)]).tolist()
+            up = float(np.arcsin(first[2] / radius))
+            arc = (
+                0.45 * radius * hemisphere_directions(np.linspace(start, stop, 41), np.full(41, up))
+            )
+            _draw(axes, arc, **style)
+            _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT)
+            return
+        middle = first + second + [0, 0, 1e-9]
+        angle = np.arccos(np.clip(first @ second / radius**2, -1, 1)) / 2
+        middle /= np.linalg.norm(middle)
+        aside = first / radius - np.cos(angle) * middle
+        aside /= np.linalg.norm(aside)
+        turn = np.linspace(-angle, angle, 41)[:, None]
+        arc = 0.45 * radius * (np.cos(turn) * middle + np.sin(turn) * aside)
+        _draw(axes, arc, **style)
+        _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT)
+    else:
+        text = f"{labels[0]} … {labels[-1]}" if len(labels) > 1 else labels[0]
+        axes.text(0.0, 0.0, text, color=HIGHLIGHT, transform=axes.transAxes, fontsize=8)
+
+
+def _positions(setting: xr.Dataset) -> Array:
+    """Camera centres of one setting in m, shape (cameras, 3)."""
+    azimuth, elevation = (np.radians(setting[f"camera_{a}"]) for a in ("azimuth", "elevation"))
+    places = hemisphere_directions(azimuth, elevation) * setting["camera_distance"].values[:, None]
+    kept: Array = places[np.isfinite(places[:, 0])]
+    return kept
+
+
+def _view(points: ArrayLike) -> Array:
+    """Orthographic view from azimuth 155°, elevation 28°: horizontal and vertical coordinate."""
+    theta, phi = np.radians([155.0, 28.0])
+    right, down, _ = hemisphere_rotations(theta, phi)
+    return np.asarray(points, float) @ np.stack([right, -down]).T
+
+
+def _draw(axes: Axes, points: Array, **style: Any) -> None:
+    axes.plot(*_view(points).T, **style)
+
+
+def _write(axes: Axes, place: Array, text: str, **style: Any) -> None:
+    u, v = _view(place)
+    axes.text(u, v, text, ha="center", va="center", **style)

@@ -1,0 +1,84 @@
+"""What of a cube a figure shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.facts.claims import Claim, claims_of
+from thesis_lib.studies import cubes
+
+Array = NDArray[np.float64]
+
+
+def select(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
+    """The settings of one case and one mode."""
+    rows = np.flatnonzero(cube["case"].values == case)
+    return cube.isel(setting=rows).sel(mode=mode)
+
+
+def has(cube: xr.Dataset, case: str, mode: int) -> bool:
+    """Whether a cube holds a case and a mode."""
+    return case in cube["case"].values and mode in cube["mode"].values
+
+
+def best_and_worst(part: xr.Dataset) -> list[int]:
+    """Indices of the settings with the least and the largest mean error in the literal run."""
+    name = "mean_error" if "mean_error" in part else "deflection_error"
+    mean = part[name].isel(trial=0).values
+    order = np.argsort(mean, kind="stable")
+    return [int(order[0])] if len(order) == 1 else [int(order[0]), int(order[-1])]
+
+
+def stated(
+    cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error"
+) -> list[Claim | None]:
+    """What the thesis states of an error of each setting of a case, if it does.
+
+    A claim about all settings counts for each of them.
+    """
+    claims = [
+        claim
+        for claim in claims_of(cube.attrs["figure_set"])
+        if (claim.case, claim.mode, claim.quantity) == (case, mode, quantity)
+    ]
+    return [
+        next((c for c in claims if value in c.values), None)
+        or next((c for c in claims if not c.values), None)
+        for value in select(cube, case, mode)["value"].values
+    ]
+
+
+@dataclass(frozen=True)
+class Bars:
+    """One error of every setting: literal run, band of the trials, prediction, stated figures.
+
+    Parameters
+    ----------
+    literal, predicted : ndarray, shape (settings,)
+        In %.
+    band : ndarray, shape (3, settings)
+        Quantiles 5, 50 and 95 % in %.
+    claims : list
+        What the thesis states of each setting, or None.
+    name : str
+        What the bars are, if there is more than one to a setting.
+    """
+
+    literal: Array
+    predicted: Array
+    band: Array
+    claims: list[Claim | None]
+    name: str = ""
+
+
+def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error") -> Bars:
+    """The bars of one error of a case and mode, by the error's name in the tables."""
+    part = select(cube, case, mode)
+    values = cubes.errors(part)[quantity]
+    predicted, plane = cubes.predicted(part, quantity), cubes.ERRORS[quantity][1]
+    literal, claims = values.isel(trial=0).values, stated(cube, case, mode, quantity)
+    return Bars(literal, predicted.values, cubes.band(values), claims, plane or "")

@@ -1,0 +1,228 @@
+"""What the interactive viewer draws, from a cube, as plain JSON values."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.plotting import outlines
+from thesis_lib.plotting.maps import DIVERGING
+from thesis_lib.plotting.selection import Bars, error_bars, select
+from thesis_lib.plotting.style import COLORS
+from thesis_lib.studies import cubes
+from thesis_lib.vibration.panel import Panel
+from thesis_lib.vibration.plate import Plate
+
+Array = NDArray[np.float64]
+FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
+
+
+def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
+    """The literal run and the statistics of a cube (the format is in `web.viewer.Viewer`)."""
+    study = STUDIES[cube.attrs["figure_set"]]
+    kind = "plate" if study.subject == "shape" else study.subject
+    structure = outlines.structure_of(cube)
+    if "measured_deflection" in cube:  # of many trials only the literal run is drawn
+        literal = cube["measured_deflection"].isel(trial=0, drop=True)
+        cube = cube.assign(measured_deflection=literal)
+    if kind in ("experiment", "lab"):  # of what is filmed
+        kind = "plate" if isinstance(structure, Plate) else "beam"
+    if kind == "beam":
+        cube = _middle_row(cube)
+    length, width = structure.extent
+    cases = list(dict.fromkeys(cube["case"].values.tolist()))
+    modes = cube["mode"].values.tolist()
+    number = setups.figure_number if as_in_the_thesis(cube) else (lambda *_: "")
+    unit = {"distance_mm": "mm", "aperture_deg": "°", "width_px": "px"}.get(study.varied, "")
+    size: dict[str, Any] = {
+        "length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)
+    }  # fmt: skip
+    if isinstance(structure, Panel):
+        cube = _in_cells(cube)
+        size["contours_mm"] = [_rounded(1000 * c) for c in outlines.contours(structure)]
+    data: dict[str, Any] = {
+        "structure": {"kind": kind, **size},
+        "parameter": {"name": study.varied, "label": study.varied_label, "unit": unit},
+        "modes": [
+            {"mode": mode, "frequency_hz": round(float(cube["frequency"].sel(mode=mode)), 3)}
+            for mode in modes
+        ],
+        "words": {"draws": study.draws, "predicts": cubes.predicts(cube)},
+        "colors": list(COLORS),
+        "cases": [
+            {
+                "name": case,
+                "title": setups.case_title(study.subject, study.study, case) or "own layout",
+                "figures": {
+                    str(mode): number(study.subject, study.study, case, mode) for mode in modes
+                },
+                "settings": _settings(cube, case, modes, _planes if kind == "sound" else _shape),
+            }
+            for case in cases
+        ],
+    }
+    if kind == "sound":
+        _add_fields(data, cube)
+    else:
+        _add_shapes(data, cube)
+    if kind != "beam":
+        data["colormap"] = list(DIVERGING)
+    return data
+
+
+def _in_cells(cube: xr.Dataset) -> xr.Dataset:
+    """A panel's markers in the cells of the box around it; where there is none, NaN."""
+    x, y, place = outlines.cells(cube)
+    names = ("reference_deflection", "measured_deflection", "point_error")
+    wide = {
+        n: (cube[n].dims, outlines.spread(cube[n].values, place, x.size * y.size)) for n in names
+    }
+    columns, rows = np.tile(x, len(y)), np.repeat(y, len(x))
+    rest = cube.drop_vars([*names, "x", "y"])
+    return rest.assign(wide).assign_coords(x=("point", columns), y=("point", rows))
+
+
+def _middle_row(cube: xr.Dataset) -> xr.Dataset:
+    """The markers of a beam's middle row: the viewer draws one curve along it."""
+    rows = np.unique(cube["y"].values)
+    return cube.isel(point=np.flatnonzero(cube["y"].values == rows[len(rows) // 2]))
+
+
+def as_in_the_thesis(cube: xr.Dataset) -> bool:
+    """Whether a cube's parameters are the thesis's, apart from what only chooses or draws."""
+    chooses = {"trials", "seed", "modes", "cases", "layouts"}
+    given = json.loads(cube.attrs["parameters"])
+    default = STUDIES[cube.attrs["figure_set"]]().request
+    return all(given[key] == value for key, value in default.items() if key not in chooses)
+
+
+def _settings(
+    cube: xr.Dataset, case: str, modes: list[int], result: Callable[..., dict[str, Any]]
+) -> list[dict[str, Any]]:
+    parts = {mode: select(cube, case, mode) for mode in modes}
+    names = list(cubes.errors(cube))
+    bars = {mode: {name: error_bars(cube, case, mode, name) for name in names} for mode in modes}
+    settings = []
+    for index in range(parts[modes[0]].sizes["setting"]):
+        one = parts[modes[0]].isel(setting=index)
+        table = np.stack([one[f"camera_{a}"] for a in ("distance", "azimuth", "elevation")], 1)
+        settings.append(
+            {
+                "label": str(one["label"].values),
+                "value": float(one["value"]),
+                "cameras": np.round(table[: int(one["n_cameras"])] * [1000, 1, 1], 6).tolist(),
+                "resolution": [int(one["width_px"]), int(one["height_px"])],
+                "in_view": float(one["in_view"]),
+                "modes": [
+                    result(parts[mode].isel(setting=index), bars[mode], index) for mode in modes
+                ],
+            }
+        )
+    return settings
+
+
+def _bar(bars: Bars, index: int) -> dict[str, Any]:
+    claim = bars.claims[index]
+    low, median, high = bars.band[:, index]
+    return {
+        "mean": _rounded(bars.literal[index]),
+        "median": _rounded(median),
+        "low": _rounded(low),
+        "high": _rounded(high),
+        "predicted": _rounded(bars.predicted[index]),
+        "stated": list(claim.ends) if claim else None,
+    }
+
+
+def _shape(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
+    return {
+        "measured_mm": _rounded(result["measured_deflection"] * 1000),
+        "point_error": _rounded(result["point_error"]),
+        **_bar(bars["mean_error"], index),
+    }
+
+
+def _planes(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
+    planes = {
+        error.name: None if np.isnan(error.literal[index]) else _bar(error, index)
+        for error in bars.values()
+    }
+    return {
+        "planes": planes,
+        "deflection": {"mean": _rounded(result["deflection_error"].isel(trial=0))},
+    }
+
+
+def _add_shapes(data: dict[str, Any], cube: xr.Dataset) -> None:
+    for entry in data["modes"]:
+        reference = cube["reference_deflection"].sel(mode=entry["mode"])
+        entry["reference_mm"] = _rounded(reference * 1000)
+    x, y = (np.unique(np.round(cube[axis].values * 1000, 3)) for axis in ("x", "y"))
+    data["x_mm"] = x.tolist()
+    if data["structure"]["kind"] == "plate":
+        data["y_mm"], data["grid"] = y.tolist(), [len(x), len(y)]
+
+
+def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
+    """Reference fields, and those of the best and worst setting of each case and mode."""
+    u, z = cube["u"].values[::FIELD_STEP] * 1000, cube["z"].values[::FIELD_STEP] * 1000
+    names = cube["plane"].values.tolist()
+    data["planes"] = [
+        {"name": name, "u_mm": [u[0], u[-1]], "z_mm": [z[0], z[-1]], "shape": [len(u), len(z)]}
+        for name in names
+    ]
+    data["pressure_unit"] = "Pa"
+    data["nodal_note"] = "nodal plane: no reference pressure"
+    silent = np.isnan(cube["independent_ratio"].values)
+    scales = np.where(silent, np.nan, cube["largest_pressure"].values)  # of nodal planes: none
+    for m, entry in enumerate(data["modes"]):
+        reference = cube["pressure_reference_real"], cube["pressure_reference_imag"]
+        entry["fields"] = _fields(
+            [part.isel(mode=m).values for part in reference], scales[m], names
+        )
+    measured = [
+        cube[f"pressure_measured_{part}"].transpose("case", "mode", "extreme", ...).values
+        for part in ("real", "imag")
+    ]
+    for c, case in enumerate(data["cases"]):
+        rows = np.flatnonzero(cube["case"].values == case["name"])
+        case["extremes"] = {}
+        for m, entry in enumerate(data["modes"]):
+            case["extremes"][str(entry["mode"])] = {
+                extreme: {
+                    "index": int(cube["best_and_worst"].values[c, m, x] - rows[0]),
+                    "fields": _fields([part[c, m, x] for part in measured], scales[m], names),
+                }
+                for x, extreme in enumerate(("best", "worst"))
+            }
+
+
+def _fields(parts: list[Array], scales: Array, names: list[str]) -> dict[str, Any]:
+    """Complex fields (plane, u, z) as signed bytes; a nodal plane on the scale of the other."""
+    result = {}
+    for p, name in enumerate(names):
+        reference = np.fmax.reduce(scales) if np.isnan(scales[p]) else scales[p]
+        scale = float(np.fmax.reduce([reference, *(np.abs(part[p]).max() for part in parts)]))
+        coded = [
+            np.clip(np.rint(part[p, ::FIELD_STEP, ::FIELD_STEP] / scale * 127), -127, 127)
+            for part in parts
+        ]
+        real, imaginary = (base64.b64encode(c.astype(np.int8).tobytes()).decode() for c in coded)
+        result[name] = {"scale": float(f"{scale:.6g}"), "re": real, "im": imaginary}
+    return result
+
+
+def _rounded(values: Any) -> Any:
+    """Numbers with six significant digits for JSON; what is not finite becomes null."""
+    array = np.asarray(values, float)
+    if array.ndim == 0:
+        return float(f"{float(array):.6g}") if np.isfinite(array) else None
+    return [_rounded(value) for value in array]

@@ -1,0 +1,1 @@
+"""Requests to executed notebooks, cubes and pages; nothing twice."""

@@ -1,0 +1,85 @@
+"""How a command begins and ends: no foreign words on the screen, and nothing left by a signal."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import logging
+import os
+import signal
+import sys
+import threading
+import time
+import warnings
+from pathlib import Path
+from typing import Any, NoReturn
+
+from thesis_lib import files
+from thesis_lib.runs.kernel_main import FIXED
+
+_SIGNALS = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+_PATIENCE = 5.0  # s that threads have to end in
+
+
+def prepare() -> None:
+    """Before anything is imported that computes or has something to say.
+
+    The libraries' threads are fixed for this process and those that it starts. Terminating or
+    hanging up does what Ctrl-C does, unless whoever started this has it ignored (``nohup``).
+    """
+    os.environ.update(FIXED | {"MPLBACKEND": "agg"})  # the reader may have named one there is not
+    warnings.simplefilter("ignore")  # of libraries; ours are errors or results
+    logging.getLogger().addHandler(logging.NullHandler())
+    sys.unraisablehook = threading.excepthook = _say_nothing
+    forget_old_bytecode(Path(__file__).parents[1])
+    for number in _SIGNALS[1:]:
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
+
+
+def forget_old_bytecode(package: Path) -> None:
+    """Have modules compiled anew that were changed after they were compiled.
+
+    Python compares their size and the second of their last change, so an edit within that second,
+    or one that keeps the time, leaves the old code at work under the new code's digest.
+    """
+    for source in package.rglob("*.py"):
+        with contextlib.suppress(OSError):
+            compiled = Path(importlib.util.cache_from_source(str(source)))
+            if compiled.stat().st_mtime_ns < source.stat().st_ctime_ns:
+                compiled.unlink()
+
+
+def _say_nothing(_: Any) -> None:
+    """What fails where nobody can catch it has been told elsewhere, or does not matter."""
+
+
+def stop(status: int) -> NoReturn:
+    """End at once what is under way, with all processes and folders that belong to it."""
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    try:
+        until = time.monotonic() + _PATIENCE
+        while _end_children() and time.monotonic() < until:
+            time.sleep(0.1)
+        files.let_go()
+        with contextlib.suppress(OSError, ValueError):
+            print("interrupted; the same command goes on where this one stopped", file=sys.stderr)
+            sys.stdout.flush()
+            sys.stderr.flush()
+    finally:
+        os._exit(status)  # threads that do not listen do not matter any more
+
+
+def _end_children() -> bool:
+    """Kill all processes that this one has started; whether threads are still at work."""
+    import psutil
+
+    with contextlib.suppress(psutil.Error):
+        for child in psutil.Process().children(recursive=True):
+            with contextlib.suppress(psutil.Error):
+                child.kill()
+    here = threading.main_thread()
+    return any(one is not here and not one.daemon for one in threading.enumerate())

@@ -1,0 +1,202 @@
+"""Executing notebooks: validated parameters to cube and page.
+
+A notebook is executed again only if its cells, the library, the thesis's data, the lock file or the
+parameters differ from those that its files were made from, or one of these files is not what was
+made. Files appear whole or not at all: everything is written in a staging folder beside its place
+and renamed, the notebook, which holds the digests of all, last.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from thesis_lib import files, records
+from thesis_lib.asides import aside
+from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.files import digest_of, library_files, project_root, staging
+from thesis_lib.runs import edits as executed_notebook
+from thesis_lib.runs.tasks import RunError, Task, full_disk, log
+from thesis_lib.studies import comparison, cubes, effort
+from thesis_lib.studies.commands import given
+from thesis_lib.studies.published import published_path
+from thesis_lib.studies.request import Study
+
+_LAST_WORDS = "import thesis_lib.studies.effort\n\nprint(thesis_lib.studies.effort.told())"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One figure set to execute, and the files it makes.
+
+    Parameters
+    ----------
+    study : Study
+        Validated parameters.
+    notebook, cube : Path
+        Where the executed notebook and the cube go.
+    page : Path or None
+        Where the self-contained page goes, if one is wanted.
+    """
+
+    study: Study
+    notebook: Path
+    cube: Path
+    page: Path | None = None
+
+    @property
+    def targets(self) -> list[Path]:
+        """All files that the job makes."""
+        return [self.notebook, self.cube, *([self.page] if self.page else [])]
+
+
+def source(name: str) -> Path:
+    """The parameterised notebook of a figure set."""
+    return project_root() / "notebooks" / f"{name}.ipynb"
+
+
+def digest(job: Job) -> str:
+    """Digest of all that determines a job's files: cells, request, library, facts, lock.
+
+    The page shows the difference from the published run, so that counts for it, too.
+    """
+    notebook = json.loads(source(job.study.name).read_text(encoding="utf-8"))
+    cells = [[c["cell_type"], "".join(c["source"]), c["metadata"]] for c in notebook["cells"]]
+    total = hashlib.sha256(json.dumps(cells, sort_keys=True).encode())
+    total.update(json.dumps([job.study.name, job.study.request]).encode())
+    inputs = [published_path(job.study.name)] if job.page else []
+    if job.study.subject in recorded.SUBJECTS:
+        inputs.append(recorded.folder())
+    return f"{total.hexdigest()}{digest_of([*library_files(), *inputs])}"
+
+
+def execute(job: Job, made_from: str) -> None:
+    """Execute a job's notebook and put its files in place, with the digest of what it is made from.
+
+    Raises
+    ------
+    RunError
+        If a cell fails, or the process that executes them ends.
+    """
+    import nbformat  # papermill and nbconvert take a second to import
+
+    from thesis_lib.runs import provenance
+
+    name = job.study.name
+    with staging(job.notebook.parent) as folder:
+        executed, cube = folder / f"{name}.ipynb", folder / f"{name}.nc"
+        _in_kernel(job, folder, executed, cube)
+        notebook = nbformat.read(executed, as_version=4)
+        executed_notebook.hide_staging(notebook, name)
+        said = notebook.cells.pop().outputs[0]["text"]
+        for told in json.loads(said)["asides"]:
+            aside(f"{name}: {told}")
+        cost = effort.heard(said, notebook.metadata["papermill"]["duration"], cube)
+        result = cubes.read(cube)
+        about = provenance.record(job.study, result, cube, cost)
+        notebook.metadata["thesis_lib"] = {"cube_sha256": about.sha256, **asdict(cost)}
+        provenance.add(notebook, about, result, in_book=job.page is None)
+        if job.page:
+            _stand_alone(notebook, job.study, result)
+        nbformat.write(notebook, executed)
+        ready = [(cube, job.cube)]
+        if job.page:
+            from thesis_lib.web.page import page
+
+            html = folder / f"{name}.html"
+            html.write_text(page(executed, job.study.title), encoding="utf-8")
+            ready.append((html, job.page))
+        document = json.loads(executed.read_text(encoding="utf-8"))
+        made = {place.name: file for file, place in ready}
+        sealed = records.seal(document, job.notebook.name, made_from, made)
+        executed.write_text(sealed, encoding="utf-8")
+        with files.one_at_a_time(job.notebook.parent):
+            for file, place in [*ready, (executed, job.notebook)]:
+                place.parent.mkdir(parents=True, exist_ok=True)
+                file.replace(place)
+
+
+def _in_kernel(job: Job, folder: Path, executed: Path, cube: Path) -> None:
+    """Execute a job's cells, and one more that tells what it took."""
+    import nbformat
+    import papermill
+    from nbclient.exceptions import DeadKernelError
+
+    from thesis_lib.runs import kernel
+
+    name = job.study.name
+    asked = nbformat.read(source(name), as_version=4)
+    asked.cells.append(nbformat.v4.new_code_cell(_LAST_WORDS, id="last-words"))
+    nbformat.write(asked, folder / "asked.ipynb")
+    try:
+        papermill.execute_notebook(
+            str(folder / "asked.ipynb"),
+            str(executed),
+            parameters={**given(job.study), "cube": str(cube)},
+            kernel_name="python3",
+            kernel_manager_class=kernel.manager(folder / "kernel"),
+            progress_bar=False,
+            store_widget_state=False,
+        )
+    except papermill.PapermillExecutionError as error:
+        kept = log(name, re.sub(r"\x1b\[[0-9;]*m", "", str(error)))
+        if full := full_disk(folder):
+            raise RunError(f"{name}: {full}") from None
+        why = f"{error.ename}: {' '.join(error.evalue.split())}"
+        raise RunError(
+            f"{name}: cell {error.exec_count} failed with {why}; {kept}; "
+            "mend the cause and run the same command again"
+        ) from None
+    except (DeadKernelError, RuntimeError) as error:
+        raise RunError(
+            full_disk(folder)
+            or f"{name}: the process that executes its notebook has ended ({error}), killed or "
+            "short of memory; run the same command again"
+        ) from None
+
+
+def _stand_alone(notebook: Any, study: Study, result: Any) -> None:
+    """What only a page of its own says: how its numbers differ from the published ones."""
+    import nbformat
+
+    from thesis_lib.plotting.viewer_data import as_in_the_thesis
+
+    text = "\n".join(comparison.difference_lines(result))
+    text = f"## Difference from the published run\n\n```text\n{text}\n```"
+    cell = nbformat.v4.new_markdown_cell(text, id=f"{study.name}-difference")
+    notebook.cells.insert(-1, cell)
+    if study.subject != "claims" and not as_in_the_thesis(result):
+        executed_notebook.disown_captions(notebook)
+    if study.subject == "claims":
+        executed_notebook.cut_links(notebook)
+
+
+def job_tasks(jobs: Sequence[Job]) -> list[Task]:
+    """The jobs as tasks; what uses another's results, or the same recordings, waits for it."""
+    names = {job.study.name for job in jobs}
+    tasks = []
+    for job in jobs:
+        name, needs = job.study.name, list[Path]()
+        after = {name.replace("sound-", "plate-")}
+        after |= {name.replace("experiment-cameras", "experiment-resolution")}
+        if job.study.subject == "claims":
+            needs, after = _judged(jobs), names
+        act, rest = partial(execute, job), frozenset(after - {name})
+        tasks.append(Task(name, act, job.targets, job.notebook, needs, digest(job), rest))
+    return tasks
+
+
+def _judged(jobs: Sequence[Job]) -> list[Path]:
+    """Cubes that the ledger is made from: those of this run, else those of the last book."""
+    made = {job.cube.name: job.cube for job in jobs if job.study.subject != "claims"}
+    results = project_root() / "data" / "results"
+    there = {path.name: path for path in results.glob("*.nc") if path.stem in STUDIES}
+    there.pop("claims.nc", None)
+    return sorted({**there, **{n: p for n, p in made.items() if p.parent == results}}.values())

@@ -1,0 +1,144 @@
+"""What a command asks for: figure sets, parameters, folders, workers."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from thesis_lib.text import hidden, one_line
+
+if TYPE_CHECKING:
+    from thesis_lib.studies.request import Study
+
+REFUSED, FAILED, INTERRUPTED = 2, 1, 130
+LONGEST_FILE = 80  # characters of the names of files in the folders that are written
+
+
+class Refused(click.ClickException):
+    """The request was wrong: one line, exit status 2, nothing written."""
+
+    exit_code = REFUSED
+
+
+def assigned_values(assignments: Sequence[str]) -> dict[str, Any]:
+    """Values of parameters from ``KEY=VALUE`` texts, as JSON or else as text."""
+    values: dict[str, Any] = {}
+    for assignment in assignments:
+        key, equals, text = assignment.partition("=")
+        if not equals or not key:
+            raise Refused(f"-p: given {assignment!r}, allowed: KEY=VALUE")
+        if key in values:
+            raise Refused(f"-p: {key!r} is given twice, allowed: once")
+        if key == "cube":
+            raise Refused("-p: cube is where a notebook writes; use --out to choose the folder")
+        try:
+            values[key] = json.loads(text, object_pairs_hook=partial(_once, key))
+        except (ValueError, RecursionError):  # no JSON, or beyond its limits
+            values[key] = text
+    return values
+
+
+def _once(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON, in which no key may stand twice: nobody knows which was meant."""
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise Refused(f"-p: {key}: {one_line(repr(name))} is given twice, allowed: once")
+        found[name] = value
+    return found
+
+
+def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
+    """Validated studies of sets and chapters; each set takes the parameters that it has."""
+    from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
+    from thesis_lib.studies.request import ParameterError
+
+    expanded = [set_ for name in names for set_ in CHAPTERS.get(name, [name])]
+    wanted = list(dict.fromkeys(expanded))
+    studies, notes = [], []
+    try:
+        for name in wanted:
+            validate(name, {})
+        for key, value in values.items():
+            if not any(key in STUDIES[name].model_fields for name in wanted):
+                validate(wanted[0], {key: value})
+        for name in wanted:
+            fields = STUDIES[name].model_fields
+            studies.append(validate(name, {key: values[key] for key in values if key in fields}))
+            notes += [
+                f"{name} has no {key}: it runs without" for key in values if key not in fields
+            ]
+    except ParameterError as error:
+        raise Refused(str(error)) from None
+    for note in notes:
+        click.echo(note, err=True)
+    return studies
+
+
+def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
+    """Check that a scheduler can be used, and have the notebooks' kernels use it."""
+    from thesis_lib.figure_sets.parametric.parameters import CameraStudy
+    from thesis_lib.studies import schedulers
+
+    try:
+        schedulers.checked(scheduler)
+    except ValueError as error:
+        raise Refused(f"--scheduler: {error}") from None
+    others = [study.name for study in studies if not isinstance(study, CameraStudy)]
+    if len(others) == len(studies):
+        raise Refused(
+            f"--scheduler: given with {', '.join(others)}, allowed with camera and sound studies "
+            "(beam-…, plate-…, sound-…, shape-…), which can be cut into pieces"
+        )
+    for name in others:
+        click.echo(schedulers.alone(name), err=True)
+    schedulers.check(scheduler)
+    os.environ[schedulers.ENVIRONMENT] = scheduler
+
+
+def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) -> Path:
+    """Where a run is written: what was asked for, or a folder named by the requests."""
+    import hashlib
+
+    from thesis_lib.files import project_root
+
+    if out is None:
+        digest = studies[0].digest
+        if len(studies) > 1:
+            joined = " ".join(study.digest for study in studies)
+            digest = hashlib.sha256(joined.encode()).hexdigest()[:10]
+        out = project_root() / "runs" / f"{'+'.join(dict.fromkeys(names))}-{digest}"
+    return new_folder(out)
+
+
+def new_folder(out: Path, option: str = "--out") -> Path:
+    """A folder to write to, refused where a file stands in its way or writing is not allowed."""
+    if str(out) in ("", "."):
+        raise Refused(f"{option}: given no folder of its own, allowed: a folder, new or not")
+    folder = out.absolute()
+    if found := hidden(str(folder)):
+        raise Refused(f"{option}: given {out} with {found}; allowed: visible text")
+    try:
+        (folder / ("x" * LONGEST_FILE)).lstat()
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise Refused(
+                f"{option}: given {one_line(str(out))}, but a file in it would have too long a "
+                "name; allowed: a shorter one"
+            ) from None
+    there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
+    problem = "" if os.access(there, os.W_OK | os.X_OK) else "cannot be written to"
+    if not there.is_dir():
+        problem = "is a file" if there.exists() else "leads nowhere"
+    if problem:
+        raise Refused(
+            f"{option}: given {out}, but {there} {problem}; allowed: a folder, new or not"
+        )
+    return folder

@@ -1,0 +1,1 @@
+"""A typed request and its labelled cube."""

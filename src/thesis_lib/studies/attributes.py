@@ -1,0 +1,72 @@
+"""Attributes of a cube: what it is, and how it was made."""
+
+from __future__ import annotations
+
+import datetime
+import importlib.metadata
+import json
+import platform
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib import __version__
+from thesis_lib.files import library_digest
+from thesis_lib.studies import effort
+from thesis_lib.studies.request import Study
+
+SECTIONS = {"cameras": "chapter 2, appendices A, B", "beam": "section 3.3", "plate": "section 4.2",
+            "experiment": "section 5.2", "lab": "section 5.3", "sound": "section 6.2",
+            "design": "sections 1.2, 3.4, 4.3", "shape": "section 7.1",
+            "claims": "all chapters"}  # fmt: skip
+RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
+
+
+def _commit() -> str:
+    """Commit of the checkout, with a plus sign if it has changes; `unknown` elsewhere."""
+    command = ["git", "-C", str(Path(__file__).parents[1]), "describe", "--always", "--abbrev=12"]
+    try:
+        done = subprocess.run(
+            [*command, "--dirty=+", "--exclude=*"], capture_output=True, text=True, timeout=10
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return "unknown"
+    return done.stdout.strip() or "unknown"
+
+
+def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Dataset:
+    """The cube with attributes that say what it is and how it was made.
+
+    `commit`, `created`, `run_time_s` and `peak_memory_mb` differ from run to run; all else is a
+    function of the parameters, the library and the versions of the packages it computes with.
+    """
+    cube = cube.assign_attrs(
+        title=study.title,
+        references="thesis on flexural vibration measurement with multiple cameras, "
+        + SECTIONS[study.subject],
+        figure_set=study.name,
+        parameters=json.dumps(study.request),
+        parameters_hash=study.digest,
+        seed=np.int64(study.seed),
+        run_dependent=" ".join(RUN_DEPENDENT),
+        run_time_s=np.float64(seconds),
+        peak_memory_mb=np.float64(effort.peak_memory_mb()),
+        library_sha256=library_digest(),
+    )
+    return with_origin(cube, f"simulation by thesis_lib {__version__}, figure set {study.name}")
+
+
+def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:
+    """The data with attributes that say where they come from, and with which versions."""
+    packages = ("numpy", "xarray", "h5netcdf", "h5py")
+    versions = {name: importlib.metadata.version(name) for name in packages}
+    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+    return data.assign_attrs(
+        Conventions="CF-1.11",
+        source=source,
+        versions=json.dumps({"python": platform.python_version(), **versions}),
+        commit=_commit().ljust(16),  # of one length: bytes after it stay in place
+        created=now.isoformat(),
+    )

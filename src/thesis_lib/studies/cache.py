@@ -1,0 +1,98 @@
+"""Cubes that are kept for later: believed only while they are what was written.
+
+Beside a kept file stands its digest. A file without it, or that has another, was cut, edited or
+copied there by hand: it is named, and computed anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from thesis_lib.asides import aside
+from thesis_lib.files import library_digest, library_files, project_root, sha256, whole_text
+from thesis_lib.studies import effort, storage
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.blocks import Outline
+from thesis_lib.studies.request import Study
+from thesis_lib.studies.storage import CubeError, fill_in, opened, write
+
+
+def _digest(path: Path) -> Path:
+    return path.with_name(f".{path.name}.sha256")
+
+
+def read(path: Path) -> xr.Dataset | None:
+    """What was kept in a file; None if nothing was, or if it is damaged, which is told."""
+    if not path.exists():
+        return None
+    try:
+        if _digest(path).read_text(encoding="ascii").strip() == sha256(path):
+            return opened(path)
+    except (OSError, ValueError, CubeError):
+        pass
+    aside(f"{path} is not what was kept there; it is computed anew")
+    return None
+
+
+def keep(path: Path) -> None:
+    """From now on believe what has been written to a file."""
+    whole_text(_digest(path), f"{sha256(path)}\n")
+
+
+def cached(
+    study: Study, compute: Callable[[Any], xr.Dataset | Outline], sources: Sequence[Path] = ()
+) -> xr.Dataset:
+    """A study's cube, computed once for its parameters and the library as it is.
+
+    Notebooks that need the same cube share it through ``build/cache``. What takes long names the
+    `sources` that it depends on; without them it depends on the whole library. An outline that is
+    too large to be held is filled in on disk, and read from there as it is needed.
+    """
+    total = hashlib.sha256(f"{study.name} {study.digest}".encode())
+    lock = project_root() / "requirements" / "book.txt"
+    for file in [*sorted(sources), lock] if sources else library_files():
+        total.update(file.read_bytes())
+    path = project_root() / "build" / "cache" / f"{study.name}-{total.hexdigest()[:16]}.nc"
+    if (cube := read(path)) is not None:
+        spared = float(cube.attrs["run_time_s"])
+        effort.note_loaded(spared, float(cube.attrs.get("peak_memory_mb", 0)))
+        return with_provenance(cube, study, spared)  # of today's commit
+    seconds = effort.stopwatch()
+    made = compute(study)
+    if isinstance(made, Outline) and not made.is_held:
+        frame = replace(made, cube=with_provenance(made.cube, study, 0.0))
+        fill_in(frame, path, seconds)
+    else:
+        cube = made.in_memory() if isinstance(made, Outline) else made
+        write(with_provenance(cube, study, seconds()), path)
+    keep(path)
+    cube = opened(path)
+    return with_provenance(cube, study, float(cube.attrs["run_time_s"]))
+
+
+def key_of(values: Any, files: Iterable[Path] = ()) -> str:
+    """Key of a step that depends on JSON values and on files.
+
+    Files count by name, size and time of change: reading gigabytes would take as long as the step.
+    """
+    stamps = [[file.name, file.stat().st_size, file.stat().st_mtime_ns] for file in files]
+    text = json.dumps([values, stamps, library_digest()])
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def kept(folder: Path, name: str, key: str, compute: Callable[[], xr.Dataset]) -> xr.Dataset:
+    """The step's result: from its file if that has the key, else computed and written."""
+    path = folder / f"{name}.nc"
+    data = read(path)
+    if data is None or data.attrs.get("key") != key:
+        data = compute().assign_attrs(key=key)
+        storage.write(data, path)
+        keep(path)
+    return data

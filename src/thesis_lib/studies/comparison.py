@@ -1,0 +1,203 @@
+"""How two cubes differ, or one from the published run: errors as a table, then all the rest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from thesis_lib.studies.cubes import (
+    ERRORS,
+    KEYS,
+    OWN,
+    SHORT,
+    STATISTICS,
+    band_text,
+    percent_text,
+    summary,
+)
+from thesis_lib.studies.published import read_published
+from thesis_lib.text import one_line
+
+SAME = {4: 1e-4, 8: 1e-9}  # of the largest value, by bytes: how far rounded files and machines go
+SHOWN = 12  # names in a list
+
+
+def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
+    """Two summaries side by side, for the settings and modes that both have.
+
+    Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
+    and ``apart`` tells whether the 5–95 % bands do not meet.
+    """
+    for key in ("claim", "quantity"):
+        if key in new:
+            return new.merge(old, on=key, suffixes=("", "_old"), validate="one_to_one")
+    keys, old = [*KEYS, "error"], old.astype({"value": float})
+    table = new.merge(old, on=keys, suffixes=("", "_old"), validate="one_to_one")
+    table["difference"] = table["median"] - table["median_old"]
+    table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
+    return table
+
+
+def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
+    """The comparison as text: one line per setting and mode, in % of the largest deflection."""
+    if "verdict" in table:
+        changed = table[table["verdict"] != table["verdict_old"]]
+        lines = [f"{r.claim}: {r.verdict_old} → {r.verdict}" for r in changed.itertuples()]
+        return lines or [f"no difference from {old_name} ({len(table)} claims compared)"]
+    if table.empty:
+        return [f"no setting in common with {old_name}"]
+    if "quantity" in table:
+        same = np.isclose(table["value"], table["value_old"], rtol=1e-4, equal_nan=True)
+        lines = [
+            f"{r.quantity}: {r.value_old:.5g} → {r.value:.5g}" + f" {r.unit}" * (r.unit != "1")
+            for r in table[~same].itertuples()
+        ]
+        return lines or [f"no difference from {old_name} ({len(table)} quantities compared)"]
+    old = table[[f"{name}_old" for name in STATISTICS]]
+    changed = ~np.isclose(table[STATISTICS], old, rtol=1e-4, equal_nan=True)
+    if not changed.any():
+        return [f"no difference from {old_name} ({len(table)} errors compared)"]
+    header = (
+        f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | "
+        f"{'median (5–95 %)':>20} | {old_name:>20} | {'change':>7} | {'trial 0':>15}"
+    )
+    lines = [header, "-" * len(header)]
+    for row in table[np.isfinite(table["trial_0"])].itertuples():
+        new = band_text(row.median, row.low, row.high)
+        old = band_text(row.median_old, row.low_old, row.high_old)
+        change = "—" if np.isnan(row.difference) else f"{round(row.difference, 1) + 0.0:+.1f}"
+        lines.append(
+            f"{row.case:>6} {row.label:>12} {row.mode:>4} "
+            f"{SHORT[row.error]:>5} | "
+            f"{new:>20} | {old:>20} | {change:>7} | "
+            f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
+            f"{' *' if row.apart else ''}"
+        )
+    lines.append("errors in % of the largest reference value; * the bands do not meet")
+    return lines
+
+
+def difference_lines(
+    cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
+) -> list[str]:
+    """How a cube's errors differ from those of another, or from the published run."""
+    if other is not None:
+        return comparison_lines(compare(summary(cube), summary(other)), name)
+    published = read_published(cube.attrs["figure_set"])
+    if published is None:
+        return ["nothing is published yet to compare with"]
+    return comparison_lines(compare(summary(cube), published), "published")
+
+
+def all_difference_lines(
+    cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
+) -> list[str]:
+    """How a cube differs in everything: errors, every variable and coordinate, parameters.
+
+    Parameters
+    ----------
+    cube, other : xarray.Dataset
+        Cubes of one figure set; without another one the published run, which holds errors alone.
+    name : str
+        What to call the other.
+    """
+    lines = difference_lines(cube, other, name)
+    if other is None:
+        known = {*KEYS, *(name for name, _ in ERRORS.values())}
+        known |= set(OWN.get(str(cube.attrs["figure_set"]), ()))
+        here = sorted({str(variable) for variable in cube.variables} - known)
+        return [*lines, f"not compared, since only errors are published: {_names(here)}"]
+    found = _Found()
+    for each in sorted({str(n) for n in (*cube.variables, *other.variables)}):
+        found.add(each, cube, other)
+    return [*lines, *found.lines(name), *_request_lines(cube, other)]
+
+
+@dataclass
+class _Found:
+    """What comparing two cubes, variable by variable, has shown so far."""
+
+    same: list[str] = field(default_factory=list)
+    differ: list[str] = field(default_factory=list)
+    skipped: dict[str, list[str]] = field(default_factory=dict)
+
+    def add(self, name: str, cube: xr.Dataset, other: xr.Dataset) -> None:
+        """Compare one variable or coordinate, where both cubes have it."""
+        if name not in cube.variables or name not in other.variables:
+            where = "only in the first" if name in cube.variables else "only in the second"
+            self.skipped.setdefault(where, []).append(name)
+            return
+        new, old = (_shared(one, two)[name] for one, two in ((cube, other), (other, cube)))
+        if new.dims != old.dims or new.shape != old.shape:
+            self.skipped.setdefault("of another shape", []).append(name)
+            return
+        off = _differing(new.values, old.values)
+        if not off.any():
+            self.same.append(name)
+            return
+        far = ""
+        if new.dtype.kind in "iuf" and old.dtype.kind in "iuf":
+            apart = np.abs(new.values.astype(float) - old.values.astype(float))
+            far = f", by up to {np.nanmax(apart):.3g}" if np.isfinite(apart).any() else ""
+        dims = f"({', '.join(map(str, new.dims))})" if new.dims else ""
+        self.differ.append(f"{name}{dims}: {off.sum()} of {off.size} values differ{far}")
+
+    def lines(self, name: str) -> Iterator[str]:
+        """All of it, in words."""
+        yield from self.differ
+        yield f"no difference from {name} in {len(self.same)} variables and coordinates" + (
+            ", those above apart" if self.differ else ""
+        )
+        for why, names in self.skipped.items():
+            yield f"not compared, since {why}: {_names(names)}"
+
+
+def _shared(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
+    """The part of a cube that another has, too: settings, modes, and the first trials."""
+    keys = [name for name in KEYS if name != "mode"]
+    if all(name in one.variables for one in (cube, other) for name in keys):
+        here, there = (
+            list(zip(*(one[name].values.tolist() for name in keys), strict=True))
+            for one in (cube, other)
+        )
+        known = set(there)
+        common = sorted((row for row in here if row in known), key=str)
+        cube = cube.isel(setting=[here.index(row) for row in common])
+    for dim in ("mode", "quantity", "claim"):
+        if dim in cube.variables and dim in other.variables and dim in cube.dims:
+            common_ = [one for one in sorted(cube[dim].values.tolist()) if one in other[dim].values]
+            cube = cube.isel({dim: [cube[dim].values.tolist().index(one) for one in common_]})
+    trials = min(cube.sizes.get("trial", 0), other.sizes.get("trial", 0))
+    return cube.isel(trial=slice(trials)) if trials else cube
+
+
+def _differing(new: np.ndarray, old: np.ndarray) -> np.ndarray:
+    """Which values differ by more than machines and rounded files do."""
+    kinds = {new.dtype.kind, old.dtype.kind}
+    if kinds <= {"f", "i", "u"} and "f" in kinds:
+        size = min(one.dtype.itemsize for one in (new, old) if one.dtype.kind == "f")
+        finite = np.abs(np.where(np.isfinite(old), old, 0.0))
+        allowed = SAME.get(size, 1e-9) * (finite.max() if finite.size else 0.0)
+        return ~np.isclose(new, old, rtol=0, atol=allowed, equal_nan=True)
+    if not kinds <= {"i", "u", "b"}:
+        new, old = new.astype(str), old.astype(str)
+    return np.asarray(new != old)
+
+
+def _names(names: list[str]) -> str:
+    more = len(names) - SHOWN
+    return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def _request_lines(cube: xr.Dataset, other: xr.Dataset) -> Iterator[str]:
+    """In which parameters the two runs differ."""
+    new, old = (json.loads(one.attrs["parameters"]) for one in (cube, other))
+    for key in sorted({*new, *old}):
+        if new.get(key) != old.get(key):
+            before, now = (one_line(json.dumps(one.get(key))) for one in (old, new))
+            yield f"parameter {key}: {before} → {now}"

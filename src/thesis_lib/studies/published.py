@@ -1,0 +1,108 @@
+"""The published run: the errors of every figure set as CSV, written and read, and checked."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from thesis_lib.files import project_root, whole_file
+from thesis_lib.studies import cubes
+from thesis_lib.studies.storage import CubeError
+from thesis_lib.text import hidden, one_line
+
+Columns = Mapping[str, Callable[[str], Any]]
+
+
+def _text(given: str) -> str:
+    if hidden(given):
+        raise ValueError
+    return given
+
+
+def _count(given: str) -> int:
+    return int(given) if given.isascii() and given.isdigit() else int("no number")
+
+
+ERRORS: Columns = {
+    **dict.fromkeys(("case", "pair_order", "label", "error"), _text), "mode": _count,
+    **dict.fromkeys(("value", *cubes.STATISTICS), float),
+}  # fmt: skip
+COLUMNS: dict[str, Columns] = {
+    name: dict.fromkeys(columns, _text) | ({"value": float} if "value" in columns else {})
+    for name, columns in cubes.OWN.items()
+}
+KEYS = (*cubes.KEYS, "error"), ("quantity",), ("claim",)
+
+
+def published_path(name: str) -> Path:
+    """Where the published figures of a figure set are kept."""
+    return project_root() / "data" / "published" / f"{name}.csv"
+
+
+def publish(cube: xr.Dataset) -> Path:
+    """Make this cube's errors the published ones; returns the file."""
+    path = published_path(cube.attrs["figure_set"])
+    table = cubes.summary(cube)
+    whole_file(
+        path, lambda part: table.to_csv(part, index=False, float_format="%.6g", na_rep="nan")
+    )
+    return path
+
+
+def read_published(name: str) -> pd.DataFrame | None:
+    """The published summary of a figure set, if there is one.
+
+    Raises
+    ------
+    CubeError
+        In one line: the file, the line, what is wrong with it, and what restores it.
+    """
+    path = published_path(name)
+    if not path.is_file():
+        return None
+    table = pd.DataFrame(read_table(path, COLUMNS.get(name, ERRORS)))
+    key = next(list(keys) for keys in KEYS if set(keys) <= set(table.columns))
+    if (twice := table.duplicated(key)).any():
+        raise damaged(path, int(twice.idxmax()) + 2, "is there twice")
+    return table
+
+
+def read_table(path: Path, columns: Columns) -> dict[str, list[Any]]:
+    """The columns of a published CSV file, by name.
+
+    Raises
+    ------
+    CubeError
+        In one line: the file, the line, what is wrong with it, and what restores it.
+    """
+    found: dict[str, list[Any]] = {name: [] for name in columns}
+    number = 0  # of the last line that could be read
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            rows = csv.reader(stream, strict=True)
+            header, number = next(rows, []), 1
+            if sorted(header) != sorted(columns):
+                raise damaged(path, 1, f"names other columns than {', '.join(columns)}")
+            for number, row in enumerate(rows, 2):
+                if len(row) != len(header):
+                    raise damaged(path, number, f"has {len(row)} values, not {len(header)}")
+                for name, given in zip(header, row, strict=True):
+                    try:
+                        found[name].append(columns[name](given))
+                    except ValueError:
+                        raise damaged(
+                            path, number, f"has {name} = {one_line(repr(given))}"
+                        ) from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise damaged(path, number + 1, f"cannot be read ({type(error).__name__})") from None
+    return found
+
+
+def damaged(path: Path, line: int, problem: str) -> CubeError:
+    """The refusal of a published file."""
+    return CubeError(f"{path}: damaged: line {line} {problem}; `git checkout {path}` restores it")

@@ -1,0 +1,37 @@
+"""Beams, plates and panels: frequencies, shapes, response, motion.
+
+To start from: a structure (:class:`Beam`, :class:`Plate`, :class:`Panel`), how it moves in a mode
+(:func:`deflection_shape`), and where its points are then (:func:`world_points`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from thesis_lib.vibration.beam import Beam
+from thesis_lib.vibration.motion import Component, Motion
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import (
+    Structure,
+    deflection_shape,
+    full_response,
+    peak_deflection,
+    single_mode_response,
+    world_points,
+)
+
+if TYPE_CHECKING:
+    from thesis_lib.vibration.panel import Panel
+
+__all__ = ["Beam", "Component", "Motion", "Panel", "Plate", "Structure", "deflection_shape",
+           "full_response", "peak_deflection", "single_mode_response",
+           "world_points"]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """A panel needs SciPy, which the others do not."""
+    if name == "Panel":
+        from thesis_lib.vibration.panel import Panel
+
+        return Panel
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,138 @@
+"""How a structure moves while it is filmed: components and their sum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.vibration.beam import Beam
+from thesis_lib.vibration.structure import Structure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Component:
+    """One harmonic part of a motion.
+
+    Parameters
+    ----------
+    kind : str
+        ``bending`` (the modes of eq. 3.4) or ``torsion`` (sin((2n − 1)πx / 2L) times y).
+    mode : int
+        Number from 1.
+    frequency : float
+        In Hz.
+    amplitude : float
+        At the tip (torsion: at the tip's edges; a plate: at an antinode), in m.
+    phase : float
+        In rad.
+    """
+
+    kind: str = "bending"
+    mode: int = 1
+    frequency: float = 4.25
+    amplitude: float = 0.004
+    phase: float = 0.0
+
+    def shape(self, structure: Structure, points: ArrayLike) -> Array:
+        """Deflection for amplitude 1 at points (2, ...) of the structure's frame, dimensionless."""
+        x, y = np.asarray(points, float)
+        if self.kind == "torsion":
+            length, width = structure.extent
+            turn: Array = np.sin((2 * self.mode - 1) * np.pi * x / (2 * length))
+            return turn * (2 * y / width - 1)
+        shape: Array = structure.mode_shapes([self.mode], [x, y])[0] / structure.shape_peak(
+            self.mode
+        )
+        # The beam's modes are taken upward at the tip, whatever sign eq. 3.4 gives them there.
+        return shape * (-1) ** (self.mode + 1) if isinstance(structure, Beam) else shape
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A structure at rest that starts to vibrate and reaches a steady state.
+
+    Parameters
+    ----------
+    structure : Structure
+        What moves, a beam or a plate.
+    components : sequence of Component
+        Bending and torsion in any mix.
+    start : float
+        Time of the first motion, s.
+    ramp : float
+        Time from there to the steady state, s; the envelope is a polynomial of degree 7, so that
+        the acceleration, and with it the force, has no jump.
+    """
+
+    structure: Structure
+    components: tuple[Component, ...] = (Component(),)
+    start: float = 1.25
+    ramp: float = 0.5
+
+    @property
+    def steady(self) -> float:
+        """Time from which the vibration is harmonic, s."""
+        return self.start + self.ramp
+
+    def shapes(self, points: ArrayLike) -> Array:
+        """Shapes of the components at points (2, ...), shape (components, ...)."""
+        return np.stack([part.shape(self.structure, points) for part in self.components])
+
+    def coordinates(self, times: ArrayLike) -> Array:
+        """Displacement of each component where its shape is 1, shape (components, ...), m."""
+        t = np.asarray(times, float)
+        return np.stack([self._histories(part, t)[0] for part in self.components])
+
+    def deflection(self, points: ArrayLike, times: ArrayLike) -> Array:
+        """Deflection in m at points (2, ...) and times (n,), shape (n, ...)."""
+        return np.tensordot(self.coordinates(times), self.shapes(points), axes=(0, 0))
+
+    def force(self, times: ArrayLike) -> Array:
+        """Force in N of the shaker that makes the bending components move as they do.
+
+        One-mode inverse dynamics, F φ(x_F) = m (q̈ + 2ξωₙ q̇ + ωₙ² q), with the natural frequency
+        that puts the displacement resonance at the component's frequency; torsion takes none, as
+        the force acts on the axis.
+        """
+        t = np.asarray(times, float)
+        total = np.zeros_like(t)
+        structure, xi = self.structure, self.structure.damping
+        for part in self.components:
+            if part.kind == "torsion":
+                continue
+            w, first, second = self._histories(part, t)
+            natural = 2 * np.pi * part.frequency / np.sqrt(1 - 2 * xi**2)
+            drive = part.shape(structure, structure.force_point)[0]
+            modal_mass = structure.mass / structure.shape_peak(part.mode) ** 2  # for a peak of 1
+            total += modal_mass / drive * (second + 2 * xi * natural * first + natural**2 * w)
+        return total
+
+    def _histories(self, part: Component, t: Array) -> tuple[Array, Array, Array]:
+        """A component's displacement where its shape is 1, and two derivatives in time."""
+        s = np.clip((t - self.start) / self.ramp, 0, 1)
+        e0 = s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3)
+        e1 = 140 * s**3 * (1 - s) ** 3 / self.ramp
+        e2 = 420 * s**2 * (1 - s) ** 2 * (1 - 2 * s) / self.ramp**2
+        omega = 2 * np.pi * part.frequency
+        angle = omega * (t - self.start) + part.phase
+        sine, cosine = part.amplitude * np.sin(angle), part.amplitude * omega * np.cos(angle)
+        return (
+            e0 * sine,
+            e1 * sine + e0 * cosine,
+            e2 * sine + 2 * e1 * cosine - omega**2 * e0 * sine,
+        )
+
+
+def amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> NDArray[np.complex128]:
+    """Complex amplitudes in m, time factor e^{+jωt}, of the steady state's part at a frequency."""
+    total = np.zeros(np.shape(np.asarray(points, float)[0]), complex)
+    for part in motion.components:
+        if np.isclose(part.frequency, frequency):
+            omega = 2 * np.pi * part.frequency
+            phase = part.phase - np.pi / 2 - omega * motion.start
+            total += part.amplitude * np.exp(1j * phase) * part.shape(motion.structure, points)
+    return total

@@ -1,0 +1,331 @@
+"""Thin plates of any outline, with holes: a :class:`~thesis_lib.vibration.structure.Structure`.
+
+Beam and rectangle have closed forms; a panel's frequencies and shapes come from finite elements
+(:mod:`thesis_lib.vibration.finite_elements`). Its frame begins at the lower left corner of the box
+around it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.vibration.finite_elements import (
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    SUPPORTS,
+    PlateModes,
+    facets_along,
+    plate_modes,
+)
+from thesis_lib.vibration.meshing import (
+    Circle,
+    Hole,
+    Point,
+    ShapeError,
+    area,
+    contains,
+    distances,
+    in_hole,
+    is_simple,
+    meet,
+    pieces,
+    triangles,
+    triangulated,
+)
+
+Array = NDArray[np.float64]
+BATCH = 10  # modes found at a time
+ON_EDGE = 1e-9  # of the box: nearer than this to an edge, a point is on it
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Thin plate with a polygonal outline and holes.
+
+    Parameters
+    ----------
+    outline : tuple of (x, y)
+        Corners in m; the box around them begins at (0, 0).
+    supports : tuple of str
+        Of each edge, from the corner of its number to the next: ``simply supported``, ``clamped``
+        or ``free``.
+    holes : tuple of Circle or tuple of (x, y)
+        What is cut out, round or with corners; its edges are free.
+    thickness : float
+        In m.
+    density : float
+        In kg/m³.
+    youngs_modulus : float
+        In Pa.
+    poisson : float
+        Poisson's ratio.
+    damping : float
+        Modal damping ratio ξ, equal for all modes.
+    force_position : tuple of float
+        Where the point force acts, x and y in m.
+    grid : tuple of int
+        The box is divided into so many cells along x and y; a cell whose centre is on the panel has
+        a marker there.
+    element_size : float
+        Length of an element's side in m.
+
+    Raises
+    ------
+    ShapeError
+        In one line, if any of these does not make a panel that can be computed.
+    """
+
+    outline: tuple[Point, ...]
+    supports: tuple[str, ...]
+    holes: tuple[Hole, ...]
+    thickness: float
+    density: float
+    youngs_modulus: float
+    poisson: float
+    damping: float
+    force_position: Point
+    grid: tuple[int, int]
+    element_size: float
+
+    def __post_init__(self) -> None:
+        _check_numbers(self)
+        _check_outline(self)
+        _check_holes(self)
+        _check_supports(self)
+        if not self.covers(np.array(self.force_position, float)[:, None])[0]:
+            raise ShapeError("force_position", self.force_position, "a point on the panel")
+        if (found := self.markers.shape[1]) < 3:
+            raise ShapeError("grid", self.grid, "a finer one: fewer than 3 cells have their centre "
+                           f"on the panel ({found})")  # fmt: skip
+        _check_mesh(self.outline, self.holes, self.element_size)
+
+    @property
+    def area(self) -> float:
+        """Area in m²."""
+        cut = (
+            math.pi * hole.radius**2 if isinstance(hole, Circle) else abs(area(hole))
+            for hole in self.holes
+        )
+        return abs(area(self.outline)) - sum(cut)
+
+    @property
+    def mass(self) -> float:
+        """Mass in kg, which is also every mode's modal mass."""
+        return self.mass_per_area * self.area
+
+    @property
+    def bending_stiffness(self) -> float:
+        """D = E h³ / (12 (1 − ν²)) in N m."""
+        return self.youngs_modulus * self.thickness**3 / (12 * (1 - self.poisson**2))
+
+    @property
+    def mass_per_area(self) -> float:
+        """Mass ρh per area in kg/m²."""
+        return self.density * self.thickness
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Length and width of the box around the panel in m."""
+        x, y = np.max(self.outline, axis=0).tolist()
+        return x, y
+
+    @property
+    def force_point(self) -> Array:
+        """Position of the force, shape (2, 1), in m."""
+        return np.array(self.force_position, float)[:, None]
+
+    @property
+    def markers(self) -> Array:
+        """Centres of the cells that are on the panel, shape (2, markers), in m; x runs fastest."""
+        (nx, ny), (length, width) = self.grid, self.extent
+        x, y = (np.arange(nx) + 0.5) * length / nx, (np.arange(ny) + 0.5) * width / ny
+        centres = np.stack([np.tile(x, ny), np.repeat(y, nx)])
+        return centres[:, self.covers(centres)]
+
+    @property
+    def contours(self) -> list[Array]:
+        """Closed curves to draw, each (corners, 2) in m: outline anticlockwise, holes clockwise."""
+        coarse = max(self.extent)
+        curves = [np.array(self.outline, float), *(pieces(hole, coarse) for hole in self.holes)]
+        senses = [1, *[-1] * len(self.holes)]
+        return [
+            c[:: int(sense * np.sign(area(c)))] for c, sense in zip(curves, senses, strict=True)
+        ]
+
+    def covers(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (2, n) in m are on the panel; its edges are part of it."""
+        points = np.asarray(points, float)
+        inside = contains(self.outline, points)
+        for hole in self.holes:
+            inside &= ~in_hole(hole, points)
+        return inside | self._on_edge(points)
+
+    def _on_edge(self, points: Array) -> NDArray[np.bool_]:
+        """Which of the points (2, n) are on the outline or on the straight edge of a hole."""
+        straight = [self.outline, *(hole for hole in self.holes if not isinstance(hole, Circle))]
+        nearest = np.min([distances(edges, points).min(axis=0) for edges in straight], axis=0)
+        on: NDArray[np.bool_] = nearest <= ON_EDGE * max(self.extent)
+        return on
+
+    def angular_frequencies(self, n_modes: int) -> Array:
+        """First natural frequencies in rad/s, shape (n_modes,): ω = √(λ D / m)."""
+        ratio = self.bending_stiffness / self.mass_per_area
+        return np.sqrt(_found(self, n_modes).eigenvalues[:n_modes] * ratio)
+
+    def modal_density(self, omega: ArrayLike) -> Array:
+        """Modes per rad/s at high frequency, S/(4π) √(m/D), whatever the shape."""
+        density = self.area / (4 * np.pi) * np.sqrt(self.mass_per_area / self.bending_stiffness)
+        return np.full_like(np.asarray(omega, float), density)
+
+    def shape_peak(self, mode: int) -> float:
+        """Largest absolute value of a mode shape at the corners of the elements."""
+        return float(_found(self, mode).peaks[mode - 1])
+
+    def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
+        """Mode shapes at `points` (2, ...), dimensionless, shape (modes, ...); NaN off the panel.
+
+        Their mean square over the panel is 1, and their signs are those of
+        :func:`thesis_lib.vibration.finite_elements.plate_modes`.
+        """
+        numbers = np.asarray(modes, np.int64)
+        if numbers.min() < 1:
+            raise ShapeError("modes", list(modes), "numbers from 1")
+        points = np.asarray(points, float)
+        flat = points.reshape(2, -1)
+        values = np.full((len(numbers), flat.shape[1]), np.nan)
+        on = self.covers(flat)
+        if on.any():
+            found, kept = _found(self, int(numbers.max())), flat[:, on]
+            values[:, on] = found.at(kept)[numbers - 1]
+        return values.reshape((len(numbers), *points.shape[1:]))
+
+
+@lru_cache(maxsize=8)
+def _batch(panel: Panel, batches: int) -> PlateModes:
+    mesh = triangulated(panel.outline, panel.holes, panel.element_size)
+    sides: dict[str, list[Any]] = {support: [np.zeros(0, np.int64)] for support in SUPPORTS}
+    for edge, support in zip(_edges(panel.outline), panel.supports, strict=True):
+        sides[support].append(facets_along(mesh, *edge))
+    return plate_modes(
+        mesh, np.concatenate(sides[CLAMPED]), np.concatenate(sides[SIMPLY_SUPPORTED]),
+        panel.poisson, batches * BATCH,
+    )  # fmt: skip
+
+
+def _found(panel: Panel, n_modes: int) -> PlateModes:
+    """At least so many modes, found once."""
+    if n_modes < 1:
+        raise ShapeError("n_modes", n_modes, "1 or more")
+    return _batch(panel, math.ceil(n_modes / BATCH))
+
+
+def _edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
+    return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
+
+
+# What makes a panel.
+
+
+def _check_numbers(panel: Panel) -> None:
+    for name in ("thickness", "density", "youngs_modulus", "element_size"):
+        value = getattr(panel, name)
+        if not (math.isfinite(value) and value > 0):
+            raise ShapeError(name, value, "a number above 0")
+    if not -1 < panel.poisson < 0.5:
+        raise ShapeError("poisson", panel.poisson, "a number above -1 and below 0.5")
+    if not 0 <= panel.damping < math.sqrt(0.5):
+        raise ShapeError("damping", panel.damping, "a number from 0 to below 0.707")
+    if not np.all(np.isfinite(panel.force_position)):
+        raise ShapeError("force_position", panel.force_position, "finite numbers")
+    if min(panel.grid) < 1:
+        raise ShapeError("grid", panel.grid, "whole numbers from 1")
+
+
+def _check_polygon(name: str, polygon: Sequence[Point]) -> None:
+    if len(polygon) < 3 or not np.all(np.isfinite(np.asarray(polygon, float))):
+        raise ShapeError(name, polygon, "at least 3 corners, of finite numbers")
+    corners = np.asarray(polygon, float)
+    box = float(np.max(np.ptp(corners, axis=0)))
+    if not is_simple(polygon) or abs(area(polygon)) < 1e-9 * box**2:
+        raise ShapeError(name, polygon, "edges that meet at their common corners alone")
+
+
+def _check_outline(panel: Panel) -> None:
+    _check_polygon("outline", panel.outline)
+    if np.any(np.abs(np.min(panel.outline, axis=0)) > ON_EDGE * max(panel.extent)):
+        low = tuple(np.min(panel.outline, axis=0).tolist())
+        raise ShapeError("outline", f"a box from {low}", "corners whose box begins at (0, 0)")
+
+
+def _check_holes(panel: Panel) -> None:
+    for hole in panel.holes:
+        if isinstance(hole, Circle):
+            finite = all(map(math.isfinite, (hole.x, hole.y, hole.radius)))
+            if not (finite and hole.radius > 0):
+                raise ShapeError("holes", hole, "finite numbers, and a radius above 0")
+        else:
+            _check_polygon("holes", hole)
+        if not _is_within(hole, panel.outline):
+            raise ShapeError("holes", hole, "a hole inside the outline")
+    for one, other in combinations(panel.holes, 2):
+        if not _are_apart(one, other):
+            raise ShapeError("holes", (one, other), "holes that do not touch")
+
+
+def _is_within(hole: Hole, outline: Sequence[Point]) -> bool:
+    if isinstance(hole, Circle):
+        centre = np.array([[hole.x], [hole.y]])
+        return bool(
+            contains(outline, centre)[0] and np.all(distances(outline, centre) > hole.radius)
+        )
+    return bool(np.all(contains(outline, np.array(hole).T))) and not _cross(hole, outline)
+
+
+def _are_apart(one: Hole, other: Hole) -> bool:
+    if isinstance(one, Circle) and isinstance(other, Circle):
+        return math.hypot(one.x - other.x, one.y - other.y) > one.radius + other.radius
+    if isinstance(one, Circle):
+        centre = np.array([[one.x], [one.y]])
+        outside = not in_hole(other, centre)[0]
+        assert not isinstance(other, Circle)
+        return bool(outside and np.all(distances(other, centre) > one.radius))
+    if isinstance(other, Circle):
+        return _are_apart(other, one)
+    nested = contains(one, np.array(other[:1]).T)[0] or contains(other, np.array(one[:1]).T)[0]
+    return not nested and not _cross(one, other)
+
+
+def _cross(one: Sequence[Point], other: Sequence[Point]) -> bool:
+    """Whether two polygons' edges meet anywhere."""
+    return any(
+        meet(*map(np.array, edge), *map(np.array, edge_))
+        for edge, edge_ in product(_edges(one), _edges(other))
+    )
+
+
+def _check_supports(panel: Panel) -> None:
+    edges = _edges(panel.outline)
+    if len(panel.supports) != len(edges) or not set(panel.supports) <= set(SUPPORTS):
+        raise ShapeError("supports", panel.supports,
+                       f"one of {', '.join(SUPPORTS)} for each of {len(edges)} edges")  # fmt: skip
+    held = [np.array(c) for edge, s in zip(edges, panel.supports, strict=True)
+            if s == SIMPLY_SUPPORTED for c in edge]  # fmt: skip
+    on_a_line = len(held) < 3 or np.linalg.matrix_rank(
+        np.array(held[1:]) - held[0], tol=ON_EDGE * max(panel.extent)
+    ) < 2  # fmt: skip
+    if CLAMPED not in panel.supports and on_a_line:
+        allowed = "a clamped edge, or simply supported ones that are not on one line"
+        raise ShapeError("supports", panel.supports, allowed)
+
+
+@lru_cache(maxsize=32)
+def _check_mesh(outline: tuple[Point, ...], holes: tuple[Hole, ...], size: float) -> None:
+    triangles(outline, holes, size)

@@ -1,0 +1,22 @@
+"""Cameras, lenses, pixels; points from images, and how exact they are.
+
+To start from: cameras (:func:`hemisphere_cameras`), what they see (:func:`project`,
+:func:`pixelate`), points from their images (:func:`triangulate`), and the law of rounding
+(:func:`deflection_variance`, :func:`deflection_covariance`).
+"""
+
+from thesis_lib.vision.pinhole import (
+    CameraArray,
+    ground_sample_distance,
+    hemisphere_cameras,
+    intrinsics,
+    on_sensor,
+    pixelate,
+    project,
+)
+from thesis_lib.vision.rounding import deflection_covariance, deflection_variance, grid_shifts
+from thesis_lib.vision.triangulation import covariance, gain, triangulate
+
+__all__ = ["CameraArray", "covariance", "deflection_covariance", "deflection_variance", "gain",
+           "grid_shifts", "ground_sample_distance", "hemisphere_cameras", "intrinsics", "on_sensor",
+           "pixelate", "project", "triangulate"]  # fmt: skip

@@ -1,0 +1,240 @@
+"""Points from whole pixels by the analytic centre of all that could have been seen.
+
+A coordinate that was rounded to m bounds the point to a slab, m − ½ ≤ u ≤ m + ½. In front of the
+camera both faces are linear in the point: with p_k the rows of P and X homogeneous,
+
+    s_lo = (p₁ − (m − ½) p₃) X ≥ 0,    s_hi = ((m + ½) p₃ − p₁) X ≥ 0.
+
+All slabs together are a convex polytope. Least squares ignores it, and may leave it; here the
+point is its analytic centre, arg max Σ log s, by Newton's method on all points at once. The start
+is the least-squares point: a slack that is too small there is widened by τe, and a step of length
+α leaves (1 − α) τ (infeasible-start Newton; Boyd and Vandenberghe, *Convex Optimization*, 10.3).
+The errors of N cameras fall as about 1/N, those of least squares as 1/√N. A camera that is listed
+twice leaves the polytope as it is, but pulls its centre twice.
+
+Several images of one marker that moves along the world's Z share x and y. Each adds its slabs, and
+one z: the Hessian is an arrow, solved by eliminating every z first.
+
+Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.vision.triangulation import UPPER, centred, checked, triangulate
+
+Array = NDArray[np.float64]
+
+_BLOCK_VALUES = 36000  # camera × point values per block: intermediate results stay in cache
+_STEPS = 60  # Newton steps after which a polytope counts as empty
+_MARGIN = 0.1  # share of a slab that the start is away from its faces, or is made to be
+_CENTRED = 1e-5  # Newton decrement below which the step is the last: its error is the square
+_FINISHED = 0.25  # share of points that are done before they are put aside: moving costs, too
+_QUADRATIC = 0.25  # Newton decrement below which full steps converge
+
+
+@dataclass(frozen=True)
+class Centres:
+    """Estimated points, and where their slabs had a common interior.
+
+    Parameters
+    ----------
+    points : ndarray, shape (3, ...)
+        Analytic centres in m; least-squares points where the polytope is empty; NaN where an
+        image is NaN.
+    feasible : ndarray of bool, shape (...)
+        Whether the point is an analytic centre.
+    """
+
+    points: Array
+    feasible: NDArray[np.bool_]
+
+
+def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Centres:
+    """Analytic centres of the polytopes that rounded images leave for their points.
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    uv : array_like, shape (cameras, 2, ...)
+        Centres of the slabs in px: rounded image coordinates, less the shift of the grid on which
+        they were rounded. NaN in any camera gives NaN.
+    half_width_px : float
+        Half the width of the slabs.
+
+    Returns
+    -------
+    Centres
+        Where the slabs have no common interior (wrong cameras, noise, a point on a face), the
+        least-squares point of :func:`thesis_lib.vision.triangulation.triangulate`.
+
+    Raises
+    ------
+    ValueError
+        If fewer than two cameras are given, the shapes do not match, or the width is not positive.
+    """
+    P, uv = checked(P, uv)
+    found = joint_centre(P, uv[:, :, None], half_width_px)
+    return Centres(found.points[:, 0], found.feasible)
+
+
+def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Centres:
+    """Analytic centres for several images of markers that move along Z: common x and y.
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    uv : array_like, shape (cameras, 2, frames, ...)
+        Centres of the slabs in px, such as those at rest and those deflected. NaN in any camera
+        or frame gives NaN.
+    half_width_px : float
+        Half the width of the slabs.
+
+    Returns
+    -------
+    Centres
+        Points (3, frames, ...), whose x and y agree between frames, and `feasible` (...). The
+        fallback is least squares for each frame alone.
+
+    Raises
+    ------
+    ValueError
+        If fewer than two cameras are given, the shapes do not match, or the width is not positive.
+    """
+    P, uv = checked(P, uv)
+    if uv.ndim < 3 or uv.shape[2] < 1:
+        raise ValueError(f"uv: given shape {uv.shape}, needs (cameras, 2, frames, ...)")
+    if not 0 < half_width_px < np.inf:
+        raise ValueError(f"half_width_px: given {half_width_px}, allowed: a number above 0, in px")
+    start = triangulate(P, uv)
+    n, frames = len(P), uv.shape[2]
+    slabs = _Slabs(P, half_width_px)
+    pixels = uv.reshape(n, 2, frames, -1)
+    points = start.reshape(3, frames, -1).copy()
+    feasible = np.zeros(pixels.shape[3], bool)
+    block = max(1, _BLOCK_VALUES // (n * frames))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for first in range(0, len(feasible), block):
+            part = slice(first, first + block)
+            slabs.centre(pixels[..., part], points[..., part], feasible[part])
+    points[:, :, np.isnan(points).any(axis=(0, 1))] = np.nan
+    return Centres(points.reshape(start.shape), feasible.reshape(uv.shape[3:]))
+
+
+class _Slabs:
+    """The fixed matrices of the barrier of some cameras.
+
+    With α = 1/s_lo², β = 1/s_hi², a_k the first three entries of row k of P and lo, hi the faces,
+    the Hessian of one coordinate is
+    (α + β) a₁a₁ᵀ − (lo α + hi β)(a₁a₃ᵀ + a₃a₁ᵀ) + (lo² α + hi² β) a₃a₃ᵀ: linear in five numbers
+    per camera, as the gradient of Σ log s is in three.
+    """
+
+    def __init__(self, P: Array, half_width: float) -> None:
+        P, self.middle = centred(P)
+        self.half_width = half_width
+        self.rows = np.concatenate([P[:, 0], P[:, 1], P[:, 2]])
+        a = P[:, :, :3]
+        outer = np.einsum("nik,njl->nijkl", a, a)[..., UPPER[0], UPPER[1]]
+        turned = -(outer + outer.swapaxes(1, 2))
+        parts = [outer[:, 0, 0], outer[:, 1, 1], turned[:, 0, 2], turned[:, 1, 2], outer[:, 2, 2]]
+        self.hessian = np.concatenate(parts).T.copy()
+        self.gradient = np.concatenate([a[:, 0], a[:, 1], -a[:, 2]]).T.copy()
+
+    def slacks(self, edges: Array, x: Array) -> Array:
+        """Slacks s (lo and hi, u and v, cameras, points) in px·m at points (3, points)."""
+        n = len(self.rows) // 3
+        image = self.rows[:, :3] @ x + self.rows[:, 3:]
+        s: Array = image[: 2 * n].reshape(2, n, -1) - edges * image[2 * n :]
+        np.negative(s[1], out=s[1])
+        return s
+
+    def newton(self, edges: Array, s: Array, wanted: Array) -> tuple[Array, Array]:
+        """Hessian (6, points) of −Σ log s, and Σ ∇s (2 − wanted/s)/s: the step's right side.
+
+        `wanted` is s without what it was widened by; where both are one this is ∇ Σ log s.
+        """
+        inverse = 1 / s
+        pull = inverse * (2 - wanted * inverse)
+        weight = inverse * inverse
+        edged = edges * weight
+        m = s.shape[3]
+        features = np.concatenate(
+            [(weight[0] + weight[1]).reshape(-1, m), (edged[0] + edged[1]).reshape(-1, m),
+             np.sum(edges * edged, axis=(0, 1))]
+        )  # fmt: skip
+        turned = edges * pull
+        right = np.concatenate(
+            [(pull[0] - pull[1]).reshape(-1, m),
+             turned[0, 0] + turned[0, 1] - turned[1, 0] - turned[1, 1]]
+        )  # fmt: skip
+        return self.hessian @ features, self.gradient @ right
+
+    def centre(self, pixels: Array, points: Array, feasible: NDArray[np.bool_]) -> None:
+        """Overwrite points (3, frames, m) by the centres of pixels (cameras, 2, frames, m)."""
+        frames = points.shape[1]
+        active = np.flatnonzero(np.isfinite(points).all(axis=(0, 1)))
+        x = points[:, :, active]
+        x[:2] = x[:2].mean(axis=1, keepdims=True)
+        uv = pixels[..., active].reshape(len(pixels), 2, -1).swapaxes(0, 1) - self.middle
+        edges = np.stack([uv - self.half_width, uv + self.half_width])
+        s = self.slacks(edges, x.reshape(3, -1))
+        widened = np.maximum(_MARGIN * np.abs(s[0] + s[1]) - s, 0)
+        tau = 1.0 - _all(widened == 0, frames)
+        for number in range(_STEPS):
+            if not len(active):
+                return
+            each = np.tile(tau, frames)
+            wanted = self.slacks(edges, x.reshape(3, -1))
+            s = wanted + each * widened
+            hessian, right = self.newton(edges, s, wanted)
+            step = _solve_arrow(hessian.reshape(6, frames, -1), right.reshape(3, frames, -1))
+            after = self.slacks(edges, (x + step).reshape(3, -1))
+            shrink = np.max(1 - after / s, axis=(0, 1, 2)).reshape(frames, -1).max(axis=0)
+            decrement = np.sqrt(np.sum(step * right.reshape(3, frames, -1), axis=(0, 1)))
+            inside = tau == 0
+            length = np.where(
+                inside,
+                np.where(decrement < _QUADRATIC, 1, 1 / (1 + shrink)),
+                np.minimum(1, 0.95 / np.maximum(shrink, 1e-9)),
+            )
+            x += length * step
+            tau *= 1 - length
+            done = inside & (decrement < _CENTRED)
+            done &= _all(wanted > 0, frames)  # slacks of an empty polytope can drown in rounding
+            last = number == _STEPS - 1
+            if last or np.count_nonzero(done) > _FINISHED * len(done):
+                points[:, :, active[done]] = x[:, :, done]
+                feasible[active[done]] = True
+                left, every = ~done, np.tile(~done, frames)
+                active, x, tau = active[left], x[:, :, left], tau[left]
+                edges, widened = edges[..., every], widened[..., every]
+
+
+def _all(holds: NDArray[np.bool_], frames: int) -> NDArray[np.bool_]:
+    """Whether what holds of slacks (2, 2, cameras, frames × m) does of all of a marker's, (m,)."""
+    each = np.all(holds, axis=(0, 1, 2))
+    return np.asarray(np.all(each.reshape(frames, -1), axis=0), bool)
+
+
+def _solve_arrow(matrix: Array, right: Array) -> Array:
+    """Steps (3, frames, m) with common x and y, from each frame's Hessian (6, ...) and right side.
+
+    Eliminating z of every frame leaves a 2×2 system for x and y.
+    """
+    xx, xy, xz, yy, yz, zz = matrix
+    gx, gy, gz = right
+    fx, fy = xz / zz, yz / zz
+    a, b, d = (np.sum(part, axis=0) for part in (xx - fx * xz, xy - fx * yz, yy - fy * yz))
+    p, q = np.sum(gx - fx * gz, axis=0), np.sum(gy - fy * gz, axis=0)
+    slope = b / a
+    y = (q - slope * p) / (d - slope * b)
+    x = (p - b * y) / a
+    z = (gz - xz * x - yz * y) / zz
+    return np.stack([np.broadcast_to(x, z.shape), np.broadcast_to(y, z.shape), z])

@@ -1,0 +1,166 @@
+"""Triangulation of very many points, compiled: ``pip install thesis-lib[fast]``.
+
+The estimate of :mod:`thesis_lib.vision.triangulation`, linear start and Gauss–Newton steps, up to
+rounding. What differs is the order of the work: a block of points goes through all steps while it
+is in the nearest caches, and one instruction does the same for several neighbouring points. For
+that u and v lie in planes of their own, and so do the entries of points and normal equations.
+
+Only this module imports numba, and only :func:`thesis_lib.vision.triangulation.triangulate` imports
+this module, for very many points: the first call compiles for seconds, later processes read the
+result from disk. It runs on one thread and releases the interpreter's lock, so threads that take a
+part of the points each run side by side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Numbers = tuple[float, float, float, float]
+
+BLOCK = 256  # points: their normal equations and images in 12 cameras fill a first or second cache
+# Where rows of BLOCK numbers begin in a block's memory: points (x y z); matrices, upper triangles
+# (xx xy xz yy yz zz); right sides; inverse depths.
+_MATRIX, _RIGHT, _INVERSE, _END = 3 * BLOCK, 9 * BLOCK, 12 * BLOCK, 13 * BLOCK
+
+
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compiled when first called, and kept on disk for later processes where that is possible.
+
+    A product and a sum may be rounded at once; nothing else may be rearranged, so that NaN and
+    infinity go where they go in NumPy.
+    """
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+    try:
+        return njit(cache=True, **options)(function)
+    except RuntimeError:  # no folder that one may write to
+        return njit(**options)(function)
+
+
+@_compiled
+def solve(P: Array, middle: Array, pixels: Array, steps: int, points: Array) -> None:
+    """Points that fit their images best, written into `points`.
+
+    Parameters
+    ----------
+    P : ndarray, shape (cameras, 3, 4), contiguous
+        Projection matrices for pixels counted from `middle`.
+    middle : ndarray, shape (2, cameras, 1), contiguous
+        Principal points in px.
+    pixels : ndarray, shape (cameras, 2, m), contiguous
+        Image coordinates in px.
+    steps : int
+        Gauss–Newton steps.
+    points : ndarray, shape (3, m), contiguous
+        Where the points go, in m.
+    """
+    n, m = pixels.shape[0], pixels.shape[2]
+    images = np.zeros(2 * n * BLOCK)
+    block = np.zeros(_END)
+    for start in range(0, m, BLOCK):
+        size = min(BLOCK, m - start)  # beyond it the last block computes what nobody reads
+        block[:] = 0
+        _add_linear(P, middle, pixels[:, :, start : start + size], images, block)
+        _add_solution(block)
+        for _ in range(steps):
+            block[_MATRIX:] = 0
+            _add_reprojection(P, images, block)
+            _add_solution(block)
+        for k in range(3):
+            points[k, start : start + size] = block[k * BLOCK : k * BLOCK + size]
+
+
+@_compiled
+def _add_linear(P: Array, middle: Array, pixels: Array, images: Array, block: Array) -> None:
+    """Take the images, and add the equations (a₁ − u a₃)·X = u b₃ − b₁ and the same for v.
+
+    Rows are written as multiples of BLOCK, which the compiler then knows not to be negative: with a
+    row as an argument it reads points one by one, at half the speed.
+    """
+    for c in range(P.shape[0]):
+        row, u0, v0 = 2 * c * BLOCK, middle[0, c, 0], middle[1, c, 0]
+        for i in range(pixels.shape[2]):
+            images[row + i] = pixels[c, 0, i] - u0
+            images[row + BLOCK + i] = pixels[c, 1, i] - v0
+        (ax, ay, az, ab), (bx, by, bz, bb), (cx, cy, cz, cb) = _rows(P[c])
+        for i in range(BLOCK):
+            u, v = images[row + i], images[row + BLOCK + i]
+            of_u = ax - u * cx, ay - u * cy, az - u * cz, u * cb - ab
+            of_v = bx - v * cx, by - v * cy, bz - v * cz, v * cb - bb
+            _add_equations(block, i, of_u, of_v)
+
+
+@_compiled
+def _add_reprojection(P: Array, images: Array, block: Array) -> None:
+    """Add JᵀJ and Jᵀr (eq. 3.19); the rows of J are w (a₁ − h a₃) and w (a₂ − g a₃).
+
+    The divisions of all points come first, so that nothing waits for them.
+    """
+    for c in range(P.shape[0]):
+        row = 2 * c * BLOCK
+        (ax, ay, az, ab), (bx, by, bz, bb), (cx, cy, cz, cb) = _rows(P[c])
+        for i in range(BLOCK):
+            x, y, z = block[i], block[BLOCK + i], block[2 * BLOCK + i]
+            block[_INVERSE + i] = 1 / (cb + cx * x + cy * y + cz * z)
+        for i in range(BLOCK):
+            x, y, z, w = block[i], block[BLOCK + i], block[2 * BLOCK + i], block[_INVERSE + i]
+            h = w * (ab + ax * x + ay * y + az * z)
+            g = w * (bb + bx * x + by * y + bz * z)
+            u, v = images[row + i], images[row + BLOCK + i]
+            of_u = w * (ax - h * cx), w * (ay - h * cy), w * (az - h * cz), u - h
+            of_v = w * (bx - g * cx), w * (by - g * cy), w * (bz - g * cz), v - g
+            _add_equations(block, i, of_u, of_v)
+
+
+@_compiled
+def _rows(P: Array) -> tuple[Numbers, Numbers, Numbers]:
+    return (
+        (P[0, 0], P[0, 1], P[0, 2], P[0, 3]),
+        (P[1, 0], P[1, 1], P[1, 2], P[1, 3]),
+        (P[2, 0], P[2, 1], P[2, 2], P[2, 3]),
+    )
+
+
+@_compiled
+def _add_equations(block: Array, i: int, of_u: Numbers, of_v: Numbers) -> None:
+    """Add two equations (x, y, z)·X = right to the normal equations of point i."""
+    (ux, uy, uz, ur), (vx, vy, vz, vr) = of_u, of_v  # sums from the left: one instruction a product
+    block[_MATRIX + i] = block[_MATRIX + i] + ux * ux + vx * vx
+    block[_MATRIX + BLOCK + i] = block[_MATRIX + BLOCK + i] + ux * uy + vx * vy
+    block[_MATRIX + 2 * BLOCK + i] = block[_MATRIX + 2 * BLOCK + i] + ux * uz + vx * vz
+    block[_MATRIX + 3 * BLOCK + i] = block[_MATRIX + 3 * BLOCK + i] + uy * uy + vy * vy
+    block[_MATRIX + 4 * BLOCK + i] = block[_MATRIX + 4 * BLOCK + i] + uy * uz + vy * vz
+    block[_MATRIX + 5 * BLOCK + i] = block[_MATRIX + 5 * BLOCK + i] + uz * uz + vz * vz
+    block[_RIGHT + i] = block[_RIGHT + i] + ux * ur + vx * vr
+    block[_RIGHT + BLOCK + i] = block[_RIGHT + BLOCK + i] + uy * ur + vy * vr
+    block[_RIGHT + 2 * BLOCK + i] = block[_RIGHT + 2 * BLOCK + i] + uz * ur + vz * vr
+
+
+@_compiled
+def _add_solution(block: Array) -> None:
+    """Add the solutions of the 3×3 systems, by LDLᵀ, to the points.
+
+    With three divisions, each of which takes as long as ten products.
+    """
+    for i in range(BLOCK):
+        xy, xz = block[_MATRIX + BLOCK + i], block[_MATRIX + 2 * BLOCK + i]
+        yy, yz = block[_MATRIX + 3 * BLOCK + i], block[_MATRIX + 4 * BLOCK + i]
+        by_x = 1 / block[_MATRIX + i]
+        yx, zx = xy * by_x, xz * by_x
+        by_y = 1 / (yy - yx * xy)
+        rest = yz - yx * xz
+        zy = rest * by_y
+        by_z = 1 / (block[_MATRIX + 5 * BLOCK + i] - zx * xz - zy * rest)
+        x = block[_RIGHT + i]
+        y = block[_RIGHT + BLOCK + i] - yx * x
+        z = (block[_RIGHT + 2 * BLOCK + i] - zx * x - zy * y) * by_z
+        y = y * by_y - zy * z
+        x = x * by_x - yx * y - zx * z
+        block[i] += x
+        block[BLOCK + i] += y
+        block[2 * BLOCK + i] += z

@@ -1,0 +1,294 @@
+"""Closed forms for whoever must place cameras, at the centre that all of them look at.
+
+An image coordinate j that is wrong by σⱼ moves the refined point by gⱼ = ∂X/∂mⱼ times as much. With
+JᵀJ = (f/R)² Σ (I − e eᵀ), of cameras in unit directions e at distance R with a focal length of f
+px, the response along the normal is
+
+    pair at elevation φ, azimuths α apart:   g_v = R / (2 f cos φ),  g_u = ± tan φ cot(α/2) R / 2f,
+    N cameras on a cone, θ from the normal:  g_v = R / (N f sin θ),  g_u = 0,
+
+and Var z = Σ gⱼ² σⱼ². What σⱼ is depends on what makes the error:
+
+* *Independent noise* gives all coordinates the same σ, whether they move or not.
+* *Rounding* gives a coordinate that moves by δ px the variance f(1 − f), f = frac |δ|, of
+  :mod:`thesis_lib.vision.rounding`: 1/6 px² averaged over amplitudes, and nothing if it does not
+  move. A deflection of the centre moves v alone. It is spared what u adds for a narrow pair.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import jv
+
+from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
+from thesis_lib.vision.rounding import difference_variance
+
+Array = NDArray[np.float64]
+
+MOTION_PX = np.sqrt(1 / 6)  # rms rounding error of a motion, averaged over amplitudes
+ISOTROPIC = np.arcsin(np.sqrt(2 / 3))  # angle of the cone on which all directions are alike, rad
+_TERMS = 400  # of the series of a rounding error
+
+
+def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
+    """Azimuths and elevations in rad of cameras at equal steps on a cone, from +Y on."""
+    azimuth = 2 * np.pi * np.arange(n_cameras) / n_cameras
+    return azimuth, np.full(n_cameras, np.pi / 2 - angle)
+
+
+def cone_cameras(
+    distance: float, angle: float, n_cameras: int, focal_px: float, size: tuple[int, int]
+) -> CameraArray:
+    """Equal cameras on a cone about the normal, at equal steps of azimuth from +Y on.
+
+    Parameters
+    ----------
+    distance : float
+        Distance from the origin in m.
+    angle : float
+        Angle θ between optical axes and normal in rad, π/2 less the elevation.
+    n_cameras : int
+        How many.
+    focal_px : float
+        Focal length in px.
+    size : tuple of int
+        Sensor width and height in px.
+    """
+    return hemisphere_cameras(distance, *cone_directions(angle, n_cameras), focal_px, size)
+
+
+def cone_deflection_error(
+    distance: ArrayLike,
+    focal_px: ArrayLike,
+    n_cameras: ArrayLike,
+    angle: ArrayLike,
+    sigma_px: float = MOTION_PX,
+) -> Array:
+    """Standard deviation R σ / (f √N sin θ) along the normal, of 2 or more cameras on a cone, m.
+
+    For independent noise, and for a rounded deflection, since u does not count: g_u = 0.
+    """
+    n = np.asarray(n_cameras, float)
+    if not np.all(n >= 2):
+        raise ValueError(f"n_cameras: given {np.min(n):g}, allowed: 2 or more")
+    scale = np.asarray(distance, float) * sigma_px / np.asarray(focal_px, float)
+    return np.asarray(scale / (np.sqrt(n) * np.sin(angle)))
+
+
+def cone_covariance(
+    distance: float, focal_px: float, n_cameras: int, angle: float, sigma_px: float = MOTION_PX
+) -> Array:
+    """Covariance of a point at the centre of a cone of 3 or more cameras.
+
+    Since Σ e eᵀ = N diag(½ sin²θ, ½ sin²θ, cos²θ) it is diagonal, with
+    σ_x = σ_y = R σ / (f √(N (1 − ½ sin²θ))), σ_z = R σ / (f √N sin θ): equal at sin²θ = ⅔.
+    Of independent noise; of rounding, each axis for motions along it, on average over amplitudes:
+    a coordinate that such a motion does not move does not count for that axis either.
+
+    Parameters
+    ----------
+    distance : float
+        Distance R in m.
+    focal_px : float
+        Focal length f in px.
+    n_cameras : int
+        Number N, at equal steps of azimuth.
+    angle : float
+        Angle θ from the normal in rad.
+    sigma_px : float
+        Standard deviation σ of an image coordinate in px.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Covariance in m².
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three cameras, which have no axis of symmetry.
+    """
+    if n_cameras < 3:
+        raise ValueError(f"n_cameras: given {n_cameras}, allowed: 3 or more")
+    sine2 = np.sin(angle) ** 2
+    across = 1 - sine2 / 2
+    information = n_cameras * np.array([across, across, sine2]) * (focal_px / distance) ** 2
+    return np.diag(sigma_px**2 / information)
+
+
+def pair_deflection_error(
+    distance: ArrayLike,
+    focal_px: ArrayLike,
+    aperture: ArrayLike,
+    elevation: ArrayLike,
+    sigma_px: ArrayLike = MOTION_PX,
+    sideways_px: ArrayLike = 0.0,
+) -> Array:
+    """Standard deviation along the normal, in m, of two cameras that share an elevation.
+
+    R / (f √2) · √(σ_v² / cos²φ + σ_u² tan²φ / tan²(α/2)). A rounded deflection of the centre has
+    σ_u = 0, which leaves R σ_v / (f √2 cos φ), whatever the aperture.
+
+    Parameters
+    ----------
+    distance, focal_px : array_like
+        Distance R in m and focal length f in px.
+    aperture, elevation : array_like
+        Difference α of the azimuths and elevation φ in rad.
+    sigma_px, sideways_px : array_like
+        Standard deviations σ_v and σ_u in px of the image coordinates down and to the right.
+    """
+    upright = np.asarray(sigma_px, float) / np.cos(elevation)
+    across = sideways_px * np.tan(elevation) / np.tan(np.asarray(aperture, float) / 2)
+    scale = np.asarray(distance, float) / np.asarray(focal_px, float)
+    return np.asarray(scale * np.sqrt((upright**2 + across**2) / 2))
+
+
+def pair_noise_error(
+    distance: ArrayLike,
+    focal_px: ArrayLike,
+    aperture: ArrayLike,
+    elevation: ArrayLike,
+    sigma_px: float = MOTION_PX,
+) -> Array:
+    """The same for independent noise, alike in all coordinates, as in filmed recordings.
+
+    R σ / (f √2) · √(1 + tan²φ / sin²(α/2)); for opposite cameras R σ / (f √2 cos φ), as for
+    rounding.
+    """
+    return pair_deflection_error(distance, focal_px, aperture, elevation, sigma_px, sigma_px)
+
+
+def pair_motion_error(
+    distance: float, focal_px: float, aperture: float, elevation: float, motion: ArrayLike
+) -> Array:
+    """The same for one rounded motion of the centre, in any direction and of any size, in m.
+
+    R / 2f · √(Σ V / cos²φ + Σ U tan²φ / tan²(α/2)), summed over both cameras, with the f(1 − f) of
+    what each coordinate moves by.
+
+    Parameters
+    ----------
+    distance, focal_px, aperture, elevation : float
+        As above; the azimuths are ± α/2 from +Y.
+    motion : array_like, shape (3, ...)
+        Motion in m, small against the distance.
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    azimuth = np.array([aperture, -aperture]) / 2
+    variance = _rounded(distance, focal_px, azimuth, np.full(2, elevation), motion)
+    u, v = np.sqrt(variance.mean(axis=0))
+    return pair_deflection_error(distance, focal_px, aperture, elevation, v, u)
+
+
+def cone_motion_error(
+    distance: float, focal_px: float, n_cameras: int, angle: float, motion: ArrayLike
+) -> Array:
+    """Error along the normal, in m, of one rounded motion of the centre of a cone.
+
+    R / (N f sin θ) · √(Σ V), summed over the 2 or more cameras, with V = f(1 − f) of what each
+    image moves down by: `motion` as in :func:`pair_motion_error`.
+    """
+    directions = cone_directions(angle, n_cameras)
+    v = np.sqrt(_rounded(distance, focal_px, *directions, motion)[:, 1].mean(axis=0))
+    return cone_deflection_error(distance, focal_px, n_cameras, angle) * v / MOTION_PX
+
+
+def _rounded(
+    distance: float, focal_px: float, azimuth: Array, elevation: Array, motion: ArrayLike
+) -> Array:
+    """Variances f(1 − f) in px² (cameras, 2, ...) of images of the centre that moves."""
+    rig = hemisphere_cameras(distance, azimuth, elevation, focal_px, (2, 2))
+    moved = np.asarray(motion, float)
+    images = project(rig.P, np.stack([np.zeros_like(moved), moved], axis=1))
+    return difference_variance(images[:, :, 1] - images[:, :, 0])
+
+
+def swing_error(amplitude_px: ArrayLike) -> Array:
+    """Rms error in px of an amplitude fitted to ever more rounded samples of a sinusoid.
+
+    One camera rounds all frames on one grid, so its errors repeat and do not average out. With
+    rint(x) − x = Σ (−1)ᵏ sin(2πkx) / (πk), the fundamental of a cos τ + s is wrong by
+    Σ (−1)ᵏ 2 J₁(2πka) cos(2πks) / (πk), and over random shifts s of the grid the mean square is
+
+        (2/π²) Σ J₁²(2πka) / k²,
+
+    which is near ζ(3) / (π⁴ a) for amplitudes a of some pixels, and 16 a / (3π²) for small ones.
+    """
+    a = np.asarray(amplitude_px, float)
+    k = np.arange(1, _TERMS + 1)
+    series = np.sum((jv(1, 2 * np.pi * k * a[..., None]) / k) ** 2, axis=-1)
+    return np.asarray(np.sqrt(2 * series) / np.pi)
+
+
+def useful_frames(amplitudes_px: ArrayLike) -> Array:
+    """How many frames of vibrations are worth taking: 1/6 px² over the mean square `swing_error`.
+
+    An amplitude fitted to n independent roundings has the variance 1/(6n) px². At this n it has
+    come down to what repeated roundings leave for any n: about π⁴ a / (6 ζ(3)), or 13.5 a.
+
+    Parameters
+    ----------
+    amplitudes_px : array_like, shape (..., vibrations)
+        Amplitudes in px, over which is averaged.
+    """
+    return np.asarray(1 / (6 * np.mean(swing_error(amplitudes_px) ** 2, axis=-1)))
+
+
+def weighted_error(positions_px: ArrayLike, weights: ArrayLike) -> Array:
+    """Rms of a weighted sum of rounding errors on one randomly shifted grid.
+
+    The square root of wᵀ C w with the covariance C of
+    :func:`thesis_lib.vision.rounding.error_covariance`, as its Fourier series Σ |Σ_t w_t e^{2πik
+    x_t}|² / (2π²k²): n numbers at a time, not n².
+
+    Parameters
+    ----------
+    positions_px : array_like, shape (..., n)
+        Exact coordinates x_t, in px.
+    weights : array_like, shape (..., n)
+        Weights w_t, such as a row of the pseudo-inverse of a fit.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        In px times the unit of the weights.
+    """
+    turn = np.exp(2j * np.pi * np.asarray(positions_px, float))
+    term = np.asarray(weights, float) * turn
+    total = np.zeros(term.shape[:-1])
+    for k in range(1, _TERMS + 1):
+        total += np.abs(term.sum(axis=-1)) ** 2 / k**2
+        term *= turn
+    return np.asarray(np.sqrt(total / 2) / np.pi)
+
+
+def equal_pixel_rate(
+    pixels_per_second: float, n_cameras: ArrayLike, frame_rate: ArrayLike
+) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
+    """Sensors 16:9 with which cameras share a number of pixels per second.
+
+    Sizes are whole pixels; the frame rate makes up for that, so that N W H r is the same for all.
+
+    Parameters
+    ----------
+    pixels_per_second : float
+        Of all cameras together.
+    n_cameras, frame_rate : array_like
+        How many, and about how many frames per second each takes; they broadcast.
+
+    Returns
+    -------
+    tuple of ndarray
+        Width and height in px, and frames per second.
+    """
+    n = np.asarray(n_cameras, float)
+    width = np.rint(np.sqrt(pixels_per_second * 16 / 9 / (n * np.asarray(frame_rate, float))))
+    height = np.rint(width * 9 / 16)
+    with np.errstate(divide="ignore"):  # of a sensor without pixels, which callers refuse
+        rate = pixels_per_second / (n * width * height)
+    return width.astype(int), height.astype(int), rate

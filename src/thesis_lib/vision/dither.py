@@ -1,0 +1,183 @@
+"""What motion, shake and larger markers gain over one rounded frame (beyond the thesis).
+
+The rounding error of a coordinate x is a sawtooth with a period of one pixel,
+
+    rint(x) − x = Σ_k (−1)ᵏ sin(2πkx) / (πk),    k = 1, 2, …
+
+An average over frames in which x moves multiplies each sine by the characteristic function of the
+motion: J₀(2πka) for a sinusoid of amplitude a sampled evenly over its phases, exp(−2π²k²s²) for
+Gaussian shake of standard deviation s. Over random positions of the pixel grid a harmonic adds
+half the square of what is left of it. All lengths are in px.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import j0, j1, jv
+
+from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.triangulation import gain
+
+Array = NDArray[np.float64]
+
+ONE_FRAME = 1 / 12  # variance of one rounded coordinate in px²
+_HARMONICS = 2000  # without motion or shake the rest is 1/(2π²k) = 2.5e-5 px²
+_TOGETHER = 100  # harmonics at a time, which bounds the memory
+_LATTICE = 60  # radius of the plane's harmonics; beyond it their mean is summed
+
+
+def mean_variance(amplitude_px: ArrayLike = 0.0, shake_px: ArrayLike = 0.0) -> Array:
+    """Variance of the mean of a rounded coordinate over endless frames of a sinusoid, with shake.
+
+    Σ_k J₀(2πka)² exp(−4π²k²s²) / (2π²k²): 1/12 where nothing moves. Its root falls as 1/√a, and
+    with shake soon as exp(−2π²s²) / (√2 π).
+
+    Parameters
+    ----------
+    amplitude_px : array_like
+        Amplitude a of the coordinate's motion.
+    shake_px : array_like
+        Standard deviation s of the camera's shake, independent from frame to frame.
+
+    Returns
+    -------
+    ndarray
+        Variance in px² over random pixel grids, of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        If a length is negative or not finite.
+    """
+    return _sum(lambda k, a: j0(2 * np.pi * k * a) ** 2 / 2, amplitude_px, shake_px)
+
+
+def amplitude_variance(amplitude_px: ArrayLike, shake_px: ArrayLike = 0.0) -> Array:
+    """Variance of the amplitude 2⟨u cos θ⟩ fitted to endless frames of a rounded sinusoid.
+
+    The fit leaves J₁ where the mean leaves J₀: Σ_k 2 J₁(2πka)² exp(−4π²k²s²) / (π²k²). Below half
+    a pixel most grids show no motion at all, and the others too much. Parameters, result and errors
+    are those of :func:`mean_variance`.
+    """
+    return _sum(lambda k, a: 2 * j1(2 * np.pi * k * a) ** 2, amplitude_px, shake_px)
+
+
+def shaken_variance(frames: int, shake_px: ArrayLike) -> Array:
+    """Variance of the mean over some frames of a marker at rest, seen by a shaking camera.
+
+    One frame is off by s² + 1/12. The part b² = Σ_k exp(−4π²k²s²) / (2π²k²) is common to all of
+    them, and the rest is averaged: b² + (s² + 1/12 − b²) / frames.
+
+    Parameters
+    ----------
+    frames : int
+        Number of frames, at least 1.
+    shake_px : array_like
+        Standard deviation s of the shake, which is not known frame by frame.
+
+    Returns
+    -------
+    ndarray
+        Variance in px².
+
+    Raises
+    ------
+    ValueError
+        If there is no frame, or the shake is negative or not finite.
+    """
+    if frames < 1:
+        raise ValueError(f"frames: given {frames}, allowed: a whole number from 1")
+    common = mean_variance(0.0, shake_px)
+    return common + (np.square(np.asarray(shake_px, float)) + ONE_FRAME - common) / frames
+
+
+def deflection_variance(
+    P: ArrayLike, rest: ArrayLike, deflected: ArrayLike, shake_px: float = 0.0
+) -> Array:
+    """First-order variance of a vibration's amplitude in Z, fitted to endless whole-pixel frames.
+
+    Σ_j g_j² Var(a_j) over all coordinates, with the gain g_j = ∂Z/∂m_j at rest and the amplitude
+    a_j of the image's motion. One frame at rest and one deflected have
+    :func:`thesis_lib.vision.rounding.deflection_variance`.
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    rest, deflected : array_like, shape (3, ...)
+        World points in m, at rest and at the peak.
+    shake_px : float
+        Standard deviation of the cameras' shake in px.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Variance in m².
+
+    Raises
+    ------
+    ValueError
+        If the shake is negative or not finite.
+    """
+    motion = np.abs(project(P, deflected) - project(P, rest))
+    variance = gain(P, rest)[2] ** 2 * amplitude_variance(motion, shake_px)
+    return np.asarray(np.sum(variance, axis=(0, 1)))
+
+
+def disc_variance(diameter_px: float) -> float:
+    """Variance along one axis of the centroid of a disc whose pixels are either black or white.
+
+    Over random positions of the disc on the grid, to first order in its number of pixels,
+    Σ_k J₂(πD|k|)² / (2π²|k|²) over the whole numbers k ≠ 0 of the plane: for large D the root is
+    0.215 / √D, where a single rounded coordinate has 0.289.
+
+    Parameters
+    ----------
+    diameter_px : float
+        Diameter D of the disc, at least 2.
+
+    Returns
+    -------
+    float
+        Variance in px².
+
+    Raises
+    ------
+    ValueError
+        If the disc is smaller.
+    """
+    if not 2 <= diameter_px < np.inf:
+        raise ValueError(f"diameter_px: given {diameter_px}, allowed: a number from 2, in px")
+    line = np.arange(-_LATTICE, _LATTICE + 1.0)
+    k = np.hypot(line, line[:, None])
+    k = k[(k > 0) & (k <= _LATTICE)]
+    near = np.sum((jv(2, np.pi * diameter_px * k) / k) ** 2) / (2 * np.pi**2)
+    far = 1 / (np.pi**3 * diameter_px * _LATTICE)  # J₂² is 1/(π²D|k|) in the mean
+    return float(near + far)
+
+
+def _sum(
+    square: Callable[[Array, Array], Array], amplitude_px: ArrayLike, shake_px: ArrayLike
+) -> Array:
+    """Σ_k square(k, a) exp(−4π²k²s²) / (π²k²)."""
+    a, s = np.broadcast_arrays(
+        _checked("amplitude_px", amplitude_px), _checked("shake_px", shake_px)
+    )
+    total = np.zeros(a.shape)
+    for first in range(1, _HARMONICS + 1, _TOGETHER):
+        k = np.arange(first, first + _TOGETHER, dtype=float).reshape(-1, *[1] * a.ndim)
+        total += np.sum(
+            square(k, a) * np.exp(-((2 * np.pi * k * s) ** 2)) / (np.pi * k) ** 2, axis=0
+        )
+    return total
+
+
+def _checked(name: str, lengths: ArrayLike) -> Array:
+    values = np.asarray(lengths, float)
+    wrong = values[~(np.isfinite(values) & (values >= 0))]
+    if wrong.size:
+        raise ValueError(f"{name}: given {wrong[0]}, allowed: finite numbers from 0, in px")
+    return values

@@ -1,0 +1,153 @@
+"""What an estimator of points gets out of whole pixels: one measurement for all of them.
+
+Cameras stand at given distances, in directions drawn evenly over the hemisphere; markers near the
+origin move along Z; every image is rounded to whole pixels. The estimators are
+
+* ``linear``: the linear equations of the thesis (3.2.1) alone,
+* ``least-squares``: refined by Gauss–Newton steps (3.2.2),
+* ``analytic-centre``: the centre of the slabs that the pixels leave
+  (:mod:`thesis_lib.vision.analytic_centre`),
+* ``joint``: the same with x and y common to rest and motion.
+
+The linear equations weigh a camera's residual in pixels with its depth. With D the depths and J
+the derivative of the images, the first-order response to the images is (JᵀD²J)⁻¹JᵀD² in place of
+(JᵀJ)⁻¹Jᵀ: the same at equal depths, where refinement therefore gains nothing, and worse the more
+the distances differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
+from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
+from thesis_lib.vision.triangulation import jacobian, triangulate
+
+Array = NDArray[np.float64]
+
+_RULES: dict[str, Callable[[Array, Array], Array]] = {
+    "linear": lambda P, uv: triangulate(P, uv, steps=0),
+    "least-squares": triangulate,
+    "analytic-centre": lambda P, uv: analytic_centre(P, uv).points,
+    "joint": lambda P, uv: joint_centre(P, uv).points,
+}
+ESTIMATORS = tuple(_RULES)
+SIZE, FOCAL_PX = (320, 180), 24 / 36 * 320  # the thesis's smallest sensor and its lens
+EXTENT = (0.05, 0.05)  # markers: |x|, |y| up to this, in m
+MOTION = 0.01  # displacements: up to this, in m
+
+
+def random_hemisphere(
+    rng: np.random.Generator,
+    distances: ArrayLike,
+    focal_px: float = FOCAL_PX,
+    size: tuple[int, int] = SIZE,
+) -> CameraArray:
+    """Cameras at given distances (cameras,) in m, directions even over the hemisphere."""
+    distances = np.asarray(distances, float)
+    azimuth = rng.uniform(-np.pi, np.pi, len(distances))
+    elevation = np.arcsin(rng.uniform(0, 1, len(distances)))
+    return hemisphere_cameras(distances, azimuth, elevation, focal_px, size)
+
+
+def moved_markers(rng: np.random.Generator, markers: int) -> Array:
+    """Markers at rest and moved along Z by up to ±MOTION, shape (3, 2, markers), m."""
+    points = np.zeros((3, 2, markers))
+    points[:2] = rng.uniform(-1, 1, (2, 1, markers)) * np.array(EXTENT)[:, None, None]
+    points[2, 1] = rng.uniform(-MOTION, MOTION, markers)
+    return points
+
+
+def estimates(P: Array, uv: Array, rules: Sequence[str] = ESTIMATORS) -> Array:
+    """Points by every estimator from images (cameras, 2, 2, ...) in px: (estimators, 3, 2, ...)."""
+    return np.stack([_RULES[rule](P, uv) for rule in rules])
+
+
+def deflection_errors(
+    distances: Sequence[float],
+    layouts: int = 100,
+    markers: int = 100,
+    noise_px: float = 0.0,
+    focal_px: float = FOCAL_PX,
+    size: tuple[int, int] = SIZE,
+    seed: int = 0,
+    rules: Sequence[str] = ESTIMATORS,
+) -> Array:
+    """Rms errors of deflections rebuilt from whole pixels, by layout and estimator.
+
+    Parameters
+    ----------
+    distances : sequence of float
+        Distance of each camera from the origin in m.
+    layouts, markers : int
+        Number of random layouts, and of markers for each.
+    noise_px : float
+        Standard deviation of Gaussian noise added to every coordinate before it is rounded.
+    focal_px : float
+        Focal length in px.
+    size : tuple of int
+        Sensor width and height in px.
+    seed : int
+        Layout i is a function of the seed, i and the number of cameras alone, so that layouts at
+        other distances, or with other noise, have the same directions and markers.
+    rules : sequence of str
+        Estimators, of ``ESTIMATORS``.
+
+    Returns
+    -------
+    ndarray, shape (layouts, estimators)
+        Root mean square over the markers in m, estimators as in `rules`.
+    """
+    errors = np.empty((layouts, len(rules)))
+    for layout in range(layouts):
+        rng = np.random.default_rng([seed, layout, len(distances)])
+        P = random_hemisphere(rng, distances, focal_px, size).P
+        points = moved_markers(rng, markers)
+        uv = project(P, points)
+        uv += noise_px * rng.standard_normal(uv.shape)
+        height = estimates(P, np.rint(uv), rules)[:, 2]
+        wrong = height[:, 1] - height[:, 0] - (points[2, 1] - points[2, 0])
+        errors[layout] = np.sqrt(np.mean(wrong**2, axis=-1))
+    return errors
+
+
+def over_layouts(errors: Array) -> Array:
+    """Root mean square over the layouts of errors (layouts, ...)."""
+    return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
+
+
+def exponent(counts: ArrayLike, errors: ArrayLike) -> Array:
+    """Exponents p of errors ~ Nᵖ, fitted in logarithms to errors (counts, ...), shape (...)."""
+    slope = np.polyfit(np.log(np.asarray(counts, float)), np.log(np.asarray(errors, float)), 1)[0]
+    return np.asarray(slope)
+
+
+def linear_gain(P: ArrayLike, points: ArrayLike) -> Array:
+    """First-order response of the linear estimate to its images, (JᵀD²J)⁻¹JᵀD².
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    points : array_like, shape (3, ...)
+        World points in m.
+
+    Returns
+    -------
+    ndarray, shape (3, cameras, 2, ...)
+        ∂(X, Y, Z)/∂(u, v) in m/px, as :func:`thesis_lib.vision.triangulation.gain` for the refined
+        one.
+    """
+    P, X = np.asarray(P, float), np.asarray(points, float)
+    flat = X.reshape(3, -1)
+    axis = P[:, 2] / np.linalg.norm(P[:, 2, :3], axis=1, keepdims=True)
+    square = (axis[:, :3] @ flat + axis[:, 3:]) ** 2
+    J = jacobian(P, flat)
+    weighted = J * square[:, None, None]
+    normal = np.einsum("ncim,ncjm->mij", J, weighted)
+    right = np.moveaxis(weighted.reshape(-1, 3, flat.shape[1]), 2, 0).swapaxes(1, 2)
+    G = np.moveaxis(np.linalg.solve(normal, right), 0, 2)
+    return G.reshape((3, len(P), 2) + X.shape[1:])

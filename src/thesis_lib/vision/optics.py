@@ -1,0 +1,241 @@
+"""Optics of a single camera and of a parallel pair (thesis 2, Appendices A–C).
+
+Lengths are in one unit of the caller's choice, metres elsewhere in the library; angles in rad;
+image coordinates in px. Everything broadcasts. Pictures are ``(rows, columns)`` or
+``(rows, columns, colours)``, the first row on top.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.vision.pinhole import CameraArray
+
+Array = NDArray[np.float64]
+
+FULL_FRAME = (36.0, 24.0)  # mm, what crop factors refer to
+_RED_OR_BLUE = np.array([[1.0, 2.0, 1.0], [2.0, 4.0, 2.0], [1.0, 2.0, 1.0]]) / 4
+_GREEN = np.array([[0.0, 1.0, 0.0], [1.0, 4.0, 1.0], [0.0, 1.0, 0.0]]) / 4  # every other pixel
+
+
+# Formats and angles (2.2.3, 2.4).
+
+
+def angle_of_view(size: ArrayLike, focal: ArrayLike) -> Array:
+    """Angle 2 arctan(d / 2f) in rad that a lens sees across a length d of the sensor (eq. 2.19)."""
+    return 2 * np.arctan2(np.asarray(size, float), 2 * np.asarray(focal, float))
+
+
+def crop_factor(sensor: ArrayLike, reference: ArrayLike = FULL_FRAME) -> Array:
+    """Diagonal of a reference over that of a sensor (2.4).
+
+    A lens of focal length f sees as much on the sensor, diagonally, as one of f times this factor
+    on the reference.
+
+    Parameters
+    ----------
+    sensor, reference : array_like, shape (..., 2)
+        Width and height, both in one unit.
+    """
+    return np.asarray(np.linalg.norm(reference, axis=-1) / np.linalg.norm(sensor, axis=-1))
+
+
+def picture_height(width: int, across: int, up: int) -> int:
+    """Whole rows of a picture `width` px wide in the proportion across : up (Table 2.1)."""
+    return width * up // across
+
+
+# A thin lens (Appendix A).
+
+
+def image_distance(focal: ArrayLike, distance: ArrayLike) -> Array:
+    """Distance Z′ behind a thin lens at which an object at Z is sharp (eq. A.1), with Z > f."""
+    f, z = np.asarray(focal, float), np.asarray(distance, float)
+    return f * z / (z - f)
+
+
+def magnification(focal: ArrayLike, distance: ArrayLike) -> Array:
+    """Size of a sharp image over that of its object, Z′/Z = f/(Z − f) (Appendix A)."""
+    f, z = np.asarray(focal, float), np.asarray(distance, float)
+    return f / (z - f)
+
+
+def blur_circle(
+    focal: ArrayLike, f_number: ArrayLike, focused: ArrayLike, distance: ArrayLike
+) -> Array:
+    """Diameter on the sensor of the image of a point that is not in focus (Appendix A).
+
+    With a lens of diameter f/N focused at d, a point at Z spreads over
+    (f/N) · f/(d − f) · |Z − d| / Z.
+    """
+    z, d = np.asarray(distance, float), np.asarray(focused, float)
+    return np.asarray(focal, float) / f_number * magnification(focal, d) * np.abs(z - d) / z
+
+
+def hyperfocal_distance(focal: ArrayLike, f_number: ArrayLike, circle: ArrayLike) -> Array:
+    """Least focused distance H = f²/(Nc) + f at which infinity is sharp enough (Appendix A)."""
+    f = np.asarray(focal, float)
+    return f**2 / (np.asarray(f_number, float) * np.asarray(circle, float)) + f
+
+
+def depth_of_field(
+    focal: ArrayLike, f_number: ArrayLike, distance: ArrayLike, circle: ArrayLike
+) -> tuple[Array, Array]:
+    """Nearest and farthest sharp depth of a thin lens, all lengths in one unit (Appendix A).
+
+    With the hyperfocal distance H = f²/(Nc) + f, near is d(H − f)/(H + d − 2f), and far is
+    d(H − f)/(H − d), or infinite from d = H on. NaN unless d > f.
+
+    Parameters
+    ----------
+    focal, f_number : array_like
+        Focal length f, and N.
+    distance, circle : array_like
+        Focused distance d, and largest circle of confusion c on the sensor.
+    """
+    f, d = np.asarray(focal, float), np.asarray(distance, float)
+    H = hyperfocal_distance(f, f_number, circle)
+    d = np.where((d > f) & np.isfinite(H), d, np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near = d * (H - f) / (H + d - 2 * f)
+        far = np.where(d >= H, np.inf, d * (H - f) / (H - d))
+    return near[()], far[()]
+
+
+# Two parallel cameras (Appendix B).
+
+
+def disparity(depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike) -> Array:
+    """Difference u₁ − u₂ = b f / Z in px of the two images of a point at depth Z (Appendix B)."""
+    return np.asarray(baseline, float) * focal_px / np.asarray(depth, float)
+
+
+def stereo_depth(disparity_px: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike) -> Array:
+    """Depth Z = b f / (u₁ − u₂) of a point seen by two parallel cameras, in the baseline's unit."""
+    return np.asarray(baseline, float) * focal_px / np.asarray(disparity_px, float)
+
+
+def depth_error(
+    depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike, disparity_error: ArrayLike
+) -> Array:
+    """First-order error Z²/(b f) · δ of a depth for an error δ in px of the disparity."""
+    z = np.asarray(depth, float)
+    return z**2 / (np.asarray(baseline, float) * focal_px) * np.asarray(disparity_error, float)
+
+
+# Projections (2.1) and homogeneous coordinates (Appendix C).
+
+
+def weak_perspective(cameras: CameraArray, points: ArrayLike) -> Array:
+    """Images with one depth for all points, the mean of theirs (eq. 2.6, 2.7).
+
+    Parameters
+    ----------
+    cameras : CameraArray
+        The cameras.
+    points : array_like, shape (3, points)
+        World points in m.
+
+    Returns
+    -------
+    ndarray, shape (cameras, 2, points)
+        u and v in px.
+    """
+    X = np.asarray(points, float)
+    seen = cameras.R_camera_world @ (X - cameras.centres[:, :, None])
+    seen[:, 2] = seen[:, 2].mean(axis=1, keepdims=True)
+    flat = cameras.K @ seen
+    return flat[:, :2] / flat[:, 2:]
+
+
+def homogeneous(points: ArrayLike) -> Array:
+    """Coordinates (..., n) with a last one of 1 beside them, shape (..., n + 1) (eq. 2.10, C.1)."""
+    x = np.asarray(points, float)
+    return np.concatenate([x, np.ones_like(x[..., :1])], axis=-1)
+
+
+def from_homogeneous(points: ArrayLike) -> Array:
+    """All coordinates but the last, divided by it (eq. C.1); not finite for points at infinity."""
+    x = np.asarray(points, float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return x[..., :-1] / x[..., -1:]
+
+
+def join(first: ArrayLike, second: ArrayLike) -> Array:
+    """Line through two points, or common point of two lines, of the projective plane (Appendix C).
+
+    Both are triples: a point lies on a line if their product is zero. Parallel lines meet in a
+    point whose last coordinate is zero.
+    """
+    return np.cross(np.asarray(first, float), np.asarray(second, float))
+
+
+# Pictures: pixels and colours (2.2.3, 2.3).
+
+
+def block_means(picture: ArrayLike, block: int) -> Array:
+    """The picture with coarser pixels: means over blocks of `block` by `block` pixels.
+
+    Raises
+    ------
+    ValueError
+        If the blocks do not fill the picture.
+    """
+    fine = np.asarray(picture, float)
+    rows, columns = fine.shape[:2]
+    if block < 1 or rows % block or columns % block:
+        raise ValueError(f"block: given {block}, allowed: a divisor of {rows} and {columns}")
+    split = fine.reshape(rows // block, block, columns // block, block, *fine.shape[2:])
+    return np.asarray(split.mean(axis=(1, 3)))
+
+
+def bayer_masks(shape: tuple[int, int], pattern: str = "RGGB") -> NDArray[np.bool_]:
+    """Which pixels see red, green and blue, shape (rows, columns, 3) (Fig. 2.4).
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Rows and columns.
+    pattern : str
+        Colours of the top-left two by two pixels, row by row.
+    """
+    row, column = np.indices(shape)
+    place = 2 * (row % 2) + column % 2
+    colours = np.array(["RGB".index(colour) for colour in pattern])[place]
+    return colours[..., None] == np.arange(3)
+
+
+def bayer_mosaic(picture: ArrayLike, pattern: str = "RGGB") -> Array:
+    """What a sensor under colour filters records of a picture (rows, columns, 3): one each."""
+    rgb = np.asarray(picture, float)
+    return np.where(bayer_masks(rgb.shape[:2], pattern), rgb, 0.0).sum(axis=-1)
+
+
+def demosaic(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
+    """Three colours at every pixel, by bilinear interpolation, shape (rows, columns, 3).
+
+    Missing values are means of the two or four nearest pixels of their colour, weighted at the
+    border by those that there are; recorded values stay. Exact for colours that change linearly,
+    but for the border.
+    """
+    raw = np.asarray(mosaic, float)
+    masks = bayer_masks(raw.shape, pattern)
+    result = np.empty((*raw.shape, 3))
+    for colour in range(3):
+        kernel = _GREEN if colour == 1 else _RED_OR_BLUE
+        mask = masks[..., colour].astype(float)
+        with np.errstate(invalid="ignore"):  # a picture of one row lacks a colour: NaN
+            mean = _filtered(raw * mask, kernel) / _filtered(mask, kernel)
+        result[..., colour] = np.where(masks[..., colour], raw, mean)
+    return result
+
+
+def _filtered(values: Array, kernel: Array) -> Array:
+    """Correlation with a 3×3 kernel; zeros beyond the border."""
+    rows, columns = values.shape
+    padded = np.pad(values, 1)
+    shifted = [
+        kernel[i, j] * padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)
+    ]
+    return np.asarray(np.sum(shifted, axis=0))

@@ -1,0 +1,157 @@
+"""The law of rounding: what whole pixels do to a displacement, in expectation (beyond the thesis).
+
+Let a coordinate be rounded on a grid that is shifted by a random fraction of a pixel, uniform over
+one pixel. Each rounding error then has variance 1/12 px². Two images of one marker that lie δ px
+apart on the same grid have errors whose difference has variance f(1 − f), f the fractional part of
+|δ|: the difference of the rounded values is one of the two whole numbers next to δ, the upper with
+probability f. Whole-pixel motion is measured without error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.triangulation import gain
+
+Array = NDArray[np.float64]
+
+
+def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array:
+    """Shifts of the cameras' pixel grids, a function of (seed, trial, camera) alone.
+
+    Parameters
+    ----------
+    seed, trials, n_cameras : int
+        Seed, last trial, number of cameras.
+    first : int
+        First trial wanted.
+
+    Returns
+    -------
+    ndarray, shape (trials + 1 - first, n_cameras, 2)
+        Shifts in px, uniform in ±½; trial 0 is the literal run and has none.
+    """
+    shifts = np.zeros((trials + 1 - first, n_cameras, 2))
+    for trial in range(max(first, 1), trials + 1):
+        # Philox is counter-based: the trial is its own stream, the camera the place in it.
+        stream = np.random.Generator(np.random.Philox(key=[seed, trial]))
+        shifts[trial - first] = stream.random((n_cameras, 2)) - 0.5
+    return shifts
+
+
+def difference_variance(displacement_px: ArrayLike) -> Array:
+    """Variance f(1 − f) in px² of the rounding error of a displacement, f = frac |δ|."""
+    delta = np.asarray(displacement_px, float)
+    f = np.abs(delta - np.rint(delta))  # or 1 − f, which gives the same
+    return f * (1 - f)
+
+
+def mean_difference_variance(displacement_px: ArrayLike, least: float, most: float) -> Array:
+    """Mean of f(1 − f) in px² over motions from `least` to `most` times a displacement, evenly.
+
+    Towards 1/6 for a range of many pixels, to 0 for what does not move: of ⌊x⌋/6 + f²/2 − f³/3, the
+    integral of f(1 − f) from 0 to x, the difference between both ends.
+    """
+    delta = np.abs(np.asarray(displacement_px, float))
+
+    def total(x: Array) -> Array:
+        whole = np.floor(x)
+        f = x - whole
+        return np.asarray(whole / 6 + f**2 / 2 - f**3 / 3)
+
+    span = (most - least) * delta
+    rise = total(most * delta) - total(least * delta)
+    # Of next to no motion f(1 − f) is the motion, and the difference of integrals rounding noise.
+    small = span < 1e-6
+    return np.where(small, (least + most) / 2 * delta, rise / np.where(small, 1, span))
+
+
+def deflection_variance(
+    P: ArrayLike,
+    rest: ArrayLike,
+    deflected: ArrayLike,
+    rest_is_known: bool = False,
+    normals: ArrayLike | None = None,
+) -> Array:
+    """First-order variance of the measured deflection Z − Z_rest over random grid shifts.
+
+    With g = ∂Z/∂m of the refined point at rest (r) and deflected (d), a coordinate adds
+    Var(g_d ε_d − g_r ε_r) = (g_d − g_r)²/12 + g_d g_r f(1 − f), and g_d²/12 if the rest position
+    is known.
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    rest, deflected : array_like, shape (3, ...)
+        World points in m.
+    rest_is_known : bool
+        Whether the rest position is known rather than rebuilt from rounded pixels.
+    normals : array_like, shape (3, ...), optional
+        Unit vectors along which deflections are measured, in place of Z.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Variance in m².
+    """
+    g_d = _along(gain(P, deflected), normals)
+    if rest_is_known:
+        return np.asarray(np.sum(g_d**2, axis=(0, 1)) / 12)
+    g_r = _along(gain(P, rest), normals)
+    f = difference_variance(project(P, deflected) - project(P, rest))
+    return np.asarray(np.sum((g_d - g_r) ** 2 / 12 + g_d * g_r * f, axis=(0, 1)))
+
+
+def _along(gains: Array, normals: ArrayLike | None) -> Array:
+    """Gains (3, cameras, 2, ...) of points as those of their component along Z or along normals."""
+    if normals is None:
+        return np.asarray(gains[2])
+    return np.asarray(np.sum(gains * np.asarray(normals, float)[:, None, None], axis=0))
+
+
+def error_covariance(distance_px: ArrayLike) -> Array:
+    """Covariance 1/12 − f(1 − f)/2 in px² of the rounding errors of two coordinates on one grid.
+
+    `distance_px` is how far they lie apart, f its fractional part: both errors are the same
+    sawtooth of the grid's shift, moved against each other.
+    """
+    return 1 / 12 - difference_variance(distance_px) / 2
+
+
+def deflection_covariance(
+    P: ArrayLike, rest: ArrayLike, deflected: ArrayLike, rest_is_known: bool = False
+) -> Array:
+    """First-order covariance of the measured deflections of all markers over random grid shifts.
+
+    All images in one coordinate of one camera share its shift, so their rounding errors go
+    together; this matters where markers are summed, as in sound. The diagonal is
+    :func:`deflection_variance`.
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    rest, deflected : array_like, shape (3, markers)
+        World points in m.
+    rest_is_known : bool
+        Whether the rest position is known rather than rebuilt from rounded pixels.
+
+    Returns
+    -------
+    ndarray, shape (markers, markers)
+        Covariance in m².
+    """
+    points = np.stack([np.asarray(deflected, float), np.asarray(rest, float)], axis=1)
+    signs = np.array([1.0, -1.0])
+    if rest_is_known:
+        points, signs = points[:, :1], signs[:1]
+    n_markers = points.shape[2]
+    images = project(P, points).reshape(-1, len(signs) * n_markers)
+    gains = (gain(P, points)[2] * signs[:, None]).reshape(images.shape)
+    total = np.zeros((images.shape[1],) * 2)
+    for a, g in zip(images, gains, strict=True):
+        total += error_covariance(a[:, None] - a) * (g[:, None] * g)
+    return total.reshape(len(signs), n_markers, len(signs), n_markers).sum(axis=(0, 2))

@@ -1,0 +1,96 @@
+"""Deflections measured with whole pixels, and how wrong they are."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thesis_lib.vision.analytic_centre import analytic_centre
+from thesis_lib.vision.pinhole import CameraArray, pixelate, project
+from thesis_lib.vision.triangulation import triangulate
+
+LEAST_SQUARES = "least-squares"
+
+Array = NDArray[np.float64]
+
+
+def assurance(measured: Array, reference: Array) -> Array:
+    """Modal assurance criterion of shapes (..., markers) over the markers that are known.
+
+    (Σ w φ)² / (Σ w² Σ φ²): 1 for shapes that differ in size alone; NaN without known markers.
+    """
+    known = np.isfinite(measured)
+    m, r = np.where(known, measured, 0), np.where(known, reference, 0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sum(m * r, -1) ** 2 / (np.sum(m * m, -1) * np.sum(r * r, -1)))
+
+
+def heights(P: Array, uv: Array, estimator: str, normals: Array | None = None) -> Array:
+    """Heights in m of points from rounded images (cameras, 2, ...), by one of the estimators.
+
+    They are Z, or what points (3, ..., markers) have along the markers' normals (3, markers).
+    """
+    centre = estimator == "analytic-centre"
+    points = analytic_centre(P, uv).points if centre else triangulate(P, uv)
+    return points[2] if normals is None else np.einsum("k...m,km->...m", points, normals)
+
+
+def measure(
+    cameras: CameraArray,
+    points: Array,
+    shifts: Array,
+    rest_is_known: bool = False,
+    estimator: str = LEAST_SQUARES,
+    normals: Array | None = None,
+) -> Array:
+    """Deflections that cameras with whole pixels measure.
+
+    Parameters
+    ----------
+    cameras : CameraArray
+        The cameras.
+    points : ndarray, shape (3, 1 + modes, markers)
+        Marker positions in m: at rest, then deflected.
+    shifts : ndarray, shape (trials, cameras, 2)
+        Shift of each camera's pixel grid in px.
+    rest_is_known : bool
+        Subtract the true rest position instead of the rebuilt one.
+    estimator : str
+        ``least-squares`` or ``analytic-centre``: the centre of the slabs that the rounded images
+        leave, which a shifted grid moves along.
+    normals : ndarray, shape (3, markers), optional
+        Unit vectors along which deflections are measured, in place of Z.
+
+    Returns
+    -------
+    ndarray, shape (modes, trials, markers)
+        Measured deflections in m.
+    """
+    P = cameras.P
+    shift = np.moveaxis(shifts, 0, 2)[:, :, None, :, None]
+    if rest_is_known:
+        images = project(P, points[:, 1:])[:, :, :, None] + shift
+        rest = points[2, 0] if normals is None else np.sum(points[:, 0] * normals, axis=0)
+        return heights(P, pixelate(images) - shift, estimator, normals) - rest
+    images = project(P, points)[:, :, :, None] + shift
+    height = heights(P, pixelate(images) - shift, estimator, normals)
+    return height[1:] - height[0]
+
+
+def percent_errors(measured: Array, reference: Array) -> tuple[Array, Array, Array]:
+    """Point, mean (rms) and largest error in % of the largest reference deflection.
+
+    Equations 3.22 and 3.23; `measured` is (modes, trials, markers), `reference` (modes, markers).
+    """
+    scale = 100 / np.max(np.abs(reference), axis=-1)
+    point = np.abs(measured - reference[:, None]) * scale[:, None, None]
+    return point, np.sqrt(np.mean(point**2, axis=-1)), np.max(point, axis=-1)
+
+
+def modal_assurance(measured: Array, reference: Array) -> Array:
+    """Modal assurance criterion |mᵀr|² / (mᵀm · rᵀr), from 0 to 1; NaN if nothing moves."""
+    cross = np.einsum("mtp,mp->mt", measured, reference)
+    norms = np.einsum("mtp,mtp->mt", measured, measured)
+    with np.errstate(invalid="ignore"):
+        result: Array = cross**2 / (norms * np.sum(reference**2, axis=-1)[:, None])
+    return result

@@ -1,0 +1,1 @@
+"""Pieces of pages that need no server: fragments, viewer, tables, pages of their own."""

@@ -1,0 +1,121 @@
+// Viewer of one parametric study: linked panels (a) cameras, (b) and (c) what was measured, (d) mean errors.
+// Front end of thesis_lib.web.viewer.Viewer in the form anywidget expects; static_html runs it without a kernel.
+import { createBars } from "./bars.js";
+import { KINDS, figure, fill, html, icon, isNumber, mark, path, show, svg, swatch } from "./parts.js";
+import { createSketch } from "./sketch.js";
+import { createStudy } from "./study.js";
+import "./beam.js";
+import "./plate.js";
+import "./sound.js";
+
+function render({ model, el }) {
+  const uid = `tl-${Math.random().toString(36).slice(2, 10)}`; // several viewers share one page
+  const study = createStudy(model);
+  const controls = html("div", { class: "tl-controls" }), title = html("p", { class: "tl-title" });
+  const key = html("ul", { class: "tl-key" }), grid = html("div", { class: "tl-grid" });
+  const summary = html("p", { class: "tl-summary", "aria-live": "polite", "data-testid": "summary" });
+  const names = { "data-testid": "viewer", "aria-label": "Results by case and mode" };
+  const root = html("section", { class: "tl-viewer", ...names });
+  const [a, d] = [figure("a", svg("svg")), figure("d", svg("svg"))];
+  const sketch = createSketch(a, study), bars = createBars(d, study, uid, highlight);
+  let panels = null; // those of the kind of structure
+
+  // --- controls
+  const choose = (name, value) => { model.set(name, value); model.save_changes(); };
+  function select(label, options, value, testid, onChange) {
+    const box = html("select", { "data-testid": testid },
+      ...options.map(([id, words]) => html("option", { value: id }, words)));
+    box.value = value;
+    box.addEventListener("change", () => onChange(box.value));
+    controls.append(html("label", { class: "tl-field" }, html("span", {}, label), box));
+  }
+  function buildControls() {
+    const { cases, modes } = study.data, names = cases.map((one) => [one.name, `${one.name} – ${one.title}`]);
+    controls.replaceChildren();
+    if (names.length > 1) select("Case", names, study.case().name, "case", (value) => choose("case", value));
+    const buttons = modes.map(({ mode, frequency_hz: frequency }) => {
+      const hertz = isNumber(frequency) ? ` ${show(frequency)} Hz` : "";
+      const attributes = { "data-testid": `mode-${mode}`, "aria-label": `Mode ${mode}${hertz}` };
+      const input = html("input", { type: "radio", name: uid, ...attributes });
+      input.addEventListener("change", () => choose("mode", mode));
+      return html("label", {}, input, html("span", {}, `${mode}`, html("small", {}, hertz)));
+    });
+    const group = html("div", { class: "tl-modes" }, ...buttons);
+    controls.append(html("fieldset", { class: "tl-field" }, html("legend", {}, "Mode"), group));
+    select("Compare", [["extremes", "best and worst"], ["all", "all settings"]], study.compare, "compare",
+      (value) => { study.compare = value; highlight(); });
+  }
+
+  // --- updating
+  function highlight() { // the bars keep their elements: a redraw would move the focus
+    panels.highlight();
+    for (const node of root.querySelectorAll("[data-setting]")) {
+      const i = Number(node.dataset.setting), tabindex = i === (study.focused ?? study.pinned ?? 0) ? 0 : -1;
+      node.dataset.state = study.stateOf(i);
+      if (node.matches(".tl-bar")) fill(node, { "aria-pressed": i === study.pinned, tabindex });
+      if (node.matches("li")) node.querySelector("em").textContent = ` ${study.extremeWord(i)}`.trimEnd();
+    }
+    summary.textContent = study.summarise();
+    sketch.draw();
+  }
+  function update() {
+    const one = study.case(), { mode } = study.mode(), number = one.figures?.[mode];
+    const [box] = controls.querySelectorAll("[data-testid=case]");
+    if (box) box.value = one.name;
+    controls.querySelector(`[data-testid=mode-${mode}]`).checked = true;
+    title.replaceChildren(html("strong", {}, one.title),
+      html("span", {}, number ? ` · figure ${number} of the thesis` : ""));
+    sketch.label();
+    bars.label();
+    panels.draw();
+    bars.draw();
+    highlight();
+  }
+  function changeCase() {
+    study.pinned = study.hovered = study.focused = null;
+    const curves = study.data.structure.kind === "beam"; // a curve has a line through its marks
+    const sample = (i) => icon(26, path("tl-line", "M1 7H25"), path("tl-mark", mark(i, 13, 7, 3)));
+    key.replaceChildren();
+    const reference = icon(26, path("tl-reference", "M2 7H24"));
+    if (curves) key.append(html("li", {}, reference, html("span", {}, "reference")));
+    study.settings().forEach(({ label }, i) => key.append(
+      html("li", { style: study.tint(i), "data-setting": i },
+        curves ? sample(i) : swatch(i), html("span", {}, label, html("em")))));
+    update();
+  }
+  function changeData() {
+    study.data = model.get("data");
+    panels?.stop();
+    const { cases, structure } = study.data, kind = structure?.kind, known = cases?.length && KINDS[kind];
+    root.replaceChildren(...(known ? [controls, title, key, summary, grid] : ["No results to show."]));
+    if (!known) return;
+    panels = KINDS[kind](study, uid);
+    root.dataset.kind = kind;
+    grid.replaceChildren(a.node, ...panels.figures, d.node);
+    buildControls();
+    fit();
+    changeCase();
+  }
+  function fit() {
+    const before = study.width;
+    study.wide = root.classList.toggle("tl-wide", root.clientWidth >= 660);
+    study.width = Math.round(a.node.clientWidth) || 480;
+    study.full = grid.clientWidth || 480;
+    return study.width !== before;
+  }
+
+  el.replaceChildren(root);
+  changeData();
+  const handlers = { "change:case": changeCase, "change:mode": update, "change:data": changeData };
+  Object.entries(handlers).forEach(([name, handler]) => model.on(name, handler));
+  const observer = new ResizeObserver(() =>
+    requestAnimationFrame(() => { if (root.contains(grid) && fit()) update(); }));
+  observer.observe(root);
+  return () => {
+    observer.disconnect();
+    panels?.stop();
+    Object.entries(handlers).forEach(([name, handler]) => model.off(name, handler));
+  };
+}
+
+export default { render };

@@ -1,0 +1,123 @@
+"""The interactive viewer of a parametric study, with or without a kernel.
+
+`Viewer` is an anywidget for live notebooks. Beside its widget view it offers `static_html`, which
+carries the same JavaScript and the data, and so runs in a page without a server or a network.
+"""
+
+import hashlib
+import html
+import json
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+ASSETS = Path(__file__).parent / "assets"
+VIEWER_CSS = (ASSETS / "viewer.css").read_text(encoding="utf-8")
+KINDS = ("beam", "plate", "sound")
+_IMPORT = re.compile(r'^import (?:\{[^}]*\} from )?"\./(\w+)\.js";\n', re.MULTILINE)
+
+WITHOUT = "This viewer needs JavaScript; the figures below show the same results."
+_FRAGMENT = """\
+<div class="tl-fragment" data-tl-fragment="%(id)s"%(prints)s>
+<noscript>%(without)s</noscript>
+</div>
+<style>%(css)s</style>
+<script type="module">
+%(esm)s
+const state = %(state)s;
+function createModel(values = { ...state }, handlers = {}) {
+  const of = (event) => (handlers[event] ??= new Set());
+  return {
+    get: (name) => values[name],
+    set(name, value) {
+      if (values[name] === value) return;
+      values[name] = value;
+      [...of(`change:${name}`)].forEach((handler) => handler());
+    },
+    on: (event, handler) => of(event).add(handler),
+    off: (event, handler) => (handler ? of(event).delete(handler) : of(event).clear()),
+    save_changes() {}, send() {},
+  };
+}
+for (const el of document.querySelectorAll('[data-tl-fragment="%(id)s"]:not([data-mounted])')) {
+  el.dataset.mounted = "";
+  widget.render({ model: createModel(), el });
+}
+</script>
+"""
+
+
+def joined(front: str, *kinds: str) -> str:
+    """Write a front end and what it imports as one module, without the panels of other kinds."""
+    modules = {kind: "" for kind in KINDS if kind not in kinds}
+
+    def add(name: str) -> None:
+        if name in modules:
+            return
+        modules[name] = ""  # a part stands behind those it needs, also if they need each other
+        text = (ASSETS / f"{name}.js").read_text(encoding="utf-8")
+        for needed in _IMPORT.findall(text):
+            add(needed)
+        del modules[name]
+        modules[name] = re.sub(r"^export (?!default )", "", _IMPORT.sub("", text), flags=re.M)
+
+    add(front)
+    return "".join(modules.values())
+
+
+def plain(value: object) -> Any:
+    """Copy JSON data: floats to 6 significant digits, NaN and infinities to None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value
+
+
+def static_html(
+    esm: str,
+    css: str,
+    state: Mapping[str, object],
+    without: str = WITHOUT,
+    prints: bool = False,
+) -> str:
+    """Write a widget as a self-contained HTML fragment that needs no kernel, server or network.
+
+    Parameters
+    ----------
+    esm, css : str
+        The front end, an ES module whose one ``export default`` has `render`, and its styles.
+    state : Mapping[str, object]
+        The traits it reads. Floats are written with 6 digits, NaN and infinities as null.
+    without : str
+        What is said where there is no JavaScript.
+    prints : bool
+        Whether it is worth printing as it first stands; else the printed book has a line instead.
+
+    Returns
+    -------
+    str
+        A function of the arguments alone; it may stand on a page more than once.
+
+    Raises
+    ------
+    ValueError
+        If `esm` has not one ``export default``, or if `esm` or `css` would end its element.
+    TypeError
+        If `state` is not JSON-serialisable.
+    """
+    body, exports = re.subn(r"^export default ", "const widget = ", esm, flags=re.MULTILINE)
+    if exports != 1:
+        raise ValueError(f"esm: {exports} lines start with 'export default', 1 expected")
+    if re.search(r"</?script|<!--", esm, re.I) or re.search(r"</style", css, re.I):
+        raise ValueError("esm or css: holds a tag or comment that would break out of its element")
+    text = json.dumps(plain(state), allow_nan=False, separators=(",", ":"))  # ASCII only
+    text = re.sub("[<>&]", lambda match: f"\\u{ord(match[0]):04x}", text)  # no tag can begin or end
+    key = hashlib.sha256("\0".join((esm, css, text)).encode()).hexdigest()[:16]
+    parts = {"id": key, "css": css.strip(), "esm": body.strip(), "state": text}
+    printed = " data-tl-print" if prints else ""
+    return _FRAGMENT % {**parts, "without": html.escape(without), "prints": printed}

@@ -1,0 +1,331 @@
+"""Self-contained pages: an executed notebook, or a list of links, as one HTML file.
+
+A page loads nothing, which its own content security policy enforces. It is for a single run; the
+book is rendered by :mod:`thesis_lib.book.site`.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Mapping, Sequence
+from functools import partial
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import nbformat
+from markdown_it import MarkdownIt
+from mdit_py_plugins.amsmath import amsmath_plugin
+from mdit_py_plugins.colon_fence import colon_fence_plugin
+from mdit_py_plugins.deflist import deflist_plugin
+from mdit_py_plugins.dollarmath import dollarmath_plugin
+from pygments import highlight  # type: ignore[import-untyped, unused-ignore]
+from pygments.formatters import HtmlFormatter  # type: ignore[import-untyped, unused-ignore]
+from pygments.lexers import PythonLexer  # type: ignore[import-untyped, unused-ignore]
+
+from thesis_lib import records
+from thesis_lib.asides import aside
+
+__all__ = ["INSTALLED", "MATHJAX", "BookError", "index_page", "page", "shell"]
+
+MATHJAX = "mathjax/tex-svg-full.js"
+"""Path of MathJax inside ``build/assets``: one file, drawing with SVG, without fonts to load."""
+INSTALLED = ".installed.json"
+"""Record of what was installed there."""
+
+_SUMMARY = {"parameters": "Default parameters", "injected-parameters": "Parameters of this run"}
+_IMAGES = ("image/svg+xml", "image/png", "image/jpeg", "image/gif")
+_ROLE = re.compile(r"\{([\w:]+)\}`([^`]+)`")
+_TARGET = re.compile(r"(.+?)\s*<([^<>]+)>", re.DOTALL)
+_BOOK_LINK = re.compile(r'<a href="(?![\w+.-]+:|#|[^"]*\.html)[^"]*">(.*?)</a>', re.DOTALL)
+_LABELLED = re.compile(r"\$\$\s*\(([\w:.-]+)\)")
+_ANSI = re.compile(r"\x1b\[[0-9;]*m")
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' blob: data:; style-src 'unsafe-inline'; "
+    "img-src data: blob:; media-src data: blob:; font-src data:; connect-src data: blob:"
+)
+_CSS = """
+:root { color-scheme: light dark; --line: #8886; --soft: #8881; --link: light-dark(#0a5aa8, #8cc2ff); }
+body { font: 1rem/1.55 system-ui, sans-serif; margin: 0 auto; max-width: 54rem; padding: 1rem;
+  background: light-dark(#fff, #14181e); color: light-dark(#222, #ddd); overflow-wrap: break-word; }
+a { color: var(--link); }
+h1, h2, h3 { line-height: 1.25; }
+img, svg, canvas, video { max-width: 100%; }
+select, input { max-width: 100%; font: inherit; }
+figure { margin: 1.5rem 0; }
+figure img { background: #fff; border-radius: 4px; display: block; height: auto; margin: 0 auto; }
+figcaption { font-size: .9rem; opacity: .85; margin-top: .4rem; }
+pre { background: var(--soft); font-size: .82rem; line-height: 1.35; padding: .6rem; }
+pre, .output, .scroll, .math.block { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .85rem; }
+.output :is(th, td) { white-space: nowrap; }
+th, td { border-bottom: 1px solid var(--line); padding: .25rem .6rem; text-align: right; }
+aside { border-left: 3px solid var(--link); padding: .1rem 1rem; background: var(--soft); }
+details { border-left: 3px solid var(--line); margin: .5rem 0; padding-left: .6rem; }
+summary { cursor: pointer; font-size: .8rem; opacity: .75; }
+.tl-under-figure { font-size: .82rem; margin-top: -1rem; }
+.tl-provenance :is(dd, code) { overflow-wrap: anywhere; }
+.tl-provenance .tl-download { border: 1px solid; border-radius: 4px; padding: .2rem .7rem; }
+mjx-container[jax="SVG"] { max-width: 100%; overflow: auto hidden; vertical-align: bottom; }
+mjx-container[jax="SVG"] > svg { max-width: none; }
+@media (prefers-color-scheme: dark) {
+  .output.html:not(:has(table.dataframe, .tl-fragment, .theme-aware)) { background: #fff; color: #222;
+    color-scheme: light; border-radius: 4px; padding: .5rem; } }
+@media (max-width: 600px) { pre, table { font-size: .72rem; } }
+@media print { details::details-content { content-visibility: visible !important; } pre { white-space: pre-wrap; } }
+"""  # noqa: E501
+# Equations are where `_math` has put them, and nowhere else: not in what readers have named. And
+# what they say makes no links, attributes or scripts.
+_MATHJAX_SETUP = """{
+  options: {enableMenu: false, ignoreHtmlClass: "plain", processHtmlClass: "math"},
+  tex: {packages: {"[-]": ["html", "require", "autoload"]}},
+  svg: {fontCache: "local"}}"""
+_CODE_CSS = "\n".join(
+    (
+        HtmlFormatter(style="xcode", nobackground=True).get_style_defs(".highlight"),
+        "@media (prefers-color-scheme: dark) {",
+        HtmlFormatter(style="github-dark", nobackground=True).get_style_defs(".highlight"),
+        "}",
+    )
+)
+
+
+class BookError(RuntimeError):
+    """The book or a page could not be made; the message says what a person can do about it."""
+
+
+def page(notebook: Path, title: str) -> str:
+    """Turn an executed notebook into one self-contained HTML page.
+
+    Parameters
+    ----------
+    notebook : pathlib.Path
+        An executed notebook. Its cells may carry the tags ``hide-input``, ``remove-input``,
+        ``remove-output`` and ``remove-cell``, and ``mystnb`` metadata: ``figure.name``,
+        ``figure.caption`` and ``image.alt``.
+    title : str
+        Title of the page, plain text.
+
+    Returns
+    -------
+    str
+        The page. It holds MathJax if the notebook has equations and the assets are installed
+        in ``build/assets`` of the project; otherwise equations stay as TeX.
+
+    Raises
+    ------
+    BookError
+        If the notebook cannot be read.
+    """
+    try:
+        cells = nbformat.read(notebook, as_version=4).cells
+    except (OSError, ValueError, AttributeError) as error:
+        reason = str(error).splitlines() or [type(error).__name__]
+        raise BookError(f"cannot read the notebook {notebook}: {reason[0]}") from error
+    text = _Text(cells)
+    body = "\n".join(_cell(cell, text) for cell in cells)
+    mathjax = mathjax_path()
+    script = ""
+    if 'class="math ' in body and mathjax.is_file():
+        if damage := damaged_assets(mathjax.parents[1]):
+            aside(f"{damage}; equations stay as TeX until `thesis book` installs it anew")
+            return shell(title, body)
+        script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
+    return shell(title, body, script)
+
+
+def mathjax_path() -> Path:
+    """Where MathJax is, once a book was rendered."""
+    return Path(__file__).resolve().parents[3] / "build" / "assets" / MATHJAX
+
+
+def damaged_assets(assets: Path) -> str:
+    """What in a folder of installed assets is not what was installed, or empty."""
+    return records.damage(assets / INSTALLED, [assets / Path(MATHJAX).parent])
+
+
+def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
+    """Make a small self-contained page of links.
+
+    Parameters
+    ----------
+    title : str
+        Title of the page, plain text.
+    entries : sequence of (str, str)
+        Label and relative address of each link, plain text.
+
+    Returns
+    -------
+    str
+        The page.
+    """
+    items = "".join(
+        f'<li><a href="{escape(href)}">{escape(label)}</a></li>\n' for label, href in entries
+    )
+    return shell(title, f"<h1>{escape(title)}</h1>\n<ul>\n{items}</ul>\n")
+
+
+class _Text:
+    """Markdown of one notebook: the part of MyST that makes sense on a page of its own."""
+
+    def __init__(self, cells: Sequence[Mapping[str, Any]]) -> None:
+        prose = "\n".join(cell["source"] for cell in cells if cell["cell_type"] == "markdown")
+        self.equations = {name: i for i, name in enumerate(_LABELLED.findall(prose), 1)}
+        self.parser = self._parser(html=True)
+        self.of_outputs = self._parser(html=False)
+
+    def _parser(self, html: bool) -> MarkdownIt:
+        parser = (
+            MarkdownIt("commonmark", {"html": html})
+            .enable("table")
+            .use(dollarmath_plugin, renderer=_math, label_renderer=str, double_inline=True)
+            .use(amsmath_plugin, renderer=lambda tex: _math(tex, {"display_mode": True}))
+            .use(colon_fence_plugin)
+            .use(deflist_plugin)
+        )
+        rules: dict[str, Any] = parser.renderer.rules  # type: ignore[attr-defined]
+        rules["math_block_label"] = self._equation
+        rules["colon_fence"] = partial(self._aside, parser)
+        rules["table_open"] = lambda *_: '<div class="scroll" tabindex="0"><table>\n'
+        rules["table_close"] = lambda *_: "</table></div>\n"
+        return parser
+
+    def html(self, source: str, own: bool = True) -> str:
+        """Render Markdown; a link into the book, which is not there, becomes plain words.
+
+        HTML in it counts if the notebook itself says so (`own`). What a program has put out may
+        hold a reader's words, and stays text.
+        """
+        parser = self.parser if own else self.of_outputs
+        html = str(parser.render(_ROLE.sub(self._role, source)))
+        return _BOOK_LINK.sub(r"\1", html)
+
+    def _role(self, match: re.Match[str]) -> str:
+        role, content = match.groups()
+        given = _TARGET.fullmatch(content)
+        words, target = given.groups() if given else ("", content)
+        if role == "eq" and target in self.equations:
+            return f"[({self.equations[target]})](#equation-{target})"
+        if role.startswith("cite"):
+            return f"[{target}]"
+        if role == "math":
+            return f"${content}$"
+        return words or (f"*{target}*" if role in ("eq", "ref", "doc") else f"`{target}`")
+
+    def _equation(self, tokens: Sequence[Any], index: int, *_: object) -> str:
+        label, tex = tokens[index].info, tokens[index].content
+        number = self.equations.get(label, 0)
+        equation = _math(tex, {"display_mode": True}, number)
+        return f'<div id="equation-{escape(label)}">{equation}</div>\n'
+
+    def _aside(self, parser: MarkdownIt, tokens: Sequence[Any], index: int, *_: object) -> str:
+        info = re.sub(r"^\{[\w-]+\}\s*", "", tokens[index].info)
+        lines = tokens[index].content.splitlines()
+        inner = "\n".join(line for line in lines if not re.match(r":[\w-]+:", line))
+        heading = f"<p><strong>{escape(info)}</strong></p>" if info else ""
+        return f"<aside>{heading}{parser.render(inner)}</aside>\n"
+
+
+def _math(tex: str, options: Mapping[str, Any], number: int = 0) -> str:
+    """One equation, as MathJax finds it."""
+    if not options.get("display_mode"):
+        return f'<span class="math inline">\\({escape(tex.strip())}\\)</span>'
+    tag = f"\\tag{{{number}}}" if number else ""
+    return f'<div class="math block">\\[{escape(tex.strip())}{tag}\\]</div>\n'
+
+
+def _cell(cell: Mapping[str, Any], text: _Text) -> str:
+    """One cell of a notebook."""
+    tags = set(cell["metadata"].get("tags", ()))
+    if "remove-cell" in tags or cell["cell_type"] == "raw":
+        return ""
+    if cell["cell_type"] == "markdown":
+        return text.html(cell["source"])
+    parts = []
+    if cell["source"].strip() and not tags & {"remove-input", "remove_input"}:
+        summary = next((_SUMMARY[tag] for tag in sorted(tags) if tag in _SUMMARY), "Program")
+        state = " open" if "injected-parameters" in tags else ""
+        code = highlight(cell["source"], PythonLexer(), HtmlFormatter())
+        parts.append(f"<details{state}><summary>{summary}</summary>{code}</details>")
+    if not tags & {"remove-output", "remove_output"}:
+        shown = "\n".join(_output(output, cell, text) for output in cell["outputs"])
+        if tags & {"hide-output", "hide_output", "hide-cell", "hide_cell"} and shown:
+            shown = f"<details><summary>Output</summary>{shown}</details>"
+        parts.append(shown)
+    return "\n".join(parts)
+
+
+def _output(output: Mapping[str, Any], cell: Mapping[str, Any], text: _Text) -> str:
+    """One output of a code cell, in a figure if the cell says so."""
+    if output["output_type"] == "stream":
+        return "" if output["name"] == "stderr" else _pre(output["text"])
+    if output["output_type"] == "error":
+        return _pre("\n".join(output["traceback"]))
+    html = _data(output["data"], str(_myst(cell, "image").get("alt", "")), text)
+    if not html:
+        return ""
+    kind = "output html" if "text/html" in output["data"] else "output"
+    html = f'<div class="{kind}">{html}</div>'
+    figure = _myst(cell, "figure")
+    if not figure:
+        return html
+    name = f' id="{escape(str(figure["name"]))}"' if figure.get("name") else ""
+    caption = text.html(str(figure.get("caption", "")))
+    caption = f"<figcaption>{caption}</figcaption>" if caption else ""
+    return f"<figure{name}>{html}{caption}</figure>"
+
+
+def _data(data: Mapping[str, Any], alt: str, text: _Text) -> str:
+    """Choose the richest form of an output that needs neither a kernel nor a network."""
+    if "text/html" in data:
+        return str(data["text/html"])
+    for mime in _IMAGES:
+        if mime in data:
+            svg = mime == "image/svg+xml"
+            content = base64.b64encode(data[mime].encode()).decode() if svg else data[mime]
+            content = "".join(content.split())
+            return f'<img src="data:{mime};base64,{content}" alt="{escape(alt)}">'
+    if "text/markdown" in data:
+        return text.html(data["text/markdown"], own=False)
+    if "text/latex" in data:
+        return f'<div class="math block">{escape(data["text/latex"])}</div>'
+    return _pre(data["text/plain"]) if "text/plain" in data else ""
+
+
+def _pre(text: str) -> str:
+    """Text as it was printed."""
+    return f"<pre>{escape(_ANSI.sub('', text))}</pre>"
+
+
+def _myst(cell: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Read ``mystnb`` options of a cell; empty where they are missing or malformed."""
+    options = cell["metadata"].get("mystnb", {})
+    found = options.get(key, {}) if isinstance(options, dict) else {}
+    return dict(found) if isinstance(found, dict) else {}
+
+
+def shell(title: str, body: str, mathjax: str = "") -> str:
+    """A whole HTML page around `body`, which loads nothing; with MathJax if that is given."""
+    body = body.replace("<pre>", '<pre tabindex="0">')  # wide ones scroll, also by keyboard
+    scripts = ""
+    if mathjax:
+        setup = f"window.MathJax = {_MATHJAX_SETUP};"
+        scripts = f"<script>{setup}</script>\n<script>{mathjax}</script>\n"
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(title)}</title>
+<link rel="icon" href="data:,">
+<style>{_CSS}{_CODE_CSS}</style>
+</head>
+<body class="plain">
+<main>
+{body}
+</main>
+{scripts}</body>
+</html>
+"""

@@ -1,0 +1,102 @@
+"""The viewer of results as a widget."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import anywidget
+import traitlets
+
+from thesis_lib.web.fragment import KINDS, VIEWER_CSS, joined, plain, static_html
+
+_ESM = joined("viewer", *KINDS)
+
+
+class Viewer(anywidget.AnyWidget):
+    """Linked panels for one study: the cameras, what they measured, and the error of each setting.
+
+    The reader chooses the case and the mode, sees the best and the worst setting, and highlights
+    any setting by pointing at its bar. A beam shows curves, a plate maps of its markers, a sound
+    study the pressure on two planes at any instant of the period. Where no kernel runs, the view of
+    `static_html` is shown.
+
+    Parameters
+    ----------
+    data : dict
+        The study, JSON-serialisable; a number that does not exist is None or NaN. Keys:
+
+        ``structure``
+            ``{"kind": "beam", "length_mm": 623, "width_mm": 30}``, clamped at −X; the kind may also
+            be ``plate`` or ``sound`` (of a plate), which differ as said below. A plate that is no
+            rectangle has ``contours_mm``, closed curves [[X, Y], …] about the box's centre: the
+            outline, then holes the other way round.
+        ``parameter``
+            The varied one: ``{"name": "aperture_deg", "label": "aperture", "unit": "°"}``. A name
+            that begins with aperture, distance or width is drawn into the camera sketch.
+        ``words``
+            What the key says: ``{"draws": what differs from trial to trial, "predicts": what
+            ``predicted`` stands for}``.
+        ``x_mm``, ``colors``
+            Lists: marker positions from the clamp; a hexadecimal colour per setting of a case.
+        ``modes``
+            List of ``{"mode": 1, "frequency_hz": 6.31, "reference_mm": [one per marker]}``.
+        ``cases``
+            List of ``{"name": "2a", "title": str, "figures": {"1": "3.7"}, "settings": […]}``;
+            ``figures`` maps a mode to the figure of the thesis. A setting is ``{"label": "16°",
+            "value": 16, "cameras": [[distance_mm, azimuth_deg, elevation_deg]], "resolution":
+            [320, 180], "in_view": share of marker images on the sensor, "modes": [one per mode]}``,
+            and each of its modes ``{"measured_mm": [one per marker], "point_error": [one per
+            marker], "mean", "median", "low", "high", "predicted", "stated": None | [low, high]}``:
+            errors in percent of the largest reference deflection, ``mean`` of trial 0, ``low`` and
+            ``high`` the 5 and 95 % quantiles; an end of ``stated`` is None where it is open.
+
+        Only a plate has ``grid``, ``[15, 10]`` markers along X and Y; its ``x_mm`` and ``y_mm`` are
+        the coordinates of the columns and rows from the plate's corner, and a list with one entry
+        per marker runs along X first. ``point_error`` may be missing. Plate and sound have
+        ``colormap``, hexadecimal colours from −max to max, the middle one for 0.
+
+        A sound study has no ``x_mm``, ``reference_mm``, ``measured_mm`` and ``point_error``, but:
+
+        ``planes``
+            List of ``{"name": "XZ" | "YZ", "u_mm": [min, max], "z_mm": [min, max], "shape": [nu,
+            nz]}``; u is X or Y from the plate's centre, the outermost points lie at min and max.
+        ``pressure_unit``, ``nodal_note``
+            The unit for the colour bar; the words for a plane without reference pressure.
+        ``modes[…]["fields"]``
+            The ideal field, ``{"XZ": F, "YZ": F}``, where F is ``{"scale": Pa per 127, "re":
+            base64 of int8, "im": …}`` with the index ``iu * nz + iz``; drawn is Re(p e^{jωt}).
+        ``cases[…]["extremes"]``
+            ``{"1": {"best": {"index": i, "fields": {"XZ": F, "YZ": F}}, "worst": …}}``, by mode:
+            the settings with the least and the largest mean error of the deflection.
+        ``cases[…]["settings"][…]["modes"][…]``
+            ``{"planes": {"XZ": E, "YZ": E}, "deflection": {"mean": 3.1}}``, where E has ``mean`` to
+            ``stated`` as above, or is None on a nodal plane.
+    case : str, optional
+    mode : int, optional
+        What to show first; the first case or mode of the data if unknown.
+    """
+
+    _esm = _ESM
+    _css = VIEWER_CSS
+    data = traitlets.Dict().tag(sync=True)
+    case = traitlets.Unicode().tag(sync=True)
+    mode = traitlets.Int(1).tag(sync=True)
+
+    @traitlets.validate("data")
+    def _plain_data(self, proposal: Mapping[str, Any]) -> Any:
+        return plain(proposal["value"])
+
+    def __repr__(self) -> str:
+        cases = ", ".join(str(one["name"]) for one in self.data.get("cases", [])) or "none"
+        label, case = self.data.get("parameter", {}).get("label"), self.case or "first"
+        return f"Viewer(varied: {label}; cases: {cases}; shown: {case}, mode {self.mode})"
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
+        kind = self.data.get("structure", {}).get("kind")
+        esm = joined("viewer", kind) if kind in KINDS else _ESM
+        page = static_html(
+            esm, VIEWER_CSS, {"data": self.data, "case": self.case, "mode": self.mode}
+        )
+        return {**data, "text/plain": repr(self), "text/html": page}, metadata

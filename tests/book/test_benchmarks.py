@@ -1,0 +1,156 @@
+"""Benchmarks beside the peers: they run, count rightly, and the page says what was measured."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from benchmarks import limits, peers, publish, rayleigh
+from thesis_lib import files
+from thesis_lib.book.pieces import benchmarks as benchmark_tables
+from thesis_lib.book.pieces import write as pieces_write
+
+OPERATIONS = """
+import numpy as np
+from thesis_lib.vision import compiled
+
+class Counted:
+    count = 0
+    def __init__(self, value):
+        self.value = value
+    def _do(self, other, work):
+        Counted.count += 1
+        return Counted(work(self.value, getattr(other, "value", other)))
+    __add__ = lambda self, other: self._do(other, lambda a, b: a + b)
+    __sub__ = lambda self, other: self._do(other, lambda a, b: a - b)
+    __mul__ = lambda self, other: self._do(other, lambda a, b: a * b)
+    __truediv__ = lambda self, other: self._do(other, lambda a, b: a / b)
+    __rtruediv__ = lambda self, other: self._do(other, lambda a, b: b / a)
+
+def counted(shape):
+    values = np.random.default_rng(0).uniform(1, 2, shape)
+    return np.vectorize(Counted, otypes=[object])(values)
+
+n, B = 3, compiled.BLOCK
+P, images, block = counted((n, 3, 4)), counted(2 * n * B), counted(13 * B)
+for work in (
+    lambda: compiled._add_linear(P, counted((2, n, 1)), counted((n, 2, B)), images, block),
+    lambda: compiled._add_reprojection(P, images, block),
+    lambda: compiled._add_solution(block),
+):
+    Counted.count = 0
+    work()
+    print(Counted.count / B)
+"""
+
+
+def test_flops_are_those_of_the_compiled_way():
+    pytest.importorskip("numba", reason="numba is not installed")
+    run = subprocess.run(
+        [sys.executable, "-c", OPERATIONS], capture_output=True, text=True, check=True,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+    )  # fmt: skip
+    linear, reprojection, solution = map(float, run.stdout.split())
+    assert limits.flops(3, 0) == linear + solution
+    # The first step adds the solution to zero, as every other one does to the point.
+    assert limits.flops(3, 3) == linear + solution + 3 * (reprojection + solution)
+
+
+def test_limits_are_those_of_a_machine():
+    found = limits.measure(repetitions=2, matrix=64, stream=2**16, passes=10_000)
+    assert found.peak > 0.1
+    assert found.bandwidth > 0.1
+    by_memory = 1e3 * found.bandwidth / limits.traffic(12)
+    by_arithmetic = 1e3 * found.peak / limits.flops(12, 3)
+    assert found.rate(12, 3) == pytest.approx(min(by_memory, by_arithmetic))
+
+
+@pytest.fixture(scope="module")
+def timed():
+    """Few points; peers of which some need seconds to start are left out."""
+    absent = ("aniposelib", "numba", *peers.missing())
+    return {n: list(peers.compare(n, 2, most=200, absent=absent)) for n in (2, 3)}
+
+
+def test_contenders_estimate_the_same_points(timed):
+    names = {t.name for t in timed[2]}
+    assert {"thesis_lib, NumPy", "SciPy least_squares, each point"} <= names
+    assert "OpenCV triangulatePoints" in names
+    assert "OpenCV triangulatePoints" not in {t.name for t in timed[3]}
+    for rows in timed.values():
+        for t in rows:
+            assert len(t.rates) == 2
+            assert min(t.rates) > 0
+            # 600 coordinates of 200 points: a relative scatter of 1/√(2 · 200) or a little more.
+            assert 0.8 * t.bound_um < t.error_um < (1.25 if t.refined else 2) * t.bound_um
+        refined = [t.error_um for t in rows if t.refined]
+        np.testing.assert_allclose(refined, refined[0], rtol=1e-4)
+
+
+def test_refined_contenders_meet_the_bound_of_a_simulation(timed):
+    scene = peers.scene(3, 20_000)
+    points = peers.triangulate(scene.cameras.P, scene.uv)
+    rms = 1e6 * np.sqrt(np.mean(np.sum((points - scene.points) ** 2, axis=0)))
+    (t,) = [t for t in timed[3] if t.name == "thesis_lib, NumPy" and t.refined]
+    assert rms == pytest.approx(t.bound_um, rel=0.02)
+
+
+def test_transfers_agree():
+    rows = rayleigh.compare(repetitions=1, shape=(13, 9))
+    assert rows[0].difference == 0
+    assert all(0 < row.difference < 1e-12 for row in rows[1:3])
+    assert all(row.rate > 0 for row in rows)
+
+
+def test_a_run_is_written_and_told(timed, tmp_path):
+    measured = limits.Limits(100.0, 20.0, "a guess")
+    every = [t for rows in timed.values() for t in rows]
+    data = publish.run(measured, every, rayleigh.compare(repetitions=1, shape=(5, 3)))
+    path = tmp_path / "benchmarks.json"
+    publish.write(data, path)
+    assert benchmark_tables.read(path) == data == json.loads(path.read_text(encoding="utf-8"))
+    for part in ("machine", "targets", "comparison", "needs", "rayleigh", "plan"):
+        header, rows = getattr(benchmark_tables, part)(data)
+        assert rows
+        assert {len(row) for row in rows} == {len(header)}
+    assert data["machine"]["processor"] in dict(benchmark_tables.machine(data)[1])["machine"]
+    rates = dict(zip((t.name + str(t.cameras) + str(t.refined) for t in every),
+                     (t.rate for t in every), strict=True))  # fmt: skip
+    row = benchmark_tables.comparison(data)[1][0]
+    assert float(row[3]) == pytest.approx(rates["thesis_lib, NumPy2False"], rel=1e-2)
+
+
+def test_ratios_are_taken_within_a_round():
+    one, other = {"rates": [4.0, 1.0, 9.0]}, {"rates": [2.0, 1.0, 3.0]}
+    assert benchmark_tables.ratio(one, other) == 2
+
+
+def test_plan_is_computed_from_the_rates():
+    data = {
+        "limits": {"bandwidth": 2.16},
+        "triangulation": [{"name": "thesis_lib, compiled", "refined": True, "cameras": 12,
+                           "bytes": 216, "rates": [10.0]}],
+    }  # fmt: skip
+    ((*_, images, points, held, one, two, eight, many, fed),) = benchmark_tables.plan(data)[1]
+    assert (images, points, held) == ("192 GB", "24 GB", "216 MiB")
+    assert (one, two, eight, many, fed) == ("1.7 min", "50 s", "12 s", "3.1 s", "1")
+
+
+def test_page_takes_every_number_from_the_published_run():
+    page = (files.project_root() / "book" / "benchmarks.md").read_text(encoding="utf-8")
+    included = re.findall(r"include\} executed/([\w-]+)\.md", page)
+    assert sorted(included) == sorted(benchmark_tables.PIECES)
+    assert set(included) <= set(pieces_write.PIECES)
+    data = benchmark_tables.read()
+    assert {row["cameras"] for row in data["triangulation"]} == {2, 4, 12}
+    text = pieces_write.PIECES["benchmarks-comparison"]({})
+    assert len(text.splitlines()) == len(data["triangulation"]) + 2
+
+
+def test_without_a_published_run_the_page_says_so(monkeypatch, tmp_path):
+    monkeypatch.setattr(benchmark_tables, "published_path", lambda: tmp_path / "none.json")
+    assert {piece() for piece in benchmark_tables.PIECES.values()} == {benchmark_tables.NOT_YET}

@@ -1,0 +1,378 @@
+"""Every page of the rendered book, opened from its folder without a network."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+import nbformat
+import pytest
+
+pytest.importorskip("playwright", reason="the browser tests need the playwright package")
+
+import axe
+from browser import Opened, browser, find_browser, open_offline, server
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+from playwright.sync_api import Browser, Page, TimeoutError
+
+from thesis_lib.book import site as book
+from thesis_lib.web import page as web_page
+from thesis_lib.web.page import BookError, index_page
+
+BOOK = Path(__file__).parents[2] / "build" / "html"
+PAGES = sorted(
+    path.relative_to(BOOK).as_posix()
+    for path in BOOK.rglob("*.html")
+    if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
+)
+
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="no Chromium or Chrome on this machine"
+)
+
+
+def needs_book(test: T) -> T:
+    """Mark a test, or a class of them, that opens the rendered book."""
+    rendered = pytest.mark.skipif(not PAGES, reason="no book in build/html: render it first")
+    return pytest.mark.book(rendered(test))
+
+
+T = TypeVar("T")
+PAINT_MS = 1000
+PICTURES = """() => [...document.querySelectorAll('.cell_output svg, .cell_output canvas')]
+    .map(one => one.tagName === 'CANVAS' ? one.toDataURL() : one.innerHTML).join()
+    + (document.querySelector('.tl-ledger-count')?.textContent ?? '')"""
+FACTS = """async () => {
+    const all = (css, of) => [...document.querySelectorAll(css)].map(of);
+    const images = [...document.querySelectorAll('.bd-article img')];
+    images.forEach(image => { image.loading = 'eager'; });
+    await Promise.allSettled(images.map(image => image.decode()));
+    return {
+        images: images.map(image => [image.src, image.naturalWidth, image.alt]),
+        links: all('a[href]', link => link.href),
+        math: all('.math', one => one.querySelectorAll('mjx-container svg').length),
+        mistakes: all('mjx-merror, [data-mjx-error]', one => one.textContent),
+        text: document.body.innerText,
+        paint_ms: performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN,
+    };
+}"""
+SAME = (".bd-sidebar-primary", ".bd-header-article", ".bd-footer")  # on every page
+
+
+@dataclass
+class Visit:
+    """What one page was seen to hold and to do."""
+
+    trouble: list[str]
+    sideways_px: int
+    images: list[tuple[str, int, str]]
+    links: list[str]
+    math: list[int]
+    mistakes: list[str]
+    text: str
+    paint_ms: float
+    answers: bool | None = None  # whether a choice changes a picture; None without a choice
+    inaccessible: tuple[str, ...] = ()
+
+
+def look(opened: Opened) -> Visit:
+    opened.page.mouse.wheel(0, 20_000)
+    return Visit(
+        sideways_px=opened.sideways_px(),
+        trouble=opened.trouble,
+        **opened.page.evaluate(FACTS),
+    )
+
+
+def choose(page: Page) -> bool | None:
+    """Take another choice in the first widget that has one: whether its picture changes."""
+    lists = page.locator(".cell_output select:has(option:nth-of-type(2))")
+    buttons = page.locator(".cell_output input[type=radio]:not(:checked)")
+    before = page.evaluate(PICTURES)
+    if lists.count():
+        chosen = lists.first.evaluate("one => one.selectedIndex")
+        lists.first.select_option(index=1 if chosen == 0 else 0)
+    elif buttons.count():
+        buttons.first.check(force=True)
+    else:
+        return None
+    try:
+        page.wait_for_function(f"before => ({PICTURES})() !== before", arg=before, timeout=5_000)
+    except TimeoutError:
+        return False
+    return True
+
+
+def use(opened: Opened, name: str) -> Visit:
+    """Look at a page, use its widget, and let the checker of accessibility have it at last."""
+    seen = look(opened)
+    if name.startswith("executed/"):
+        seen.answers = choose(opened.page)
+    seen.trouble = opened.trouble
+    if name != "index.html" and not axe.absent():  # it is intro
+        without = () if name == "intro.html" else SAME
+        found = axe.light_and_dark(opened.page, theme=True, without=without)
+        seen.inaccessible = tuple(found)
+    return seen
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Browser]:
+    with browser() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    """Where a server on this machine has the book."""
+    with server(BOOK) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def visit(running: Browser, address: str) -> Callable[[str, bool], Visit]:
+    """Open a page of the book once from its folder, and once on a phone in the dark over HTTP."""
+
+    @cache
+    def once(name: str, phone: bool) -> Visit:
+        if phone:
+            where = {"width": 390, "dark": True, "served": f"{address}/{name}"}
+            with open_offline(running, BOOK / name, **where) as opened:
+                return look(opened)
+        with open_offline(running, BOOK / name) as opened:
+            return use(opened, name)
+
+    return once
+
+
+@needs_book
+@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("phone", [False, True], ids=["screen, folder", "phone, http"])
+class TestPage:
+    def test_loads_nothing_from_outside_and_makes_no_error(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        assert visit(name, phone).trouble == []
+
+    def test_does_not_scroll_sideways(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        assert visit(name, phone).sideways_px <= 0
+
+    def test_equations_are_typeset(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        assert all(visit(name, phone).math)
+        assert visit(name, phone).mistakes == []
+
+    def test_pictures_are_there_and_described(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        for source, width, alt in visit(name, phone).images:
+            assert width > 0, source
+            assert alt.strip(), source
+            assert not re.search(r"\.(svg|png)$", alt), source
+
+
+@needs_book
+@pytest.mark.parametrize("name", PAGES)
+def test_first_paint_within_a_second(
+    running: Browser, visit: Callable[[str, bool], Visit], name: str
+) -> None:
+    tried = [visit(name, False).paint_ms]
+    while min(tried) > PAINT_MS and len(tried) < 4:  # the machine may have been busy
+        with open_offline(running, BOOK / name) as opened:
+            tried.append(look(opened).paint_ms)
+    assert min(tried) <= PAINT_MS, tried
+
+
+@needs_book
+@pytest.mark.parametrize("name", PAGES)
+def test_references_are_resolved(visit: Callable[[str, bool], Visit], name: str) -> None:
+    assert re.findall(r"\{(?:numref|eq|ref|doc|cite\S*)\}`", visit(name, False).text) == []
+
+
+@needs_book
+@pytest.mark.parametrize("name", PAGES)
+def test_links_lead_to_files_and_anchors(visit: Callable[[str, bool], Visit], name: str) -> None:
+    for link in visit(name, False).links:
+        if link.startswith("file:"):
+            address, _, anchor = link.removeprefix("file://").partition("#")
+            target = Path(address.partition("?")[0])
+            assert target.is_relative_to(BOOK), link
+            assert target.is_file(), link
+            if anchor and target.suffix == ".html":
+                assert anchor in anchors(target), link
+
+
+@cache
+def anchors(page: Path) -> set[str]:
+    """The names of all places of a page."""
+    return set(re.findall(r'\bid="([^"]*)"', page.read_text(encoding="utf-8")))
+
+
+@needs_book
+def test_the_book_with_its_downloads_is_small() -> None:
+    assert sum(file.stat().st_size for file in BOOK.rglob("*") if file.is_file()) < 80e6
+
+
+@needs_book
+@pytest.mark.parametrize("name", [name for name in PAGES if name.startswith("executed/")])
+def test_a_choice_in_a_widget_changes_its_picture(
+    visit: Callable[[str, bool], Visit], name: str
+) -> None:
+    if visit(name, False).answers is None:
+        pytest.skip("no widget with a choice on this page")
+    assert visit(name, False).answers
+
+
+@needs_book
+@pytest.mark.parametrize("name", [name for name in PAGES if name != "index.html"])
+def test_nothing_serious_for_those_who_cannot_see_well(
+    visit: Callable[[str, bool], Visit], name: str
+) -> None:
+    if axe.absent():
+        pytest.skip(axe.absent())
+    assert visit(name, False).inaccessible == ()
+
+
+@needs_book
+@pytest.mark.parametrize("over_http", [False, True], ids=["file", "http"])
+def test_search_finds_a_page(running: Browser, address: str, over_http: bool) -> None:
+    served = f"{address}/search.html" if over_http else ""
+    with open_offline(running, BOOK / "search.html", query="q=monopole", served=served) as opened:
+        opened.page.wait_for_selector("#search-results li a[href*='sound.html']")
+        assert opened.trouble == []
+
+
+@needs_book
+def test_home_shows_on_one_screen_what_this_is(running: Browser) -> None:
+    with open_offline(running, BOOK / "intro.html", height=800) as opened:
+        page = opened.page
+        for css in (".bd-article h1", ".tl-explorer .tl-ex-status", ".tl-explorer .tl-ex-shapes"):
+            box = page.locator(css).first.bounding_box()
+            assert box is not None
+            assert box["y"] >= 0, css
+            assert box["y"] + box["height"] <= 800, css
+        before = page.locator(".tl-ex-status").inner_text()
+        page.locator(".tl-explorer .tl-camera").first.focus()
+        for _ in range(10):
+            page.keyboard.press("ArrowUp")
+        page.wait_for_function(
+            "before => document.querySelector('.tl-ex-status').innerText !== before", arg=before
+        )
+        page.locator(".tl-ex-export a").click()
+        page.wait_for_load_state("load")
+        assert "/explorer.html?" in page.url
+        assert page.locator(".tl-ex-cameras input").count() == 12
+        assert opened.trouble == []
+
+
+@needs_book
+@pytest.mark.parametrize("name", PAGES)
+def test_source_names_no_file_elsewhere(name: str) -> None:
+    html = (BOOK / name).read_text(encoding="utf-8")
+    html = re.sub(r"<script(?![^>]*\bsrc=)[^>]*>.*?</script>", "", html, flags=re.DOTALL)
+    loads = r"""<(?:script|img|iframe|source|link)\b[^>]*?(?:src|href)=["']((?:https?:)?//[^"']+)"""
+    assert re.findall(loads, html) == []
+
+
+SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="900" height="9"><path d="M0 0h900"/></svg>'
+WIDGET = """<select aria-label="x"><option>1</option><option>2</option></select><b id="w">?</b>
+<script type="module">
+const list = document.querySelector("select"), show = () => { w.textContent = "=" + list.value; };
+list.addEventListener("change", show); show();
+</script>"""
+
+
+@pytest.fixture
+def notebook(tmp_path: Path) -> Path:
+    """A small executed notebook with one of everything a page shows."""
+    figure = {"figure": {"name": "fig-a", "caption": "*Error* of $w$."}, "image": {"alt": 'a "b"'}}
+    view = {"application/vnd.jupyter.widget-view+json": {"model_id": "m"}, "text/html": WIDGET}
+    state = {"application/vnd.jupyter.widget-state+json": {"state": {"m": {"secret": 1}}}}
+    cells = [
+        new_markdown_cell("# Head\n\nSee {eq}`eq-a`, [x](some-label).\n\n$$\na^2\n$$ (eq-a)"),
+        new_code_cell("n = 12345  # how many", metadata={"tags": ["injected-parameters"]}),
+        new_code_cell("hidden_word()", metadata={"tags": ["remove-input"]}),
+        new_code_cell(
+            "print(1)", outputs=[new_output("stream", name="stdout", text="<1 & 2>" * 50)]
+        ),
+        new_code_cell(
+            "draw()",
+            metadata={"mystnb": figure},
+            outputs=[new_output("display_data", data={"image/svg+xml": SVG})],
+        ),
+        new_code_cell("explore()", outputs=[new_output("display_data", data=view)]),
+    ]
+    path = tmp_path / "run.ipynb"
+    nbformat.write(new_notebook(cells=cells, metadata={"widgets": state}), path)
+    return path
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_self_contained_page_works_alone(running: Browser, notebook: Path, width: int) -> None:
+    html = notebook.with_suffix(".html")
+    html.write_text(web_page.page(notebook, "<i>R</i> & co"), encoding="utf-8")
+    with open_offline(running, html, width=width) as opened:
+        page = opened.page
+        assert page.title() == "<i>R</i> & co"
+        assert opened.sideways_px() <= 0
+        assert page.locator("figure#fig-a figcaption").inner_text().startswith("Error")
+        assert page.locator("figure#fig-a img").get_attribute("alt") == 'a "b"'
+        assert page.locator("a[href='#equation-eq-a']").inner_text() == "(1)"
+        assert page.locator("a").count() == 1
+        assert page.locator("#w").inner_text() == "=1"
+        page.locator("select").select_option("2")
+        assert page.locator("#w").inner_text() == "=2"
+        assert "<1 & 2>" in page.locator("pre").nth(2).inner_text()
+        assert opened.trouble == []
+
+
+def test_self_contained_page_keeps_the_picture_and_drops_the_rest(notebook: Path) -> None:
+    text = web_page.page(notebook, "run")
+    assert base64.b64encode(SVG.encode()).decode() in text
+    assert "hidden_word" not in text
+    assert "secret" not in text
+
+
+def test_page_without_equations_is_small(tmp_path: Path) -> None:
+    path = tmp_path / "plain.ipynb"
+    nbformat.write(new_notebook(cells=[new_markdown_cell("# Plain, costs 5 $")]), path)
+    assert len(web_page.page(path, "plain")) < 20_000
+
+
+def test_index_page_escapes_and_links(running: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "index.html"
+    path.write_text(index_page("<b>", [("a <x>", "a%20b.html"), ("c", 'd".html')]))
+    with open_offline(running, path, width=390) as opened:
+        links = opened.page.locator("a")
+        assert links.all_inner_texts() == ["a <x>", "c"]
+        assert links.nth(1).get_attribute("href") == 'd".html'
+        assert opened.page.title() == "<b>"
+        assert opened.trouble == []
+
+
+def test_unreadable_notebook_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "bad.ipynb").write_text("{")
+    for name in ("bad.ipynb", "none.ipynb"):
+        with pytest.raises(BookError, match=name) as caught:
+            web_page.page(tmp_path / name, "x")
+        assert "\n" not in str(caught.value)
+
+
+def test_render_does_not_replace_what_is_not_a_book(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(BookError, match="not a book"):
+        book.render(tmp_path, tmp_path)
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+
+
+def test_missing_lock_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BookError, match=r"package-lock\.json"):
+        book.install_assets(tmp_path)

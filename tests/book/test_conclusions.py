@@ -1,0 +1,167 @@
+"""Chapter 7: slopes, ends and counts by closed forms, and a page that does without some cubes."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from thesis_lib.book.conclusions import figure as conclusions_figure
+from thesis_lib.book.conclusions import pixels
+from thesis_lib.book.conclusions import strengths as conclusions
+from thesis_lib.book.conclusions import tables as conclusions_tables
+from thesis_lib.book.conclusions.strengths import KNOBS
+from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.studies import cubes, storage
+from thesis_lib.studies.attributes import with_provenance
+
+
+def power_law(name, knob, power, factor=3.0):
+    """A cube whose errors are exactly a power of what is varied, in every trial."""
+    request = validate(name, {"trials": 5, "modes": [1, 2]})
+    cube = with_provenance(studies.run(request), request, 0.0)
+    x = xr.DataArray(cube["value"].values.astype(float), dims="setting") ** power
+    one = xr.ones_like(cube["mean_error"])
+    return cube.assign(
+        mean_error=factor * one * x, predicted_error=xr.ones_like(cube["predicted_error"]) * x
+    )
+
+
+@pytest.mark.parametrize(
+    ("knob", "name", "power", "ratio"),
+    [
+        ("closer", "beam-distance", 1.0, 500 / 1500),
+        ("closer", "plate-distance", 2.0, (650 / 1500) ** 2),
+        ("finer", "beam-resolution", -1.0, 320 / 1920),
+    ],
+)
+def test_exponents_and_factors_of_a_power_law(conforms, knob, name, power, ratio):
+    (one,) = conclusions.strengths({name: power_law(name, knob, power)}, KNOBS[knob])
+    conforms.closed_form(one.exponents, power, rtol=1e-7)
+    conforms.closed_form(one.predicted, power, rtol=1e-7)
+    conforms.closed_form(one.factors, ratio, rtol=1e-7)
+    assert (one.confident, one.opposite, one.single) == (2, 0, 1)
+
+
+def test_the_opposite_of_a_conclusion_is_seen():
+    cube = power_law("beam-distance", "closer", -0.5)
+    (one,) = conclusions.strengths({"beam-distance": cube}, KNOBS["closer"])
+    assert (one.confident, one.opposite, one.single) == (0, 2, 0)
+    assert "0 of 2 (2 opposite)" in plain(
+        conclusions_tables.PIECES["conclusions-closer"]({"beam-distance": cube})
+    )
+
+
+def plain(text):
+    return text.replace("\N{NO-BREAK SPACE}", " ").replace("\N{WORD JOINER}", "")
+
+
+def test_the_elevation_is_that_of_the_cameras_and_its_law_a_power_of_the_cosine(conforms):
+    cube = power_law("beam-aperture", "lower", 1.0)
+    elevation = np.radians(cube["camera_elevation"].isel(camera=0).values.astype(float))
+    cosine = xr.DataArray(1 / np.cos(elevation), dims="setting")
+    one = xr.ones_like(cube["mean_error"])
+    cube = cube.assign(mean_error=one * cosine)
+    (lower,) = conclusions.strengths({"beam-aperture": cube}, KNOBS["lower"])
+    assert lower.ends == (60, 5)
+    assert len(lower.factors) == 4  # cases 2b and 2d, two modes
+    conforms.closed_form(lower.exponents, -1, rtol=1e-6)
+    conforms.closed_form(lower.factors, np.cos(np.radians(60)) / np.cos(np.radians(5)), rtol=1e-6)
+
+
+def test_stated_factors_are_those_of_the_stated_figures():
+    cube = power_law("beam-distance", "closer", 1.0)
+    stated = {
+        c.mode: c.stated for c in conclusions.curves({"beam-distance": cube}, KNOBS["closer"])
+    }
+    (one,) = conclusions.strengths({"beam-distance": cube}, KNOBS["closer"])
+    expected = [figures[0] / figures[-1] for figures in stated.values()]
+    np.testing.assert_allclose(one.stated, [v for v in expected if np.isfinite(v)])
+    assert one.stated.size
+
+
+def test_settings_without_a_result_are_left_out_and_counted():
+    cube = power_law("beam-distance", "closer", 1.0)
+    gone = cube["mean_error"].where(cube["value"] > 600)
+    (one,) = conclusions.strengths({"beam-distance": cube.assign(mean_error=gone)}, KNOBS["closer"])
+    assert one.ends == (1500, 750)
+    assert one.lost == 1
+    np.testing.assert_allclose(one.exponents, 1)
+
+
+@pytest.mark.parametrize("missing", ["beam-distance", "lab-elevation", "claims", "sound-arrays"])
+def test_a_missing_cube_is_named_and_the_rest_stands(small, tmp_path, monkeypatch, missing):
+    monkeypatch.setattr(pieces_write, "PIECES", conclusions_tables.PIECES)
+    folder = tmp_path / "executed"
+    folder.mkdir()
+    made = [path for name, path in small.items() if name != missing]
+    pieces_write.write(made, folder, [missing])
+    texts = {
+        name: (folder / f"{name}.md").read_text(encoding="utf-8")
+        for name in conclusions_tables.PIECES
+    }
+    assert any(re.search(f"did not run: .*`{missing}`", text) for text in texts.values())
+    if missing == "beam-distance":
+        closer = plain(texts["conclusions-closer"])
+        assert "| plate | 1500 → 650 |" in closer
+        assert "`beam-distance`" in closer
+        assert "`beam-distance`" not in texts["conclusions-finer"]
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """Cubes of some simulations with few trials, as files."""
+    folder = tmp_path_factory.mktemp("cubes")
+    made = {}
+    for name in ("beam-distance", "plate-distance", "beam-resolution", "beam-arrays"):
+        request = validate(name, {"trials": 4})
+        made[name] = folder / f"{name}.nc"
+        storage.write(with_provenance(studies.run(request), request, 0.0), made[name])
+    return made
+
+
+def test_the_figure_draws_what_there_is_and_is_the_same_each_time(small, tmp_path):
+    paths = list(small.values())
+    opened = {path.stem: cubes.read(path) for path in paths}
+    axes = conclusions_figure.draw(opened).axes
+    assert [panel.get_xscale() for panel in axes] == ["log"] * 5
+    lines = [[line for line in panel.lines if line.get_linestyle() != "None"] for panel in axes]
+    assert [len(drawn) for drawn in lines] == [2, 0, 0, 1, 6]
+    (beam, _) = lines[0]
+    rms = np.sqrt((opened["beam-distance"]["mean_error"][:, :, 1:] ** 2).mean("trial"))
+    np.testing.assert_allclose(beam.get_ydata(), np.exp(np.log(rms).mean("mode")), rtol=1e-6)
+    assert axes[0].xaxis_inverted()
+    assert not axes[4].xaxis_inverted()
+    conclusions_figure.write(paths, tmp_path)
+    first = (tmp_path / conclusions_figure.NAME).read_bytes()
+    conclusions_figure.write(paths, tmp_path)
+    assert (tmp_path / conclusions_figure.NAME).read_bytes() == first
+    assert re.search(rb"<svg[^>]*viewBox", first)
+
+
+def test_half_the_error_costs_what_the_exponent_says():
+    cube = power_law("beam-resolution", "finer", -1.0)
+    text = conclusions_tables.PIECES["conclusions-costs"]({"beam-resolution": cube})
+    assert "| finer pixels | beam | W ×2.00 | ×4.0 |" in text
+
+
+def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
+    found = {(one.structure, one.case): one for one in pixels.equal_pixels()}
+    assert len(found) == 12
+    for structure in ("beam", "plate"):
+        cube = studies.run(validate(f"{structure}-arrays", {"trials": 1, "cases": ["4b"]}))
+        law = np.sqrt(np.mean(cube["predicted_error"].values[-1] ** 2))
+        one = found[structure, "4b"]
+        conforms.independent(one.array, law, rtol=1e-3)
+        # Twice as many pixels across as the first pair alone: by the law, at eight cameras.
+        finer = {"trials": 1, "cases": ["4b"], "resolution_px": [640, 360]}
+        pair = studies.run(validate(f"{structure}-arrays", finer))["predicted_error"].values[0]
+        assert one.n_cameras == 8
+        conforms.closed_form(one.pair / np.sqrt(np.mean(pair**2)), below=1 + 1e-3)
+    worse = [key for key, one in found.items() if one.ratio > 1.1]
+    assert worse == [("beam", "4b")]
+    assert "1 is worse by more than 10%, beam 4b" in pixels.pixels()

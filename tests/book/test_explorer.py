@@ -1,0 +1,778 @@
+"""The explorer: its model in the page is the library's, and it can be used in a real browser."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from browser import Opened, open_offline
+from numpy.typing import NDArray
+
+from thesis_lib.book.explorer import Explorer, explorer_data, explorer_html
+from thesis_lib.facts import claims
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, CameraStudy
+from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.studies import published
+from thesis_lib.vibration.structure import deflection_shape, world_points
+from thesis_lib.vision import rounding
+from thesis_lib.vision.pinhole import (
+    ground_sample_distance,
+    hemisphere_cameras,
+    hemisphere_directions,
+    on_sensor,
+    pixelate,
+    project,
+)
+from thesis_lib.vision.simulation import measure, percent_errors
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Locator
+
+EVIL = "</script><script>alert(1)</script><!-- \u2028 <img src=x onerror=alert(2)> & ]]>"
+DATA = explorer_data()
+SUBJECTS = ("beam", "plate")
+STUDIES_OF = {s: [one() for one in CAMERA_STUDIES.values() if one.subject == s] for s in SUBJECTS}
+STRUCTURES = {s: STUDIES_OF[s][0].structure for s in SUBJECTS}
+TWO = "s=beam&m=3&w=320&f=24&d=500&c=20,30;-60,40"
+
+
+def page(*fragments: str) -> str:
+    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+    return f"<!doctype html><html><head>{head}</head><body>{''.join(fragments)}</body></html>"
+
+
+# --- the data
+
+
+def test_data_are_small_and_plain() -> None:
+    assert len(json.dumps(DATA, separators=(",", ":"))) < 80_000
+    assert len(explorer_html()) < 150_000
+    assert json.loads(json.dumps(DATA)) == DATA
+
+
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_setups_are_those_of_the_thesis(subject: str) -> None:
+    given = DATA["structures"][subject]["setups"]
+    settings = [setting for study in STUDIES_OF[subject] for setting in study.settings()]
+    assert [(one["case"], one["label"]) for one in given] == [(s.case, s.label) for s in settings]
+    assert len({one["id"] for one in given}) == len(given) == 56
+    for one, setting in zip(given, settings, strict=True):
+        assert one["d"] == setting.distance_mm
+        assert tuple(one["w"]) == setting.resolution_px
+        assert [tuple(pair) for pair in one["c"]] == list(setting.directions_deg)
+
+
+def test_errors_are_the_published_ones() -> None:
+    for subject in SUBJECTS:
+        number = 0
+        for study in STUDIES_OF[subject]:
+            table = published.read_published(study.name)
+            assert table is not None
+            for setting in study.settings():
+                one = DATA["structures"][subject]["setups"][number]
+                number += 1
+                for error in ("mean_error", "max_point_error"):
+                    for mode in (1, 2, 3):
+                        row = table[
+                            (table["case"] == setting.case)
+                            & (table["value"] == setting.value)
+                            & (table["mode"] == mode)
+                            & (table["error"] == error)
+                        ]
+                        found = row[["trial_0", "median", "low", "high"]].values.tolist()
+                        assert [one["errors"][error][mode - 1]] == found
+
+
+def test_every_claim_about_an_error_is_told() -> None:
+    """At its own setup, or at each of the case if it speaks of all."""
+    told = 0
+    for subject in SUBJECTS:
+        setups = iter(DATA["structures"][subject]["setups"])
+        for study in STUDIES_OF[subject]:
+            mine = [c for c in claims.claims_of(study.name) if c.pair_order != "printed"]
+            for setting in study.settings():
+                stated = next(setups)["stated"]
+                for claim in mine:
+                    here = claim.case == setting.case and (
+                        not claim.values or setting.value in claim.values
+                    )
+                    words = stated[claim.quantity][claim.mode - 1]
+                    text = f"(figure {claim.figure} {claim.panel})"
+                    found = [w for w in words.split("; ") if w.startswith(claim.stated)]
+                    if here:
+                        assert any(text in word for word in found), (claim.id, words)
+                        told += 1
+                    elif claim.case == setting.case and len(words) < 3:
+                        assert not words
+    assert told > 200
+
+
+def test_bundle_has_view_page_and_line() -> None:
+    explorer = Explorer("s=plate&m=2&t=4b-8")
+    data, _ = explorer._repr_mimebundle_()
+    assert set(data) == {"application/vnd.jupyter.widget-view+json", "text/html", "text/plain"}
+    assert data["text/plain"] == "Explorer('s=plate&m=2&t=4b-8')"
+    assert data["text/html"] == explorer_html("s=plate&m=2&t=4b-8")
+    assert data["text/html"].count("<script") == 1
+    assert not re.findall(r"^(?:import|export )(?!default)", Explorer._esm, re.MULTILINE)
+
+
+# --- in a browser
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("explorer") / "the explorer.html"
+    file.write_text(page("<h1 id='top'>Explorer</h1>", explorer_html()), encoding="utf-8")
+    return file
+
+
+def state(opened: Opened) -> dict[str, Any]:
+    """What is shown, once it is."""
+    opened.page.wait_for_function(
+        "() => document.querySelector('.tl-explorer').explorer.app.result?.means.length === 100"
+    )
+    return dict(opened.page.evaluate("document.querySelector('.tl-explorer').explorer.app.state"))
+
+
+def status(opened: Opened) -> str:
+    return opened.page.locator(".tl-ex-status").inner_text()
+
+
+def command(opened: Opened) -> list[str]:
+    return shlex.split(opened.page.locator(".tl-ex-export code").inner_text())
+
+
+def camera(opened: Opened, number: int) -> Locator:
+    return opened.page.get_by_role("slider", name=f"Camera {number}", exact=True)
+
+
+# --- the model
+
+
+def random_setups(count: int) -> list[dict[str, Any]]:
+    """Random layouts from which the markers can be rebuilt."""
+    rng = np.random.default_rng(20240229)
+    found: list[dict[str, Any]] = []
+    while len(found) < count:
+        subject = SUBJECTS[len(found) % 2]
+        n = int(rng.integers(2, 13))
+        directions = np.stack([rng.uniform(-180, 180, n), rng.uniform(4, 88, n)], axis=1)
+        away = hemisphere_directions(*np.radians(directions).T)
+        cosines = (away @ away.T)[np.triu_indices(n, 1)]
+        if np.max(np.abs(cosines)) > math.cos(math.radians(3)):
+            continue
+        width = int(rng.choice([320, 640, 1280, 1920, 333]))
+        shifted = len(found) % 3 != 0  # every third is a literal run
+        found.append(
+            {
+                "subject": subject,
+                "mode": int(rng.integers(1, 4)),
+                "directions": directions.tolist(),
+                "size": [width, round(width * 9 / 16)],
+                "focal_mm": float(rng.uniform(15, 50)),
+                "distance": float(rng.uniform(0.45, 1.6)),
+                "peak": float(rng.uniform(1e-3, 12e-3)),
+                "known": bool(rng.integers(2)),
+                "shifts": rng.uniform(-0.5, 0.5, (n, 2)).tolist() if shifted else None,
+            }
+        )
+    return found
+
+
+IN_PAGE = """setups => {
+  const { model, structures } = document.querySelector('.tl-explorer').explorer;
+  return setups.map(one => {
+    const structure = structures[one.subject], focal = one.focal_mm * one.size[0] / 36;
+    const directions = one.directions.map(pair => pair.map(angle => angle * Math.PI / 180));
+    const P = model.hemisphereCameras(one.distance, directions, focal, one.size);
+    const reference = model.deflectionShape(structure, one.mode, one.peak);
+    const rest = model.worldPoints(structure, reference.map(() => 0));
+    const deflected = model.worldPoints(structure, reference);
+    const shifts = one.shifts && Float64Array.from(one.shifts.flat());
+    const measured = model.measure(P, rest, deflected, shifts, one.known);
+    const plain = array => Array.from(array);
+    return { markers: model.markers(structure), reference, P: plain(P),
+      images: plain(model.project(P, deflected)),
+      pixels: plain(model.pixelate(model.project(P, deflected, shifts))), measured: plain(measured),
+      gain: plain(model.gainZ(P, deflected)),
+      errors: model.percentErrors(measured, reference),
+      variance: plain(model.deflectionVariance(P, rest, deflected, one.known)),
+      inView: model.inView(model.project(P, deflected), one.size, directions.length) };
+  }); }"""
+
+
+def in_library(one: dict[str, Any]) -> dict[str, Any]:
+    """The same by the library."""
+    structure, angles = STRUCTURES[one["subject"]], np.radians(one["directions"])
+    focal = one["focal_mm"] * one["size"][0] / 36
+    cameras = hemisphere_cameras(
+        one["distance"], angles[:, 0], angles[:, 1], focal, tuple(one["size"])
+    )
+    reference = deflection_shape(structure, one["mode"], structure.markers, one["peak"])
+    points = world_points(structure, np.stack([np.zeros_like(reference), reference]))
+    shifts = np.array(one["shifts"] or np.zeros((len(cameras), 2)))
+    measured = measure(cameras, points, shifts[None], one["known"])
+    point, mean, largest = percent_errors(measured, reference[None])
+    images = project(cameras.P, points[:, 1])
+    return {
+        "markers": structure.markers,
+        "reference": reference,
+        "P": cameras.P,
+        "images": images,
+        "pixels": pixelate(images + shifts[:, :, None]),
+        "measured": measured[0, 0],
+        "point": point[0, 0],
+        "mean": mean[0, 0],
+        "largest": largest[0, 0],
+        "variance": rounding.deflection_variance(
+            cameras.P, points[:, 0], points[:, 1], one["known"]
+        ),
+        "inView": np.mean(on_sensor(images, cameras.size)),
+        "pixel": ground_sample_distance(cameras),
+    }
+
+
+@pytest.mark.slow
+def test_the_model_is_the_librarys(conforms, chromium: Browser, path: Path) -> None:
+    setups = random_setups(100)
+    with open_offline(chromium, path) as opened:
+        pages = opened.page.evaluate(IN_PAGE, setups)
+        assert opened.trouble == []
+    worst = {"deflection": 0.0, "error": 0.0, "predicted": 0.0, "image": 0.0}
+    for one, there in zip(setups, pages, strict=True):
+        here = in_library(one)
+
+        def apart(name: str, there: Any = there, here: Any = here) -> float:
+            found: NDArray[np.float64] = np.asarray(there[name], float)
+            return float(np.max(np.abs(found - here[name].reshape(found.shape))))
+
+        conforms.independent(apart("markers"), below=1e-15)
+        conforms.independent(apart("reference"), below=1e-14 * one["peak"])
+        conforms.independent(apart("P"), below=1e-9 * np.max(np.abs(here["P"])))
+        assert apart("pixels") == 0  # to the pixel, ties by the same rule
+        assert there["inView"] == here["inView"]
+        worst["image"] = max(worst["image"], apart("images"))
+        worst["deflection"] = max(worst["deflection"], apart("measured") / one["peak"])
+        errors = there["errors"]
+        for name in ("mean", "largest", "point"):
+            gap = float(np.max(np.abs(np.asarray(errors[name]) - here[name])))
+            worst["error"] = max(worst["error"], gap)
+        scale = 100 / np.max(np.abs(here["reference"]))
+        predicted = [scale * math.sqrt(np.mean(v)) for v in (there["variance"], here["variance"])]
+        worst["predicted"] = max(worst["predicted"], abs(predicted[0] - predicted[1]))
+    print(worst)
+    conforms.independent(worst["image"], below=1e-10)
+    conforms.independent(worst["deflection"], below=1e-9)
+    conforms.independent(worst["predicted"], below=1e-9)
+    conforms.independent(worst["error"], below=1e-7)  # in %: 1e-9 of the reference
+
+
+def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> None:
+    halves = np.arange(-8, 9) / 2
+    noise = np.array([0, 1e-12, -1e-12, 9e-10, -9e-10, 1.1e-9, -1.1e-9, 0.2, -0.2])
+    values = (halves[:, None] + noise).ravel()
+    script = """values => Array.from(document.querySelector('.tl-explorer').explorer.model
+      .pixelate(Float64Array.from(values)))"""
+    with open_offline(chromium, path) as opened:
+        found = opened.page.evaluate(script, values.tolist())
+    np.testing.assert_array_equal(np.abs(found), np.abs(pixelate(values)))
+    np.testing.assert_array_equal(np.asarray(found) + 0.0, pixelate(values) + 0.0)
+
+
+@pytest.mark.slow
+def test_every_setup_of_the_thesis_gives_the_published_literal_run(
+    conforms, chromium: Browser, path: Path
+) -> None:
+    """All cases, modes and both structures, symmetric as they are, with their ties."""
+    script = """() => { const { explorer } = document.querySelector('.tl-explorer'), found = [];
+      for (const [s, { setups, reading }] of Object.entries(explorer.structures))
+        for (const { d, w, c, errors } of setups) for (const m of [1, 2, 3]) {
+          explorer.app.update({ s, m, d, w, c, ...reading });
+          const { mean, largest } = explorer.compute().errors;
+          found.push([mean, errors.mean_error[m - 1][0]],
+            [largest, errors.max_point_error[m - 1][0]]);
+        }
+      return found; }"""
+    with open_offline(chromium, path) as opened:
+        found = np.array(opened.page.evaluate(script))
+        assert opened.trouble == []
+    assert found.shape == (2 * 56 * 3 * 2, 2)
+    conforms.independent(found[:, 0], found[:, 1], rtol=6e-6)
+
+
+@pytest.mark.slow
+def test_the_band_is_that_of_the_library(conforms, chromium: Browser, path: Path) -> None:
+    """Other draws, but the same distribution; and the numbers shown are those computed."""
+    with open_offline(chromium, path, query="s=beam&m=1&t=4a-12") as opened:
+        state(opened)
+        means = opened.page.evaluate(
+            "document.querySelector('.tl-explorer').explorer.app.result.means"
+        )
+        row = DATA["structures"]["beam"]["setups"]
+        published = next(one for one in row if one["id"] == "4a-12")["errors"]["mean_error"][0]
+        conforms.sampled(np.median(means), published[1], rtol=0.1)
+        low, high = np.quantile(means, [0.05, 0.95])
+        conforms.sampled(low, published[2], rtol=0.15)
+        conforms.sampled(high, published[3], rtol=0.15)
+        cell = opened.page.locator(".tl-ex-band").filter(has_text="%").first.inner_text()
+        assert cell.replace("\u00a0", " ") == f"{np.median(means):.1f} ({low:.1f}–{high:.1f}) %"
+        assert f"({low:.1f}–{high:.1f} % over random pixel grids)" in status(opened)
+
+
+# --- using it
+
+
+@pytest.mark.parametrize("query", ["s=beam&m=1&t=4a-12", "s=plate&m=2&t=4a-12"])
+def test_dragging_stays_fluid(chromium: Browser, path: Path, query: str) -> None:
+    """Sixty moves of one of twelve cameras, each drawn in its own frame, with trials between."""
+    script = """async () => { const { explorer } = document.querySelector('.tl-explorer');
+      const start = performance.now();
+      for (let n = 1; n <= 60; n += 1) {
+        const c = explorer.app.state.c.map((one, i) => (i ? one : [n / 2, 20 + n / 2]));
+        explorer.app.update({ c });
+        await new Promise(done => requestAnimationFrame(done));
+        if (document.querySelector('[data-camera="0"]').ariaValueNow != n / 2) throw Error('late');
+      }
+      return 60e3 / (performance.now() - start); }"""
+    with open_offline(chromium, path, query=query, height=800) as opened:
+        state(opened)
+        rates = [opened.page.evaluate(script) for _ in range(3)]
+        print(query, [round(rate, 1) for rate in rates])
+        wanted = 30 if "beam" in query else 15
+        assert max(rates) >= wanted / max(1, os.getloadavg()[0] / (os.cpu_count() or 1))
+        assert opened.trouble == []
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_camera_follows_the_pointer(chromium: Browser, path: Path, width: int) -> None:
+    with open_offline(chromium, path, query=TWO, width=width) as opened:
+        before = state(opened)
+        assert before["c"] == [[20, 30], [-60, 40]]
+        opened.page.locator(".tl-ex-view").scroll_into_view_if_needed()
+        box = camera(opened, 1).locator("circle").bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        if width == 390:
+            touch(opened, [(x + 3 * i, y + 2 * i) for i in range(11)])
+        else:
+            opened.page.mouse.move(x, y)
+            opened.page.mouse.down()
+            opened.page.mouse.move(x + 30, y + 20, steps=5)
+            opened.page.mouse.up()
+        after = state(opened)
+        assert after["c"][1] == [-60, 40]
+        assert after["c"][0] != [20, 30]
+        moved = camera(opened, 1).locator("circle").bounding_box()
+        assert moved is not None
+        assert moved["x"] - box["x"] == pytest.approx(30, abs=4)
+        assert moved["y"] - box["y"] == pytest.approx(20, abs=4)
+        azimuth, elevation = after["c"][0]
+        label = f"azimuth {azimuth:g}°, elevation {elevation:g}°"
+        assert camera(opened, 1).get_attribute("aria-valuetext") == label
+        opened.page.wait_for_timeout(400)
+        assert f"c={azimuth:g},{elevation:g};-60,40" in opened.page.url
+        assert opened.trouble == []
+
+
+def touch(opened: Opened, places: list[tuple[float, float]]) -> None:
+    session = opened.page.context.new_cdp_session(opened.page)
+    for kind, one in [("touchStart", places[0]), *(("touchMove", p) for p in places[1:])]:
+        point = {"x": one[0], "y": one[1]}
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [point]})
+        opened.page.wait_for_timeout(20)
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+
+def test_the_view_turns_and_the_wheel_changes_the_distance(chromium: Browser, path: Path) -> None:
+    def place() -> Any:
+        return camera(opened, 1).locator("circle").bounding_box()
+
+    with open_offline(chromium, path, query=TWO) as opened:
+        start, first = state(opened), place()
+        box = opened.page.locator(".tl-ex-view").bounding_box()
+        assert box is not None
+        opened.page.mouse.move(box["x"] + 12, box["y"] + 12)
+        opened.page.mouse.wheel(0, 100)
+        assert state(opened)["d"] == 500  # the page scrolls until the view is clicked
+        opened.page.mouse.down()
+        opened.page.mouse.move(box["x"] + 80, box["y"] + 12, steps=4)
+        opened.page.mouse.up()
+        opened.page.wait_for_timeout(100)
+        assert abs(place()["x"] - first["x"]) > 5
+        assert state(opened) == start  # only the view has turned
+        opened.page.mouse.wheel(0, 100)
+        opened.page.wait_for_timeout(100)
+        assert state(opened)["d"] == 520
+        opened.page.get_by_label("Distance (mm)").fill("5")
+        assert state(opened)["d"] == 520  # not yet a distance: the beam would reach the cameras
+        opened.page.keyboard.press("Enter")
+        opened.page.wait_for_timeout(100)
+        assert state(opened)["d"] == 318
+        assert opened.page.get_by_label("Distance (mm)").input_value() == "318"
+        assert opened.trouble == []
+
+
+def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
+    focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
+      const ring = getComputedStyle(e.querySelector('circle') ?? e);
+      const sibling = e.nextElementSibling && getComputedStyle(e.nextElementSibling);
+      if (style.outlineStyle === 'none' && ring.stroke === 'none' &&
+        !(e.type === 'radio' && sibling.boxShadow !== 'none')) return 'no outline';
+      return e.getAttribute('aria-label') ??
+        e.closest('fieldset')?.querySelector('legend').innerText ??
+        e.labels?.[0]?.innerText.split('\\n')[0] ?? e.innerText; }"""
+    with open_offline(chromium, path, query=TWO) as opened:
+        state(opened)
+        seen = []
+        for _ in range(21):
+            opened.page.keyboard.press("Tab")
+            seen.append(opened.page.evaluate(focused))
+        each = [
+            words
+            for i in (1, 2)
+            for words in (
+                f"Azimuth of camera {i} in degrees", f"Elevation of camera {i} in degrees",
+            )
+        ]  # fmt: skip
+        assert seen == [
+            "Structure", "Mode", "Setup of the thesis", "Pixels", "Focal length (mm)",
+            "Distance (mm)", "Amplitude (mm)", "Rest position",
+            "The cameras around the structure; arrow keys turn the view", "Camera 1", "Camera 2",
+            *each, "Add a camera", "Copy command", "Copy link", *seen[18:],
+        ]  # fmt: skip
+        camera(opened, 1).focus()
+        for key in ("ArrowRight", "ArrowUp", "ArrowUp", "Shift+ArrowLeft"):
+            opened.page.keyboard.press(key)
+        assert state(opened)["c"] == [[11, 32], [-60, 40]]
+        opened.page.keyboard.press("Delete")
+        assert len(state(opened)["c"]) == 2  # two are the least
+        opened.page.get_by_role("button", name="Add a camera").press("Enter")
+        assert len(state(opened)["c"]) == 3
+        assert opened.page.evaluate(focused) == "Add a camera"
+        camera(opened, 3).press("Delete")
+        assert state(opened)["c"] == [[11, 32], [-60, 40]]
+        assert opened.page.evaluate("document.activeElement.dataset.camera") == "1"
+        opened.page.get_by_label("Elevation of camera 2 in degrees").fill("52.5")
+        assert state(opened)["c"] == [[11, 32], [-60, 52.5]]
+        opened.page.get_by_label("Elevation of camera 2 in degrees").fill("95")
+        opened.page.keyboard.press("Tab")
+        assert state(opened)["c"] == [[11, 32], [-60, 90]]
+        assert opened.trouble == []
+
+
+def test_every_control_has_a_name(chromium: Browser, path: Path) -> None:
+    script = """() => [...document.querySelectorAll(
+      '.tl-explorer :is(input, select, button, svg, [tabindex], table)')]
+      .filter(e => !e.closest('[aria-hidden]')).map(e => [e.tagName,
+      e.getAttribute('aria-label') ?? e.labels?.[0]?.innerText ?? e.caption?.innerText ??
+      e.innerText ?? '', e.getAttribute('role')])"""
+    for query in (TWO, "s=plate&m=2&w=400x300&d=900&t=4e-12"):
+        with open_offline(chromium, path, query=query) as opened:
+            state(opened)
+            named = opened.page.evaluate(script)
+            assert len(named) > 25
+            assert [one for one in named if not one[1].strip()] == []
+
+
+# --- the address
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "s=beam&m=3&w=320&f=24&d=500&c=7.5,15;-7,15",
+        "s=plate&m=2&w=400x300&f=35.5&d=900&a=2.5&r=known&c=0,90;90,5;-90,45",
+        "s=beam&m=2&t=4a%27-6",
+        "s=plate&m=1&t=2c-60",
+        "s=beam&m=1&t=3-320",  # the same cameras as in 1-500
+    ],
+)
+def test_a_link_shows_what_it_says(chromium: Browser, path: Path, query: str) -> None:
+    with open_offline(chromium, path, query=f"{query}&other=1#top") as opened:
+        first = state(opened)
+        opened.page.wait_for_timeout(400)
+        assert opened.page.url == f"{path.as_uri()}?{query}&other=1#top"
+        opened.page.reload()
+        assert state(opened) == first
+        assert opened.trouble == []
+
+
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        ("", {}),
+        ("s=cube&m=4&w=1e9&f=-3&d=12&a=x&r=maybe&t=9z-1&c=1,2", {}),
+        ("c=7,15;7,15", {}),  # one place
+        ("c=0,0;10,20", {}),  # in the plane
+        ("c=NaN,15;Infinity,15", {}),
+        ("c=1,2,3;4,5,6", {}),
+        ("c=" + ";".join(f"{i},20" for i in range(40)), {}),  # too many
+        ("d=320&a=50&c=%3Cb%3E", {"a": 50}),  # it bends farther than that distance
+        ("w=640&m=2&%FF=%FF", {"w": [640, 360], "m": 2}),
+        ("w=8x8", {}),
+        ("w=333", {"w": [333, 187]}),
+    ],
+)
+def test_silly_addresses_are_ignored(
+    chromium: Browser, path: Path, query: str, expected: dict[str, Any]
+) -> None:
+    with open_offline(chromium, path, query=query) as opened:
+        default = {
+            "s": "beam", "m": 1, "d": 500, "w": [320, 180], "f": 24, "a": 5.5, "r": "rebuilt",
+            "c": [[7, 15], [-7, 15], [14, 15], [-14, 15]], "t": "4a-4",
+        }  # fmt: skip
+        assert state(opened) == {**default, **expected}
+        assert opened.trouble == []
+
+
+# --- the thesis
+
+
+def test_a_setup_of_the_thesis_shows_its_published_errors(chromium: Browser, path: Path) -> None:
+    def texts(kind: str) -> list[str]:
+        return [
+            one.replace("\u00a0", " ")
+            for one in opened.page.locator(f"td.tl-ex-{kind}").all_inner_texts()
+        ]
+
+    table = published.read_published("plate-aperture")
+    assert table is not None
+    with open_offline(chromium, path) as opened:
+        state(opened)
+        opened.page.get_by_role("radio", name="Plate").check()
+        opened.page.get_by_role("radio", name="2 585 Hz").check()
+        opened.page.get_by_label("Setup of the thesis").select_option("2b-60")
+        shown = state(opened)
+        assert (shown["s"], shown["m"], shown["d"], shown["c"]) == (
+            "plate", 2, 750, [[90, 60], [-90, 60]],
+        )  # fmt: skip
+        rows = table[(table["case"] == "2b") & (table["value"] == 60) & (table["mode"] == 2)]
+        for i, error in enumerate(("mean_error", "max_point_error")):
+            [row] = rows[rows["error"] == error].to_dict("records")
+            assert texts("published")[i] == texts("literal")[i] == f"{row['trial_0']:.1f} %"
+            assert (
+                texts("spread")[i] == f"{row['median']:.1f} ({row['low']:.1f}–{row['high']:.1f}) %"
+            )
+        assert texts("stated")[0] == "21 % (figure 4.9 d)"
+        opened.page.get_by_label("Distance (mm)").fill("800")
+        state(opened)
+        assert opened.page.get_by_label("Setup of the thesis").input_value() == ""
+        assert texts("published") == texts("spread") == texts("stated") == ["–", "–"]
+        opened.page.get_by_label("Distance (mm)").fill("750")
+        state(opened)
+        assert opened.page.get_by_label("Setup of the thesis").input_value() == "2b-60"
+        opened.page.get_by_role("radio", name="Beam").check()
+        assert state(opened)["d"] == 500  # the beam's setup of that name
+        assert opened.page.get_by_label("Setup of the thesis").input_value() == "2b-60"
+        assert opened.trouble == []
+
+
+def test_words_say_what_is_wrong(chromium: Browser, path: Path) -> None:
+    with open_offline(chromium, path, query="s=beam&m=1&f=100&d=500&c=20,30;-60,40") as opened:
+        state(opened)
+        assert "of marker images in view: move back or shorten the lens" in status(opened)
+        opened.page.get_by_label("Focal length (mm)").fill("15")
+        state(opened)
+        assert status(opened).endswith("; all markers in view.")
+        assert re.match(r"Mean error [\d.]+.% \([\d.]+–[\d.]+ % over random", status(opened))
+
+
+# --- the command
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        TWO,
+        "s=plate&m=2&w=400x300&f=35.5&d=900&a=2.5&r=known&c=0,90;90.25,5;-90,45",
+        "s=beam&m=1&t=4a-12",
+        "s=beam&m=1&a=40&d=300&c=10,0.5;-10,0.5",
+    ],
+)
+def test_the_command_runs_this_layout(chromium: Browser, path: Path, query: str) -> None:
+    with open_offline(chromium, path, query=query) as opened:
+        shown = state(opened)
+        opened.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        opened.page.get_by_role("button", name="Copy command").click()
+        opened.page.get_by_role("button", name="Copied").wait_for()
+        copied = opened.page.evaluate("() => navigator.clipboard.readText()")
+        assert shlex.split(copied) == command(opened)
+        opened.page.get_by_role("button", name="Copy link").click()
+        opened.page.get_by_role("button", name="Copied").nth(1).wait_for()
+        link = opened.page.evaluate("() => navigator.clipboard.readText()")
+        assert link == opened.page.url
+    thesis, run, name, *rest = shlex.split(copied)
+    assert (thesis, run, set(rest[::2])) == ("thesis", "run", {"-p"})
+    study = validate(name, values(rest[1::2]))
+    assert isinstance(study, CameraStudy)
+    assert name == f"{shown['s']}-arrays" in STUDIES
+    [setting] = study.settings()
+    assert setting.distance_mm == shown["d"]
+    assert list(setting.resolution_px) == shown["w"]
+    assert [list(pair) for pair in setting.directions_deg] == shown["c"]
+    assert study.focal_length_mm == shown["f"]
+    assert study.rest == shown["r"]
+    assert study.peaks_m == [shown["a"] / 1000] * 3
+
+
+def values(assignments: list[str]) -> dict[str, Any]:
+    from thesis_lib.runs.requested import assigned_values
+
+    return assigned_values(assignments)
+
+
+def test_a_nearest_camera_still_runs(chromium: Browser, path: Path) -> None:
+    """What the page allows at least, the command allows too."""
+    for subject in SUBJECTS:
+        with open_offline(chromium, path, query=f"s={subject}&m=1&a=100&c=1,1;2,2") as opened:
+            state(opened)
+            opened.page.get_by_label("Distance (mm)").fill("1")
+            opened.page.keyboard.press("Enter")
+            state(opened)
+            validate(f"{subject}-arrays", values(command(opened)[4::2]))
+
+
+# --- the page
+
+
+@pytest.mark.parametrize("width", [1280, 816, 390, 320])
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_nothing_is_wider_than_the_page(
+    chromium: Browser, path: Path, width: int, subject: str
+) -> None:
+    query = f"s={subject}&m=2&w=400x300&c=" + ";".join(
+        f"{15 * i - 177.5},{20 + i}" for i in range(24)
+    )
+    with open_offline(chromium, path, width=width, height=800, query=query) as opened:
+        assert len(state(opened)["c"]) == 24
+        assert opened.sideways_px() <= 0
+        right = opened.page.locator(".tl-explorer").evaluate(
+            "e => Math.max(...[...e.querySelectorAll('*')]"
+            ".filter(one => !one.closest('.tl-ex-view'))"
+            ".map(one => one.getBoundingClientRect().right))"
+        )
+        assert right <= width
+        assert opened.trouble == []
+
+
+def test_it_follows_the_width_of_the_page(chromium: Browser, path: Path) -> None:
+    drawn = """() => [...document.querySelectorAll('.tl-ex-view, .tl-ex-shapes > svg')].every(
+      one => Math.abs(one.viewBox.baseVal.width - one.clientWidth) <= 1)"""
+    with open_offline(chromium, path, query=TWO) as opened:
+        state(opened)
+        for width in (390, 816, 1280):
+            opened.page.set_viewport_size({"width": width, "height": 800})
+            opened.page.wait_for_function(drawn)
+            assert opened.sideways_px() <= 0
+        assert opened.trouble == []
+
+
+def test_it_is_one_screen(chromium: Browser, path: Path, tmp_path: Path) -> None:
+    file = tmp_path / "alone.html"
+    file.write_text(page("<style>body { margin: 0 }</style>", explorer_html()), encoding="utf-8")
+    for query in ("s=beam&m=1&t=4a-12", "s=plate&m=1&t=4a-12"):
+        with open_offline(chromium, file, width=1280, height=800, query=query) as opened:
+            state(opened)
+            assert opened.page.evaluate("document.scrollingElement.scrollHeight") <= 800
+            view, table = (
+                opened.page.locator(f".tl-explorer {css}").bounding_box()
+                for css in (".tl-ex-view", "table")
+            )
+            assert view is not None
+            assert table is not None
+            assert view["x"] + view["width"] < table["x"]
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_text_has_contrast_in_every_theme(
+    chromium: Browser, path: Path, dark: bool, subject: str
+) -> None:
+    script = """e => { const linear = v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+      const light = c => { const [r, g, b] = c.match(/[\\d.]+/g).map(v => linear(v / 255));
+        return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+      const ground = node => { const c = getComputedStyle(node).backgroundColor;
+        return c === 'rgba(0, 0, 0, 0)' ? ground(node.parentElement) : light(c); };
+      const ratio = (node, c) => { const [a, b] = [light(c), ground(node)].sort((x, y) => y - x);
+        return (a + 0.05) / (b + 0.05); };
+      const of = (css, name) => [...e.querySelectorAll(css)].map(
+        node => ratio(node, getComputedStyle(node)[name]));
+      return [ground(e), of(':is(p, td, th, caption, small, button:enabled, input, select, code, ' +
+        'figcaption, span, legend, b, i)', 'color'), of('svg text', 'fill')]; }"""
+    with open_offline(chromium, path, dark=dark, query=f"s={subject}&m=2&t=4a-6") as opened:
+        state(opened)
+        for attribute, expected in ((None, dark), ("dark", True), ("light", False)):
+            if attribute:
+                opened.page.evaluate(
+                    "theme => { document.documentElement.dataset.theme = theme; }", attribute
+                )
+            ground, words, drawn = opened.page.locator(".tl-explorer").evaluate(script)
+            assert (ground < 0.1) is expected
+            assert len(words) > 60
+            assert len(drawn) > 5
+            assert min(words) >= 4.5
+            assert min(drawn) >= 4.5
+
+
+def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None:
+    data = json.loads(json.dumps(DATA))
+    for setup in data["structures"]["beam"]["setups"]:
+        setup |= {"title": EVIL, "label": EVIL, "case": EVIL}
+        setup["stated"] = {error: [EVIL] * 3 for error in setup["stated"]}
+    file = tmp_path / "evil.html"
+    bundle, _ = Explorer(EVIL, data=data)._repr_mimebundle_()
+    file.write_text(page(str(bundle["text/html"])), encoding="utf-8")
+    query = "s=%3Cimg%20src=x%20onerror=alert(3)%3E&t=4a-4&c=%3Cb%3E"
+    for asked in ("", query):
+        with open_offline(chromium, file, query=asked) as opened:
+            opened.page.on("dialog", lambda dialog: opened.console.append(dialog.message))
+            state(opened)
+            assert opened.page.locator("td.tl-ex-stated").first.inner_text() == EVIL
+            assert opened.page.locator(".tl-explorer img, .tl-explorer script").count() == 0
+            assert opened.trouble == []
+
+
+def test_a_notebook_keeps_its_address_in_the_widget(chromium: Browser, path: Path) -> None:
+    """In a live notebook the trait tells the address, and Python may set it."""
+    script = """async ([esm, data]) => {
+      const file = new Blob([esm], { type: 'text/javascript' });
+      const widget = await import(URL.createObjectURL(file));
+      const values = { data, address: 's=plate&m=3&t=1-650' }, handlers = {}, found = [];
+      const model = { get: name => values[name], off() {}, save_changes() {},
+        on: (name, handler) => { handlers[name] = handler; },
+        set: (name, value) => { values[name] = value; } };
+      const el = document.createElement('div');
+      document.body.replaceChildren(el);
+      const close = widget.default.render({ model, el }), wait = () =>
+        new Promise(done => setTimeout(done, 700));
+      const { explorer } = el.querySelector('.tl-explorer');
+      await wait();
+      found.push(values.address);
+      explorer.app.update({ d: 900 });
+      await wait();
+      found.push(values.address);
+      values.address = 's=beam&m=2&t=2c-16';
+      handlers['change:address']();
+      await wait();
+      found.push(values.address, explorer.app.state.c.join(' '));
+      close();
+      return found; }"""
+    with open_offline(chromium, path, query="s=beam&m=1&t=4b-2") as opened:
+        state(opened)
+        opened.page.wait_for_timeout(400)
+        before = opened.page.url
+        found = opened.page.evaluate(script, [Explorer._esm, Explorer().data])
+        assert found == [
+            "s=plate&m=3&t=1-650", "s=plate&m=3&w=320&f=24&d=900&c=30,25;-30,25",
+            "s=beam&m=2&t=2c-16", "-82,10 -98,10",
+        ]  # fmt: skip
+        assert opened.page.url == before
+        assert opened.trouble == []

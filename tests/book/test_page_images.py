@@ -1,0 +1,107 @@
+"""Pictures of pages: loaded when needed, with sizes that their files tell."""
+
+from __future__ import annotations
+
+import base64
+import struct
+from pathlib import Path
+
+import pytest
+
+from thesis_lib.book.images import in_files, lazy, size_px, squeeze
+
+SVG = '<?xml version="1.0"?>\n<svg xmlns="x" width="72pt" height="36.75pt" viewBox="0 0 1 1"/>'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "a b.svg").write_text(SVG, encoding="utf-8")
+    head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 640, 360)
+    (tmp_path / "c.png").write_bytes(head)
+    (tmp_path / "d.svg").write_text('<svg viewBox="0 0 4 3"/>', encoding="utf-8")
+    return tmp_path
+
+
+def test_sizes_are_those_of_the_files(folder: Path) -> None:
+    assert size_px(folder / "a b.svg") == (96, 49)
+    assert size_px(folder / "c.png") == (640, 360)
+    assert size_px(folder / "d.svg") is None
+    assert size_px(folder / "none.png") is None
+    assert size_px(folder) is None
+
+
+def test_pictures_wait_with_their_size(folder: Path) -> None:
+    page = '<p><img alt="a &gt; b" src="a%20b.svg" /></p><img src="c.png" alt="">'
+    assert lazy(page, folder) == (
+        '<p><img alt="a &gt; b" src="a%20b.svg" width="96" height="49" loading="lazy" /></p>'
+        '<img src="c.png" alt="" width="640" height="360" loading="lazy">'
+    )
+    assert lazy(lazy(page, folder), folder) == lazy(page, folder)
+
+
+def test_long_drawings_become_files(folder: Path) -> None:
+    """Twice the same is one file; what is short stays; the page finds it from where it stands."""
+    drawing = SVG.replace("/>", f"><!--{'x' * 20_000}--></svg>")
+    long, short = (base64.b64encode(text.encode()).decode() for text in (drawing, SVG))
+    page = "".join(
+        f'<img alt="a" src="data:image/svg+xml;base64,{c}">' for c in (long, long, short)
+    )
+    deep, images = folder / "executed", folder / "_images"
+    deep.mkdir()
+    images.mkdir()
+    mended = in_files(page, deep, images)
+    (file,) = images.iterdir()
+    assert file.read_text(encoding="utf-8") == drawing
+    assert mended.count(f'src="../_images/{file.name}"') == 2
+    assert short in mended
+    assert long not in mended
+    assert lazy(mended, deep).count('width="96" height="49" loading="lazy"') == 2
+
+
+@pytest.mark.parametrize(
+    "image", ['<img src="d.svg">', '<img src="none.svg">', '<img src="data:image/png;base64,a">',
+              '<img src="c.png" loading="eager">']
+)  # fmt: skip
+def test_what_is_not_known_stays(folder: Path, image: str) -> None:
+    assert lazy(image, folder) == image
+
+
+def test_a_width_of_the_page_stays(folder: Path) -> None:
+    page = '<img src="c.png" style="width: 100%;" />'
+    styled = lazy(page, folder)
+    assert 'style="width: 100%;"' in styled
+    assert (
+        lazy('<img src="c.png" width="9">', folder) == '<img src="c.png" width="9" loading="lazy">'
+    )
+
+
+def test_a_drawing_is_the_same_in_fewer_letters() -> None:
+    drawn = (
+        '<svg>\n  <metadata>\n when </metadata>\n <g style="stroke-width: 0.123456"\n'
+        ' transform="scale(0.015625)">\n <path d="M 1234567.891 -0.004 \nL 2 0.126" x="1.005"/>'
+        "</g></svg>"
+    )
+    assert squeeze(drawn) == (
+        '<svg><g style="stroke-width:0.123456"\n transform="scale(0.015625)">'
+        '<path d="M1234567.89 0L2 0.13" x="1"/></g></svg>'
+    )
+    assert squeeze(squeeze(drawn)) == squeeze(drawn)
+
+
+def test_marks_of_one_style_share_it() -> None:
+    marks = [
+        f'<use xlink:href="#m" x="{x}" y="2" style="fill: {c}; stroke: {c}"/>'
+        for x, c in ((1, "#009e73"), (2, "#009e73"), (3, "red"))
+    ]
+    drawn = "<svg>" + "\n".join(marks) + "</svg>"
+    assert squeeze(drawn) == (
+        '<svg><g style="fill:#009e73;stroke:#009e73"><use xlink:href="#m" x="1" y="2"/>'
+        '<use xlink:href="#m" x="2" y="2"/></g>'
+        '<use xlink:href="#m" x="3" y="2" style="fill:red;stroke:red"/></svg>'
+    )
+    assert squeeze(squeeze(drawn)) == squeeze(drawn)
+
+
+def test_words_in_a_drawing_keep_their_spaces() -> None:
+    drawn = "<svg>\n <text>a <tspan>b</tspan>\n <tspan>c</tspan></text></svg>"
+    assert squeeze(drawn) == drawn

@@ -1,0 +1,237 @@
+"""A small book from end to end: downloads, research object, one zip, and a set that fails."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import zipfile
+from pathlib import Path
+
+import nbformat
+import pytest
+import yaml
+
+pytest.importorskip("jupyter_book", reason="the book needs jupyter-book")
+pytest.importorskip("rocrate", reason="the book's description needs rocrate")
+
+from rocrate.rocrate import ROCrate
+
+from conftest import PROJECT
+from thesis_lib import files
+from thesis_lib.book import crate, downloads, missing
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.files import sha256
+from thesis_lib.studies import cubes
+
+GOOD, BAD = "beam-resolution", "beam-distance"
+ASSETS = PROJECT / "build" / "assets"
+MAKE = f"""
+import sys
+from thesis_lib.book import build as p
+from thesis_lib.book.pieces import write as prose
+from thesis_lib.runs import tasks
+
+p.STUDIES = {{name: p.STUDIES[name] for name in ("{GOOD}", "{BAD}")}}
+prose.PIECES = {{"beam-results": prose.PIECES["beam-results"]}}
+p.pictures.PICTURES = p.walk_numbers.PIECES = {{}}
+p.PAGES = p.reference.PIECES = p.thesis_index.PIECES = p.assumptions.PIECES = {{}}
+p.reference.write = p._walk_through = p._tell = lambda executed: None
+try:
+    print(p.build())
+except tasks.RunError as error:
+    sys.exit(str(error))
+"""
+INTRO = """# A small book
+
+(law-of-rounding)=
+## Law
+
+See [its figure](fig-3-4), {numref}`fig-3-4` and [the other page](executed/beam-resolution.ipynb).
+
+```{include} executed/beam-results.md
+```
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A checkout whose book has two pages of results, made once well and once with one failing."""
+    if not ASSETS.is_dir():
+        pytest.skip("no build/assets: render the book first")
+    from conftest import Checkout
+
+    checkout = Checkout(tmp_path_factory.mktemp("small") / "project")
+    root = checkout.root
+    for name in ("_config.yml", "package.json", "package-lock.json"):
+        shutil.copy(PROJECT / name, root)
+    shutil.copytree(ASSETS, root / "build" / "assets")
+    shutil.copytree(PROJECT / "book" / "assets", root / "book" / "assets")
+    shutil.copy(PROJECT / "book" / "references.bib", root / "book")
+    (root / "book" / "intro.md").write_text(INTRO, encoding="utf-8")
+    chapters = [{"file": f"executed/{name}"} for name in (BAD, GOOD)]
+    toc = {"format": "jb-book", "root": "intro", "chapters": chapters}
+    (root / "book" / "_toc.yml").write_text(yaml.safe_dump(toc), encoding="utf-8")
+    return checkout
+
+
+def make(checkout):
+    return checkout.python("-c", MAKE, cwd=checkout.root, timeout=400)
+
+
+@pytest.fixture(scope="module")
+def whole(small):
+    done = make(small)
+    assert done.returncode == 0, done.stdout + done.stderr
+    copy = shutil.copytree(small.root / "build" / "html", small.root / "whole")
+    shutil.copy(small.root / "build" / f"{downloads.ARCHIVE}.zip", small.root)
+    return copy
+
+
+def page(book: Path, name: str) -> str:
+    return (book / "executed" / f"{name}.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.book
+def test_every_download_is_there_and_is_what_the_page_says(whole):
+    for name in (GOOD, BAD):
+        text = page(whole, name)
+        links = re.findall(r'download="[^"]+" href="\.\./([^"]+)"', text)
+        assert len(links) == 3 + 2
+        assert all((whole / link).stat().st_size > 100 for link in links)
+        digest = sha256(whole / "data" / f"{name}.nc")
+        assert digest in text
+        cube = cubes.read(whole / "data" / f"{name}.nc")
+        assert cube.attrs["figure_set"] == name
+        assert f'id="provenance-{name}"' in text
+        assert text.count(f'href="#provenance-{name}"') == 3
+
+
+@pytest.mark.book
+def test_offered_notebooks_hold_their_text_and_no_pictures(whole):
+    for path in (whole / "_sources" / "executed").glob("*.ipynb"):
+        document = nbformat.read(path, as_version=4)
+        kinds = {k for c in document.cells for o in c.get("outputs", []) for k in o.get("data", {})}
+        assert kinds == {"text/plain", "text/markdown"}
+        assert path.stat().st_size < 100_000
+
+
+@pytest.mark.book
+def test_research_object_reads_back_and_tells_every_run(whole):
+    found = ROCrate(whole)
+    root = found.root_dataset
+    assert root["conformsTo"].id == crate.PROFILE
+    assert root["license"].id == crate.LICENSE
+    assert re.match(r"20\d\d-", str(root["datePublished"]))
+    actions = root["mentions"]
+    assert {action.id for action in actions} == {f"#run-{name}" for name in (GOOD, BAD)}
+    for action in actions:
+        name = action.id.removeprefix("#run-")
+        assert action.type == "CreateAction"
+        assert action["startTime"] < action["endTime"]
+        tool = action["instrument"]
+        assert tool.type == "SoftwareApplication"
+        assert "commit" in tool["softwareVersion"]
+        values = {e["name"]: e["value"] for e in action["object"] if e.type == "PropertyValue"}
+        request = validate(name, {}).request
+        assert set(values) == set(request)
+        assert json.loads(values["modes"]) == request["modes"]
+        results = {entity.id for entity in action["result"]}
+        assert {f"data/{name}.nc", f"executed/{name}.html"} <= results
+        for entity in action["result"]:
+            assert (whole / entity.id).is_file()
+            if entity.id.endswith(".nc"):
+                assert entity["sha256"] == sha256(whole / entity.id)
+    document = json.loads((whole / crate.NAME).read_text(encoding="utf-8"))
+    described = {entity["@id"] for entity in document["@graph"]}
+    for entity in document["@graph"]:  # whatever is referred to is described
+        for value in entity.values():
+            for one in value if isinstance(value, list) else [value]:
+                if isinstance(one, dict) and not one["@id"].startswith("https://w3id.org/ro/crate"):
+                    assert one["@id"] in described
+
+
+@pytest.mark.book
+def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
+    made = small.root / f"{downloads.ARCHIVE}.zip"
+    again = downloads.archive(whole, tmp_path / "again.zip")
+    assert again.read_bytes() == made.read_bytes()
+    with zipfile.ZipFile(made) as packed:
+        names = packed.namelist()
+        assert names == sorted(names)
+        assert len({entry.date_time for entry in packed.infolist()}) == 1
+        assert f"{downloads.ARCHIVE}/index.html" in names
+        assert f"{downloads.ARCHIVE}/{crate.NAME}" in names
+        inside = packed.read(f"{downloads.ARCHIVE}/data/{GOOD}.nc")
+    assert inside == (whole / "data" / f"{GOOD}.nc").read_bytes()
+
+
+@pytest.mark.book
+def test_damaged_cube_is_made_anew(whole, small):
+    cube = small.root / "data" / "results" / f"{GOOD}.nc"
+    before = cubes.read(cube)
+    damaged = bytearray(cube.read_bytes())
+    damaged[-1000] ^= 255  # a file that may well open
+    cube.write_bytes(damaged)
+    done = make(small)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert f"{GOOD}: done in" in done.stderr
+    assert f"{BAD}: up to date" in done.stderr
+    assert cubes.read(cube).equals(before)
+
+
+@pytest.mark.book
+def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
+    def breaks(document):
+        document.cells[4].source = "raise RuntimeError('<b>the lamp</b> went out')"
+
+    kept = small.notebook(BAD).read_bytes()
+    small.change(BAD, breaks)
+    failed = make(small)
+    book = small.root / "build" / "html"
+    assert failed.returncode == 1
+    last = failed.stderr.strip().splitlines()[-2:]
+    assert last[0].startswith(f"{BAD}: cell ")
+    assert last[1] == f"the book without these is {book / 'index.html'}"
+    text = page(book, BAD)
+    assert "<title>Distance" in text
+    assert "&lt;b&gt;the lamp&lt;/b&gt; went out" in text
+    assert f"thesis run {BAD}" in re.sub(r"<[^>]+>", "", text)
+    assert str(small.root) not in text
+    assert 'id="fig-3-4"' in text
+    assert f"{BAD}.nc" not in text
+    assert "provenance" in page(book, GOOD)
+    assert not (book / "data" / f"{BAD}.nc").exists()
+    assert (book / "data" / f"{GOOD}.nc").exists()
+    intro = (book / "intro.html").read_text(encoding="utf-8")
+    assert re.search(f"did not run: .*{BAD}", intro)
+    assert [one.id for one in ROCrate(book).root_dataset["mentions"]] == [f"#run-{GOOD}"]
+    small.notebook(BAD).write_bytes(kept)
+    mended = make(small)
+    assert mended.returncode == 0, mended.stdout + mended.stderr
+    assert f"{GOOD}: up to date" in mended.stderr
+    assert "went out" not in page(book, BAD)
+    assert (book / "data" / f"{BAD}.nc").exists()
+
+
+# Parts.
+
+
+@pytest.mark.parametrize("name", ["a.md", "a.svg", "a.png"])
+def test_placeholder_is_a_file_of_its_kind(tmp_path, name):
+    path = tmp_path / name
+    missing.write_placeholder(path, "a *step*")
+    content = path.read_bytes()
+    start = {".md": b"*Missing here", ".svg": b"<svg", ".png": b"\x89PNG"}
+    assert content.startswith(start[path.suffix])
+    assert b"*step*" not in content
+
+
+def test_reason_of_a_missing_page_is_text():
+    source = files.project_root() / "notebooks" / f"{BAD}.ipynb"
+    stub = missing.page(source, BAD, f"{BAD}: cell 2 failed: </div> {{eq}}`x` | $y$\n:::\n# no")
+    warning = stub.cells[1].source
+    assert warning.splitlines()[0] == ":::{warning}"
+    assert len(warning.splitlines()) == 3
+    assert not re.search(r"</div>|\{eq\}|\$y|^# no", warning, re.MULTILINE)
+    nbformat.validate(stub)

@@ -1,0 +1,191 @@
+"""The page on own recordings tells of every field, warning, note and error."""
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from thesis_lib.book.pieces import filming as guidance
+from thesis_lib.book.pieces import manifest as reference
+from thesis_lib.cli import cli
+from thesis_lib.files import project_root
+from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.feasibility.limits import THRESHOLDS
+from thesis_lib.measure.recordings.manifest import _model_at, read_manifest
+from thesis_lib.measure.recordings.manifest_model import Manifest
+
+PAGE = (project_root() / "book" / "recordings.md").read_text(encoding="utf-8")
+SOURCES = project_root() / "src" / "thesis_lib"
+FAMILIES = {
+    "BoardNotFound", "CalibrationError", "ChainError", "FrequencyError", "MediaError",
+    "SynchronisationError", "TrackingError",
+}  # fmt: skip
+# What no manifest leads to: mistakes of a caller, and errors that only pass another one on.
+INTERNAL = {
+    "…", "……", "…: …", "…: frame 0: …", "…: no frames to write",
+    "…: given the ending …, allowed: .mkv", "given … recordings, allowed: at least 2",
+    "board: given … by … corners, needs … by … or more",
+}  # fmt: skip
+
+
+def terms(part):
+    """Terms and explanations of a Markdown definition list."""
+    return re.findall(r"^(\S.*)\n: (.*(?:\n  .*)*)", part, flags=re.MULTILINE)
+
+
+def section(title):
+    """A section of the page, down to the next of its rank."""
+    (text,) = re.findall(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGE, flags=re.MULTILINE | re.DOTALL)
+    return text
+
+
+def literal(node):
+    """A message as it stands in the source, with dots for what is put in."""
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(map(literal, node.values))
+    return "…"
+
+
+def messages():
+    """Every message of the families, with where it is raised."""
+    found = {}
+    for path in sorted(SOURCES.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+                name = ast.unparse(node.exc.func).split(".")[-1]
+                text = literal(node.exc.args[0]) if name in FAMILIES else ""
+                if text and text not in INTERNAL and "of shape …" not in text:
+                    found[text] = f"{path.name}:{node.lineno}"
+    return found
+
+
+def notes():
+    """Every note that a report can give."""
+    source = (SOURCES / "measure" / "report" / "page.py").read_text(encoding="utf-8")
+    (function,) = [node for node in ast.parse(source).body
+                   if isinstance(node, ast.FunctionDef) and node.name == "warnings"]  # fmt: skip
+    calls = [node for node in ast.walk(function) if isinstance(node, ast.Call)]
+    return {literal(call.args[0]): call.lineno for call in calls
+            if ast.unparse(call.func) == "lines.append"}  # fmt: skip
+
+
+@pytest.mark.parametrize("part", reference.PARTS)
+def test_every_field_is_told_with_its_default(part):
+    model = reference.PARTS[part]
+    listed = dict(terms(reference.fields(part)))
+    names = {re.match(r"`(\w+)` · ", term).group(1): term for term in listed}
+    assert list(names) == list(model.model_fields)
+    for name, field in model.model_fields.items():
+        term = names[name].split(" · ")[1]
+        assert term.startswith("required") == field.is_required()
+        assert field.description[1:] in listed[names[name]]
+
+
+def test_defaults_are_those_that_an_empty_manifest_gets():
+    for part in ("structure", "markers", "board", "excitation"):
+        made = reference.PARTS[part]().model_dump(mode="json")
+        for term, _ in terms(reference.fields(part)):
+            name, shown = re.match(r"`(\w+)` · (.*)", term).groups()
+            if shown != "its fields below":
+                unit = re.escape(reference.unit_of(name))
+                text = re.sub(rf"( {unit}|, else in {unit})$", "", shown) if unit else shown
+                assert yaml.safe_load(text) == made[name], term
+
+
+def test_every_part_that_a_manifest_holds_is_told():
+    held, new = set(), {Manifest}
+    while new:
+        held |= new
+        new = {_model_at(model, name) for model in new for name in model.model_fields} - {None}
+    assert held == set(reference.PARTS.values())
+
+
+def test_every_warning_has_its_limit_and_a_remedy():
+    codes = [code for remedies in reference.REMEDIES.values() for code in remedies]
+    assert sorted(codes) == sorted(THRESHOLDS)
+    listed = dict(terms(reference.warnings()))
+    assert len(listed) == len(codes)
+    for remedies in reference.REMEDIES.values():
+        for code, remedy in remedies.items():
+            (term,) = [term for term in listed if term.startswith(f"`{code}` ")]
+            assert f" {THRESHOLDS[code].value:g}" in term
+            assert listed[term].endswith(remedy)
+            assert remedy.endswith(".")
+
+
+def test_the_page_explains_every_note():
+    told = [term for term, _ in terms(section("Notes in the report"))]
+    texts = notes()
+    for term in told:
+        assert any(term in text for text in texts), term
+    for text, line in texts.items():
+        assert any(term in text for term in told), f"report.py:{line}: {text}"
+
+
+def test_the_page_explains_every_error():
+    listed = [one for term, _ in terms(section("When it stops")) for one in term.split(" · ")]
+    told = [re.sub(r":? …$", "", one) for one in listed]
+    texts = messages()
+    assert len(texts) > 40
+    assert [one for one in told if not any(one in text for text in texts)] == []
+    left = {text: where for text, where in texts.items() if not any(one in text for one in told)}
+    assert left == {}
+
+
+def test_the_manifest_on_the_page_is_valid_and_brings_no_warning(tmp_path):
+    (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL)
+    path = tmp_path / "manifest.yaml"
+    path.write_text(text, encoding="utf-8")
+    manifest = read_manifest(path, check_files=False)
+    assessment = assess(manifest)
+    assert assessment.warnings == ()
+    assert np.isfinite(assessment.rig.smallest_mm)
+    assert manifest.structure.youngs_modulus_pa == 2.1e11
+
+
+def test_large_numbers_are_text_in_yaml_as_the_page_says():
+    assert yaml.safe_load("[2.1e+11, 210e9]") == [2.1e11, "210e9"]
+
+
+def test_commands_on_the_page_exist():
+    commands = re.findall(r"thesis (\w+)((?: [\w./-]+)*)", PAGE)
+    assert {"measure", "run"} <= {name for name, _ in commands}
+    for name, words in commands:
+        known = {option for one in cli.commands[name].params for option in one.opts}
+        assert {word for word in words.split() if word.startswith("-")} <= known
+
+
+def test_what_the_page_says_of_fields_is_in_the_models():
+    fields = {name for model in reference.PARTS.values() for name in model.model_fields}
+    parts = set(reference.PARTS) | {"structure.markers"}
+    for name in re.findall(r"`([a-z]+_[a-z_]+)(?:: \w+)?`", PAGE):
+        if name not in {"without_camera"}:
+            assert name in fields | parts, name
+
+
+@pytest.mark.parametrize("name", reference.PIECES)
+def test_pieces_have_no_gaps(name):
+    text = reference.PIECES[name]()
+    assert text.strip()
+    assert "nan" not in text.lower().replace("nanometres", "")
+    assert "None" not in text
+
+
+def test_pieces_are_written_as_the_page_includes_them(tmp_path):
+    reference.write(tmp_path)
+    included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", PAGE))
+    assert {path.stem for path in Path(tmp_path).glob("*.md")} == included
+
+
+def test_sides_and_elevations_are_as_the_page_says():
+    one_side = guidance.seen_from((-10, 10), 25.0).rig.one_frame[0]
+    opposite = guidance.seen_from((0, 180), 25.0).rig.one_frame[0]
+    assert one_side > 2 * opposite
+    low, high = (guidance.seen_from((0, 180), phi).table[0] for phi in (15.0, 35.0))
+    assert low.across_px < high.across_px
+    assert low.move_spacings > high.move_spacings

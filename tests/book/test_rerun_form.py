@@ -1,0 +1,525 @@
+"""The form of the rerun page: the command's words, the command's values, in a real browser."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import shlex
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import yaml
+from scenes.changes import CHANGES, OWN_CHANGES
+
+from thesis_lib.book import rerun_form
+from thesis_lib.figure_sets.parametric.parameters import CameraStudy
+from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
+from thesis_lib.runs.requested import Refused, assigned_values, requests_of
+from thesis_lib.studies.commands import command
+from thesis_lib.studies.request import ParameterError, describe, permitted
+from thesis_lib.web.fragment import static_html
+
+if TYPE_CHECKING:
+    from browser import Opened
+    from playwright.sync_api import Browser
+
+EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(2)> & '\" \u2028"
+ODD = "a\u00a0b\u2028c\u200bd\U000e0001"
+DISTANCE, ARRAYS, SOUND = "beam-distance", "beam-arrays", "sound-aperture"
+
+# Set, field, what is typed, and the value that this is to the command.
+SILLY = [
+    (DISTANCE, "azimuth_deg", "", ""),
+    (DISTANCE, "azimuth_deg", "thirty", "thirty"),
+    (DISTANCE, "azimuth_deg", "30,5", "30,5"),
+    (DISTANCE, "azimuth_deg", ".5", ".5"),
+    (DISTANCE, "azimuth_deg", "+30", "+30"),
+    (DISTANCE, "azimuth_deg", "007", "007"),
+    (DISTANCE, "azimuth_deg", '"30"', "30"),
+    (DISTANCE, "azimuth_deg", "true", True),
+    (DISTANCE, "azimuth_deg", "null", None),
+    (DISTANCE, "azimuth_deg", "NaN", math.nan),
+    (DISTANCE, "azimuth_deg", "-Infinity", -math.inf),
+    (DISTANCE, "azimuth_deg", "1e999", math.inf),
+    (DISTANCE, "azimuth_deg", "360.5", 360.5),
+    (DISTANCE, "azimuth_deg", "-1e3", -1000.0),
+    (DISTANCE, "azimuth_deg", "1.50e16", 1.5e16),
+    (DISTANCE, "azimuth_deg", "123456789012345680", 123456789012345680),
+    (DISTANCE, "azimuth_deg", "[30, {\"a\": 1}]", [30, {"a": 1}]),
+    (DISTANCE, "azimuth_deg", '{"2": 1, "1": [null], "": -0.0}', {"2": 1, "1": [None], "": -0.0}),
+    (DISTANCE, "azimuth_deg", "a" * 80, "a" * 80),
+    (DISTANCE, "azimuth_deg", "😀" * 70, "😀" * 70),
+    (DISTANCE, "azimuth_deg", ODD, ODD),
+    (DISTANCE, "azimuth_deg", '"tab\\t \\u0007 é"', "tab\t \x07 é"),
+    (DISTANCE, "elevation_deg", "0", 0),
+    (DISTANCE, "elevation_deg", "-0.0", -0.0),
+    (DISTANCE, "elevation_deg", "90.00000001", 90.00000001),
+    (DISTANCE, "focal_length_mm", "1e-400", 0.0),
+    (DISTANCE, "sensor_width_mm", "100000.5", 100000.5),
+    (DISTANCE, "principal_offset_px", "-0.51", -0.51),
+    (DISTANCE, "distances_mm", "", []),
+    (DISTANCE, "distances_mm", "500; 750", "500; 750"),
+    (DISTANCE, "distances_mm", "500, \"750\"", [500, "750"]),
+    (DISTANCE, "distances_mm", "500, [750]", [500, [750]]),
+    (DISTANCE, "distances_mm", "500, NaN, 1e-7", [500, math.nan, 1e-7]),
+    (DISTANCE, "distances_mm", "500, -0.00000012", [500, -1.2e-7]),
+    (DISTANCE, "distances_mm", "[500, 750, 500.0]", [500, 750, 500.0]),
+    (DISTANCE, "distances_mm", "null", [None]),
+    (DISTANCE, "resolution_px", "320", [320]),
+    (DISTANCE, "resolution_px", "0", [0]),
+    (DISTANCE, "resolution_px", "320, 1", [320, 1]),
+    (DISTANCE, "resolution_px", "320.0, 180", [320.0, 180]),
+    (DISTANCE, "resolution_px", "320, 180, 3", [320, 180, 3]),
+    (DISTANCE, "resolution_px", "0, 180, 3", [0, 180, 3]),
+    (DISTANCE, "resolution_px", "320x180", "320x180"),
+    (DISTANCE, "trials", "2.0", 2.0),
+    (DISTANCE, "trials", "1e3", 1e3),
+    (DISTANCE, "trials", "1000001", 1000001),
+    (DISTANCE, "trials", "-1", -1),
+    (DISTANCE, "seed", "9223372036854775808", 2**63),
+    (DISTANCE, "seed", "9" * 70, int("9" * 70)),
+    (DISTANCE, "modes", "2, 1, 2", [2, 1, 2]),
+    (DISTANCE, "modes", "1, 31", [1, 31]),
+    (DISTANCE, "modes", "1, 2.0", [1, 2.0]),
+    (DISTANCE, "amplitude_mm", "", ""),
+    (DISTANCE, "amplitude_mm", "Force", "Force"),
+    (DISTANCE, "amplitude_mm", "0", 0),
+    (DISTANCE, "amplitude_mm", "5.5, -1, 2", [5.5, -1, 2]),
+    (DISTANCE, "amplitude_mm", "[5, \"force\"]", [5, "force"]),
+    ("beam-aperture", "half_apertures_deg", "8, 180", [8, 180]),
+    ("beam-aperture", "half_apertures_deg", "8, 8.0", [8, 8.0]),
+    ("beam-resolution", "widths_px", "320, 320", [320, 320]),
+    ("beam-resolution", "widths_px", "20001", [20001]),
+    (ARRAYS, "pair_order", "", ""),
+    (ARRAYS, "pair_order", "reversed", "reversed"),
+    (ARRAYS, "pair_order", '{"4f": "printed"}', {"4f": "printed"}),
+    (ARRAYS, "pair_order", '{"4a": "printed", "4b": "no"}', {"4a": "printed", "4b": "no"}),
+    (ARRAYS, "pair_order", '{"4b": 2}', {"4b": 2}),
+    (ARRAYS, "layouts", "[]", []),
+    (ARRAYS, "layouts", '{"mine": []}', {"mine": []}),
+    (ARRAYS, "layouts", '{"mine": [[[80, 10]]]}', {"mine": [[[80, 10]]]}),
+    (ARRAYS, "layouts", '{"mine": [[[80, 10], [361, 9]]]}', {"mine": [[[80, 10], [361, 9]]]}),
+    (ARRAYS, "layouts", '{"mine": [[[80, 10], [80, 0]]]}', {"mine": [[[80, 10], [80, 0]]]}),
+    (ARRAYS, "layouts", '{"mine": [[[80, 10], 80]]}', {"mine": [[[80, 10], 80]]}),
+    (ARRAYS, "layouts", '{"": []}', {"": []}),
+    (ARRAYS, "layouts", '{" x": [[[1, 2], [3, 4]]]}', {" x": [[[1, 2], [3, 4]]]}),
+    (ARRAYS, "layouts", json.dumps({"x" * 41: []}), {"x" * 41: []}),
+    (ARRAYS, "layouts", '{"a\\nb": 1}', {"a\nb": 1}),
+    (ARRAYS, "layouts", '{"😀": [[[80, 10], [80]]]}', {"😀": [[[80, 10], [80]]]}),
+    ("plate-distance", "grid", "15, 61", [15, 61]),
+    (SOUND, "plane_shape", "149, 501", [149, 501]),
+    (SOUND, "speed_of_sound_m_s", "-343", -343),
+    ("experiment-cameras", "frequency_hz", "0.99", 0.99),
+    ("experiment-cameras", "lens_k1", "-0.31", -0.31),
+    ("lab-layout", "directions_deg", "10, 22", [10, 22]),
+    ("lab-layout", "directions_deg", "[[10, 22], [10, 22.0]]", [[10, 22], [10, 22.0]]),
+    ("lab-layout", "directions_deg", "[[10, 22]]", [[10, 22]]),
+    ("lab-layout", "directions_deg", str([[k, 22] for k in range(9)]), [[k, 22] for k in range(9)]),
+    ("lab-modes", "frame_rates_hz", "60, 5", [60, 5]),
+    ("lab-plate", "amplitude_mm", "force", "force"),
+    ("claims", "trials", "1", 1),
+]  # fmt: skip
+
+
+def refusal(name: str, values: dict[str, Any]) -> str:
+    with pytest.raises(ParameterError) as caught:
+        validate(name, values)
+    return str(caught.value)
+
+
+def typed(value: Any, rng: random.Random) -> str:
+    """A value as a reader may type it: with or without a point or the brackets of a list."""
+    if isinstance(value, str):
+        return value
+    text = json.dumps(value, ensure_ascii=rng.random() < 0.5)
+    if rng.random() < 0.3 and text.endswith(".0") and value:
+        text = text.removesuffix(".0")
+    flat = isinstance(value, list) and not any(isinstance(one, list) for one in value)
+    return text[1:-1] if flat and rng.random() < 0.5 else text
+
+
+def test_the_form_knows_every_parameter_in_the_models_words() -> None:
+    data = rerun_form.form_data()
+    assert list(data["sets"]) == list(STUDIES)
+    assert list(data["chapters"]) == list(CHAPTERS)
+    for name, study in STUDIES.items():
+        rows = [row for row in describe(study) if row["name"] != "cube"]
+        fields = [data["fields"][n] for n in data["sets"][name]["shown"]]
+        for field, row in zip(fields, rows, strict=True):
+            assert [field[key] for key in ("name", "meaning", "unit", "allowed")] == [
+                row[key] for key in ("name", "meaning", "unit", "allowed")
+            ]
+            assert field["permitted"] == permitted(study, row["name"])
+        checked = [data["fields"][n]["name"] for n in data["sets"][name]["checked"]]
+        assert checked == [key for key in study.model_fields if key != "cube"]
+
+
+def test_a_chapter_offers_what_its_sets_agree_in() -> None:
+    data = rerun_form.form_data()
+    for name, members in CHAPTERS.items():
+        chapter = data["chapters"][name]
+        shown = [data["fields"][n]["name"] for n in chapter["shown"]]
+        assert len(set(shown)) == len(shown)
+        every = {key for one in members for key in STUDIES[one].model_fields} - {"cube"}
+        assert set(shown) | set(chapter["differ"]) == every
+        assert not set(shown) & set(chapter["differ"])
+        for n in chapter["shown"]:
+            key = data["fields"][n]["name"]
+            holders = [one for one in members if key in STUDIES[one].model_fields]
+            assert all(n in data["sets"][one]["shown"] for one in holders)
+    assert "cases" in data["chapters"]["ch3"]["differ"]
+
+
+def test_the_piece_stands_alone_and_is_small() -> None:
+    text = rerun_form.page()
+    assert text.count("<script") == 1
+    assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+    assert len(text) < 90_000
+    page = Path(__file__).parents[2] / "book" / "rerun.md"
+    assert "```{raw} html\n:file: executed/rerun-form.html\n```" in page.read_text(encoding="utf-8")
+
+
+# --- in a browser
+
+
+def open_offline(*arguments: Any, **options: Any) -> AbstractContextManager[Opened]:
+    from browser import open_offline
+
+    return open_offline(*arguments, **options)
+
+
+def document(fragment: str) -> str:
+    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+    return (
+        f'<!doctype html><html lang="en"><head>{head}<title>Rerun</title></head>{fragment}</html>'
+    )
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("rerun") / "a form.html"
+    file.write_text(document(rerun_form.page()), encoding="utf-8")
+    return file
+
+
+# Fill the form as a reader does, and tell what it says: messages by parameter, status, commands.
+FILL = """all => {
+  const root = document.querySelector('.tl-rerun'), said = node => node.textContent;
+  const happen = (node, ...names) =>
+    names.forEach(name => node.dispatchEvent(new Event(name, { bubbles: true })));
+  return all.map(([set, texts]) => {
+    root.querySelector('.tl-rerun-head button').click();
+    const chooser = root.querySelector('.tl-rerun-head select');
+    chooser.value = set;
+    happen(chooser, 'input', 'change');
+    for (const [name, text] of Object.entries(texts)) {
+      const row = root.querySelector(`[data-parameter="${name}"]`);
+      const boxes = [...row.querySelectorAll('[type=checkbox]')];
+      const box = boxes.length ? null : row.querySelector('input, select, textarea');
+      if (box) box.value = text;
+      const named = boxes[0]?.value[0] === '"';
+      const held = box ? [] : [text].flat().flatMap(
+        one => named ? one : JSON.parse(`[${one}]`).flat());
+      boxes.forEach(one => { one.checked = held.includes(JSON.parse(one.value)); });
+      happen(box ?? boxes[0], 'input', 'change');
+    }
+    const rows = [...root.querySelectorAll('[data-parameter]')];
+    const shown = !root.querySelector('.tl-rerun-output').hidden;
+    return {
+      problems: Object.fromEntries(rows.map(row => [row.dataset.parameter,
+        said(row.querySelector('.tl-rerun-problem'))]).filter(([, words]) => words)),
+      invalid: rows.filter(row => row.querySelector('[aria-invalid=true]'))
+        .map(row => row.dataset.parameter),
+      status: said(root.querySelector('.tl-rerun-status')),
+      commands: shown ? [...root.querySelectorAll('pre code')].map(said) : [],
+    };
+  });
+}"""
+
+
+def fill(opened: Opened, *all_: tuple[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = opened.page.evaluate(FILL, [list(one) for one in all_])
+    return found
+
+
+def test_silly_values_get_the_commands_own_words(chromium: Browser, path: Path) -> None:
+    with open_offline(chromium, path) as opened:
+        found = fill(opened, *((name, {field: text}) for name, field, text, _ in SILLY))
+        for (name, field, text, value), said in zip(SILLY, found, strict=True):
+            line = refusal(name, {field: value})
+            assert {f"{name}: {words}" for words in said["problems"].values()} == {line}, text
+            assert list(said["problems"]) == said["invalid"] == [field]
+            assert said["status"] == f"thesis: {line}"
+            assert said["commands"] == []
+        assert opened.trouble == []
+
+
+def test_the_status_is_what_the_command_says_first(chromium: Browser, path: Path) -> None:
+    cases = [
+        (DISTANCE, {"seed": "-1", "azimuth_deg": "x", "modes": "0"}),
+        (SOUND, {"plane_shape": "1, 1", "rest": "known", "trials": "-1", "grid": "0, 0"}),
+        ("lab-plate", {"frames": "1", "amplitude_mm": "x", "grid": "15"}),
+        ("experiment-resolution", {"widths_px": "1", "lens_k1": "9", "focal_length_mm": "0"}),
+        ("ch3", {"seed": "-1", "widths_px": "1", "half_apertures_deg": "x"}),
+        ("ch6", {"layouts": "x", "distance_mm": "-1"}),
+    ]
+    with open_offline(chromium, path) as opened:
+        for (name, texts), said in zip(cases, fill(opened, *cases), strict=True):
+            values = assigned_values([f"{key}={text}" for key, text in texts.items()])
+            values |= {key: json.loads(f"[{text}]") for key, text in texts.items()
+                       if key in ("modes", "grid", "plane_shape", "widths_px")}  # fmt: skip
+            with pytest.raises(Refused) as caught:
+                requests_of([name], values)
+            assert said["status"] == f"thesis: {caught.value.message}"
+            assert len(said["problems"]) == len(texts) - ("rest" in texts)
+
+
+def test_nothing_changed_is_the_plain_command(chromium: Browser, path: Path) -> None:
+    with open_offline(chromium, path) as opened:
+        names = [*STUDIES, *CHAPTERS]
+        for name, said in zip(names, fill(opened, *((name, {}) for name in names)), strict=True):
+            assert said["problems"] == {}
+            assert said["status"] == "As published, no parameter changed:"
+            sets = CHAPTERS.get(name, [name])
+            mills = [f"papermill notebooks/{one}.ipynb {one}-out.ipynb" for one in sets]
+            assert said["commands"] == [f"thesis run {name}", "\n".join(mills)]
+        same = {"focal_length_mm": "24.0", "modes": "[1, 2, 3]", "principal_offset_px": "-0.0"}
+        (said,) = fill(opened, (DISTANCE, same))
+        assert said["commands"][0] == "thesis run beam-distance"
+
+
+def filled(rng: random.Random, name: str) -> dict[str, Any]:
+    """Some parameters of a set with other values."""
+    fields = STUDIES[name].model_fields
+    changes = {**CHANGES, **OWN_CHANGES.get(name, {})} | {
+        "layouts": {"4a′ it's $HOME `x` \"é\" 😀 \\": [[[80.5, 10], [-80, 1e1]], [
+            [80.5, 10], [-80, 10], [0, 5e-7]]], "2": [[[0, 20], [90, 20]]]},
+        "cases": STUDIES[name]().cases[1:] if "cases" in fields else [],
+        "amplitude_mm": rng.choice([0.0000001, 5, [1, 2.5, 1e-05], "force"]
+                                   if issubclass(STUDIES[name], CameraStudy) else [1e-05, 5]),
+        "readings": ["1 N", "last marker at the tip, 26 mm lens"],
+        "first_marker_mm": 0, "azimuth_zero": "X", "torsion_phase_deg": -0.0,
+        "principal_offset_px": 0.125, "seed": 2**63 - 1,
+    }  # fmt: skip
+    keys = [key for key in fields if key in changes and rng.random() < 0.4]
+    return {key: changes[key] for key in keys}
+
+
+def papermill_values(line: str, monkeypatch: pytest.MonkeyPatch) -> tuple[str, dict[str, Any]]:
+    """The notebook and the parameters that papermill reads from its command line."""
+    from click.testing import CliRunner
+    from papermill import cli as papermill_cli
+
+    given: dict[str, Any] = {}
+    monkeypatch.setattr(papermill_cli, "execute_notebook", lambda **more: given.update(more))
+    word, *arguments = shlex.split(line)
+    assert word == "papermill"
+    done = CliRunner().invoke(papermill_cli.papermill, arguments)
+    assert done.exit_code == 0, done.output
+    return given["input_path"], given["parameters"]
+
+
+def outcome(name: str, values: dict[str, Any]) -> Any:
+    try:
+        return validate(name, values)
+    except ParameterError as error:
+        return str(error)
+
+
+def test_commands_say_what_the_form_holds(
+    chromium: Browser, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = random.Random(7)
+    cases = [(name, filled(rng, name)) for name in list(STUDIES) * 6]
+    texts = [(name, {k: v if k in ("cases", "readings", "camera_counts") else typed(v, rng)
+                     for k, v in values.items()}) for name, values in cases]  # fmt: skip
+    accepted = 0
+    with open_offline(chromium, path) as opened:
+        for (name, values), said in zip(cases, fill(opened, *texts), strict=True):
+            assert said["problems"] == {}, values
+            line, mill = said["commands"]
+            words = shlex.split(line)
+            assert words[:3] == ["thesis", "run", name]
+            assert words[3::2] == ["-p"] * (len(words[3:]) // 2)
+            wanted = outcome(name, values)
+            assert outcome(name, assigned_values(words[4::2])) == wanted
+            notebook, given = papermill_values(mill, monkeypatch)
+            assert notebook == f"notebooks/{name}.ipynb"
+            assert outcome(name, given) == wanted
+            if not isinstance(wanted, str):  # else a relation that the command checks
+                accepted += 1
+                assert line == command(wanted)
+                number = len(words[4::2])
+                assert said["status"].startswith(f"{number} parameter" if number else "As publ")
+        assert accepted > 60
+        assert opened.trouble == []
+
+
+def test_numbers_are_written_as_python_writes_them(chromium: Browser, path: Path) -> None:
+    numbers = ["1e22", "1e16", "9999999999999999", "123456789.125", "1e15", "2.50", "1E+2",
+               "3", "1.7976931348623157e308", "12345678901234567890.0"]  # fmt: skip
+    small = ["5e-324", "1e-5", "0.0001", "1.5e-7", "0.00001234", "1e-10"]
+    with open_offline(chromium, path) as opened:
+        cases = [("lab-elevation", {"frequency_hz": text}) for text in numbers]
+        cases += [(DISTANCE, {"focal_length_mm": text}) for text in small]
+        for (_, texts), said in zip(cases, fill(opened, *cases), strict=True):
+            ((key, text),) = texts.items()
+            word = f"{key}={json.dumps(float(text))}"
+            assert said["commands"][0].endswith(f" -p {shlex.quote(word)}")
+
+
+def test_a_chapters_command_reaches_each_set(
+    chromium: Browser, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    texts = {"focal_length_mm": "35", "distances_mm": "600, 900", "modes": "1"}
+    with open_offline(chromium, path, query="set=ch3") as opened:
+        note = opened.page.locator(".tl-rerun-note").inner_text()
+        assert "cases" in note
+        row = opened.page.locator("[data-parameter=distances_mm]")
+        assert "Only in beam-distance." in row.inner_text()
+        (said,) = fill(opened, ("ch3", texts))
+        line, mills = said["commands"]
+        words = shlex.split(line)
+        assert words[:3] == ["thesis", "run", "ch3"]
+        studies = requests_of(["ch3"], assigned_values(words[4::2]))
+        assert [one.name for one in studies] == CHAPTERS["ch3"]
+        assert studies[0].request["distances_mm"] == [600, 900]
+        assert all(one.request["focal_length_mm"] == 35 for one in studies)
+        for study, mill in zip(studies, mills.splitlines(), strict=True):
+            assert validate(study.name, papermill_values(mill, monkeypatch)[1]) == study
+
+
+def test_the_address_keeps_the_form(chromium: Browser, path: Path) -> None:
+    query = (
+        "set=beam-arrays&other=1&focal_length_mm=35&cases=%5B%224a%22%2C%224e%22%5D&rest=%3Cb%3E"
+    )
+    with open_offline(chromium, path, query=f"{query}#top") as opened:
+        code = opened.page.locator("pre code").first
+        wanted = """thesis run beam-arrays -p focal_length_mm=35.0 -p 'cases=["4a", "4e"]'"""
+        assert code.inner_text() == wanted
+        opened.page.get_by_label("azimuth_zero").select_option("X")
+        opened.page.get_by_label("layouts").fill('{"ü & 2": [[[0, 20], [90, 20]]]}')
+        opened.page.get_by_role("checkbox", name="4e").uncheck()
+        line = code.inner_text()
+        opened.page.reload()
+        assert code.inner_text() == line
+        study = validate(ARRAYS, assigned_values(shlex.split(line)[4::2]))
+        assert study.request["layouts"] == {"ü & 2": [[[0, 20], [90, 20]]]}
+        assert study.request["cases"] == ["4a"]
+        assert "other=1" in opened.page.url
+        assert opened.page.url.endswith("#top")
+
+        opened.page.get_by_label("Figure set or chapter").select_option("beam-distance")
+        assert code.inner_text() == (  # what both have is kept
+            "thesis run beam-distance -p focal_length_mm=35.0 -p azimuth_zero=X"
+        )
+        assert "layouts" not in opened.page.url
+        opened.page.get_by_role("button", name="Reset").click()
+        assert code.inner_text() == "thesis run beam-distance"
+        start = path.resolve().as_uri()
+        assert opened.page.url == f"{start}?set=beam-distance&other=1#top"
+        assert opened.trouble == []
+    with open_offline(chromium, path, query="set=%3Cb%3E&seed=%00&__proto__=1") as opened:
+        assert "given" in opened.page.locator(".tl-rerun-status").inner_text()
+        assert opened.trouble == []
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_copying(chromium: Browser, path: Path, allowed: bool) -> None:
+    with open_offline(chromium, path, query="set=beam-distance&trials=20") as opened:
+        page = opened.page
+        if allowed:
+            page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        else:
+            page.evaluate(
+                "() => Object.defineProperty(navigator, 'clipboard', { value: undefined })"
+            )
+        page.get_by_text("The same with papermill").click()
+        for name, text in (
+            ("Copy the command", "thesis run beam-distance -p trials=20"),
+            ("Copy papermill's command",
+             "papermill notebooks/beam-distance.ipynb beam-distance-out.ipynb -p trials 20"),
+        ):  # fmt: skip
+            button = page.get_by_role("button", name=name)
+            button.click()
+            button.get_by_text("Copied" if allowed else "Selected: now copy it").wait_for()
+            script = "navigator.clipboard.readText()" if allowed else "getSelection().toString()"
+            assert page.evaluate(script) == text
+        assert opened.trouble == []
+
+
+def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
+    focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
+      if (style.outlineStyle === 'none' || parseFloat(style.outlineWidth) < 2) return 'no outline';
+      return e.closest('[data-parameter]')?.dataset.parameter ?? e.innerText.split('\\n')[0]; }"""
+    with open_offline(chromium, path, query="set=claims") as opened:
+        seen, page = [], opened.page
+        page.get_by_label("Figure set or chapter").focus()
+        for _ in range(25):
+            page.keyboard.press("Tab")
+            seen.append(page.evaluate(focused))
+        assert seen == ["Reset", *["readings"] * 19, "trials", "seed", "Copy",
+                        "The same with papermill", seen[-1]]  # fmt: skip
+        page.get_by_role("checkbox", name="1 N", exact=True).focus()
+        page.keyboard.press("Space")
+        assert "1 N" not in page.locator("pre code").first.inner_text()
+        page.get_by_label("trials").focus()
+        page.keyboard.press("Control+A")
+        page.keyboard.type("1")
+        problem = page.locator("[data-parameter=trials] .tl-rerun-problem")
+        assert problem.inner_text().startswith("trials: given 1, allowed: ")
+        described = page.get_by_label("trials").get_attribute("aria-describedby") or ""
+        assert problem.get_attribute("id") in described.split()
+        assert page.locator(".tl-rerun-status").get_attribute("aria-live") == "polite"
+        assert page.evaluate(focused) == "trials"
+        assert opened.trouble == []
+
+
+@pytest.mark.parametrize("width", [320, 390, 800, 1280])
+def test_nothing_sticks_out(chromium: Browser, path: Path, width: int) -> None:
+    long = json.dumps({"a" * 40: [[[0, 20], [90, 20]]] * 30})
+    with open_offline(chromium, path, width=width) as opened:
+        for name, texts in ((ARRAYS, {"layouts": long}), ("ch6", {"azimuth_deg": "x" * 90}),
+                            ("claims", {}), ("lab-layout", {})):  # fmt: skip
+            fill(opened, (name, texts))
+            opened.page.wait_for_timeout(50)
+            assert opened.sideways_px() <= 0
+            right = opened.page.locator(".tl-rerun").evaluate(
+                "e => Math.max(...[...e.querySelectorAll('*:not(option, optgroup)')].map("
+                "one => one.getBoundingClientRect().right))"
+            )
+            assert right <= width
+            bar = opened.page.locator(".tl-rerun-result").bounding_box()
+            assert bar is not None
+            assert bar["y"] + bar["height"] <= 901  # in sight wherever the reader is
+        assert opened.trouble == []
+
+
+def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None:
+    data = json.loads(json.dumps(rerun_form.form_data()))
+    n = data["sets"][DISTANCE]["shown"][0]
+    data["fields"][n] |= {"meaning": EVIL, "unit": EVIL, "allowed": EVIL, "permitted": EVIL}
+    data["sets"][DISTANCE]["title"] = data["chapters"]["ch3"]["title"] = EVIL
+    file = tmp_path / "evil.html"
+    esm, css = rerun_form._ESM, rerun_form._CSS
+    file.write_text(document(static_html(esm, css, {"data": data, "page": True}) * 2), "utf-8")
+    query = "set=beam-distance&distances_mm=%3Cimg%20src%3Dx%20onerror%3Dalert(3)%3E"
+    with open_offline(chromium, file, query=query) as opened:
+        opened.page.on("dialog", lambda dialog: opened.console.append(dialog.message))
+        form = opened.page.locator(".tl-rerun").first
+        text = form.text_content() or ""
+        assert text.count(EVIL) >= 5
+        assert 'distances_mm: given "<img src=x onerror=alert(3)>"' in text
+        assert form.locator("img, script").count() == 0
+        ids = opened.page.evaluate("() => [...document.querySelectorAll('[id]')].map(e => e.id)")
+        assert len(set(ids)) == len(ids)  # also with two forms on a page
+        assert opened.trouble == []
+
+
+def test_yaml_reads_what_papermill_gets() -> None:
+    """YAML's own reading of numbers is why exponents get a point: 1e-07 is a word to it."""
+    assert yaml.safe_load("[1.0e-07, 1.5e+16]") == [1e-07, 1.5e16]
+    assert yaml.safe_load("[1e-07]") == ["1e-07"]

@@ -1,0 +1,297 @@
+"""The index of the thesis has every item once, and all that it points to is there."""
+
+import ast
+import csv
+import pkgutil
+import re
+import shutil
+from functools import cache
+
+import nbformat
+import pytest
+import yaml
+from scenes.laboratory import recordings
+
+from thesis_lib import files
+from thesis_lib.book.pieces import thesis_index
+from thesis_lib.book.pieces.thesis_index import CHAPTERS
+from thesis_lib.facts import index as facts_index
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment import compute as experiment_study
+from thesis_lib.figure_sets.optics import compute as optics_study
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.registry import STUDIES, validate
+
+ROOT = files.project_root()
+BOOK = ROOT / "book"
+ENTRIES = facts_index.read_index()
+# How many of each the thesis has, counted in its text. Equation 3.20 is in two parts.
+FIGURES = {"1": 8, "2": 7, "3": 39, "4": 37, "5": 4, "6": 40,
+           "A": 2, "B": 2, "C": 1, "D": 5, "E": 1, "F": 7}  # fmt: skip
+TABLES = {"1": 1, "2": 1, "3": 4, "4": 4, "5": 2, "6": 2}
+EQUATIONS = {"2": 20, "3": 23, "4": 9, "5": 2, "6": 8, "A": 1, "B": 1, "C": 1, "D": 1, "E": 1}
+RESULTS = [("3", 4, 39), ("4", 2, 37), ("5", 3, 4), ("6", 5, 40)]  # figures of results
+
+
+def numbered(kind, counts):
+    return {f"{kind} {c}.{n}" for c, most in counts.items() for n in range(1, most + 1)}
+
+
+EXPECTED = numbered("figure", FIGURES) | numbered("table", TABLES) | numbered("equation", EQUATIONS)
+EXPECTED = EXPECTED - {"equation 3.20"} | {"equation 3.20a", "equation 3.20b"}
+
+
+def entry(item):
+    return next(entry for entry in ENTRIES if entry.item == item)
+
+
+# Complete, and nothing twice.
+
+
+def test_every_item_of_the_thesis_is_there_once():
+    items = [entry.item for entry in ENTRIES]
+    assert len(EXPECTED) == 153 + 14 + 68
+    assert set(items) == EXPECTED
+    assert len(items) == len(EXPECTED)
+
+
+def test_an_item_has_something_here_or_a_reason():
+    for one in ENTRIES:
+        something = [one.page, *one.function, *one.cube, *one.test]
+        assert bool(one.reason) != any(something), one.item
+        assert one.what, one.item
+
+
+def test_every_figure_of_results_has_page_cube_and_test():
+    found = [entry(f"figure {c}.{n}") for c, a, b in RESULTS for n in range(a, b + 1)]
+    assert len(found) == 110
+    for one in found:
+        anchor = "fig-" + one.item.removeprefix("figure ").replace(".", "-")
+        document, _, given = one.page.partition("#")
+        name = document.removeprefix("executed/")
+        assert given == anchor
+        assert name in STUDIES
+        assert one.function
+        assert all(cube.startswith(f"{name}: ") for cube in one.cube)
+        assert one.cube
+        assert one.test
+
+
+def test_figures_stand_under_the_study_and_case_of_the_setups():
+    for name, study in STUDIES.items():
+        if study.subject not in ("beam", "plate", "sound"):
+            continue
+        for case in setups.table(study.subject, study.study)["figures"]:
+            for mode in (1, 2, 3):
+                number = setups.figure_number(study.subject, study.study, case, mode)
+                one = entry(f"figure {number}")
+                assert one.page.startswith(f"executed/{name}#")
+                assert f"mode {mode}, case {case.replace(chr(39), '′')}: " in one.what
+
+
+# Everything that it points to is there.
+
+
+@cache
+def documents():
+    """Names of the pages in the table of contents."""
+    found = set()
+    todo = [yaml.safe_load((BOOK / "_toc.yml").read_text(encoding="utf-8"))]
+    while todo:
+        node = todo.pop()
+        found |= {node[key] for key in ("root", "file") if key in node}
+        todo += [child for key in ("parts", "chapters", "sections") for child in node.get(key, [])]
+    return found
+
+
+@cache
+def anchors(document):
+    """Labels, equations, figures and headings of a page."""
+    if document.startswith("executed/"):
+        path = ROOT / "notebooks" / f"{document.removeprefix('executed/')}.ipynb"
+        cells = nbformat.read(path, as_version=4).cells
+        return {cell.metadata.get("mystnb", {}).get("figure", {}).get("name") for cell in cells}
+    text = (BOOK / f"{document}.md").read_text(encoding="utf-8")
+    named = re.findall(r"^(?:\((.+)\)=|:name: (.+)|\$\$ \((.+)\))$", text, re.MULTILINE)
+    headings = re.findall(r"^#{1,3} (.+)$", text, re.MULTILINE)
+    slugs = {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+    return {name for names in named for name in names if name} | slugs
+
+
+@pytest.mark.parametrize("page", sorted({entry.page for entry in ENTRIES if entry.page}))
+def test_pages_and_anchors_exist(page):
+    document, _, anchor = page.partition("#")
+    assert document in documents()
+    assert not anchor or anchor in anchors(document)
+
+
+@pytest.mark.skipif(not (BOOK / "errata.md").exists(), reason="the book has no errata")
+def test_errata_exist():
+    given = {anchor.removeprefix("errata#") for entry in ENTRIES for anchor in entry.errata}
+    assert given <= anchors("errata")
+
+
+@pytest.mark.parametrize("name", sorted({name for e in ENTRIES for name in e.function}))
+def test_functions_can_be_imported(name):
+    assert not any(part.startswith("_") for part in name.split("."))
+    assert pkgutil.resolve_name(name).__doc__
+
+
+@cache
+def cube_of(subject):
+    """A small cube of a subject's first study."""
+    if subject == "experiment":
+        request = validate("experiment-resolution", {"trials": 1})
+        return experiment_study.run(request, recordings(request.recordings, sigma=0.02))
+    if subject == "cameras":
+        return optics_study.run(validate("cameras", {"trials": 2}))
+    request = validate(f"{subject}-distance", {"trials": 1})
+    if subject == "sound":
+        plate = studies.run(validate("plate-distance", request.plate_request))
+        return sound.run(request, plate)
+    return studies.run(request)
+
+
+@pytest.mark.parametrize("cube", sorted({cube for entry in ENTRIES for cube in entry.cube}))
+def test_cubes_have_the_variables(cube):
+    name, variables = cube.split(": ")
+    assert set(variables.split(", ")) <= set(cube_of(STUDIES[name].subject).data_vars)
+
+
+@cache
+def names_in(file):
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize("test", sorted({test for entry in ENTRIES for test in entry.test}))
+def test_tests_exist(test):
+    file, name = test.split("::")
+    assert name in names_in(file)
+
+
+# What cannot be read is refused.
+
+
+def changed(monkeypatch, folder, line, edit):
+    """Let the index be one of which `edit` has changed a line, as a list of its cells."""
+    with (setups.data_folder() / "index.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))
+    rows[line - 1] = edit(rows[line - 1])
+    with (folder / "index.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows(rows)
+    monkeypatch.setattr(facts_index, "data_folder", lambda: folder)
+
+
+@pytest.mark.parametrize(
+    ("column", "given"),
+    [
+        ("item", "fig 3.4"), ("item", "figure 3.4c"), ("item", "equation 3.20 a"), ("item", ""),
+        ("what", ""), ("what", " "),
+        ("page", "beam.md"), ("page", "beam#"), ("page", "the beam"),
+        ("function", "structures.beam"), ("function", "thesis_lib"),
+        ("function", "thesis_lib.facts.setups.beam;thesis_lib.facts.setups.plate"),
+        ("cube", "mean_error"), ("cube", "beam-distance:mean_error"), ("cube", "beam-distance: "),
+        ("test", "test_structures.py::test_x"), ("test", "tests/vibration/test_structures.py"),
+        ("test", "tests/test_x.py::test_x[1]"), ("test", "tests/test_x.py::test_x; "),
+        ("reason", " "), ("errata", "b2"), ("errata", "errata#errata-b"),
+    ],
+)  # fmt: skip
+def test_a_malformed_row_is_named_by_line_and_field(monkeypatch, tmp_path, column, given):
+    at = list(facts_index.ALLOWED).index(column)
+    changed(monkeypatch, tmp_path, 7, lambda row: [*row[:at], given, *row[at + 1 :]])
+    with pytest.raises(ValueError, match=r"^index\.csv, line 7: ") as caught:
+        facts_index.read_index()
+    allowed = facts_index.ALLOWED[column][1]
+    assert str(caught.value) == f"index.csv, line 7: {column}: given {given!r}, allowed: {allowed}"
+
+
+def test_the_message_reads_well(monkeypatch, tmp_path):
+    changed(monkeypatch, tmp_path, 7, lambda row: ["fig 3.4", *row[1:]])
+    with pytest.raises(ValueError, match="index") as caught:
+        facts_index.read_index()
+    assert str(caught.value) == (
+        "index.csv, line 7: item: given 'fig 3.4', allowed: figure, table or equation and a number"
+    )
+
+
+def test_neither_something_nor_a_reason_is_refused_and_both_are(monkeypatch, tmp_path):
+    for row in (
+        ["figure 1.6", "a microphone", "", "", "", "", "", ""],
+        ["figure 1.6", "a microphone", "beam", "", "", "", "none", ""],
+        ["figure 1.6", "a microphone", "", "", "", "tests/test_x.py::test_x", "none", ""],
+    ):
+        changed(monkeypatch, tmp_path, 7, lambda _, row=row: row)
+        with pytest.raises(ValueError, match=r"^index\.csv, line 7: reason: given '(none)?', "):
+            facts_index.read_index()
+
+
+@pytest.mark.parametrize("line", [1, 7])
+@pytest.mark.parametrize("edit", [lambda row: row[:-1], lambda row: [*row, "more"], lambda _: []])
+def test_missing_and_spare_cells_are_named(monkeypatch, tmp_path, line, edit):
+    changed(monkeypatch, tmp_path, line, edit)
+    with pytest.raises(ValueError, match=rf"^index\.csv, line {line}: columns: given "):
+        facts_index.read_index()
+
+
+# The page.
+
+
+def test_every_item_is_in_one_table_of_its_chapter():
+    found = []
+    for name, piece in thesis_index.PIECES.items():
+        kind = ""
+        for line in piece().splitlines():
+            cells = line.strip("| ").split(" | ")
+            if cells[0] in ("figure", "table", "equation"):
+                kind = cells[0]
+            elif line.startswith("| ") and cells[0] != "---":
+                assert len(cells) == 4
+                assert all(cells)
+                assert cells[0][0] in CHAPTERS[name.removeprefix("thesis-index-")]
+                found.append(f"{kind} {cells[0]}")
+    assert sorted(found) == sorted(EXPECTED)
+
+
+def test_the_page_includes_every_piece():
+    text = (BOOK / "thesis-index.md").read_text(encoding="utf-8")
+    included = re.findall(r"\{include\} executed/([\w-]+)\.md", text)
+    assert included == list(thesis_index.PIECES)
+
+
+def test_pieces_are_written_as_the_page_includes_them(tmp_path):
+    thesis_index.write(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {f"{n}.md" for n in thesis_index.PIECES}
+    for name, piece in thesis_index.PIECES.items():
+        assert (tmp_path / f"{name}.md").read_text(encoding="utf-8") == piece()
+
+
+def test_places_are_linked_and_names_in_the_library_if_they_stand_there(monkeypatch, tmp_path):
+    text = thesis_index.chapter("3")
+    assert "[Beam: distance of the cameras](fig-3-4)" in text
+    assert "[The beam](beam.md), equation {eq}`eq-modal`" in text
+    assert "[The beam](beam.md#what-vibrates)" in text
+    assert "[The experiment](lab-rig)" in thesis_index.chapter("5")
+    assert "(errata [A6](errata-a6))" in text
+    assert (
+        "{py:obj}`vibration.beam.Beam.mode_shapes <thesis_lib.vibration.beam.Beam.mode_shapes>`"
+        in text
+    )
+    shutil.copytree(BOOK, tmp_path / "book", ignore=shutil.ignore_patterns("executed", "assets"))
+    monkeypatch.setattr(thesis_index, "project_root", lambda: tmp_path)
+    api = tmp_path / "book" / "api.md"
+    api.write_text(
+        ".. automodule:: thesis_lib.vibration.beam\n   :members: Beam\n\n"
+        ".. automodule:: thesis_lib.vibration.structure\n   :members: resonance\n"
+    )
+    text = thesis_index.chapter("3")
+    assert text.count("{py:obj}") == sum(
+        name.startswith(
+            ("thesis_lib.vibration.beam.Beam", "thesis_lib.vibration.structure.resonance")
+        )
+        for entry in ENTRIES
+        if entry.item.split()[1].startswith("3.")
+        for name in entry.function
+    )
+    assert "<code>vision.pinhole.hemisphere_<wbr>cameras</code>" in text

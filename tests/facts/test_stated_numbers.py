@@ -1,0 +1,429 @@
+"""Numbers that the thesis prints: read, computed, and held against independent arithmetic.
+
+And the statements that exclude each other: the arithmetic is done again from the rows themselves.
+"""
+
+import csv
+from itertools import combinations, product
+from math import acos, asin, atan, cos, cosh, degrees, inf, isfinite, pi, radians, sin, sqrt, tan
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from thesis_lib.facts import numbers as stated_numbers
+from thesis_lib.facts import setups
+from thesis_lib.facts.numbers import VALUES, read_numbers
+from thesis_lib.vision.optics import angle_of_view
+
+NUMBERS = read_numbers()
+BY_ID = {number.id: number for number in NUMBERS}
+DIFFERENT = [
+    "cameras-sizes",
+    "format-1280-4-3",
+    "view-up",
+    "view-diagonal-43",
+    "sine-factor",
+    "instant",
+    "zero-column",
+    "figures-announced",
+    "axes-1",
+    "axes-2a-160",
+    "caption-2c",
+    "reversed-4a",
+    "mirrored-4e",
+    "plate-density",
+    "plate-modulus",
+    "mixed-term",
+    "rank-2-2",
+    "rank-1-4",
+    "resonance",
+    "resonance-rounded",
+    "tip",
+    "distance",
+    "axes-rig",
+    "places",
+    "board",
+    "frames-per-resonance",
+    "simulated-width",
+    "wave-sign",
+    "parameters",
+]
+
+
+def value(name):
+    return BY_ID[name].value
+
+
+# -- Reading --
+
+
+def test_every_number_has_a_value():
+    assert len(NUMBERS) > 60
+    assert all(isfinite(number.value) for number in NUMBERS)
+    assert len(BY_ID) == len(NUMBERS)
+
+
+def test_no_value_is_without_its_number():
+    assert {number.value_of for number in NUMBERS} == set(VALUES)
+
+
+def test_places_and_words_are_short():
+    assert all(number.place and 10 < len(number.words) <= 100 for number in NUMBERS)
+
+
+@pytest.mark.parametrize(
+    ("stated", "low", "high"),
+    [
+        ("39.6", 39.55, 39.65),
+        ("1.87510", 1.875095, 1.875105),
+        ("70", 69.5, 70.5),
+        ("16e6", 15.5e6, 16.5e6),
+        ("14e10", 13.5e10, 14.5e10),
+        ("1/60", 1 / 60, 1 / 60),
+        ("12×4", 48, 48),
+        ("-1", -1.5, -0.5),
+    ],
+)
+def test_a_number_stands_for_what_is_rounded_to_it(stated, low, high):
+    number = stated_numbers.StatedNumber("n", 3, "3.1", "words", stated, "", "tip")
+    np.testing.assert_allclose([number.low, number.high], [low, high], rtol=2e-9)
+    assert number.low < number.high
+
+
+ROW = "n,3,3.1,words,1.5,mm,tip"
+
+
+@pytest.mark.parametrize(
+    ("row", "field"),
+    [
+        (",3,3.1,words,1.5,mm,tip", "id"),
+        (ROW + "\n" + ROW, "id"),
+        ("n,8,3.1,words,1.5,mm,tip", "chapter"),
+        ("n,three,3.1,words,1.5,mm,tip", "chapter"),
+        ("n,3,,words,1.5,mm,tip", "place"),
+        ("n,3,3.1,,1.5,mm,tip", "words"),
+        ("n,3,3.1,words,,mm,tip", "stated"),
+        ("n,3,3.1,words,some,mm,tip", "stated"),
+        ("n,3,3.1,words,nan,mm,tip", "stated"),
+        ("n,3,3.1,words,1e999999,mm,tip", "stated"),
+        ("n,3,3.1,words,1/0,mm,tip", "stated"),
+        ("n,3,3.1,words,1/2/3,mm,tip", "stated"),
+        ("n,3,3.1,words,1.5×2,mm,tip", "stated"),
+        ("n,3,3.1,words,1.5,mm,top", "value_of"),
+        ("n,3,3.1,words,1.5,mm", "value_of"),
+        ("n,3,3.1,words", "stated"),
+        (ROW + ",more of it", "more"),
+    ],
+)
+def test_malformed_rows_are_refused(row, field, tmp_path, monkeypatch):
+    header = "id,chapter,place,words,stated,unit,value_of\n"
+    good = "first,3,3.1,words,1,,tip\n"
+    (tmp_path / "numbers.csv").write_text(header + good + row + "\n", encoding="utf-8")
+    monkeypatch.setattr(stated_numbers, "data_folder", lambda: tmp_path)
+    with pytest.raises(ValueError, match=r"^numbers\.csv, line [34]: ") as refusal:
+        read_numbers()
+    line = 2 + len(row.splitlines())
+    assert f"line {line}: {field}: given " in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "header", ["", "id,chapter\n", "chapter,id,place,words,stated,unit,value_of\n"]
+)
+def test_other_columns_are_refused(header, tmp_path, monkeypatch):
+    (tmp_path / "numbers.csv").write_text(header, encoding="utf-8")
+    monkeypatch.setattr(stated_numbers, "data_folder", lambda: tmp_path)
+    with pytest.raises(ValueError, match=r"^numbers\.csv, line 1: given .*allowed: id, chapter"):
+        read_numbers()
+
+
+# -- Values, by other ways --
+
+
+def test_these_and_no_others_differ_from_what_is_printed():
+    outside = [n.id for n in NUMBERS if not n.low <= n.value <= n.high]
+    assert outside == DIFFERENT
+
+
+def test_angles_of_view(conforms):
+    for size in (24, 36, 43):  # half the side subtends half the angle
+        conforms.independent(tan(angle_of_view(size, 50) / 2) * 100, size, rtol=1e-6)
+    conforms.independent(angle_of_view(2, 1), pi / 2, rtol=1e-6)
+    conforms.independent(
+        value("view-diagonal"), degrees(2 * atan(sqrt(36**2 + 24**2) / 100)), rtol=1e-6
+    )
+    conforms.independent(degrees(angle_of_view(36, value("view-lens"))), 39.6, rtol=1e-6)
+    conforms.independent(degrees(angle_of_view(24, 17.14)), 70, atol=0.01)  # what 70° would need
+
+
+def test_heights_are_in_proportion_within_a_pixel():
+    for number in NUMBERS:
+        if number.id.startswith("format-"):
+            _, width, side, other = number.id.split("-")
+            ratio = min(int(side), int(other)) / max(int(side), int(other))
+            assert 0 <= int(width) * ratio - number.value < 1
+            near = abs(int(width) * ratio - float(number.stated)) < 1
+            assert near == (number.id != "format-1280-4-3")
+
+
+def test_wavenumbers_solve_the_frequency_equation(conforms):
+    for n in range(1, 7):
+        middle = (2 * n - 1) * pi / 2
+        root = brentq(lambda x: cos(x) * cosh(x) + 1, middle - 0.5, middle + 0.5, xtol=1e-13)
+        conforms.independent(value(f"root-{n}"), root, rtol=1e-12)
+    conforms.independent(value("root-6"), 11 * pi / 2, rtol=1e-8)
+    assert value("root-5") != pytest.approx(9 * pi / 2, rel=1e-8)
+
+
+def test_resonance_and_tip_by_hand(conforms):
+    length, width, thickness, density, modulus, damping, at = (
+        0.623, 0.03, 0.003, 2700, 6.9e10, 0.02, 0.055,
+    )  # fmt: skip
+    kl = value("root-1")
+    natural = (kl / length) ** 2 * sqrt(modulus / 12 / density) * thickness
+    conforms.independent(
+        value("resonance"), natural * sqrt(1 - 2 * damping**2) / (2 * pi), rtol=1e-6
+    )
+    k = kl / length
+    sigma = (np.sinh(kl) - sin(kl)) / (cosh(kl) + cos(kl))
+    shape = cosh(k * at) - cos(k * at) - sigma * (np.sinh(k * at) - sin(k * at))
+    mass = density * width * thickness * length
+    q = shape / (mass * 2 * damping * natural**2 * sqrt(1 - damping**2))
+    conforms.independent(value("tip"), 2 * q * 1e3, rtol=1e-6)
+    conforms.independent(value("instant"), damping / sqrt(1 - damping**2), rtol=1e-6)
+
+
+def test_signs_and_factors_of_the_equations(conforms):
+    conforms.independent(value("sine-factor"), -1, atol=1e-12)
+    conforms.independent(value("mixed-term"), 2, rtol=1e-6)
+    conforms.independent(value("overlap-beam"), 0.5, rtol=1e-6)
+    conforms.independent(value("overlap-plate"), 1, rtol=1e-6)
+    assert value("wave-sign") == -1
+
+
+def test_ranks_by_counting_the_modes_below():
+    for m1, m2 in ((2, 1), (1, 2), (2, 2), (1, 4)):
+        own = (m1 / 668) ** 2 + (m2 / 443) ** 2
+        below = sum(
+            (a / 668) ** 2 + (b / 443) ** 2 < own for a, b in product(range(1, 20), repeat=2)
+        )
+        assert value(f"rank-{m1}-{m2}") == below + 1
+
+
+def test_angles_between_optical_axes(conforms):
+    def between(half, elevation):  # spherical law of cosines
+        s, c = sin(radians(elevation)), cos(radians(elevation))
+        return degrees(acos(s * s + c * c * cos(radians(2 * half))))
+
+    conforms.independent(value("axes-1"), between(30, 25), rtol=1e-6)
+    conforms.independent(value("axes-2a-160"), between(80, 10), rtol=1e-6)
+    conforms.independent(
+        value("axes-rig"), degrees(2 * asin(cos(radians(22)) * sin(radians(10)))), rtol=1e-6
+    )
+    for elevation in (5, 20, 40, 60):
+        conforms.independent(
+            value(f"aperture-2b-{180 - 2 * elevation}"), 180 - 2 * elevation, rtol=1e-6
+        )
+
+
+def test_apertures_are_those_of_the_setups():
+    settings = setups.aperture_settings(["2a"], [8, 30, 55, 80], [], 10, 500, (320, 180))
+    for setting in settings:
+        (one, _), (other, _) = setting.directions_deg
+        assert value(f"aperture-2a-{setting.value}") == setting.value == one - other
+
+
+def test_counts():
+    sizes = {len(s.directions_deg) for s in setups.array_settings(
+        list(setups.pairs()), {}, {}, 500, (320, 180))}  # fmt: skip
+    assert sizes == {2, 4, 6, 8, 10, 12}
+    assert value("cameras-sizes") == len(sizes)
+    assert [value(name) for name in ("equations-one", "equations-two")] == [2, 4]
+    assert [value(name) for name in ("cameras-4a", "pairs-4a")] == [12, 6]
+    assert [value(name) for name in ("cameras-4b", "pairs-4b")] == [8, 4]
+    assert value("sensor-cells") == 16_000_000
+    assert [value(name) for name in ("markers", "grid")] == [75, 76]
+    assert value("frames-per-resonance") == pytest.approx(60 / 4.25)
+
+
+def test_only_opposite_pairs_on_an_axis_mirror_each_other():
+    def mirrored(pair):
+        places = [np.round([sin(radians(a)), cos(radians(a))], 9) for a, _ in pair]
+        return any((places[0] * flip == places[1]).all() for flip in ([-1, 1], [1, -1]))
+
+    found = {case: sum(map(mirrored, pairs)) for case, pairs in setups.pairs().items()}
+    assert found.pop("4e") == value("mirrored-4e") == 2
+    assert found == {"4a": 6, "4a'": 6, "4b": 4, "4c": 6, "4d": 4}
+
+
+def test_spacings_and_columns():
+    assert value("beam-spacing") == pytest.approx(623 / 25)
+    assert value("plate-spacing-x") == pytest.approx(668 / 15)
+    assert value("plate-spacing-y") == pytest.approx(443 / 10)
+    assert value("plane-columns") == pytest.approx(99 * 668 / 443)
+
+
+# -- Statements that exclude each other --
+
+
+with (setups.data_folder() / "claims.csv").open(encoding="utf-8", newline="") as file:
+    CLAIMS = {row["id"]: row for row in csv.DictReader(file)}
+MARKERS = 25
+NEARLY = 0.9  # of the bound, that the rms of the other markers would have to reach
+
+
+def bounds(claim):
+    """What is rounded to the stated value or lies within the stated bound, in %."""
+    low, high = (
+        float(text) + sign * 0.5 * 10.0 ** -len(text.partition(".")[2])
+        for text, sign in ((claim["low"], -1), (claim["high"], 1))
+    )
+    if claim["relation"] == "less_than":
+        high = float(claim["high"])
+    upper = claim["relation"] in ("max", "less_than")
+    return 0.0 if upper else low, inf if claim["relation"] == "min" else high
+
+
+def common(claims):
+    """What all of them allow."""
+    ends = [bounds(claim) for claim in claims]
+    return max([low for low, _ in ends], default=0.0), min([high for _, high in ends], default=inf)
+
+
+def infeasible(claim, others):
+    """Whether statements on one setup exclude each other: "", "nearly" or "excluded".
+
+    The mean error is an rms over 25 markers. With the largest error T and all others at most R
+    it is at most √((24 R² + T²)/25), and at least T/5.
+    """
+    claims = [claim, *others]
+    mean = common([c for c in claims if c["quantity"] == "mean_error"])
+    peaks = [c for c in claims if c["quantity"] == "max_point_error"]
+    top = common([c for c in peaks if c["excepted"] == "0"])
+    rest = common([c for c in peaks if c["excepted"] == "1"])
+    rest = rest[0], min(rest[1], top[1])
+    if any(low > high for low, high in (mean, top, rest)):
+        return "excluded"
+    most = sqrt(((MARKERS - 1) * rest[1] ** 2 + top[1] ** 2) / MARKERS)
+    least = sqrt((max(top[0], rest[0]) ** 2 + rest[0] ** 2) / MARKERS)
+    if mean[0] > most or mean[1] < least:
+        return "excluded"
+    if any(low == high for low, high in (mean, top, rest)):
+        return "nearly"
+    if top[1] == inf:
+        return ""
+    needed = sqrt(max(MARKERS * mean[0] ** 2 - top[1] ** 2, 0) / (MARKERS - 1))
+    return "nearly" if needed > NEARLY * rest[1] else ""
+
+
+def made(quantity, low, high=None, relation="about", excepted=0):
+    return {"quantity": quantity, "low": str(low), "high": str(high or low), "relation": relation,
+            "excepted": str(excepted)}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("verdict", "claims"),
+    [
+        ("", [("mean_error", 10), ("max_point_error", 20)]),
+        ("excluded", [("mean_error", 10), ("max_point_error", 8)]),  # the mean above the peak
+        ("excluded", [("mean_error", 10), ("max_point_error", 60)]),  # one marker alone makes 12 %
+        ("", [("mean_error", 10), ("max_point_error", 49)]),
+        ("nearly", [("mean_error", 10), ("max_point_error", 10)]),
+        ("excluded", [("mean_error", 10), ("mean_error", 12)]),
+        ("nearly", [("mean_error", 10), ("mean_error", 11, 12, "range")]),
+        ("", [("mean_error", 10), ("mean_error", 10, 15, "range")]),
+        ("excluded", [("mean_error", 16), ("max_point_error", 5, 5, "max", 1),
+                      ("max_point_error", 40)]),
+        ("", [("mean_error", 9), ("max_point_error", 5, 5, "max", 1), ("max_point_error", 40)]),
+        ("", [("mean_error", 9), ("max_point_error", 5, 5, "about", 1)]),  # the excepted is free
+        ("excluded", [("mean_error", 1.3), ("max_point_error", 1.1)]),
+    ],
+)  # fmt: skip
+def test_what_excludes_what(verdict, claims):
+    first, *others = (made(*claim) for claim in claims)
+    assert infeasible(first, others) == verdict
+
+
+CONFLICTING = [name for name, claim in CLAIMS.items() if claim["conflicts"]]
+
+
+def test_some_conflicts_are_stated_and_each_has_its_reason():
+    assert CONFLICTING
+    assert all(bool(c["conflicts"]) == bool(c["conflict_why"]) for c in CLAIMS.values())
+
+
+@pytest.mark.parametrize("name", CONFLICTING)
+def test_stated_conflicts_follow_from_the_numbers(name):
+    claim = CLAIMS[name]
+    names = claim["conflicts"].split(";")
+    others = [CLAIMS[other] for other in names]
+    assert {same_cameras(other) for other in others} == {same_cameras(claim)}
+    assert {other["mode"] for other in others} == {claim["mode"]}
+    found = infeasible(claim, others)
+    assert found == ("nearly" if claim["conflict_why"].startswith("nearly: ") else "excluded")
+    for left_out in names:  # each of them is needed
+        assert not infeasible(claim, [CLAIMS[other] for other in names if other != left_out])
+    for other in names:
+        assert set(CLAIMS[other]["conflicts"].split(";")) == {name, *names} - {other}
+
+
+def test_the_figures_of_the_reasons():
+    why = CLAIMS["ch3-4b-m3-mean-first"]["conflict_why"]
+    assert f"at most {sqrt((24 * 20**2 + 40**2) / 25):.1f} %" in why
+    assert f"above {sqrt((25 * 20.5**2 - 40.5**2) / 24):.1f} %" in why
+
+
+def test_no_conflict_within_a_setup_is_left_out():
+    settings = {}
+    for claim in CLAIMS.values():
+        for place in places(claim):
+            settings.setdefault((*place, claim["mode"]), []).append(claim)
+    found = set()
+    for claims in settings.values():
+        for number in (2, 3):
+            for group in combinations(claims, number):
+                smaller = (g for n in range(2, number) for g in combinations(group, n))
+                if infeasible(group[0], group[1:]) and not any(
+                    infeasible(g[0], g[1:]) for g in smaller
+                ):
+                    found.add(frozenset(claim["id"] for claim in group))
+    stated = {frozenset([n, *CLAIMS[n]["conflicts"].split(";")]) for n in CONFLICTING}
+    assert found == stated
+
+
+def same_cameras(claim):
+    (place,) = places(claim)
+    return place
+
+
+def places(claim):
+    """Cameras, distances and pixels of the beam's settings that a claim speaks of."""
+    structure, study = claim["figure_set"].split("-")
+    if structure != "beam":
+        return []
+    facts = setups.table(structure, study)
+    pixels = tuple(facts.get("resolution_px", (320, 180)))
+    cases = [claim["case"]]
+    if study == "distance":
+        found = setups.distance_settings(
+            facts["distances_mm"], facts["azimuth_deg"], facts["elevation_deg"], pixels
+        )
+    elif study == "aperture":
+        found = setups.aperture_settings(
+            cases, facts["half_apertures_deg"], facts["elevations_deg"], facts["elevation_deg"],
+            facts["distance_mm"], pixels,
+        )  # fmt: skip
+    elif study == "resolution":
+        found = setups.resolution_settings(
+            facts["widths_px"], facts["distance_mm"], facts["azimuth_deg"], facts["elevation_deg"]
+        )
+    else:
+        order = {"4d": "reversed"}
+        found = setups.array_settings(cases, order, {}, facts["distance_mm"], pixels)
+    values = None if claim["value"] == "all" else [float(v) for v in claim["value"].split(";")]
+    return [
+        (s.distance_mm, frozenset((a % 360, e) for a, e in s.directions_deg), s.resolution_px)
+        for s in found
+        if values is None or s.value in values
+    ]

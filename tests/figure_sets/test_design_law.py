@@ -1,0 +1,674 @@
+"""The law of rounding for design: closed forms against Jacobians, drawings and brute force."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import zeta
+from scipy.stats import qmc
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.design_law import compute as design_study
+from thesis_lib.figure_sets.design_law import dither, share_tables
+from thesis_lib.figure_sets.design_law import figures as design_figures
+from thesis_lib.figure_sets.design_law import shares as design_shares
+from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
+from thesis_lib.figure_sets.design_law import tables as design_tables
+from thesis_lib.figure_sets.design_law.parameters import DesignLaw
+from thesis_lib.figure_sets.design_law.share_tables import shares
+from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.plotting.style import svg
+from thesis_lib.studies import comparison, cubes, storage
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.published import read_published
+from thesis_lib.vision import cone_law, estimators, rounding
+from thesis_lib.vision.cone_law import ISOTROPIC, MOTION_PX, cone_cameras
+from thesis_lib.vision.estimators import exponent
+from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
+from thesis_lib.vision.triangulation import covariance, triangulate
+
+SIZE = (320, 180)
+distances, focals = st.floats(0.2, 20), st.floats(50, 5000)
+angles = st.floats(0.05, 1.5)
+FEW = {"trials": 60, "counts": [2, 3, 8, 24], "frame_rates_hz": [60, 480]}
+
+
+@pytest.fixture(scope="module")
+def study():
+    """A smaller request."""
+    return validate("design-law", FEW)
+
+
+@pytest.fixture(scope="module")
+def cube(study):
+    """Its cube."""
+    return with_provenance(design_study.run(study), study, 0.0)
+
+
+# Closed forms.
+
+
+@given(distances, focals, st.integers(3, 64), angles)
+def test_cone_covariance_is_that_of_the_jacobian(conforms, distance, focal, n, angle):
+    closed = cone_law.cone_covariance(distance, focal, n, angle, 0.3)
+    P = cone_cameras(distance, angle, n, focal, SIZE).P
+    scale = np.sqrt(np.outer(np.diag(closed), np.diag(closed)))
+    conforms.closed_form(covariance(P, np.zeros(3), 0.3) / scale, np.eye(3), atol=1e-12)
+
+
+@given(distances, focals, st.integers(2, 64), angles)
+def test_deflection_error_of_a_cone_holds_from_two_cameras_on(conforms, distance, focal, n, angle):
+    P = cone_cameras(distance, angle, n, focal, SIZE).P
+    exact = np.sqrt(covariance(P, np.zeros(3), MOTION_PX)[2, 2])
+    closed = cone_law.cone_deflection_error(distance, focal, n, angle)
+    conforms.closed_form(closed, exact, rtol=1e-12)
+
+
+@given(distances, focals, st.floats(0.05, 3.1), st.floats(0.02, 1.4), st.floats(-3, 3))
+def test_noise_of_a_pair_is_that_of_the_jacobian_wherever_it_looks_from(
+    conforms, d, f, alpha, phi, turn
+):
+    P = hemisphere_cameras(d, [turn + alpha / 2, turn - alpha / 2], [phi, phi], f, SIZE).P
+    exact = np.sqrt(covariance(P, np.zeros(3), 0.5)[2, 2])
+    closed = cone_law.pair_noise_error(d, f, alpha, phi, 0.5)
+    conforms.closed_form(closed, exact, rtol=1e-9)
+
+
+@pytest.mark.parametrize("form", [cone_law.pair_deflection_error, cone_law.pair_noise_error])
+def test_opposite_pair_is_a_cone_of_two(conforms, form):
+    cone = cone_law.cone_deflection_error(0.7, 300, 2, np.pi / 2 - 0.3)
+    conforms.invariance(form(0.7, 300, np.pi, 0.3), cone, rtol=1e-12)
+
+
+# Brute force: images, whole pixels and triangulation; no law.
+
+
+def drawn(rig, points, draws):
+    """Errors (3, moved, draws, markers) of motions from the first of points (3, 1 + moved, m)."""
+    shift = qmc.Sobol(2 * len(rig), rng=0).random_base2(draws) - 0.5
+    shift = np.moveaxis(shift.reshape(-1, len(rig), 2), 0, 2)[:, :, None, :, None]
+    found = triangulate(rig.P, np.rint(project(rig.P, points)[:, :, :, None] + shift) - shift)
+    return found[:, 1:] - found[:, :1] - (points[:, 1:] - points[:, :1])[:, :, None]
+
+
+MOVED_PX = np.array([0.1, 0.5, 0.8, 1.3, 1.5, 2.2])  # of the image, about
+DIRECTIONS = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [0.6, -0.3, 0.7], [-0.2, 0.5, 0.8]])
+
+
+def motions(distance, focal):
+    """Motions (3, n) of the centre, deflections first."""
+    return np.concatenate(distance / focal * MOVED_PX[:, None] * DIRECTIONS[:, None]).T
+
+
+@pytest.mark.parametrize("aperture", [16, 60, 120, 180])
+@pytest.mark.parametrize("elevation", [10, 25, 60])
+def test_law_of_a_pair_is_that_of_draws_for_any_motion(conforms, aperture, elevation):
+    alpha, phi, distance, focal = np.radians(aperture), np.radians(elevation), 0.5, 8000.0
+    rig = hemisphere_cameras(distance, [alpha / 2, -alpha / 2], [phi, phi], focal, SIZE)
+    moved = motions(distance, focal)
+    points = np.concatenate([np.zeros((3, 1)), moved], axis=1)[..., None]
+    found = np.sqrt(np.mean(drawn(rig, points, 13)[2] ** 2, axis=(1, 2)))
+    law = cone_law.pair_motion_error(distance, focal, alpha, phi, moved)
+    conforms.sampled(found, law, rtol=0.01, atol=1e-4 * distance / focal)
+    # Deflections alone, over all amplitudes: the aperture is nowhere in it.
+    bent = np.zeros((3, 257, 1))
+    bent[2, :, 0] = np.linspace(0, distance / focal / np.cos(phi), 257)
+    rms = np.sqrt(np.mean(drawn(rig, bent, 10)[2] ** 2))
+    closed = distance / focal * np.sqrt(1 / 6) / np.sqrt(2) / np.cos(phi)
+    conforms.sampled(rms, closed, rtol=0.01)
+    conforms.closed_form(
+        cone_law.pair_deflection_error(distance, focal, alpha, phi), closed, rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 8])
+@pytest.mark.parametrize("angle", [20, 55, 80])
+def test_law_of_a_cone_is_that_of_draws_for_any_motion(conforms, n, angle):
+    theta, distance, focal = np.radians(angle), 0.5, 8000.0
+    rig = cone_cameras(distance, theta, n, focal, SIZE)
+    moved = motions(distance, focal)
+    points = np.concatenate([np.zeros((3, 1)), moved], axis=1)[..., None]
+    found = np.sqrt(np.mean(drawn(rig, points, 13)[2] ** 2, axis=(1, 2)))
+    law = cone_law.cone_motion_error(distance, focal, n, theta, moved)
+    conforms.sampled(found, law, rtol=0.01, atol=1e-4 * distance / focal)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", design_study.PARTS)
+@pytest.mark.parametrize("structure", ["beam", "plate"])
+def test_law_of_each_setting_of_the_thesis_is_that_of_draws(conforms, structure, part):
+    study = validate("design-law", {})
+    request = design_sweeps.thesis_study(study, structure, part)
+    peak = request.peaks_m[0]
+    points = design_sweeps.shapes(request.structure, peak)
+    points = points[..., :: 1 if structure == "beam" else 6]  # 25 markers of each
+    for setting in request.settings():
+        rig = setting.cameras(24, 36)
+        variance = rounding.deflection_variance(rig.P, points[:, :1], points[:, 1:])
+        found = np.sqrt(np.mean(drawn(rig, points, 10)[2] ** 2, axis=(1, 2)))
+        conforms.sampled(found, np.sqrt(np.mean(variance, axis=-1)), rtol=0.01)
+
+
+@given(st.floats(0, 30), st.floats(0, 2), st.floats(0.01, 2))
+def test_mean_over_amplitudes_is_that_of_many(conforms, displacement, least, more):
+    scale = least + more * (np.arange(20000) + 0.5) / 20000
+    many = np.mean(rounding.difference_variance(scale * displacement))
+    closed = rounding.mean_difference_variance(displacement, least, least + more)
+    conforms.closed_form(closed, many, atol=1e-4)
+
+
+def test_all_directions_are_alike_at_two_thirds(conforms):
+    conforms.closed_form(np.sin(ISOTROPIC) ** 2, 2 / 3, rtol=1e-6)
+    conforms.closed_form(np.degrees(ISOTROPIC), 54.7356, atol=1e-4)
+    sigmas = np.diag(cone_law.cone_covariance(1, 213, 5, float(ISOTROPIC)))
+    conforms.closed_form(sigmas, sigmas[0], rtol=1e-14)
+    flat = np.diag(cone_law.cone_covariance(1, 213, 5, np.pi / 2))
+    steep = np.diag(cone_law.cone_covariance(1, 213, 5, 1e-6))
+    conforms.closed_form(flat[0] / steep[0], 2, rtol=1e-6)  # √2 in the error, at most
+    assert steep[2] > 1e9 * steep[0]
+
+
+def test_exponents_of_the_closed_forms(conforms):
+    x = np.arange(3, 40)
+    conforms.order(exponent(x, cone_law.cone_deflection_error(1, 213, x, 1)), -0.5, rtol=1e-6)
+    conforms.order(exponent(x, cone_law.cone_deflection_error(x, 213, 4, 1)), 1, rtol=1e-6)
+    conforms.order(exponent(x, cone_law.cone_deflection_error(1, x, 4, 1)), -1, rtol=1e-6)
+    conforms.order(exponent(x, 7.0 * x**1.5), 1.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize("n", [2, 1, 0])
+def test_too_few_cameras_are_refused_in_one_line(n):
+    with pytest.raises(ValueError, match=f"n_cameras: given {n}, allowed: 3 or more") as caught:
+        cone_law.cone_covariance(1, 213, n, 1)
+    assert "\n" not in str(caught.value)
+    if n < 2:
+        with pytest.raises(ValueError, match=f"n_cameras: given {n}, allowed: 2 or more"):
+            cone_law.cone_deflection_error(1, 213, [4, n], 1)
+
+
+# Repeated rounding.
+
+
+@pytest.mark.parametrize("amplitude", [0.03, 0.2, 0.5, 0.77, 2.3, 6.0])
+def test_swing_error_is_that_of_a_long_film_on_every_grid(conforms, amplitude):
+    turn = 2 * np.pi * (np.arange(4001) + 0.3) / 4001
+    shift = ((np.arange(500) + 0.5) / 500 - 0.5)[:, None]
+    seen = np.rint(amplitude * np.cos(turn) + shift) - shift
+    error = 2 * np.mean(seen * np.cos(turn), axis=1) - amplitude
+    found = np.sqrt(np.mean(error**2))
+    conforms.sampled(cone_law.swing_error(amplitude), found, rtol=5e-3)
+
+
+def test_swing_error_for_large_and_small_amplitudes(conforms):
+    large = np.linspace(20, 21, 101)  # over which the fraction of a pixel averages out
+    rms = np.sqrt(np.mean(cone_law.swing_error(large) ** 2))
+    conforms.closed_form(rms, np.sqrt(zeta(3) / np.pi**4 / 20.5), rtol=0.01)
+    # A step somewhere within the swing, with probability 2a: 16 a / (3π²) on average, less a².
+    small = 0.01
+    expected = np.sqrt(16 * small / (3 * np.pi**2) - small**2)
+    conforms.closed_form(cone_law.swing_error(small), expected, rtol=0.01)
+    conforms.closed_form(cone_law.useful_frames(large), 13.5 * 20.5, rtol=0.01)
+
+
+@pytest.mark.parametrize("amplitude", [2.0, 5.0, 12.0])
+def test_little_is_left_to_gain_after_the_useful_frames(conforms, amplitude):
+    random = np.random.default_rng(0)
+    peaks = amplitude * (0.75 + 0.5 * (np.arange(4000) + 0.5) / 4000)[:, None]
+    n = round(float(cone_law.useful_frames(peaks[:, 0])))
+    turn = random.uniform(0, 2 * np.pi, peaks.shape) + np.pi * (3 - np.sqrt(5)) * np.arange(n)
+    shift = random.uniform(-0.5, 0.5, peaks.shape)
+    basis = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=2)
+    seen = np.rint(peaks * basis[..., 0] + shift) - shift
+    error = (np.linalg.pinv(basis) @ seen[..., None])[:, 0, 0] - peaks[:, 0]
+    floor = np.sqrt(np.mean(cone_law.swing_error(peaks) ** 2))
+    conforms.sampled(np.sqrt(np.mean(error**2)) / floor, above=1, below=1.25)
+
+
+def test_weighted_error_is_the_quadratic_form_of_the_covariance(conforms):
+    random = np.random.default_rng(3)
+    x, w = random.uniform(-3, 3, (2, 40)), random.normal(size=(2, 40))
+    C = rounding.error_covariance(x[:, :, None] - x[:, None])
+    exact = np.sqrt(np.einsum("ti,tij,tj->t", w, C, w))
+    conforms.independent(cone_law.weighted_error(x, w), exact, rtol=5e-3)
+    # One coordinate alone: 1/12; the same twice with opposite weights: nothing.
+    conforms.closed_form(cone_law.weighted_error([0.3], [1]), np.sqrt(1 / 12), rtol=2e-3)
+    conforms.closed_form(cone_law.weighted_error([0.3, 5.3], [1, -1]), 0, atol=1e-9)
+
+
+@given(st.floats(1e6, 1e10), st.integers(2, 64), st.floats(1, 1000))
+def test_pixels_per_second_are_shared_out_to_the_last(conforms, total, n, rate):
+    width, height, frames = cone_law.equal_pixel_rate(total, n, rate)
+    if height > 10:
+        conforms.invariance(n * width * height * frames, total, rtol=1e-14)
+        assert abs(width * 9 / 16 - height) <= 0.5
+        assert frames == pytest.approx(rate, rel=0.2)
+
+
+# (a) The law.
+
+
+def test_whole_pixels_are_exact_and_half_ones_worst(conforms, cube):
+    for error in (cube["motion_error"], cube["drawn_motion_error"]):
+        conforms.closed_form(error.sel(motion=[1, 2, 3, 4, 5]), 0, atol=1e-9)
+        conforms.closed_form(error.sel(motion=[0.5, 1.5, 4.5]), 0.5, rtol=1e-9)
+    assert float(cube["motion_error"].max()) == 0.5
+
+
+def test_below_a_pixel_the_relative_error_grows_as_the_inverse_root(conforms, cube):
+    motion = cube["motion"].values
+    small = motion < 0.03
+    for name, tolerance in (("motion_error", 0.01), ("drawn_motion_error", 0.15)):
+        relative = cube[name].values[small] / motion[small]
+        conforms.order(exponent(motion[small], relative), -0.5, atol=tolerance)
+    # Of two roundings that know nothing of each other it would grow as the inverse.
+    conforms.order(exponent(motion, MOTION_PX / motion), -1, rtol=1e-6)
+
+
+def test_law_is_the_simulation_for_every_setting_of_the_thesis(conforms, cube):
+    assert cube["law_error"].shape == (112, 3)
+    ratio = cube["law_error"].values / cube["simulated_error"].values
+    # An rms over 60 trials of 25 or 150 markers, whose errors go together: a few percent each.
+    conforms.sampled(np.abs(np.median(ratio) - 1), below=0.015)
+    conforms.sampled(np.std(ratio), below=0.04)
+    conforms.sampled(np.abs(ratio - 1), below=0.2)
+
+
+def test_independent_roundings_are_up_to_more_than_twice_too_many(conforms, cube):
+    factor = (cube["naive_error"] / cube["law_error"]).values
+    conforms.closed_form(factor.max(), above=2.1, below=2.2)
+    where = np.unravel_index(np.argmax(factor), factor.shape)
+    worst = cube.isel(setting=where[0], shape=where[1])
+    request = validate(f"{worst['of_structure'].item()}-{worst['of_part'].item()}", {})
+    number = where[0] - int(np.flatnonzero(
+        (cube["of_structure"] == worst["of_structure"]) & (cube["of_part"] == worst["of_part"])
+    )[0])  # fmt: skip
+    rig = request.settings()[number].cameras(24, 36)
+    mode = int(worst["shape"])
+    points = design_sweeps.shapes(request.structure, request.peaks_m[mode - 1])[:, [0, mode]]
+    # The factor again, drawn: a grid of its own for each of the two images, against one for both.
+    random = np.random.default_rng(0)
+    errors = []
+    for grids in (2, 1):
+        shift = random.uniform(-0.5, 0.5, (2, 2, grids, 3000, 1))
+        images = project(rig.P, points)[:, :, :, None] + shift
+        z = triangulate(rig.P, pixelate(images) - shift)[2]
+        errors.append(np.sqrt(np.mean((z[1] - z[0] - points[2, 1]) ** 2)))
+    conforms.sampled(errors[0] / errors[1], factor.max(), rtol=0.06)
+
+
+def test_half_pixels_are_where_independent_roundings_are_too_few(conforms, cube):
+    least = float((cube["naive_error"] / cube["law_error"]).min())
+    conforms.closed_form(least, above=np.sqrt(2 / 3), below=1)  # 1/6 against 1/4 at worst
+
+
+# (b) The cone.
+
+
+def test_cone_of_the_cube(conforms, cube):
+    conforms.closed_form(float(cube["cone_difference"]), below=1e-12)
+    conforms.independent(cube["cone_error"], cube["cone_jacobian_error"], rtol=1e-12)
+    ratio = cube["cone_drawn_error"] / cube["cone_error"]
+    conforms.sampled(ratio, 1, atol=0.1)
+    conforms.sampled(np.mean(ratio, axis=0), 1, atol=0.03)
+    x, z = (cube["cone_error"].sel(axis=axis).values for axis in "XZ")
+    crossing = np.interp(0, x - z, cube["angle"].values)
+    conforms.closed_form(crossing, np.degrees(ISOTROPIC), atol=0.1)
+
+
+# (c) The findings.
+
+
+def of(cube: xr.Dataset, kind: str, finding: str) -> np.ndarray:
+    return cube[f"{kind}_exponent"].sel(finding=finding).values
+
+
+def test_findings_follow_the_law_at_the_centre(conforms, cube):
+    for finding, power in (
+        ("distance", 1),
+        ("resolution", -1),
+        ("number", -0.5),
+        ("elevation", -1),
+    ):
+        conforms.order(of(cube, "centre", finding), power, atol=1e-9)
+
+
+def test_findings_follow_the_law_over_all_markers(conforms, cube):
+    conforms.order(of(cube, "expected", "distance"), above=0.85, below=1)
+    conforms.order(of(cube, "expected", "resolution"), above=-1, below=-0.9)
+    conforms.order(of(cube, "expected", "number"), -0.5, atol=0.005)
+    conforms.order(of(cube, "expected", "elevation"), below=-0.6)
+    conforms.order(of(cube, "expected", "elevation"), above=-1)
+    assert np.isnan(of(cube, "expected", "aperture")).all()
+
+
+def test_far_below_a_pixel_distance_and_resolution_are_worth_the_root(conforms, cube):
+    conforms.order(of(cube, "small", "distance"), 0.5, atol=0.02)
+    conforms.order(of(cube, "small", "resolution"), -0.5, atol=0.02)
+    conforms.order(of(cube, "small", "number"), -0.5, atol=0.002)
+
+
+def test_closed_forms_are_the_first_order_at_the_centre(conforms, study):
+    many = np.zeros((3, 2001, 1))  # a marker at the centre, over ten pixels of motion
+    for finding in design_sweeps.FINDINGS:
+        for value in design_sweeps.swept("plate", finding)[::20]:
+            rig = design_sweeps.rig(study, "plate", finding, float(value))
+            noise = design_sweeps.noisy(rig.cameras(), np.zeros((3, 1)))
+            conforms.closed_form(rig.centre_error(noisy=True), noise, rtol=1e-9)
+            far = replace(rig, focal=1000 * rig.focal)  # so that a pixel is nothing to the distance
+            lift = np.sin(rig.angle) if rig.count else np.cos(rig.elevation)
+            reach = 10 * rig.distance / (1000 * rig.focal * rig.size[0] * lift)
+            many[2, 1:, 0] = reach * (np.arange(2000) + 0.5) / 2000
+            rounded = design_sweeps.exact(far.cameras(), many)
+            conforms.closed_form(far.centre_error(), rounded, rtol=2e-3)
+
+
+@pytest.mark.parametrize("aperture", [16.0, 60.0, 124.0, 180.0])
+def test_averaged_law_is_that_of_draws_at_many_amplitudes(conforms, study, aperture):
+    rig = design_sweeps.rig(study, "beam", "aperture", aperture).cameras()
+    rest, *bent = np.moveaxis(design_sweeps.shapes(setups.beam(), 5.5e-3), 1, 0)
+    scale = np.linspace(*design_sweeps.AMPLITUDES, 64)
+    many = [rest + a * (one - rest) for one in bent for a in scale]
+    points = np.stack([rest, *many], axis=1)
+    found = np.sqrt(np.mean(drawn(rig, points, 7)[2] ** 2))
+    law = design_sweeps.expected(rig, np.stack([rest, *bent], axis=1))
+    conforms.sampled(found, law, rtol=0.02)
+
+
+@pytest.mark.parametrize("structure", ["beam", "plate"])
+def test_wide_apertures_stop_helping_over_the_markers(conforms, cube, structure):
+    part = cube.sel(finding="aperture", structure=structure)
+    for kind, name in (("of the thesis", "exact_error"), ("averaged", "expected_error")):
+        best = float(part["best_aperture"].sel(amplitudes=kind))
+        conforms.closed_form(best, above=120, below=135)
+        at = part["swept"].values[np.argmin(part[name].values)]
+        conforms.independent(abs(at - best), below=3)  # where the sweep has its least
+        conforms.closed_form(float(part["wide_gain"].sel(amplitudes=kind)), above=1.03, below=1.12)
+    conforms.closed_form(part["centre_error"] / part["centre_error"][0], 1, rtol=1e-12)
+    assert np.all(np.diff(part["noisy_centre_error"]) < 0)  # to noise it helps all the way
+
+
+def test_pairs_tell_rounding_from_noise(conforms, cube):
+    for kind in ("", "_noise"):
+        ratio = cube[f"drawn_pair{kind}_error"] / cube[f"pair{kind}_error"]
+        conforms.sampled(ratio, 1, atol=0.1)
+    conforms.closed_form(cube["pair_error"].std("opening"), 0, atol=1e-15)
+    wide = cube.sel(opening=180)
+    conforms.closed_form(wide["pair_noise_error"], wide["pair_error"], rtol=1e-12)
+    conforms.closed_form(cube["pair_noise_error"].sel(tilt=60, opening=16) / cube["pair_error"].sel(
+        tilt=60, opening=16), above=6, below=6.5)  # fmt: skip
+
+
+def test_sweeps_are_over_the_ranges_of_the_thesis(cube):
+    for one in ("beam", "plate"):
+        printed = setups.table(one, "distance")["distances_mm"]
+        swept = cube["swept"].sel(finding="distance", structure=one)
+        assert [swept.min(), swept.max()] == pytest.approx([min(printed), max(printed)])
+
+
+def test_growing_arrays_are_not_a_cone(conforms, cube):
+    exponents = cube["array_exponent"]
+    conforms.order(exponents.sel(array="4a"), -0.79, atol=0.05)  # it starts with a poor pair
+    conforms.order(exponents, below=-0.35)
+    beam = exponents.sel(structure="beam")
+    assert abs(float(beam.sel(array="4a'")) + 0.5) < abs(float(beam.sel(array="4a")) + 0.5)
+
+
+# (d) Equal pixels per second.
+
+
+def test_all_have_the_same_pixels_per_second(conforms, cube, study):
+    total = cube["count"] * cube["width_px"] * cube["height_px"] * cube["frame_rate"]
+    conforms.invariance(total, study.pixels_per_second, rtol=1e-13)
+    assert float(cube["in_view"].min()) == 1
+
+
+def test_number_of_cameras_cancels_and_frames_cost_their_root(conforms, cube):
+    average = cube["average_error"]
+    conforms.closed_form(average / average[0], 1, atol=0.01)  # whole pixels of width
+    conforms.closed_form(average[:, 1] / average[:, 0], np.sqrt(8), rtol=0.01)
+    slow = cube["frame_error"].isel(rate=0)
+    conforms.closed_form(np.abs(slow / average.isel(rate=0) - 1), below=0.12)
+    independent = cube["independent_fit_error"]
+    conforms.closed_form(independent / independent[0, 0], 1, atol=0.01)
+
+
+def test_drawn_frames_and_films_are_the_law(conforms, cube):
+    frames = cube["drawn_frame_error"].isel(estimator=0) / cube["frame_error"]
+    conforms.sampled(frames, 1, atol=0.12)
+    films = cube["drawn_fit_error"].isel(estimator=0) / cube["fit_error"]
+    conforms.sampled(films, 1, atol=0.4)  # 60 numbers each: 9 % of one deviation
+    conforms.sampled(abs(float(films.mean()) - 1), below=0.1)
+
+
+@pytest.mark.parametrize(("count", "rate"), [(2, 60.0), (8, 480.0)])
+def test_law_of_a_film_is_its_simulation(conforms, count, rate):
+    study = validate("design-law", {"trials": 600, "counts": [count], "frame_rates_hz": [rate]})
+    rig = study.settings()[0].cameras(24, 36)
+    filmed = design_shares.film(float(study.shared[2][0, 0]), study)
+    law = design_shares.fitted_by_law(rig, filmed)
+    drawn = [design_shares.filmed_amplitude(rig, filmed, seed, triangulate) for seed in range(4)]
+    conforms.sampled(np.sqrt(np.mean(np.square(drawn))), law, rtol=0.1)
+
+
+def test_frames_repeat_their_errors(cube):
+    law, independent = cube["fit_error"], cube["independent_fit_error"]
+    assert np.all(law > independent)
+    assert np.all(law.isel(rate=1) > 1.7 * law.isel(rate=0))  # eight times the frames, and worse
+    few, many = law.isel(rate=0, count=[0, -1]).values
+    assert many > few
+
+
+def test_many_coarse_cameras_win_with_an_estimator_that_knows_of_pixels(conforms, cube):
+    frame, film = (
+        cube[name].sel(estimator="analytic centre").values
+        for name in ("drawn_frame_error", "drawn_fit_error")
+    )
+    squares = cube["drawn_frame_error"].sel(estimator="least squares").values
+    conforms.sampled(frame[0], squares[0], rtol=0.05)  # two cameras gain nothing
+    conforms.sampled(frame[-1], below=0.7 * squares[-1])
+    conforms.sampled(frame[-1], below=0.7 * frame[0])
+    conforms.sampled(film[-1], below=0.9 * film[0])
+
+
+def test_film_is_fitted_exactly_without_rounding(conforms, study):
+    filmed = design_shares.film(60.0, study)
+    waves = (filmed.fit @ filmed.points[2][..., None])[..., 0]
+    conforms.closed_form(waves[:, 0], filmed.peaks, rtol=1e-12)
+    conforms.closed_form(waves[:, 1:], 0, atol=1e-15)
+    conforms.closed_form(np.mean(filmed.peaks), study.amplitude_mm / 1000, rtol=1e-6)
+
+
+def test_films_in_parts_are_films_at_once(conforms, study, monkeypatch):
+    rig = study.settings()[0].cameras(24, 36)
+    filmed = design_shares.film(60.0, study)
+    whole = design_shares.filmed_amplitude(rig, filmed, 0, triangulate)
+    monkeypatch.setattr(design_shares, "_FILM_VALUES", 500)
+    parts = design_shares.filmed_amplitude(rig, filmed, 0, triangulate)
+    conforms.invariance(parts, whole, rtol=1e-9)
+
+
+def test_settings_are_the_cone_of_the_closed_form(conforms, study):
+    for setting in study.settings():
+        n, size = len(setting.directions_deg), setting.resolution_px
+        rig = setting.cameras(24, 36)
+        cone = cone_cameras(1.0, np.radians(study.cone_deg), n, 24 / 36 * size[0], size)
+        conforms.closed_form(rig.P, cone.P, atol=1e-9)
+
+
+def test_a_further_estimator_is_drawn_beside_least_squares(monkeypatch):
+    def linear(P, uv):
+        return triangulate(P, uv, steps=0)
+
+    monkeypatch.setitem(design_shares.ESTIMATORS, "linear", linear)
+    request = validate("design-law", {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]})
+    both = with_provenance(design_study.run(request), request, 0.0)
+    assert both["estimator"].values.tolist() == ["least squares", "analytic centre", "linear"]
+    assert np.all(both["drawn_frame_error"][0] != both["drawn_frame_error"][2])
+    assert "linear" in shares(both)
+    assert "linear" in svg(design_figures.figure(both, "shares")).replace("<!-- ", "")
+
+
+# The cube, its figures and tables.
+
+
+def test_cube_says_what_everything_is(cube):
+    assert set(design_study.VARIABLES) == {*cube.data_vars, "quantity"}
+    for variable in cube.variables.values():
+        assert {"units", "long_name"} <= set(variable.attrs)
+        assert variable.dtype.kind in "fiU"
+    assert not {"case", "mode"} & set(cube.variables)
+
+
+def test_cube_reads_back_and_is_compared_by_its_quantities(cube, tmp_path):
+    path = tmp_path / "design-law.nc"
+    storage.write(cube, path, compact=True)
+    table = cubes.summary(cubes.read(path))
+    assert list(table) == ["quantity", "value", "unit"]
+    assert table["quantity"].is_unique
+    assert np.isfinite(table["value"]).all()
+    assert comparison.difference_lines(cube, cube, "itself")[0].startswith(
+        "no difference from itself"
+    )
+    other = cube.assign(value=cube["value"] * 1.01)
+    lines = comparison.difference_lines(other, cube, "x")
+    assert len(lines) == len(table)
+    storage.write(cube.drop_vars("quantity"), path)
+    with pytest.raises(storage.CubeError, match="it lacks quantity"):
+        cubes.read(path)
+
+
+def test_same_request_gives_the_same_cube(cube, study):
+    xr.testing.assert_equal(design_study.run(study), cube)
+
+
+def test_another_seed_draws_anew_and_keeps_the_laws(cube):
+    other = design_study.run(validate("design-law", {**FEW, "seed": 5}))
+    for name in ("law_error", "cone_error", "expected_error", "frame_error"):
+        xr.testing.assert_equal(other[name], cube[name])
+    for name in ("simulated_error", "cone_drawn_error", "drawn_frame_error", "drawn_fit_error"):
+        assert np.all(other[name] != cube[name])
+
+
+@pytest.mark.parametrize("name", design_figures.FIGURES)
+def test_figures_are_drawn_from_the_cube_alone(cube, name):
+    bare = cube.drop_attrs()
+    one, other = (svg(design_figures.figure(part, name)) for part in (bare, cube))
+    assert one == other
+    assert len(design_figures.figure(cube, name).axes) >= 1
+
+
+FROM = {"motion": "motion_error", "settings": "law_error", "cone": "cone_error",
+        "exponents": "small_exponent", "pairs": "pair_error", "shares": "frame_error",
+    "estimators": "crowd_error", "refined": "stand_error", "dither": "swing_error",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", design_tables.TABLES)
+def test_tables_have_the_numbers_of_the_cube(cube, name):
+    text = design_tables.TABLES[name](cube)
+    variable = FROM[name]
+    doctored = cube.assign({variable: 1.5 * cube[variable]})
+    assert design_tables.TABLES[name](doctored) != text
+    assert "nan" not in text
+
+
+def test_findings_of_the_page_have_the_numbers_of_the_cube(cube):
+    text = design_tables.findings(cube)
+    best = " / ".join(f"{value:.0f}" for value in cube["best_aperture"].values[0])
+    assert f"least error at {best}°" in text
+    assert f"{float(of(cube, 'expected', 'elevation')[0]):.2f}".replace("-", "−") in text
+    assert len([line for line in text.splitlines() if line.startswith("|")]) == 7
+
+
+def test_central_claim_of_the_page_has_the_numbers_of_the_cube(cube):
+    text = share_tables.claim(cube)
+    slow = cube["frame_error"].sel(rate=60)
+    assert f"{float(slow.min()):.1f} to {float(slow.max()):.1f} % for 2 to 24 cameras" in text
+    centre = cube["drawn_frame_error"].sel(estimator="analytic centre", count=8, rate=60)
+    assert f"with markers that can be followed, to at most 8, {float(centre):.1f}" in text
+
+
+def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
+    text = shares(cube)
+    assert text.count(" † ") == int((cube["marker_height"] < FOLLOWED_PX).sum()) > 0
+    for setting, height in zip(study.settings(), cube["marker_height"].values.ravel(), strict=True):
+        rig = setting.cameras(24, 36)
+        towards = np.array([-np.sin(np.radians(setting.directions_deg[0][0])),
+                            -np.cos(np.radians(setting.directions_deg[0][0])), 0])  # fmt: skip
+        ends = MARKER / 2 * np.stack([-towards, towards], axis=1)
+        v = project(rig.P[:1], ends)[0, 1]
+        conforms.closed_form(abs(v[1] - v[0]), height, rtol=0.01)
+
+
+def test_the_tracker_follows_markers_from_that_height_on():
+    """As published: where markers are higher every one has a result, and lower they are lost."""
+    published = read_published("lab-elevation")
+    lab = validate("lab-elevation", {})
+    heights = {}
+    for setting in lab.settings():
+        focal = lab.focal_length_mm / lab.sensor_width_mm * setting.resolution_px[0]
+        sine = np.sin(np.radians(setting.directions_deg[0][1]))
+        high = 1000 * MARKER * focal / setting.distance_mm * sine
+        heights[setting.case, float(setting.value)] = high
+    for _, row in published[published["error"] == "mean_error"].iterrows():
+        if row["case"] != "middle-row":  # a row without neighbours is lost earlier
+            fine = bool(row["median"] < 0.1)
+            assert fine == (heights[row["case"], float(row["value"])] > FOLLOWED_PX)
+
+
+@pytest.mark.parametrize("n", [16, 64])
+def test_tolerated_noise_leaves_half_of_the_gain(conforms, n):
+    noise = dither.tolerance(n, 6, 0)
+    rules = ("least-squares", "analytic-centre")
+    gains = []
+    for one in (0.0, noise):
+        errors = estimators.deflection_errors((0.75,) * n, 6, 100, one, seed=0, rules=rules)
+        least, centre = estimators.over_layouts(errors)
+        gains.append(1 - centre / least)
+    conforms.sampled(gains[1] / gains[0], 0.5, atol=0.1)
+
+
+def test_closed_form_of_the_page_meets_a_study_of_chapter_three(conforms):
+    """Half the distance is twice the pixels across: the same errors, drawn, at both."""
+    near = {"distances_mm": [1000], "trials": 400, "modes": [1]}
+    values = {"distance_mm": 2000, "widths_px": [640], "trials": 400, "modes": [1]}
+    one = studies.run(validate("beam-distance", near))
+    other = studies.run(validate("beam-resolution", values))
+    rms = [np.sqrt(np.mean(c["mean_error"].values[0, 0, 1:] ** 2)) for c in (one, other)]
+    conforms.sampled(rms[0] / rms[1], 1, atol=0.1)
+
+
+@pytest.mark.slow
+def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
+    study = DesignLaw.model_validate({"trials": 12})
+    made = dither.estimated(study) | dither.dithered(study)
+    crowd = np.asarray(made["crowd_error"])
+    linear, least, centre, joint = crowd.T
+    assert np.allclose(linear, least, rtol=0.02)  # equal distances: nothing to refine
+    assert (joint < centre).all()
+    conforms.sampled(centre[2:], below=0.85 * least[2:])
+    noisy = np.asarray(made["noise_error"])
+    conforms.sampled(noisy[0, 2], below=0.85 * noisy[0, 1])
+    conforms.sampled(noisy[-1, 2], above=0.97 * noisy[-1, 1])  # noise takes the gain away
+    stand = np.asarray(made["stand_error"])
+    conforms.sampled(abs(stand[0, 0] / stand[0, 1] - 1), below=0.02)
+    conforms.sampled(stand[1:, 0], above=1.5 * stand[1:, 1])
+    for name in ("swing", "shake", "disc"):
+        drawn, closed = (np.asarray(made[f"{k}{name}_error"]) for k in ("drawn_", ""))
+        conforms.sampled(np.sqrt(np.mean((drawn / closed) ** 2)), 1, atol=0.25)
+    assert (np.asarray(made["endless_shake_error"]) <= made["shake_error"]).all()
+
+
+def test_shake_leaves_its_closed_form_and_small_motions_are_lost() -> None:
+    made = dither.dithered(DesignLaw.model_validate({"trials": 2}))
+    shake = dither.SHAKES
+    left = np.exp(-2 * np.pi**2 * shake**2) / (np.sqrt(2) * np.pi)
+    late = (shake > 0.3) & (shake < 0.8)
+    assert np.allclose(np.asarray(made["endless_shake_error"])[late], left[late], rtol=0.01)

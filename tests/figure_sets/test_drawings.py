@@ -1,0 +1,135 @@
+"""Figures have the same bytes, whoever draws beside them and whatever is configured."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import drawings
+import matplotlib
+import pytest
+
+from conftest import PROJECT
+from thesis_lib.figure_sets.display import as_svg
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.run import camera_cube
+from thesis_lib.plotting import style
+
+TESTS = Path(__file__).parents[1]
+RESULTS = PROJECT / "data" / "results"
+LAYOUTS = {"$\\frac$": [[[20, 30], [-20, 30]]], "a$b$_c^d\\": [[[20, 30], [-20, 30]]]}
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return camera_cube(camera_study("beam-distance", {"trials": 2, "modes": [1]}))
+
+
+def drawn(cube) -> str:
+    return as_svg(cube, "1", 1)
+
+
+def test_threads_that_draw_at_once_draw_as_one_does(cube):
+    alone, found = drawn(cube), []
+    before = dict(matplotlib.rcParams)
+
+    def draw() -> None:
+        found.extend(drawn(cube) for _ in range(3))
+
+    def other() -> None:
+        for size in (5, 30):
+            with style.in_style({"font.size": size, "axes.titlelocation": "center"}):
+                style.svg(style.subplots()[0])
+
+    threads = [threading.Thread(target=work) for work in (draw, other, draw, other)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [alone] * 6
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_what_others_set_in_this_process_is_not_drawn_and_stays(cube):
+    alone = drawn(cube)
+    with matplotlib.rc_context({"font.size": 30, "axes.titlelocation": "center"}):
+        assert drawn(cube) == alone
+        assert matplotlib.rcParams["font.size"] == 30
+
+
+def test_a_drawing_that_fails_leaves_nothing_behind(cube):
+    alone, before = drawn(cube), dict(matplotlib.rcParams)
+    with pytest.raises(KeyError), style.in_style({"font.size": 30}):
+        raise KeyError
+    assert dict(matplotlib.rcParams) == before
+    assert drawn(cube) == alone
+
+
+def test_dollars_in_a_name_are_drawn_as_they_are():
+    given = {"trials": 1, "modes": [1], "cases": [], "layouts": LAYOUTS}
+    cube = camera_cube(camera_study("beam-arrays", given))
+    for name in LAYOUTS:
+        assert as_svg(cube, name, 1).startswith("<?xml")
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> Iterator[dict[str, Path]]:
+    made = {name: tmp_path / name for name in ("home", "work")}
+    for folder in made.values():
+        folder.mkdir()
+    return made
+
+
+FOREIGN = {
+    "in the working directory": ("work/matplotlibrc", "font.size: 30\nlines.linewidth: 9\n", {}),
+    "in the home": (
+        "home/.config/matplotlib/matplotlibrc", "text.usetex: True\nsvg.fonttype: none\n", {}
+    ),
+    "broken": ("work/matplotlibrc", "no such thing: 1\nfont.size\n", {}),
+    "another backend": ("work/matplotlibrc", "backend: TkAgg\n", {"MPLBACKEND": "QtAgg"}),
+    "a style by environment": ("work/my.rc", "axes.grid: False\n", {"MATPLOTLIBRC": "my.rc"}),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_foreign_configuration_changes_no_byte(cube, places, tmp_path, kind):
+    file, text, environment = FOREIGN[kind]
+    path = tmp_path / file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    code = (
+        "import hashlib; from thesis_lib.figure_sets.display import as_svg;"
+        "from thesis_lib.figure_sets.run import camera_cube;"
+        "from thesis_lib.figure_sets.parametric.parameters import camera_study;"
+        "cube = camera_cube(camera_study('beam-distance', {'trials': 2, 'modes': [1]}));"
+        "print(hashlib.sha256(as_svg(cube, '1', 1).encode()).hexdigest())"
+    )
+    home = {"HOME": str(places["home"]), "PYTHONPATH": str(PROJECT / "src")}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=places["work"], env={**os.environ, **home, **environment},
+        capture_output=True, text=True, timeout=100, check=True,
+    )  # fmt: skip
+    assert done.stdout.strip() == hashlib.sha256(drawn(cube).encode()).hexdigest()
+
+
+def test_figures_of_one_cube_of_the_book_twice(cube):
+    first, second = (dict(drawings.of_cube(cube)) for _ in range(2))
+    assert first == second
+    assert first
+
+
+@pytest.mark.nightly
+def test_all_figures_of_the_book_ten_times_on_a_loaded_machine():
+    if not RESULTS.is_dir():
+        pytest.skip("no data/results: run `thesis book` first")
+    done = subprocess.run(
+        [sys.executable, str(TESTS / "drawings.py"), "10"],
+        capture_output=True, text=True, timeout=7000, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -1,0 +1,558 @@
+"""Chapter 5's cubes from synthetic recordings: exact projections, and noise of a known size."""
+
+import json
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scenes.laboratory import MATCH, recordings
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment import compute as es
+from thesis_lib.figure_sets.experiment import methods as shapes
+from thesis_lib.figure_sets.experiment import trials as ed
+from thesis_lib.figure_sets.experiment.parameters import (
+    ExperimentCameras,
+    ExperimentResolution,
+    method_of,
+)
+from thesis_lib.figure_sets.experiment.recordings import rig_of
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.studies.request import ParameterError
+from thesis_lib.vibration.motion import Component
+
+BEAM = setups.beam()
+MARKERS = rows_on(BEAM)
+SIGMA = 0.02  # px
+WIDTHS = [320, 640, 1280, 1920]
+QUIET = {"audio_noise_db": 120.0}  # clocks are exact then
+
+
+def resolution(**values):
+    return validate("experiment-resolution", {"trials": 100, **QUIET, **values})
+
+
+def cameras(**values):
+    return validate("experiment-cameras", {"trials": 100, **QUIET, **values})
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return recordings(resolution().recordings, SIGMA)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return recordings(resolution().recordings)
+
+
+@pytest.fixture(scope="module")
+def cubes(noisy):
+    return {study.name: es.run(study, noisy) for study in (resolution(), cameras())}
+
+
+def of(cube, case, label=None):
+    chosen = cube.isel(setting=np.flatnonzero(cube["case"].values == case))
+    if label is not None:
+        chosen = chosen.isel(setting=np.flatnonzero(chosen["label"].values == label))
+    return chosen
+
+
+# What the cubes are.
+
+
+@pytest.mark.parametrize("name", ["experiment-resolution", "experiment-cameras"])
+def test_a_cube_has_named_dimensions_units_and_meanings(conforms, cubes, name):
+    cube = cubes[name]
+    assert cube["measured_deflection"].dims == ("setting", "mode", "trial", "point")
+    assert dict(cube.sizes) | {"setting": 0} == {
+        "setting": 0, "mode": 1, "trial": 101, "point": 25, "camera": 4, "part": 2,
+        "tracked_width": 4,
+    }  # fmt: skip
+    for variable in cube.variables.values():
+        assert {"units", "long_name"} <= set(variable.attrs)
+    assert cube["mode"].values.tolist() == [1]
+    assert cube["frequency"].values.tolist() == [4.25]
+    np.testing.assert_allclose([cube["x"], cube["y"]], BEAM.markers)
+    part = Component("bending", 1, 4.25, 0.004)
+    conforms.closed_form(
+        cube["reference_deflection"][0], 0.004 * part.shape(BEAM, BEAM.markers), rtol=1e-7
+    )
+    for variable in cube.data_vars.values():
+        assert np.isfinite(variable.values).all() or "camera" in variable.dims
+    np.testing.assert_array_equal(cube["missing"], 0)
+    np.testing.assert_array_equal(cube["in_view"], 1)
+    np.testing.assert_array_equal(cube["tracked_width"], WIDTHS)
+
+
+def test_errors_are_those_of_the_measured_deflections(conforms, cubes):
+    for cube in cubes.values():
+        reference = cube["reference_deflection"].values[0]
+        scale = 100 / np.abs(reference).max()
+        error = np.abs(cube["measured_deflection"].values[:, 0] - reference) * scale
+        conforms.independent(
+            cube["mean_error"][:, 0], np.sqrt(np.mean(error**2, axis=-1)), atol=1e-5
+        )
+        conforms.independent(cube["max_point_error"][:, 0], error.max(axis=-1), atol=1e-5)
+        conforms.independent(cube["point_error"][:, 0], error[:, 0], atol=1e-5)
+
+
+def test_settings_of_the_resolution_are_methods_and_widths(conforms, cubes):
+    cube = cubes["experiment-resolution"]
+    methods = ("matched", "literal", "aligned", "harmonic")
+    assert cube["case"].values.tolist() == [method for method in methods for _ in range(3)]
+    assert cube["label"].values.tolist() == ["640×360", "1280×720", "1920×1080"] * 4
+    assert cube["height_px"].values.tolist() == [360, 720, 1080] * 4
+    assert set(cube["n_cameras"].values.tolist()) == {4}
+    assert set(cube["parameter"].values.tolist()) == {"width_px"}
+    size = cube["ground_sample_distance"].values.reshape(4, 3)
+    conforms.closed_form(size[:, 0] / size[:, 2], 3, rtol=1e-7)
+    conforms.closed_form(size[:, 2], 0.57 / 1280, rtol=0.005)
+
+
+def test_all_eleven_sets_of_cameras_are_there(cubes):
+    cube = cubes["experiment-cameras"]
+    growing = ["A–B", "A–B–C", "A–B–C–D"]
+    every = ["–".join(names) for n in (2, 3, 4) for names in combinations("ABCD", n)]
+    assert len(every) == 11
+    for case in ("literal", "aligned", "harmonic"):
+        assert of(cube, case)["label"].values.tolist() == growing
+    for case in ("literal-all", "harmonic-all"):
+        assert of(cube, case)["label"].values.tolist() == every
+        # A set is the same whichever list it is in.
+        for label in growing:
+            one, other = of(cube, method_of(case), label), of(cube, case, label)
+            np.testing.assert_array_equal(one["measured_deflection"], other["measured_deflection"])
+    azimuth = {"A": 10.0, "B": -10.0, "C": 190.0, "D": 170.0}
+    for label, row in zip(cube["label"].values, cube["camera_azimuth"].values, strict=True):
+        names = str(label).split("–")
+        assert row[np.isfinite(row)].tolist() == [azimuth[name] for name in names]
+
+
+@pytest.mark.parametrize("case", ["literal", "aligned", "harmonic"])
+def test_both_studies_have_all_cameras_at_full_size_in_common(cubes, case):
+    one = of(cubes["experiment-resolution"], case, "1920×1080")
+    other = of(cubes["experiment-cameras"], case, "A–B–C–D")
+    np.testing.assert_array_equal(one["measured_deflection"], other["measured_deflection"])
+
+
+# Trials.
+
+
+def test_trials_are_those_of_the_seed(noisy):
+    few = {"trials": 20, "cases": ["literal", "harmonic"], "widths_px": [1920]}
+    one, again, other = (es.run(resolution(**few, seed=seed), noisy) for seed in (1, 1, 2))
+    xr.testing.assert_identical(one, again)
+    name = "measured_deflection"
+    np.testing.assert_array_equal(one[name][:, :, 0], other[name][:, :, 0])  # the chain's own
+    assert np.all(one[name][:, :, 1:] != other[name][:, :, 1:])
+
+
+def test_trials_do_not_depend_on_the_other_settings(noisy, cubes):
+    alone = es.run(resolution(cases=["aligned"], widths_px=[1280]), noisy)
+    whole = of(cubes["experiment-resolution"], "aligned", "1280×720")
+    for name in ("measured_deflection", "mean_error", "predicted_error", "amplitude"):
+        np.testing.assert_array_equal(alone[name], whole[name])
+
+
+def test_without_trials_there_is_the_chain_s_own_result_alone(noisy, cubes):
+    alone = es.run(resolution(trials=0), noisy)
+    np.testing.assert_array_equal(
+        alone["mean_error"][:, :, 0], cubes["experiment-resolution"]["mean_error"][:, :, 0]
+    )
+    assert alone.sizes["trial"] == 1
+
+
+@pytest.mark.parametrize("case", ["aligned", "harmonic", "harmonic-all"])
+def test_trials_scatter_as_is_predicted(conforms, cubes, case):
+    if case == "harmonic-all":
+        part = of(cubes["experiment-cameras"], case)
+    else:
+        part = of(cubes["experiment-resolution"], case)
+    measured = part["measured_deflection"].values[:, 0].astype(float)
+    centre = measured[:, :1] if case != "aligned" else measured[:, 1:].mean(axis=1, keepdims=True)
+    scale = 100 / np.abs(part["reference_deflection"].values).max()
+    scatter = scale * np.sqrt(np.mean((measured[:, 1:] - centre) ** 2, axis=(1, 2)))
+    conforms.sampled(scatter, part["predicted_error"].values[:, 0], rtol=0.06)
+
+
+@pytest.mark.parametrize("method", ["literal", "aligned"])
+@pytest.mark.parametrize("frames", [1, 4, 10**6])
+def test_the_noise_of_the_rest_shrinks_with_its_frames(conforms, noisy, method, frames):
+    own = replace(tracks(noisy, method), rest_frames=frames)
+    instant = shapes.instant_of(noisy, BEAM.damping)
+    draws = drawn(np.full((400, 4), 0.1))  # all start at once
+    found = ed.trials(own, instant, method, draws, range(4), np.zeros(4))
+    predicted = shapes.predicted(own, method, instant, np.zeros(4))
+    scatter = np.sqrt(np.mean(found.var(axis=0, ddof=1)))
+    conforms.sampled(scatter, np.sqrt(np.mean(predicted**2)), rtol=0.15)
+    endless = replace(own, rest_frames=10**9)
+    ratio = predicted / shapes.predicted(endless, method, instant, np.zeros(4))
+    if method == "literal":
+        conforms.closed_form(ratio, np.sqrt(1 + 1 / frames), rtol=1e-6)
+    else:  # interpolation has less noise of its own
+        assert np.all(ratio**2 - 1 >= (1 - 1e-6) / frames)
+
+
+@pytest.fixture(scope="module")
+def again():
+    """The chain's own result of sixty recordings that differ by noise alone."""
+    study = resolution(trials=0, widths_px=[1920])
+    request = study.recordings.model_copy(update={"widths_px": [1920]})
+    return xr.concat(
+        [es.run(study, recordings(request, SIGMA, seed)) for seed in range(60)], "trial",
+        data_vars="all",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ["literal", "aligned", "harmonic"])
+@pytest.mark.slow
+def test_filming_again_scatters_as_is_predicted(conforms, again, case):
+    part = of(again, case)
+    measured = part["measured_deflection"].values.reshape(60, 25).astype(float)
+    scatter = np.sqrt(np.mean(measured.var(axis=0, ddof=1)))
+    predicted = part["predicted_error"].values.mean() / 100 * 0.004 * np.abs(
+        Component().shape(BEAM, BEAM.markers)
+    ).max()  # fmt: skip
+    conforms.sampled(scatter, predicted, rtol=0.15 if case == "aligned" else 0.08)
+
+
+def test_the_standard_error_is_the_scatter_of_the_amplitude(conforms, again):
+    part = of(again, "harmonic")
+    scatter = part["amplitude"].values.reshape(60, 25).std(axis=0, ddof=1)
+    predicted = part["standard_error"].values.reshape(60, 25).mean(axis=0)
+    conforms.sampled(np.sqrt(np.mean((scatter / predicted)[3:] ** 2)), 1, atol=0.08)
+
+
+# The methods.
+
+
+def test_exact_tracks_give_the_exact_shape(conforms, exact):
+    cube = es.run(resolution(trials=0), exact)
+    np.testing.assert_array_less(of(cube, "harmonic")["mean_error"], 1e-3)
+    np.testing.assert_array_less(of(cube, "aligned")["mean_error"], 100 * 4e-5)
+    assert float(of(cube, "literal")["mean_error"].max()) > 0.02
+    conforms.closed_form(of(cube, "harmonic")["mac"], 1, atol=1e-9)
+    fitted = cube.isel(setting=np.flatnonzero(cube["case"].values != "matched"))
+    conforms.closed_form(fitted["grid_scale"], 1, atol=1e-9)
+    conforms.closed_form(float(fitted["grid_residual"].max()), below=1e-10)
+    conforms.closed_form(float(fitted["predicted_error"].max()), below=1e-3)
+
+
+def test_whole_pixels_cost_less_the_more_of_them_there_are(conforms, exact):
+    cube = es.run(resolution(trials=300), exact)
+    matched = of(cube, "matched")
+    # A coordinate that is rounded to steps of MATCH scatters by MATCH / √12.
+    conforms.closed_form(matched["centre_scatter"], MATCH / np.sqrt(12), rtol=0.1)
+    medians = matched["mean_error"][:, 0, 1:].median("trial").values
+    assert medians[0] > medians[1] > medians[2]
+    assert medians[2] > of(cube, "literal")["mean_error"][2, 0, 1:].median()
+
+
+@pytest.mark.parametrize("names", ["BD", "BCD", "CD"])
+def test_whole_frames_are_counted_from_the_first_of_the_cameras(conforms, names):
+    starts = np.array([0.0, 0.10, 0.10 - 2.5 / 60, 0.10 - 3.8 / 60])
+    data = recordings(resolution().recordings, starts=starts)
+    tracks = shapes.tracks_of(data, MARKERS, names, 1920, "literal")
+    delays = starts[["ABCD".index(name) for name in names]]
+    conforms.closed_form(tracks.frames, np.rint((delays - delays[0]) * 60), atol=0)
+
+
+def test_the_amplitude_phase_and_mobility_are_those_of_the_model(conforms, exact):
+    cube = of(es.run(resolution(trials=0), exact), "harmonic")
+    reference = cube["reference_deflection"].values[0]
+    conforms.closed_form(
+        cube["amplitude"].values[:, 0], np.abs(reference)[None].repeat(3, 0), atol=4e-9
+    )
+    xi = BEAM.damping
+    lag = np.degrees(np.arctan(np.sqrt(1 - 2 * xi**2) / xi))
+    conforms.closed_form(cube["phase"][:, 0, 3:], -lag, atol=1e-3)
+    real, imaginary = cube["mobility_reference"].values
+    conforms.closed_form(cube["mobility_real"], real, rtol=1e-4)
+    conforms.closed_form(cube["mobility_imag"], imaginary, rtol=1e-3)
+    # One mode: |Y| = ω φ² / (m 2ξ ωₙ² √(1 − ξ²)) at the displacement resonance.
+    omega = 2 * np.pi * 4.25
+    natural = omega / np.sqrt(1 - 2 * xi**2)
+    drive = Component().shape(BEAM, BEAM.force_point)[0]
+    expected = omega * drive**2 / (BEAM.mass / 4 * 2 * xi * natural**2 * np.sqrt(1 - xi**2))
+    conforms.closed_form(np.hypot(real, imaginary), expected, rtol=1e-9)
+
+
+def whole_frames(offset):
+    """A study at 5 Hz, 12 frames to a period, and recordings aligned to whole frames.
+
+    Every maximum then lies equally far, `offset` frames, from the frame that is nearest.
+    """
+    study = resolution(frequency_hz=5.0, trials=0, widths_px=[1920], cases=["literal"])
+    request = study.recordings.model_copy(update={"widths_px": [1920]})
+    lag = np.arctan(np.sqrt(1 - 2 * BEAM.damping**2) / BEAM.damping)
+    motion = rig_of(request).motion
+    peak = motion.start + 0.25 / 5  # sin ω(t − start), the envelope apart
+    assert 0 < lag < np.pi / 2
+    first = peak % (1 / 60) + offset / 60
+    data = recordings(request, starts=first + np.array([0, 3, 7, 2]) / 60)
+    return study, data
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.2, -0.35, 0.48])
+def test_a_missed_peak_costs_what_the_cosine_says(conforms, offset):
+    study, data = whole_frames(offset)
+    cube = es.run(study, data)
+    loss = 1 - np.cos(2 * np.pi * 5 * offset / 60)
+    measured = cube["measured_deflection"].values[0, 0, 0]
+    reference = cube["reference_deflection"].values[0]
+    conforms.closed_form(measured, (1 - loss) * reference, atol=1e-8)
+    rms = 100 * np.sqrt(np.mean(reference**2)) / np.abs(reference).max()
+    conforms.closed_form(float(cube["mean_error"][0, 0, 0]), loss * rms, atol=2e-4)
+
+
+def drawn(starts, clocks=None):
+    """Draws with given starts and clock errors (trials, cameras)."""
+    starts = np.asarray(starts, float)
+    noise = np.random.default_rng(0).standard_normal((len(starts), 2, 4, 2, 75))
+    picks = np.random.default_rng(1).random((len(starts), 2, 4))
+    return ed.Draws(starts, np.zeros_like(starts) if clocks is None else clocks, noise, picks)
+
+
+def tracks(data, method, names="ABCD"):
+    return shapes.tracks_of(
+        data, MARKERS, names, 1920, "full" if method == "harmonic" else "literal"
+    )
+
+
+def test_trials_of_the_literal_way_miss_the_peak_by_the_cosine(conforms):
+    _, data = whole_frames(0.0)
+    instant = shapes.instant_of(data, BEAM.damping)
+    offsets = np.array([-0.5, -0.3, 0.0, 0.1, 0.45])
+    # On the reference's clock a maximum lies so far after a frame at time 0.
+    start = (instant.times[0] * 60) % 1 / 60 + offsets[:, None] / 60
+    draws = drawn(start + np.array([0, 5, 1, 2]) / 60)
+    found = ed.trials(tracks(data, "literal"), instant, "literal", draws, range(4), np.zeros(4))
+    shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
+    expected = np.outer(np.cos(2 * np.pi * 5 * offsets / 60), shape)
+    conforms.closed_form(found, expected, atol=4e-8)  # of images with two harmonics
+
+
+def test_trials_of_the_literal_way_are_what_the_chain_makes_of_such_starts(conforms):
+    # Cameras on their own clocks: the images of different instants are triangulated.
+    study = resolution(frequency_hz=5.0, trials=0, widths_px=[1920], cases=["literal"])
+    request = study.recordings.model_copy(update={"widths_px": [1920]})
+    starts = 0.0313 + np.array([0, 3.744, 10.23, 6.87]) / 60
+    data = recordings(request, starts=starts)
+    instant = shapes.instant_of(data, BEAM.damping)
+    own = tracks(data, "literal")
+    chain = shapes.deflection(own, instant, "literal", np.zeros(4))
+    # Trials count from the start of the reference's clock.
+    draws = drawn([starts - starts[0]])
+    trial = ed.trials(own, instant, "literal", draws, range(4), np.zeros(4))[0]
+    conforms.independent(np.abs(trial - chain).max(), below=1e-3 * np.abs(chain).max())
+    perfect = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
+    assert np.abs(chain - perfect).max() > 5 * np.abs(trial - chain).max()
+
+
+@pytest.mark.parametrize("method", ["aligned", "harmonic"])
+def test_the_other_methods_do_not_care_when_the_cameras_start(conforms, exact, method):
+    instant = shapes.instant_of(exact, BEAM.damping)
+    draws = drawn(np.random.default_rng(0).uniform(0, 0.25, (5, 4)))
+    found = ed.trials(tracks(exact, method), instant, method, draws, range(4), np.zeros(4))
+    shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
+    conforms.invariance(found, np.tile(shape, (5, 1)), atol=1e-7)
+
+
+@pytest.mark.parametrize("method", ["aligned", "harmonic"])
+def test_a_wrong_clock_costs_its_camera_s_part(conforms, exact, method):
+    # All cameras but the reference wrong alike: that is what is left of them at the peak.
+    instant = shapes.instant_of(exact, BEAM.damping)
+    clocks = np.array([[0.0, 1, 1, 1]]) / 60 * 0.5
+    draws = drawn(np.zeros((1, 4)), clocks)
+    found = ed.trials(tracks(exact, method), instant, method, draws, range(4), np.zeros(4))[0]
+    shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
+    share = 1 - np.vdot(found, shape) / np.vdot(shape, shape)
+    loss = 1 - np.cos(instant.omega * 0.5 / 60)
+    conforms.closed_form(share, above=0.6 * loss, below=0.9 * loss)  # three of four cameras
+
+
+def test_the_instants_are_the_maxima_of_the_steady_part(conforms, exact):
+    instant = shapes.instant_of(exact, BEAM.damping)
+    begin, end = exact["steady"].values
+    assert np.all((instant.times > begin) & (instant.times < end))
+    conforms.closed_form(np.diff(instant.times), 1 / 4.25, rtol=1e-7)
+    motion = rig_of(resolution().recordings).motion
+    first = rig_of(resolution().recordings).stations[0].start
+    tip = motion.coordinates(instant.times + first)[0]
+    conforms.closed_form(tip, 0.004, rtol=1e-8)
+
+
+def test_the_chosen_frame_is_nearest_to_any_maximum(conforms, exact):
+    instant = shapes.instant_of(exact, BEAM.damping)
+    offset = np.random.default_rng(0).uniform(-5, 5, (7, 2))
+    peak, frame = instant.nearest(60, offset)
+    assert peak.shape == frame.shape == (7, 2)
+    conforms.closed_form((frame * 60 - offset) % 1 % 0.9999999, 0, atol=1e-6)
+    for place in np.ndindex(7, 2):
+        frames = (np.arange(-10, 400) + offset[place]) / 60
+        least = np.abs(frames[:, None] - instant.times).min()
+        conforms.closed_form(abs(frame[place] - peak[place]), least, atol=1e-12)
+
+
+# Missing markers.
+
+
+def test_markers_that_too_few_cameras_see_are_missing_and_counted(conforms, noisy):
+    data = noisy.copy(deep=True)
+    row = MARKERS.middle_row.start
+    marker = np.arange(75)
+    camera = data["camera"].values
+    data["tracks"].values[camera == "C", ..., marker == row + 4] = np.nan
+    data["tracks"].values[camera == "D", ..., marker == row + 4] = np.nan
+    data["tracks"].values[camera == "D", ..., marker == row + 9] = np.nan
+    cube = es.run(cameras(cases=["literal-all", "harmonic-all"], trials=5), data)
+    whole = es.run(cameras(cases=["literal-all", "harmonic-all"], trials=5), noisy)
+    hit = {"A–B": 0, "A–C": 1, "A–D": 2, "B–C": 1, "B–D": 2, "C–D": 2}
+    hit |= {"A–B–C": 0, "A–B–D": 0, "A–C–D": 1, "B–C–D": 1, "A–B–C–D": 0}
+    for setting in range(cube.sizes["setting"]):
+        label = str(cube["label"].values[setting])
+        conforms.closed_form(cube["missing"].values[setting], hit[label] / 25, rtol=1e-7)
+        measured = cube["measured_deflection"].values[setting, 0]
+        assert set(np.flatnonzero(np.isnan(measured).any(axis=0))) <= {4, 9}
+        others = np.delete(np.arange(25), [4, 9])
+        conforms.invariance(
+            measured[:, others],
+            whole["measured_deflection"].values[setting, 0][:, others],
+            atol=2e-6,
+        )
+    for name in ("mean_error", "max_point_error", "predicted_error", "mac"):
+        assert np.isfinite(cube[name].values).all()
+
+
+# Requests.
+
+
+def refusal(name, **values):
+    with pytest.raises(ParameterError) as error:
+        validate(name, values)
+    message = str(error.value)
+    assert "\n" not in message
+    assert message.startswith(f"{name}: ")
+    return message
+
+
+BOTH = ["experiment-resolution", "experiment-cameras"]
+
+
+@pytest.mark.parametrize("name", BOTH)
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"frequency_hz": 24.1}, ["frequency_hz: given 24.1", "0.4 of the frame rate", "Hz"]),
+        ({"frame_rate_hz": 10}, ["frequency_hz", "0.4 of the frame rate"]),
+        ({"frequency_hz": 0.5}, ["frequency_hz: given 0.5", "from 1"]),
+        ({"exposure_ms": 17}, ["exposure_ms: given 17", "time between frames", "ms"]),
+        ({"exposure_ms": 0}, ["exposure_ms: given 0", "above 0"]),
+        ({"distance_mm": 312}, ["distance_mm: given 312", "reach"]),
+        ({"distance_mm": -5}, ["distance_mm: given -5", "reach"]),
+        ({"amplitude_mm": 7}, ["amplitude_mm: given 7", "at most 6"]),
+        ({"azimuth_deg": 90}, ["azimuth_deg: given 90", "below 90"]),
+        ({"azimuth_deg": 0}, ["azimuth_deg: given 0", "above 0"]),
+        ({"elevation_deg": 10}, ["elevation_deg: given 10", "from 15 to 60"]),
+        ({"lens_k1": -1}, ["lens_k1: given -1", "-0.3 to 0.3"]),
+        ({"shot_noise": -0.1}, ["shot_noise: given -0.1", "from 0 to 50"]),
+        ({"codec": "mp3"}, ['codec: given "mp3"', "h264"]),
+        ({"cases": []}, ["cases: given []", "literal, aligned, harmonic"]),
+        ({"cases": ["literal", "literal"]}, ["cases: given", "different"]),
+        ({"cases": ["best"]}, ["cases", "literal, aligned, harmonic"]),
+        ({"trials": -1}, ["trials: given -1", "0 to 10000"]),
+        ({"seed": 2**63}, ["seed: given", "2^63"]),
+        ({"frequency_hz": float("nan")}, ["frequency_hz"]),
+        ({"frequency_hz": "4"}, ['frequency_hz: given "4"']),
+        ({"focal_length": 24}, ["no parameter focal_length", "did you mean focal_length_mm?"]),
+        ({"modes": [1, 2]}, ["no parameter modes"]),
+        ({"cube": "x.txt"}, ['cube: given "x.txt"', ".nc"]),
+    ],
+)
+def test_silly_parameters_are_refused_in_one_line(name, values, words):
+    message = refusal(name, **values)
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        (BOTH[0], {"widths_px": [100]}, ["widths_px", "given 100", "160 to 1920"]),
+        (BOTH[0], {"widths_px": [640, 2000]}, ["widths_px", "given 2000", "160 to 1920"]),
+        (BOTH[0], {"widths_px": [640, 640]}, ["widths_px: given [640, 640]", "different"]),
+        (BOTH[0], {"widths_px": []}, ["widths_px: given []"]),
+        (BOTH[1], {"width_px": 100}, ["width_px: given 100", "160 to 1920"]),
+        (BOTH[1], {"width_px": 640.5}, ["width_px: given 640.5", "whole number"]),
+    ],
+)
+def test_silly_widths_are_refused_in_one_line(name, values, words):
+    message = refusal(name, **values)
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    "values", [{"focal_length_mm": 34}, {"distance_mm": 400}, {"sensor_width_mm": 24}]
+)
+def test_rigs_that_do_not_see_the_whole_beam_are_refused(values):
+    message = refusal(BOTH[0], **values)
+    assert "distance_mm: given" in message
+    assert "see the whole beam" in message
+
+
+def test_the_bounds_themselves_are_allowed():
+    validate(BOTH[0], {"frequency_hz": 24.0, "exposure_ms": 1000 / 60, "distance_mm": 480})
+    validate(BOTH[1], {"width_px": 160, "amplitude_mm": 6})
+
+
+def test_both_studies_share_one_set_of_recordings():
+    one, other = ExperimentResolution(), ExperimentCameras()
+    assert one.recordings == other.recordings
+    assert one.recordings.digest == other.recordings.digest
+    assert one.recordings.widths_px == WIDTHS
+    assert ExperimentCameras(width_px=800).recordings.widths_px == [320, 640, 800, 1280, 1920]
+    assert ExperimentCameras(trials=7, cases=["literal"]).recordings == one.recordings
+    for change in ({"seed": 1}, {"frequency_hz": 5.0}, {"codec": "h264"}, {"lens_k1": 0.0}):
+        assert ExperimentCameras(**change).recordings.digest != one.recordings.digest
+    json.dumps(one.recordings.request)
+
+
+def test_the_default_rig_is_the_thesis_s():
+    study = ExperimentResolution()
+    assert list(study.directions_deg.values()) == [(10, 22), (-10, 22), (190, 22), (170, 22)]
+    rig = rig_of(study.recordings)
+    assert [s.frame_rate for s in rig.stations] == [60] * 4
+    assert rig.cameras[0].size == (1920, 1080)
+    assert rig.motion.components == (Component("bending", 1, 4.25, 0.004),)
+    np.testing.assert_allclose([np.linalg.norm(c.centre) for c in rig.cameras], 0.57)
+    assert rig.stations[0].sensor.exposure == pytest.approx(1 / 250)
+
+
+def test_the_parameters_reach_the_rig():
+    values = {"focal_length_mm": 30.0, "distance_mm": 700.0, "azimuth_deg": 20.0,
+              "elevation_deg": 35.0, "lens_k1": 0.0, "frequency_hz": 5.0, "amplitude_mm": 2.0,
+              "frame_rate_hz": 100.0, "exposure_ms": 2.0, "shot_noise": 0.1, "read_noise": 2.0,
+              "audio_noise_db": 30.0, "seed": 9}  # fmt: skip
+    rig = rig_of(validate(BOTH[0], values).recordings)
+    camera, station = rig.cameras[1], rig.stations[1]
+    assert camera.K[0, 0] == pytest.approx(1600, rel=0.006)
+    x, y, z = camera.centre / 0.7
+    assert np.degrees(np.arctan2(x, y)) == pytest.approx(-20)
+    assert np.degrees(np.arcsin(z)) == pytest.approx(35)
+    np.testing.assert_array_equal(camera.distortion, 0)
+    assert rig.motion.components == (Component("bending", 1, 5.0, 0.002),)
+    assert (station.frame_rate, station.sensor.exposure) == (100, 0.002)
+    assert (station.sensor.shot, station.sensor.read) == (0.1, 2.0)
+    assert (rig.audio_noise_db, rig.seed) == (30, 9)
+
+
+def test_a_trial_is_the_same_however_many_there_are():
+    _, data = whole_frames(0.0)
+    few, many = (ed.draw(validate("experiment-cameras", {"trials": n}), data) for n in (2, 5))
+    for name in ("starts", "clocks", "noise", "picks"):
+        np.testing.assert_array_equal(getattr(few, name), getattr(many, name)[:2])

@@ -1,0 +1,665 @@
+"""Beyond chapter 5: aliases, torsion, the filmed plate and its sound."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenes.motions import films, look
+
+from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.display import as_svg
+from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study
+from thesis_lib.figure_sets.lab_modes import figures as lab_figures
+from thesis_lib.figure_sets.lab_modes import methods as lab_modes
+from thesis_lib.figure_sets.lab_modes import spectra
+from thesis_lib.figure_sets.lab_modes import tables as lab_tables
+from thesis_lib.figure_sets.lab_modes.parameters import MARKER, ROWS
+from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
+from thesis_lib.figure_sets.lab_plate import compute as lab_plate_study
+from thesis_lib.figure_sets.lab_plate.parameters import stands_of
+from thesis_lib.figure_sets.lab_plate.recordings import plate_rig
+from thesis_lib.figure_sets.lab_plate.tables import (
+    plate_table,
+    ratio_table,
+    ratios,
+    visibility_table,
+)
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.laboratory import direct
+from thesis_lib.laboratory import recordings as lab_films
+from thesis_lib.measure.fitting import aliasing
+from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.tracking.tracker import Tracker
+from thesis_lib.plotting import viewer_data
+from thesis_lib.plotting.style import svg
+from thesis_lib.studies import cubes, storage
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.request import ParameterError
+from thesis_lib.vibration import torsion
+from thesis_lib.vibration.motion import Component
+from thesis_lib.vibration.structure import deflection_shape, resonance
+
+BEAM, PLATE = setups.beam(), setups.plate()
+SIGMA = 0.02  # px
+QUICK = {"width_px": 960, "frames": 12, "modes": [3], "trials": 0}
+SMALL = {"plane_shape": [19, 13], "trials": 20}
+
+
+def modes_study(**values):
+    return validate("lab-modes", {"trials": 20, **values})
+
+
+def plate_study(**values):
+    return validate("lab-plate", {**SMALL, **values})
+
+
+def finished(cube, study):
+    return with_provenance(cube, study, 0.0)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """Recordings of the beam without noise."""
+    return films(modes_study())
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return films(modes_study(), SIGMA)
+
+
+@pytest.fixture(scope="module")
+def beam_cube(noisy):
+    study = modes_study(trials=100)
+    return finished(lab_modes_study.run(study, noisy), study)
+
+
+@pytest.fixture(scope="module")
+def plate_cube():
+    study = plate_study(trials=60, cases=["aperture", "cameras"])
+    return finished(lab_plate_study.run(study, films(study, SIGMA)), study)
+
+
+def of(cube, case, label=None):
+    rows = cube["case"].values == case
+    if label is not None:
+        rows &= cube["label"].values == label
+    return cube.isel(setting=np.flatnonzero(rows))
+
+
+# Aliases.
+
+
+@given(st.floats(0.1, 2000), st.floats(10, 500), st.integers(8, 40))
+def test_frames_cannot_tell_a_frequency_from_its_alias(conforms, frequency, rate, frames):
+    shown = float(aliasing.alias(frequency, rate))
+    assert 0 <= shown <= rate / 2 * (1 + 1e-12)
+    times = np.arange(frames) / rate
+    conforms.invariance(
+        np.cos(2 * np.pi * frequency * times), np.cos(2 * np.pi * shown * times), atol=1e-6
+    )
+
+
+@given(st.floats(1, 900), st.floats(10, 500))
+def test_a_frequency_is_among_those_that_show_where_it_does(conforms, frequency, rate):
+    every = aliasing.candidates(float(aliasing.alias(frequency, rate)), rate, 1000.0)
+    conforms.closed_form(np.abs(every - frequency).min(), below=1e-9 * rate + 1e-9)
+    conforms.invariance(aliasing.alias(every, rate), aliasing.alias(frequency, rate), atol=1e-8)
+    assert np.all(np.diff(every) > 0)
+
+
+def test_detuning_costs_what_the_sinc_says(conforms):
+    cycles = np.array([0.0, 0.2, 0.5, 1.0])
+    conforms.closed_form(aliasing.detuning_loss(cycles, 500), 1 - np.sinc(cycles), atol=1e-5)
+    n = 12
+    conforms.closed_form(aliasing.detuning_loss([1.0], n)[0], 1, rtol=1e-6)
+    conforms.closed_form(
+        aliasing.detuning_loss([0.3], n)[0],
+        1 - np.sin(np.pi * 0.3) / (n * np.sin(np.pi * 0.3 / n)),
+        rtol=1e-6,
+    )
+
+
+def test_a_harmonic_explains_all_at_its_frequency_and_its_share_beside_noise(conforms):
+    rng = np.random.default_rng(0)
+    times = [start + np.arange(40) / 60 for start in (0.0, 0.007)]
+    clean = [np.cos(2 * np.pi * 7.3 * t)[:, None] * [1.0, -2.0] for t in times]
+    conforms.closed_form(spectra.explained([7.3], times, clean)[0], 1, rtol=1e-6)
+    conforms.closed_form(spectra.read_frequency(times, clean, 60), 7.3, atol=1e-3)
+    mixed = [own + 0.3 * rng.standard_normal(own.shape) for own in clean]
+    share = np.mean([own.var() for own in clean]) / np.mean([own.var() for own in mixed])
+    conforms.closed_form(spectra.explained([7.3], times, mixed)[0], share, atol=0.03)
+    gappy = [np.column_stack([own, own[:, 0]]) for own in clean]
+    gappy[0][3, 2] = np.nan
+    conforms.closed_form(spectra.explained([7.3], times, gappy)[0], 1, rtol=1e-6)
+
+
+# Bending and torsion, from exact projections.
+
+
+def test_the_markers_are_those_of_the_thesis_s_beam():
+    markers = rows_on(BEAM)
+    assert (markers.row_spacing, markers.diameter) == (pytest.approx(ROWS), pytest.approx(MARKER))
+
+
+def test_torsion_has_nothing_of_bending_over_the_rows(conforms):
+    points = rows_on(BEAM).centres
+    twist = Component("torsion").shape(BEAM, points)
+    for mode in (1, 2, 3):
+        bending = Component("bending", mode).shape(BEAM, points)
+        conforms.invariance(
+            abs(bending @ twist), below=1e-12 * np.linalg.norm(bending) * np.linalg.norm(twist)
+        )
+
+
+def test_a_fit_at_the_known_frequency_is_right_at_every_frame_rate(conforms, exact):
+    study = modes_study(cases=["known"])
+    cube = lab_modes_study.run(study, exact)
+    conforms.closed_form(cube["mean_error"][:, :, 0], 0, atol=0.02)  # of order 1, exposure
+    for name, true in (("bending", cube["bending_reference"]),
+                       ("torsion", cube["torsion_reference"])):  # fmt: skip
+        ratio = cube[f"{name}_amplitude"].isel(trial=0) / true
+        conforms.closed_form(ratio, 1, atol=2e-3)
+    conforms.closed_form(cube["torsion_phase"].isel(trial=0), 90, atol=0.2)
+    conforms.closed_form(cube["mac"], 1, atol=1e-6)
+
+
+@pytest.mark.parametrize("exposure", [0.5, 2.0])
+def test_an_exposure_takes_what_the_sinc_says(conforms, exposure):
+    study = modes_study(exposure_ms=exposure, modes=[3], cases=["known"])
+    recording = lab_modes.recordings(study, films(study))[0][0]
+    seen = spectra.images(recording.fit(recording.frequency))
+    still = modes_study(exposure_ms=1e-3, modes=[3], cases=["known"])
+    other = lab_modes.recordings(still, films(still))[0][0]
+    whole = spectra.images(other.fit(other.frequency))
+    ratio = np.abs(np.vdot(whole, seen)) / np.linalg.norm(whole) ** 2
+    conforms.closed_form(ratio, np.sinc(recording.frequency * exposure / 1000), atol=2e-4)
+
+
+def test_cameras_agree_at_the_true_frequency_alone(conforms, beam_cube):
+    conforms.closed_form(beam_cube["found_frequency"], beam_cube["frequency"].values[:, None]
+                               + np.zeros(4), atol=0.05)  # fmt: skip
+    best = beam_cube["misfit"].min("candidate")
+    conforms.sampled(np.abs(best - 1), below=0.15)
+    second = beam_cube["misfit"].values
+    second = np.sort(second, axis=-1)[..., 1]
+    assert np.nanmin(second) > 5
+
+
+def test_where_frames_suffice_reading_is_enough_and_where_they_do_not_it_is_wrong(
+    conforms, beam_cube
+):
+    conforms.closed_form(beam_cube["read_frequency"], beam_cube["alias_frequency"], atol=0.05)
+    read, known = of(beam_cube, "read"), of(beam_cube, "known")
+    for m, enough in ((0, [False, True, True, True]), (1, [False, False, True, True])):
+        errors = read["mean_error"].values[:, m, 0]
+        limit = 1.1 * known["mean_error"].values[:, m, 0] + 0.02
+        np.testing.assert_array_equal(errors < limit, enough)
+        assert np.all(errors[~np.array(enough)] > 5)
+    # Told or found, too few frames are as good as enough.
+    for case in ("known", "found"):
+        ratio = of(beam_cube, case)["predicted_error"] / known["predicted_error"].isel(setting=-1)
+        conforms.sampled(ratio, 1, atol=0.12)
+
+
+def test_cameras_that_start_together_agree_at_every_alias_and_see_the_shape_at_each(conforms):
+    study = modes_study(starts="together", exposure_ms=1e-3, cases=["read", "known"],
+                        frame_rates_hz=[60.0, 120.0])  # fmt: skip
+    cube = lab_modes_study.run(study, films(study, SIGMA))
+    conforms.sampled(np.nanmax(cube["misfit"]), below=1.3)
+    conforms.invariance(cube["found_frequency"], cube["read_frequency"], rtol=1e-7)
+    read, known = of(cube, "read"), of(cube, "known")
+    filmed, drawn = (dict(trial=0), dict(trial=slice(1, None)))
+    conforms.invariance(
+        read["mean_error"].isel(filmed), known["mean_error"].isel(filmed), atol=0.03
+    )
+    medians = [case["mean_error"].isel(drawn).median("trial") for case in (read, known)]
+    np.testing.assert_allclose(*medians, rtol=0.15)
+
+
+def test_another_alias_turns_and_mirrors_the_images_as_is_said(conforms, exact):
+    study = modes_study()
+    for of_mode in lab_modes.recordings(study, exact):
+        for recording in of_mode[:2]:
+            true = spectra.images(recording.fit(recording.frequency))
+            starts = np.array([own.times[lab_films.REST] for own in recording.found])
+            shown = float(aliasing.alias(recording.frequency, recording.rate))
+            for other in aliasing.candidates(shown, recording.rate, 300.0):
+                found = spectra.images(recording.fit(float(other)))
+                phases, mirrored = lab_modes.turned(recording, float(other), starts)
+                expected = np.exp(1j * phases)[:, None, None] * true
+                expected = np.conj(expected) if mirrored else expected
+                size = np.abs(true).max()
+                conforms.closed_form(found, expected, atol=2e-3 * size)
+
+
+@pytest.mark.parametrize("case", ["known", "read", "instant"])
+def test_trials_are_what_the_chain_makes_of_such_starts(conforms, case):
+    # The trials' starts, given to the recordings: without noise both must come to the same.
+    study = modes_study(modes=[3], frame_rates_hz=[60.0], trials=3, exposure_ms=0.5)
+    recording = lab_modes.recordings(study, films(study))[0][0]
+    read = spectra.read_frequency(*recording.steady, 60.0)
+    presumed = {"known": recording.frequency, "read": read}.get(case, recording.frequency)
+    drawn = lab_modes.trial_motions(recording, case, presumed, 3, study.seed, False)
+    for k in range(3):
+        rng = np.random.default_rng([study.seed, 7, k + 1])
+        rig = lab_films.settled(recording.rig, rng.random(4).tolist(), study.frames)
+        data = lab_films.record([rig], study.frames, look())
+        own = lab_modes.Recording(rig, lab_films.found_in(data, 0), recording.exposure)
+        result = lab_modes.case_results(own, case, presumed, 0, 0, False)
+        motion = drawn[k]
+        if case != "instant":
+            parts, _ = lab_modes.modal(own, motion, np.ones(len(motion)))
+            motion = motion * np.exp(-1j * np.angle(parts[0]))
+        scale = np.abs(own.truth).max()
+        conforms.independent(result["measured_deflection"][0], motion.real, atol=0.01 * scale)
+
+
+def test_trials_scatter_as_is_predicted(conforms, beam_cube):
+    for case in ("known", "found"):
+        part = of(beam_cube, case)
+        rms = np.sqrt((part["mean_error"].isel(trial=slice(1, None)) ** 2).mean("trial"))
+        conforms.sampled(rms / part["predicted_error"], 1, atol=0.05)
+        for kind in ("bending", "torsion"):
+            spread = part[f"{kind}_amplitude"].isel(trial=slice(1, None)).std("trial")
+            conforms.sampled(spread / part[f"{kind}_standard_error"], 1, atol=0.25)
+
+
+def test_a_trial_is_the_same_however_many_there_are_and_whatever_else_is_run():
+    values = {"modes": [3], "frame_rates_hz": [60.0]}
+    own = films(modes_study(**values), SIGMA)
+    few = lab_modes_study.run(modes_study(trials=3, cases=["known", "instant"], **values), own)
+    many = lab_modes_study.run(modes_study(trials=9, **values), own)
+    for case in ("known", "instant"):
+        np.testing.assert_array_equal(
+            of(few, case)["measured_deflection"],
+            of(many, case)["measured_deflection"].isel(trial=slice(0, 4)),
+        )
+
+
+def test_a_wrong_frequency_costs_the_amplitude_that_is_predicted(conforms, beam_cube):
+    slow = beam_cube.isel(frame_rate=0)
+    conforms.closed_form(slow["detuned_error"], slow["detuned_prediction"], atol=3)
+    assert np.all(slow["detuned_error"].diff("cycles") > 0)
+
+
+def test_static_torsion_is_saint_venant_s(conforms):
+    summed = torsion.twist(BEAM, 0.01, 1e-6, modes=4000)
+    angle = 0.01 * BEAM.force_position / torsion.rigidity(BEAM)
+    conforms.closed_form(summed, angle * BEAM.width / 2, rtol=1e-3)
+    first, second = (torsion.torsional_frequency(BEAM, n) for n in (1, 2))
+    conforms.invariance(second, 3 * first, rtol=1e-6)
+    assert torsion.twist(BEAM, 0.01, first) > 10 * torsion.twist(BEAM, 0.01, 0.5 * first)
+
+
+# The plate and its sound.
+
+
+@pytest.fixture(scope="module")
+def heard():
+    study = plate_study()
+    shape = deflection_shape(PLATE, 1, PLATE.markers, 1e-3)
+    omega = resonance(PLATE, 1)
+    return PlateSound.of(PLATE, study.planes, study.medium, omega, shape)
+
+
+def test_the_truth_has_no_error_in_its_sound(conforms, heard):
+    conforms.closed_form(heard.plane_errors(heard.reference), 0, atol=1e-12)
+    conforms.closed_form(heard.power_errors(heard.reference), 0, atol=1e-12)
+
+
+def test_power_grows_with_the_square_of_the_amplitude_and_pressure_with_it(conforms, heard):
+    conforms.invariance(
+        heard.power(3 * heard.reference), 9 * heard.power(heard.reference), rtol=1e-6
+    )
+    conforms.invariance(heard.power_errors(1.1 * heard.reference), 21, rtol=1e-7)
+    fields = heard.fields(heard.reference)
+    conforms.invariance(heard.fields(-2 * heard.reference), -2 * fields, rtol=1e-7)
+    rms = np.sqrt(np.mean(np.abs(fields) ** 2, axis=(1, 2)))
+    conforms.invariance(
+        heard.plane_errors(1.1 * heard.reference), 10 * rms / heard.largest, rtol=1e-7
+    )
+
+
+def test_expected_errors_of_the_sound_are_those_of_many_draws(conforms, heard):
+    rng = np.random.default_rng(1)
+    sigma = 2e-5 * (1 + rng.random(150))
+    drawn = heard.reference + sigma * rng.standard_normal((20_000, 150))
+    rms = np.sqrt(np.mean(heard.plane_errors(drawn) ** 2, axis=0))
+    conforms.sampled(heard.expected_plane_errors(np.diag(sigma**2)), rms, rtol=0.03)
+    power = np.sqrt(np.mean(heard.power_errors(drawn) ** 2))
+    conforms.sampled(heard.expected_power_error(np.diag(sigma**2)), power, rtol=0.03)
+    same = np.diag(np.full(150, 1e-5**2))
+    conforms.sampled(
+        heard.expected_plane_errors(same) / (100 * 1e-5 / np.abs(heard.reference).max()),
+        heard.independent_ratios,
+        rtol=1e-7,
+    )
+
+
+def test_nodal_planes_have_no_error(conforms):
+    study = plate_study()
+    for mode, silent in ((2, [False, True]), (3, [True, False]), (5, [True, True])):
+        shape = deflection_shape(PLATE, mode, PLATE.markers, 1e-3)
+        sound = PlateSound.of(PLATE, study.planes, study.medium, resonance(PLATE, mode), shape)
+        np.testing.assert_array_equal(np.isnan(sound.plane_errors(1.1 * shape)), silent)
+        conforms.invariance(sound.power_errors(1.1 * shape), 21, rtol=1e-7)
+
+
+def test_an_exact_recording_has_exact_deflections_and_sound(conforms):
+    study = plate_study(trials=0, cases=["cameras"])
+    cube = lab_plate_study.run(study, films(study))
+    conforms.closed_form(float(cube["mean_error"].max()), below=0.02)
+    conforms.closed_form(np.nanmax(cube["plane_error"]), below=0.02)
+    conforms.closed_form(float(np.abs(cube["power_error"]).max()), below=0.05)
+    assert float(cube["missing"].max()) == 0
+
+
+def test_the_plate_s_trials_scatter_as_is_predicted(conforms, plate_cube):
+    drawn = plate_cube.isel(trial=slice(1, None))
+    for error, name in (("mean_error", "predicted_error"), ("power_error", "predicted_power_error"),
+                        ("plane_error", "predicted_plane_error")):  # fmt: skip
+        rms = np.sqrt((drawn[error] ** 2).mean("trial"))
+        ratio = (plate_cube[name] / rms).values
+        conforms.sampled(ratio[np.isfinite(ratio)], 1, atol=0.3)
+        conforms.sampled(np.nanmedian(ratio), 1, atol=0.03)
+    conforms.sampled(plate_cube["mean_error"][:, :, 0], plate_cube["predicted_error"], rtol=0.3)
+
+
+def test_errors_of_the_plate_fall_as_its_amplitude_grows(conforms):
+    errors = []
+    for amplitude in (0.5, 1.0):
+        study = plate_study(amplitude_mm=amplitude, cases=["cameras"], modes=[1], trials=0)
+        errors.append(lab_plate_study.run(study, films(study, SIGMA))["predicted_error"].values)
+    conforms.closed_form(errors[0] / errors[1], 2, rtol=0.02)
+
+
+def test_a_camera_films_the_same_whatever_other_settings_there_are():
+    study = plate_study(cases=["cameras"], camera_counts=[4], modes=[1])
+    stands = stands_of(study.settings()[0])
+    together = plate_rig(study, 0, 1, stands)
+    for stand, station in zip(stands, together.stations, strict=True):
+        alone = plate_rig(study, 0, 1, [stand])
+        assert alone.stations[0].start == station.start
+        np.testing.assert_array_equal(alone.cameras[0].P, station.camera.P)
+        assert alone.motion == together.motion
+    seeds = {plate_rig(study, 0, 1, [stand]).seed for stand in stands}
+    assert len(seeds) == len(stands)
+    every = plate_study().stands
+    assert len(every) == len(set(every))
+    assert set(stands) <= set(every)
+
+
+def test_a_missing_marker_is_put_on_a_smooth_surface(conforms):
+    x, y = PLATE.markers
+    missing = np.zeros(150, bool)
+    missing[[17, 80, 81]] = True
+    fill = lab_plate_study.filling(PLATE.markers, missing)
+    plane = 2 + 3 * x - y
+    conforms.closed_form(fill @ np.where(missing, 0, plane), plane, atol=1e-9)
+    shape = PLATE.mode_shapes([3], PLATE.markers)[0]
+    conforms.closed_form(fill @ np.where(missing, 0, shape), shape, atol=0.05)
+
+
+def test_neighbours_of_noise_are_not_correlated_and_those_of_a_shape_are(conforms):
+    noise = np.random.default_rng(0).standard_normal((2000, 150))
+    conforms.sampled(abs(lab_plate_study.neighbours(noise, (15, 10))), below=0.01)
+    conforms.closed_form(lab_plate_study.neighbours(np.ones((1, 150)), (15, 10)), 1, rtol=1e-6)
+    checks = (-1.0) ** np.arange(150)[None]
+    conforms.closed_form(lab_plate_study.neighbours(checks, (15, 10)), -1, rtol=1e-6)
+
+
+def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_cube):
+    for mode, plane in ((1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")):
+        ratio = np.divide(*ratios(plate_cube, mode, plane)["trials"][::-1])
+        free = float(plate_cube["independent_ratio"].sel(mode=mode, plane=plane))
+        conforms.sampled(ratio, free, rtol=0.25)
+
+
+# Cubes, figures, tables.
+
+
+@pytest.mark.parametrize("name", ["beam_cube", "plate_cube"])
+def test_a_cube_has_named_dimensions_units_and_meanings(conforms, name, request):
+    cube = request.getfixturevalue(name)
+    assert cube["measured_deflection"].dims == ("setting", "mode", "trial", "point")
+    for variable in cube.variables.values():
+        assert {"units", "long_name"} <= set(variable.attrs)
+    reference = cube["reference_deflection"].values
+    scale = 100 / np.abs(reference).max(axis=1)[:, None, None]
+    error = np.abs(cube["measured_deflection"].values - reference[:, None]) * scale
+    conforms.independent(cube["mean_error"], np.sqrt(np.mean(error**2, axis=-1)), atol=1e-5)
+    conforms.independent(cube["max_point_error"], error.max(axis=-1), atol=1e-4)
+    conforms.independent(cube["point_error"], error[:, :, 0], atol=1e-5)
+    assert cube["trial"].size == json.loads(cube.attrs["parameters"])["trials"] + 1
+    table = cubes.summary(cube)
+    assert set(table["error"]) == set(cubes.errors(cube))
+    assert not table.duplicated([*cubes.KEYS, "error"]).any()
+
+
+@pytest.mark.parametrize("name", ["beam_cube", "plate_cube"])
+def test_every_figure_table_and_viewer_is_made(name, request):
+    cube = request.getfixturevalue(name)
+    for case in sorted(set(cube["case"].values.tolist()))[:2]:
+        assert "<svg" in as_svg(cube, case, int(cube["mode"][0]))
+    json.dumps(viewer_data.viewer_data(cube))
+    if name == "beam_cube":
+        assert "<svg" in svg(lab_figures.aliases_figure(cube, 3))
+        assert lab_tables.aliases(cube, 1) is None
+        texts = [lab_tables.frequency_table(cube), lab_tables.parts_table(cube),
+                 lab_tables.conditions_table(cube)]  # fmt: skip
+    else:
+        texts = [*(plate_table(cube, mode) for mode in (1, 2, 3)),
+                 ratio_table(cube), visibility_table(cube)]  # fmt: skip
+        assert "not asked for" in plate_table(cube, 5).data
+    for text in texts:
+        assert "nan" not in text.data
+
+
+@pytest.mark.parametrize("name", ["lab-modes", "lab-plate"])
+def test_without_trials_everything_is_still_shown(name):
+    study = validate(name, {"trials": 0, "cases": ["known"] if name == "lab-modes" else ["cameras"],
+                            "modes": [2]})  # fmt: skip
+    run = lab_modes_study.run if name == "lab-modes" else lab_plate_study.run
+    cube = finished(run(study, films(study, SIGMA)), study)
+    json.dumps(viewer_data.viewer_data(cube))
+    case = str(cube["case"].values[0])
+    assert "<svg" in as_svg(cube, case, 2)
+    if name == "lab-modes":
+        lab_tables.parts_table(cube), lab_tables.conditions_table(cube)
+    else:
+        assert "nan" not in plate_table(cube, 2).data
+        assert "nan" not in ratio_table(cube).data
+
+
+def test_the_same_request_gives_the_same_bytes(tmp_path):
+    study = modes_study(modes=[3], cases=["read"], trials=2)
+    for name in ("one.nc", "other.nc"):
+        storage.write(lab_modes_study.run(study, films(study, SIGMA)), tmp_path / name)
+    assert (tmp_path / "one.nc").read_bytes() == (tmp_path / "other.nc").read_bytes()
+
+
+# Rendered pictures.
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    """The beam in mode 3, small pictures, 60 and 480 frames a second, a long exposure."""
+    study = modes_study(**QUICK, frame_rates_hz=[60.0, 480.0], exposure_ms=2.0, torsion_mm=0.05)
+    return study, lab_modes_study.run(study, lab_films.run(study.recordings))
+
+
+@pytest.mark.slow
+def test_too_few_rendered_frames_are_as_good_as_enough(conforms, filmed):
+    _, cube = filmed
+    slow, fast = (of(cube, "known").isel(setting=s, mode=0, trial=0) for s in (0, 1))
+    for kind in ("bending", "torsion"):
+        error = np.hypot(slow[f"{kind}_standard_error"], fast[f"{kind}_standard_error"])
+        apart = abs(slow[f"{kind}_amplitude"] - fast[f"{kind}_amplitude"])
+        conforms.sampled(float(apart), below=4 * float(error))
+        for one in (slow, fast):
+            off = one[f"{kind}_amplitude"] - np.ravel(cube[f"{kind}_reference"])[0]
+            conforms.sampled(abs(float(off)), below=4.5 * float(one[f"{kind}_standard_error"]))
+    conforms.sampled(
+        of(cube, "known")["mean_error"][:, 0, 0],
+        of(cube, "known")["predicted_error"][:, 0],
+        rtol=0.3,
+    )
+    assert float(cube["missing"].max()) == 0
+
+
+@pytest.mark.slow
+def test_rendered_cameras_agree_at_the_true_frequency(conforms, filmed):
+    _, cube = filmed
+    conforms.closed_form(cube["found_frequency"], cube["frequency"].values[0], rtol=2e-3)
+    part = cube.isel(mode=0, frame_rate=0)
+    order = np.sort(part["misfit"].values)
+    conforms.sampled(order[0], below=1.6)
+    assert order[1] > 5 * order[0]
+
+
+@pytest.mark.slow
+def test_the_prediction_is_the_scatter_of_renders_with_other_noise(conforms):
+    study = modes_study(**{**QUICK, "frames": 8, "cases": ["known"]}, frame_rates_hz=[60.0])
+    rig = beam_rigs(study, 0)[0]
+    errors, predicted = [], []
+    data = lab_films.record([replace(rig, seed=seed) for seed in range(4)], study.frames)
+    for number in range(4):
+        found = lab_films.found_in(data, number)
+        recording = lab_modes.Recording(rig, found, study.exposure_ms / 1000)
+        result = lab_modes.case_results(recording, "known", recording.frequency, 0, 0, False)
+        errors.append(float(result["mean_error"][0]))
+        predicted.append(float(result["predicted_error"]))
+    conforms.sampled(
+        np.sqrt(np.mean(np.square(errors))), np.sqrt(np.mean(np.square(predicted))), rtol=0.2
+    )
+
+
+@pytest.mark.slow
+def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms):
+    study = plate_study(cases=["cameras"], camera_counts=[2], modes=[3], trials=0, shot_noise=0,
+                        read_noise=0, frames=8)  # fmt: skip
+    cube = lab_plate_study.run(study, lab_films.run(study.recordings))
+    shape = cube["reference_deflection"].values[0]
+    measured = cube["measured_deflection"].values[0, 0, 0]
+    lost = 1 - measured @ shape / (shape @ shape)
+    loss = float(cube["marker_loss"][0])
+    conforms.closed_form(lost, above=0.5 * loss, below=5 * loss)
+    conforms.closed_form(float(cube["mean_error"].max()), below=0.3)
+
+
+def test_the_tracker_knows_where_markers_go_between_frames_that_are_far_apart(
+    conforms, monkeypatch
+):
+    # Twice the amplitude that is allowed, nearly two periods from frame to frame.
+    study = modes_study(**QUICK, frame_rates_hz=[60.0], torsion_mm=0)
+    rig = beam_rigs(study, 0)[0]
+    parts = (replace(rig.motion.components[0], amplitude=0.003),)
+    rig = replace(rig, stations=rig.stations[:1], motion=replace(rig.motion, components=parts))
+    (told,) = direct.seen(rig)
+    monkeypatch.setattr(direct, "Tracker", lambda view, turn: Tracker(view, 0.0))
+    (straight_on,) = direct.seen(rig)
+    assert told.missing < 0.03
+    conforms.closed_form(np.nanmax(told.error()), below=1)
+    assert straight_on.missing > 5 * told.missing
+
+
+# Requests.
+
+
+def refusal(name, **values):
+    with pytest.raises(ParameterError) as error:
+        validate(name, values)
+    message = str(error.value)
+    assert "\n" not in message
+    assert message.startswith(f"{name}: ")
+    return message
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("lab-modes", {"frame_rates_hz": [79.1]}, ["frame_rates_hz: given 79.1", "mode 2", "Hz"]),
+        ("lab-modes", {"frame_rates_hz": [110.7]}, ["frame_rates_hz", "mode 3", "110.7 Hz"]),
+        ("lab-modes", {"frame_rates_hz": [9]}, ["frame_rates_hz[0]: given 9", "10 to 5000"]),
+        ("lab-modes", {"frame_rates_hz": []}, ["frame_rates_hz: given []"]),
+        ("lab-modes", {"frame_rates_hz": [60, 60]}, ["frame_rates_hz", "different"]),
+        ("lab-modes", {"frames": 7}, ["frames: given 7", "8 to 500"]),
+        ("lab-modes", {"exposure_ms": 3}, ["exposure_ms: given 3", "at most 2.083 ms"]),
+        ("lab-modes", {"exposure_ms": 8, "frame_rates_hz": [60]}, ["exposure_ms", "7.226 ms"]),
+        ("lab-modes", {"amplitude_mm": 2}, ["amplitude_mm: given 2", "change places"]),
+        ("lab-modes", {"amplitude_mm": [1]}, ["amplitude_mm: given [1.0]", "one for each mode"]),
+        ("lab-modes", {"amplitude_mm": "Force"}, ['amplitude_mm: given "Force"']),
+        ("lab-modes", {"torsion_mm": 1}, ["amplitude_mm", "change places"]),
+        ("lab-modes", {"distance_mm": 400}, ["distance_mm: given 400", "see the whole"]),
+        ("lab-modes", {"distance_mm": 300}, ["distance_mm: given 300", "reach"]),
+        ("lab-modes", {"width_px": 320}, ["width_px: given 320", "1 px high"]),
+        ("lab-modes", {"highest_hz": 100}, ["highest_hz: given 100", "above the highest mode"]),
+        ("lab-modes", {"modes": [0]}, ["modes[0]: given 0"]),
+        ("lab-modes", {"modes": []}, ["modes: given []"]),
+        ("lab-modes", {"starts": "apart"}, ['starts: given "apart"', '"together"']),
+        ("lab-modes", {"cases": ["knwon"]}, ["cases", "instant, read, found, known"]),
+        ("lab-modes", {"trials": -1}, ["trials: given -1"]),
+        ("lab-modes", {"amplitude": 1}, ["no parameter amplitude", "did you mean amplitude_mm?"]),
+        ("lab-plate", {"distances_mm": [650]}, ["distances_mm: given 650", "see the whole"]),
+        ("lab-plate", {"distance_mm": 501}, ["distance_mm: given 501", "see the whole"]),
+        ("lab-plate", {"distance_mm": 100}, ["distance_mm: given 100", "reach"]),
+        ("lab-plate", {"elevations_deg": [5]}, ["elevations_deg[0]: given 5", "10 to 75"]),
+        ("lab-plate", {"elevations_deg": [60], "distance_mm": 850}, ["elevations_deg: given 60"]),
+        ("lab-plate", {"elevation_deg": 40, "distance_mm": 800}, ["distance_mm: given 800"]),
+        ("lab-plate", {"half_apertures_deg": [180]}, ["half_apertures_deg[0]: given 180"]),
+        ("lab-plate", {"widths_px": [320]}, ["widths_px: given 320", "1 px high"]),
+        ("lab-plate", {"camera_counts": [3]}, ["camera_counts", "2, 4, 6"]),
+        ("lab-plate", {"frame_rate_hz": 101.8}, ["frame_rate_hz: given 101.8", "mode 1"]),
+        ("lab-plate", {"exposure_ms": 2}, ["exposure_ms: given 2", "0.8 of the shortest period"]),
+        ("lab-plate", {"amplitude_mm": 9}, ["amplitude_mm: given 9", "change places"]),
+        ("lab-plate", {"amplitude_mm": [1, 1]}, ["amplitude_mm: given [1.0, 1.0]"]),
+        ("lab-plate", {"grid": [60, 60]}, ["1 px high"]),
+        ("lab-plate", {"grid": [2, 1]}, ["grid[1]: given 1"]),
+        ("lab-plate", {"plane_top_mm": 40}, ["plane_top_mm: given 40", "above plane_bottom_mm"]),
+        ("lab-plate", {"speed_of_sound_m_s": 30}, ["modes: given 3", "size of a piston"]),
+        ("lab-plate", {"cases": []}, ["cases: given []"]),
+    ],
+)
+def test_silly_parameters_are_refused_in_one_line(name, values, words):
+    message = refusal(name, **values)
+    for word in words:
+        assert word in message
+
+
+@settings(max_examples=40)
+@given(st.floats(10, 600), st.integers(8, 60))
+def test_a_rate_that_is_allowed_has_a_fit_that_knows_its_parts(rate, frames):
+    try:
+        validate("lab-modes", {"frame_rates_hz": [rate], "frames": frames, "exposure_ms": 0.1})
+    except ParameterError:
+        return
+    for mode in (2, 3):
+        hertz = resonance(BEAM, mode) / 2 / np.pi
+        A = np.stack([np.ones(frames), np.cos(2 * np.pi * hertz * np.arange(frames) / rate),
+                      np.sin(2 * np.pi * hertz * np.arange(frames) / rate)], 1)  # fmt: skip
+        inverse = np.linalg.inv(A.T @ A)
+        assert frames / 4 * (inverse[1, 1] + inverse[2, 2]) < 8  # 1 where nothing interferes
+
+
+def test_what_is_filmed_does_not_depend_on_what_is_made_of_it():
+    one = modes_study()
+    for change in ({"trials": 3}, {"cases": ["read"]}, {"highest_hz": 200.0}):
+        assert modes_study(**change).recordings.digest == one.recordings.digest
+    for change in ({"seed": 1}, {"frames": 30}, {"starts": "together"}, {"torsion_mm": 0.0}):
+        assert modes_study(**change).recordings.digest != one.recordings.digest
+    two = plate_study()
+    for change in ({"trials": 3}, {"plane_top_mm": 400.0}, {"air_density_kg_m3": 1.0}):
+        assert plate_study(**change).recordings.digest == two.recordings.digest
+    assert plate_study(amplitude_mm=2.0).recordings.digest != two.recordings.digest
+    json.dumps(two.recordings.request)
+
+
+def test_the_amplitudes_are_what_one_newton_makes(conforms):
+    conforms.closed_form(np.array(modes_study().peaks_m) * 1e3, [0.789, 0.252], atol=5e-4)
+    assert modes_study(amplitude_mm=1).peaks_m == [1e-3, 1e-3]
+    assert modes_study(amplitude_mm=[1, 0.5]).peaks_m == [1e-3, 0.5e-3]

@@ -1,0 +1,89 @@
+"""What the stated figures could have told: draws of the model, and errors of other sizes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from thesis_lib.facts import claims
+from thesis_lib.figure_sets.claims import power as ledger_power
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.ledger import verdicts
+from thesis_lib.ledger.verdicts import errors, meets
+from thesis_lib.studies.attributes import with_provenance
+
+CLAIMS = claims.claims_of("beam-distance")
+
+
+@pytest.fixture(scope="module")
+def cube():
+    request = validate("beam-distance", {"trials": 60})
+    return with_provenance(studies.run(request), request, 0.0)
+
+
+@pytest.fixture(scope="module")
+def power(cube):
+    return ledger_power.power(lambda _: cube, CLAIMS)
+
+
+def claim(relation, low, high, digits):
+    rounding = (claims.half_digit(digits),) * 2
+    return dataclasses.replace(
+        CLAIMS[0], relation=relation, low=low, high=high, rounding=rounding, excepted=0
+    )
+
+
+@pytest.mark.parametrize(
+    ("relation", "digits", "values", "low", "high"),
+    [
+        ("about", "10", [12.4], 12, 12),
+        ("about", "1.2", [3.14, 3.46], 3.3, 3.3),
+        ("range", "10", [8.4, 17.6], 8, 18),
+        ("max", "10", [8.4, 17.1], 8, 18),
+        ("less_than", "1", [0.2, 2.0], 0, 3),
+        ("min", "10", [8.9, 17.1], 8, 17),
+    ],
+)
+def test_a_draw_is_printed_with_the_claims_digits(relation, digits, values, low, high):
+    made = ledger_power.drawn(claim(relation, 1, 1, digits), np.array(values))
+    assert (made.low, made.high) == pytest.approx((low, high))
+    assert all(meets(made, value, value) for value in values if relation != "about")
+
+
+def test_figures_met_by_errors_as_they_are_are_those_of_the_ledger(power, cube):
+    met = sum(check.inside for check in verdicts.check(cube, CLAIMS))
+    assert int(power["power_scaled"].sel(chapter=3, factor=1)) == met
+    assert int(power["power_claims"].sel(chapter=3)) == len(verdicts.check(cube, CLAIMS))
+    assert int(power["power_claims"].sel(chapter=[4, 6]).sum()) == 0
+
+
+def test_errors_far_off_are_told_apart(power):
+    scaled = power["power_scaled"].sel(chapter=3)
+    assert scaled.sel(factor=3) < 0.3 * scaled.sel(factor=1)
+
+
+def test_what_is_stated_by_the_model_itself_is_met_as_often_as_expected(conforms, cube, power):
+    """Each trial in the thesis's place, by the ledger's own judge."""
+    shares = []
+    for trial in range(1, 41):
+        stated = []
+        for one in CLAIMS:
+            values = errors(cube, one).transpose("setting", "trial").values[:, trial]
+            stated.append(ledger_power.drawn(one, values))
+        shares.append(np.mean([check.inside for check in verdicts.check(cube, stated)]))
+    expected = float(power["power_expected"].sel(chapter=3)) / len(CLAIMS)
+    conforms.sampled(np.mean(shares), expected, atol=0.03)
+    conforms.sampled(expected, above=0.9, below=1)
+
+
+def test_cubes_that_are_missing_are_left_out():
+    none = ledger_power.power(lambda _: "missing", CLAIMS)
+    assert int(none["power_claims"].sum()) == 0
+
+
+def test_table_has_the_numbers_of_the_cube(power):
+    text = ledger_power.powers(power)
+    total, met = int(power["power_claims"].sum()), int(power["power_scaled"].sel(factor=1).sum())
+    assert f"In all {met} of {total} are met" in text
+    assert "chapter 4" not in text

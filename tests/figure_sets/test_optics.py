@@ -1,0 +1,534 @@
+"""Optics of one camera and of a parallel pair: closed forms against rays, projections, pixels."""
+
+from __future__ import annotations
+
+from math import degrees, hypot, pi, radians, tan
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.optics import compute as optics_study
+from thesis_lib.figure_sets.optics import figures as optics_figures
+from thesis_lib.figure_sets.optics import pictures as optics_pictures
+from thesis_lib.figure_sets.optics import tables as optics_tables
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.plotting.style import svg
+from thesis_lib.studies import comparison, cubes, published, storage
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.request import ParameterError
+from thesis_lib.vibration.structure import world_points
+from thesis_lib.vision import optics
+from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, intrinsics, project
+from thesis_lib.vision.triangulation import triangulate
+
+SIZE = (320, 180)
+PATTERNS = ["RGGB", "BGGR", "GRBG", "GBRG"]
+lengths = st.floats(0.1, 100)
+far = st.floats(1.01, 1000)  # in focal lengths
+
+
+def beside(baseline: float, focal_px: float = 213.3) -> CameraArray:
+    """Two parallel cameras that look along Z, the second to the right of the first."""
+    K = np.broadcast_to(intrinsics(focal_px, SIZE), (2, 3, 3))
+    centres = np.array([[0.0, 0, 0], [baseline, 0, 0]])
+    return CameraArray(K, np.broadcast_to(np.eye(3), (2, 3, 3)), centres, SIZE)
+
+
+def refusal(values: dict) -> str:
+    with pytest.raises(ParameterError) as caught:
+        validate("cameras", values)
+    message = str(caught.value)
+    assert len(message.splitlines()) == 1
+    return message
+
+
+# Angles and formats.
+
+
+@given(lengths, lengths, st.floats(0.3, 5))
+def test_points_at_the_edges_of_the_view_are_at_the_edges_of_the_picture(
+    conforms, size, focal, distance
+):
+    half = float(optics.angle_of_view(size, focal)) / 2
+    camera = hemisphere_cameras(distance, [0.4], [0.3], focal / size * SIZE[0], SIZE)
+    side, _, ahead = camera.R_camera_world[0]
+    for sign, edge in ((1, SIZE[0]), (-1, 0)):
+        point = camera.centres[0] + np.cos(half) * ahead + sign * np.sin(half) * side
+        conforms.independent(project(camera.P, point)[0, 0], edge, atol=1e-6 * SIZE[0])
+
+
+def test_angle_of_view_is_a_right_angle_when_the_sensor_is_twice_the_focal_length(conforms):
+    conforms.closed_form(optics.angle_of_view(2, 1), pi / 2, rtol=1e-6)
+    conforms.closed_form(optics.angle_of_view(1e-6, 1), 1e-6, rtol=1e-6)
+    conforms.closed_form(
+        np.degrees(optics.angle_of_view([36, 24, hypot(36, 24)], 50)), [39.6, 27.0, 46.8], atol=0.05
+    )
+
+
+@given(lengths, lengths, lengths)
+def test_crop_factor_keeps_the_diagonal_angle(conforms, width, height, focal):
+    crop = float(optics.crop_factor([width, height]))
+    own = optics.angle_of_view(hypot(width, height), focal)
+    conforms.invariance(optics.angle_of_view(hypot(36, 24), crop * focal), own, rtol=1e-6)
+
+
+def test_crop_factor_is_relative_and_scales(conforms):
+    assert optics.crop_factor([36, 24]) == 1
+    conforms.closed_form(optics.crop_factor([[18, 12], [72, 48]]), [2, 0.5], rtol=1e-7)
+    conforms.closed_form(optics.crop_factor([18, 12], [9, 6]), 0.5, rtol=1e-6)
+
+
+# A thin lens.
+
+
+@given(lengths, far, st.floats(0.01, 10))
+def test_two_rays_through_a_lens_meet_in_the_image(conforms, focal, times, height):
+    z = times * focal
+    # From (−z, height): straight through the centre, and parallel to the axis, then by the focus.
+    slopes = np.array([-height / z, -height / focal])
+    behind = height / (slopes[0] - slopes[1])
+    conforms.independent(optics.image_distance(focal, z), behind, rtol=1e-9)
+    conforms.independent(optics.magnification(focal, z), -slopes[0] * behind / height, rtol=1e-9)
+
+
+def test_far_objects_are_sharp_at_the_focal_length_and_twice_it_is_life_size(conforms):
+    conforms.closed_form(optics.image_distance(24, 1e12), 24, rtol=1e-6)
+    assert optics.image_distance(24, 48) == 48
+    assert optics.magnification(24, 48) == 1
+
+
+def spread(focal: float, f_number: float, focused: float, z: float) -> float:
+    """Diameter on the sensor of the rays from a point on the axis through the lens's rim."""
+    rim = focal / f_number / 2
+    sensor = focal * focused / (focused - focal)
+    return abs(2 * (rim + sensor * (rim / z - rim / focal)))  # the lens bends by height over f
+
+
+@given(lengths, st.floats(1, 32), far, far)
+def test_blur_circle_is_what_rays_through_the_rim_fill(conforms, focal, f_number, d, z):
+    circle = float(optics.blur_circle(focal, f_number, d * focal, z * focal))
+    conforms.independent(circle, spread(focal, f_number, d * focal, z * focal), atol=1e-9 * focal)
+
+
+@given(lengths, st.floats(1, 32), st.floats(1.1, 1000), st.floats(1e-4, 1e-2))
+def test_rays_from_the_ends_of_the_depth_of_field_fill_the_circle(
+    conforms, focal, f_number, times, share
+):
+    d, circle = times * focal, share * focal
+    near, far_ = map(float, optics.depth_of_field(focal, f_number, d, circle))
+    assert near <= d <= far_
+    conforms.independent(spread(focal, f_number, d, near), circle, rtol=1e-6)
+    if np.isfinite(far_):
+        conforms.independent(spread(focal, f_number, d, far_), circle, rtol=1e-6, atol=1e-12)
+    else:  # even what is infinitely far fills less
+        conforms.independent(spread(focal, f_number, d, 1e12 * focal), below=circle * (1 + 1e-6))
+
+
+def test_from_the_hyperfocal_distance_half_of_it_to_infinity_is_sharp():
+    H = float(optics.hyperfocal_distance(24, 8, 0.03))
+    assert optics.depth_of_field(24, 8, H, 0.03) == pytest.approx((H / 2, np.inf))
+    assert np.isfinite(optics.depth_of_field(24, 8, 0.999 * H, 0.03)[1])
+
+
+def test_depth_of_field_broadcasts_and_knows_no_object_within_the_focal_length():
+    near, far_ = optics.depth_of_field(24, np.array([[2.8], [11]]), np.array([500, 20.0]), 0.03)
+    assert near.shape == far_.shape == (2, 2)
+    assert np.isnan([near[:, 1], far_[:, 1]]).all()
+    assert (near[1, 0], far_[1, 0]) == pytest.approx(optics.depth_of_field(24, 11, 500, 0.03))
+    assert near[1, 0] < near[0, 0] < 500 < far_[0, 0] < far_[1, 0]
+    assert np.isnan(optics.depth_of_field(24, np.nan, 500, 0.03)).all()
+
+
+# Two parallel cameras.
+
+
+@given(st.floats(0.01, 1), st.floats(0.3, 10), st.floats(-0.5, 0.5))
+def test_disparity_is_that_of_projected_points(conforms, baseline, depth, x):
+    images = project(beside(baseline).P, [x, 0.1, depth])
+    disparity = images[0, 0] - images[1, 0]
+    conforms.independent(optics.disparity(depth, baseline, 213.3), disparity, rtol=1e-9, atol=1e-9)
+    conforms.independent(optics.stereo_depth(disparity, baseline, 213.3), depth, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("baseline", "depth"), [(0.05, 0.5), (0.15, 1.5), (0.45, 0.75)])
+def test_depth_error_is_that_of_triangulation(conforms, baseline, depth):
+    P = beside(baseline).P
+    exact = project(P, [0.07, 0.02, depth])
+    step = 1e-4
+    moved = [exact + sign * step / 2 * np.array([[1, 0], [-1, 0]]) for sign in (1, -1)]
+    slope = (triangulate(P, moved[0])[2] - triangulate(P, moved[1])[2]) / (2 * step)
+    conforms.independent(optics.depth_error(depth, baseline, 213.3, 1.0), -slope, rtol=1e-6)
+
+
+def test_depth_error_grows_with_the_square_of_the_distance_and_falls_with_the_baseline(conforms):
+    one = optics.depth_error(1.0, 0.1, 200, 0.5)
+    conforms.closed_form(optics.depth_error(2.0, 0.1, 200, 0.5), 4 * one, rtol=1e-6)
+    conforms.closed_form(optics.depth_error(1.0, 0.2, 200, 0.5), one / 2, rtol=1e-6)
+    conforms.closed_form(one, 1 / 20 * 0.5, rtol=1e-6)
+
+
+# Projections and homogeneous coordinates.
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.1, 5), st.floats(1, 1000))
+def test_the_image_behind_the_hole_is_turned_round(conforms, x, y, z, f):
+    camera = beside(1.0, f)
+    before = project(camera.P, [x, y, z])[0] - np.array(SIZE) / 2
+    ray = np.array([x, y, z])  # through the hole at 0, to the wall at Z = −f
+    behind = ray * (-f / z)
+    conforms.invariance(behind[2], -f, rtol=1e-6)
+    conforms.invariance(behind[:2], -before, rtol=1e-9, atol=1e-9 * f)
+
+
+@given(st.floats(0, 6), st.floats(0.1, 1.5), st.floats(0.5, 3))
+def test_one_depth_for_all_is_wrong_by_the_ratio_of_depths(conforms, azimuth, elevation, distance):
+    beam = setups.beam()
+    points = world_points(beam, np.zeros(beam.n_markers))
+    camera = hemisphere_cameras(distance, [azimuth], [elevation], 213.3, SIZE)
+    depth = camera.R_camera_world[0, 2] @ (points - camera.centres[0][:, None])
+    middle = np.array(SIZE)[:, None] / 2
+    exact, flat = (
+        one[0] - middle
+        for one in (project(camera.P, points), optics.weak_perspective(camera, points))
+    )
+    conforms.closed_form(flat, exact * depth / depth.mean(), atol=1e-9)
+
+
+def test_one_depth_is_exact_for_points_that_have_one(conforms):
+    camera = beside(0.2)
+    points = np.array([[-0.1, 0.2, 0.3], [0.0, 0.1, -0.2], [1.5, 1.5, 1.5]])
+    conforms.closed_form(
+        optics.weak_perspective(camera, points), project(camera.P, points), rtol=1e-7
+    )
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=4), st.floats(0.1, 10))
+def test_homogeneous_coordinates_go_there_and_back(conforms, point, factor):
+    triple = optics.homogeneous(point)
+    assert triple.shape == (len(point) + 1,)
+    conforms.invariance(optics.from_homogeneous(factor * triple), point, atol=1e-12)
+
+
+def test_a_point_at_infinity_has_no_finite_coordinates():
+    assert not np.isfinite(optics.from_homogeneous([1.0, 2.0, 0.0])).any()
+
+
+def test_lines_join_points_and_points_join_lines(conforms):
+    a, b, c = optics.homogeneous([[0, 1], [2, 5], [3, 1]])
+    line, other = optics.join(a, b), optics.join(a, c)
+    assert [float(line @ a), float(line @ b)] == [0, 0]
+    conforms.closed_form(optics.from_homogeneous(optics.join(line, other)), [0, 1], rtol=1e-7)
+    parallel = optics.join(*optics.homogeneous([[0, 3], [2, 7]]))
+    meeting = optics.join(line, parallel)
+    assert meeting[2] == 0
+    assert meeting[1] / meeting[0] == 2  # the direction of both
+
+
+# Pixels.
+
+
+def test_coarse_pixels_keep_the_mean_and_split_the_variance(conforms):
+    picture = np.random.default_rng(1).random((60, 120, 3))
+    for block in (1, 2, 3, 4, 20):
+        coarse = optics.block_means(picture, block)
+        assert coarse.shape == (60 // block, 120 // block, 3)
+        conforms.invariance(coarse.mean(axis=(0, 1)), picture.mean(axis=(0, 1)), rtol=1e-7)
+        repeated = coarse.repeat(block, axis=0).repeat(block, axis=1)
+        within = np.mean((picture - repeated) ** 2, axis=(0, 1))
+        conforms.invariance(coarse.var(axis=(0, 1)) + within, picture.var(axis=(0, 1)), rtol=1e-7)
+
+
+def test_coarser_in_two_steps_is_coarser_in_one(conforms):
+    picture = np.random.default_rng(2).random((12, 24))
+    conforms.invariance(
+        optics.block_means(optics.block_means(picture, 2), 3),
+        optics.block_means(picture, 6),
+        rtol=1e-7,
+    )
+
+
+@pytest.mark.parametrize("block", [0, 5, 7, 24])
+def test_blocks_that_do_not_fill_the_picture_are_refused(block):
+    with pytest.raises(ValueError, match=f"block: given {block}, allowed: a divisor of 12 and 24"):
+        optics.block_means(np.zeros((12, 24)), block)
+
+
+# Colours.
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_a_mosaic_records_one_colour_per_pixel(pattern):
+    masks = optics.bayer_masks((6, 8), pattern)
+    assert (masks.sum(axis=-1) == 1).all()
+    assert masks.sum(axis=(0, 1)).tolist() == [12, 24, 12]
+    assert "".join("RGB"[c] for c in masks[:2, :2].argmax(axis=-1).ravel()) == pattern
+    picture = np.random.default_rng(3).random((6, 8, 3))
+    mosaic = optics.bayer_mosaic(picture, pattern)
+    np.testing.assert_array_equal(mosaic, picture[masks].reshape(6, 8))
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_recorded_values_stay_and_constant_colours_are_exact_to_the_border(conforms, pattern):
+    picture = np.random.default_rng(4).random((6, 8, 3))
+    found = optics.demosaic(optics.bayer_mosaic(picture, pattern), pattern)
+    masks = optics.bayer_masks((6, 8), pattern)
+    np.testing.assert_array_equal(found[masks], picture[masks])
+    constant = np.broadcast_to([0.2, 0.5, 0.9], (6, 8, 3))
+    found = optics.demosaic(optics.bayer_mosaic(constant, pattern), pattern)
+    conforms.closed_form(found, constant, rtol=1e-7)
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_demosaicing_is_exact_where_colours_change_linearly(conforms, pattern):
+    row, column = np.indices((9, 12))[..., None]
+    picture = np.array([0.1, 0.2, 0.3]) + np.array([0.02, 0.01, -0.01]) * row + column * 0.03
+    found = optics.demosaic(optics.bayer_mosaic(picture, pattern), pattern)
+    conforms.closed_form(found[1:-1, 1:-1], picture[1:-1, 1:-1], rtol=1e-7)
+    assert np.abs(found - picture).max() > 0.005  # at the border it is not
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_demosaicing_is_that_of_opencv(pattern):
+    mosaic = np.random.default_rng(5).integers(0, 60_000, (20, 30)).astype(np.uint16)
+    theirs = cv2.demosaicing(mosaic, getattr(cv2, f"COLOR_Bayer{pattern}2RGB"))
+    found = optics.demosaic(mosaic, pattern)
+    assert np.abs(found - theirs)[1:-1, 1:-1].max() <= 1  # theirs are whole numbers
+
+
+# The drawn picture.
+
+
+@pytest.fixture(scope="module")
+def picture():
+    return optics_pictures.draw(setups.beam(), 0.5, radians(30), radians(25), 24 / 36, 0.005)
+
+
+def test_markers_are_drawn_where_they_are_and_as_large_as_they_are(conforms, picture):
+    beam = setups.beam()
+    points = world_points(beam, np.zeros(beam.n_markers))
+    images = project(picture.camera.P, points)[0]
+    steps = [project(picture.camera.P, points + step)[0] - images
+             for step in ([[1e-6], [0], [0]], [[0], [1e-6], [0]])]  # fmt: skip
+    areas = np.abs(np.linalg.det(np.moveaxis(steps, -1, 0))) * 1e12 * pi * 0.0025**2
+    inside = (images[0] > 5) & (images[0] < 1275)
+    assert inside.all()
+    conforms.independent(picture.markers.sum(), areas.sum(), rtol=0.01)
+    centres = picture.centroids(picture.colours(1), 1)
+    conforms.independent(centres.T, images - [[0], [picture.top]], atol=0.1)
+    conforms.independent(
+        picture.images(beam.markers[0], 1), images - [[0], [picture.top]], rtol=1e-7
+    )
+
+
+def test_coarse_colours_are_means_of_fine_ones(conforms, picture):
+    conforms.invariance(picture.colours(8), optics.block_means(picture.colours(1), 8), atol=1e-12)
+
+
+def test_contrast_is_full_for_many_pixels_and_gone_for_few(picture):
+    contrast = [picture.contrast(block) for block in (1, 2, 4, 8, 16, 40)]
+    assert contrast[0] > 0.99
+    assert abs(contrast[-1]) < 0.05
+    assert all(np.diff(contrast) < 0)
+
+
+def test_without_edges_colour_filters_cost_nothing(conforms, picture):
+    whole = optics_pictures.BeamPicture(
+        np.ones_like(picture.beam), np.zeros_like(picture.markers), picture.camera,
+        picture.structure, picture.top,
+    )  # fmt: skip
+    loss = optics_pictures.colour_loss(whole, 2, "RGGB")
+    conforms.closed_form(loss.error, 0, atol=1e-12)
+    conforms.closed_form(loss.largest, 0, atol=1e-12)
+
+
+# The study.
+
+
+@pytest.fixture(scope="module")
+def cube():
+    request = validate("cameras", {})
+    return with_provenance(optics_study.run(request), request, 0.0)
+
+
+def test_variables_have_units_and_names_and_come_back_from_a_file(cube, tmp_path):
+    assert set(cube.data_vars) | {"quantity"} == set(optics_study.VARIABLES)
+    for name, variable in cube.variables.items():
+        assert variable.attrs["units"], name
+        assert variable.attrs["long_name"], name
+    path = tmp_path / "cameras.nc"
+    storage.write(cube, path)
+    assert cubes.read(path).identical(cube)
+
+
+def test_the_asked_distances_are_among_those_of_the_curves(cube):
+    assert np.isin(cube["shown_distance"].values, cube["distance"].values).all()
+    assert (np.diff(cube["distance"].values) > 0).all()
+    odd = validate("cameras", {"distances_mm": [1000, 333.333333, 500]})
+    run = optics_study.run(odd)
+    assert run["shown_distance"].values.tolist() == [1.0, 0.333333333, 0.5]
+    assert np.isin(run["shown_distance"].values, run["distance"].values).all()
+
+
+def test_pairs_with_whole_pixels_meet_the_first_order_where_disparities_are_large(conforms, cube):
+    ratio = (cube["rounded_depth_error"] / cube["rounding_depth_error"]).values
+    ratio = ratio[cube["disparity"].values > 20]
+    error = np.sqrt((2.4 - 1) / 200) / 2  # of an rms over 200; a triangle's kurtosis is 2.4
+    assert len(ratio) > 50
+    conforms.sampled(np.abs(ratio - 1).max(), below=4 * error)
+
+
+def test_parallel_edges_meet_in_the_image_of_their_direction(conforms, cube):
+    camera = hemisphere_cameras(1.0, [radians(30)], [radians(25)], 24 / 36 * 320, SIZE)
+    direction = camera.K[0] @ camera.R_camera_world[0] @ [1, 0, 0]
+    for point in cube["vanishing_point"].values:
+        conforms.closed_form(point, direction[:2] / direction[2], rtol=1e-8)
+    angle = cube["edge_angle"].values
+    assert (np.diff(angle) < 0).all()
+
+
+def test_values_of_the_cube_are_those_of_the_formulas(conforms, cube):
+    at = cube.sel(distance=0.75, shown_distance=0.75)
+    conforms.closed_form(
+        float(at["depth_error"].sel(baseline=0.15)),
+        0.75**2 / (0.15 * 24 / 36 * 320) * 0.1,
+        rtol=1e-6,
+    )
+    near, far_ = optics.depth_of_field(24, 5.6, 750, 0.03)
+    conforms.closed_form(1000 * float(at["near_limit"].sel(f_number=5.6)), near, rtol=1e-6)
+    conforms.closed_form(1000 * float(at["far_limit"].sel(f_number=5.6)), far_, rtol=1e-6)
+    angle = float(cube["angle_of_view"].sel(sensor="APS-C", side="width", focal_length=0.05))
+    conforms.closed_form(angle, 2 * degrees(np.arctan(23.6 / 100)), rtol=1e-6)
+    pinhole, flat = at["image"].values
+    apart = np.linalg.norm(pinhole - flat, axis=0).max()
+    conforms.closed_form(float(at["projection_error"]), apart, rtol=1e-6)
+    conforms.closed_form(float(cube["pixel_size"].sel(width=320)), 0.5 * 36 / 24 / 320, rtol=1e-6)
+    conforms.closed_form(tan(radians(angle) / 2), 0.236, rtol=1e-6)
+
+
+def test_random_shifts_follow_seed_and_number_of_trials():
+    runs = [
+        optics_study.run(validate("cameras", {"trials": 5, "seed": seed, "widths_px": [16]}))
+        for seed in (0, 0, 1)
+    ]
+    same, again, other = (run["rounded_depth_error"].values for run in runs)
+    np.testing.assert_array_equal(same, again)
+    assert not np.array_equal(same, other)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"widths_px": [16]},
+        {"widths_px": [1280], "bayer_pattern": "GBRG"},
+        {"elevation_deg": 90, "azimuth_deg": -360},
+        {"elevation_deg": 0.5, "azimuth_deg": 90},
+        {"distances_mm": [100000]},
+        {"baselines_mm": [0.001], "f_numbers": [1e5]},
+        {"sensors_mm": {"a|b*": [1, 2]}, "focal_lengths_mm": [0.5], "format_widths_px": [2]},
+        {"focal_length_mm": 499, "sensor_width_mm": 1},
+    ],
+    ids=str,
+)
+def test_odd_requests_run_and_are_shown(values):
+    request = validate("cameras", {**values, "trials": 2})
+    made = with_provenance(optics_study.run(request), request, 0.0)
+    for name in optics_tables.TABLES:
+        assert "|" in optics_tables.show(made, name).data
+    for name in optics_figures.FIGURES:
+        assert "<svg" in svg(optics_figures.figure(made, name))
+    assert cubes.summary(made)["quantity"].is_unique
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"distances_mm": [300]}, "distances_mm: given 300.0, allowed: more than 311.9 mm"),
+        ({"focal_length_mm": 500}, "focal_length_mm: given 500.0, allowed: a number above 0, "),
+        ({"widths_px": [300]}, "widths_px[0]: given 300, allowed: a list of different ones of "),
+        ({"sensors_mm": {}}, "sensors_mm: given {}, allowed: an object such as"),
+        ({"sensors_mm": {"x": [36]}}, 'sensors_mm["x"]: given [36], allowed: an object'),
+        ({"sensors_mm": {"x": [36, 0]}}, 'sensors_mm["x"][1]: given 0, allowed: an object'),
+        ({"bayer_pattern": "RGBG"}, 'bayer_pattern: given "RGBG", allowed: RGGB, BGGR, GRBG or '),
+        ({"f_numbers": [8, 8]}, "f_numbers: given [8.0, 8.0], allowed: a list of different"),
+        ({"circle_mm": 0}, "circle_mm: given 0, allowed: a number above 0, at most 100000, in mm"),
+        ({"trials": 1}, "trials: given 1, allowed: a whole number from 2 to 10000"),
+        ({"baseline_mm": 3}, "no parameter baseline_mm (did you mean baselines_mm?)"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_computed_is_refused_in_one_line(values, words):
+    assert refusal(values).startswith(f"cameras: {words}")
+
+
+def test_runs_are_compared_quantity_by_quantity(cube, tmp_path, monkeypatch):
+    monkeypatch.setattr(published, "published_path", lambda name: tmp_path / f"{name}.csv")
+    assert comparison.difference_lines(cube) == ["nothing is published yet to compare with"]
+    published.publish(cube)
+    number = cube.sizes["quantity"]
+    same = [f"no difference from published ({number} quantities compared)"]
+    assert comparison.difference_lines(cube) == same
+    changed = cube.assign(
+        value=cube["value"].where(cube["quantity"] != "centre shift by colour", 1)
+    )
+    (line,) = comparison.difference_lines(changed)
+    assert line.startswith("centre shift by colour: 0.0")
+    assert line.endswith(" → 1 px")
+    request = validate("cameras", {"distances_mm": [500], "circle_mm": 0.02})
+    other = with_provenance(optics_study.run(request), request, 0.0)
+    lines = comparison.difference_lines(other, cube, "old.nc")
+    assert lines
+    assert all(line.startswith(("hyperfocal", "near limit", "far limit")) for line in lines)
+
+
+def test_what_is_published_is_what_comes_out(cube):
+    number = cube.sizes["quantity"]
+    assert comparison.difference_lines(cube) == [
+        f"no difference from published ({number} quantities compared)"
+    ]
+
+
+# Tables, pictures, prose.
+
+
+def test_the_same_cube_gives_the_same_pictures(cube):
+    for name in optics_figures.FIGURES:
+        texts = {svg(optics_figures.figure(cube, name)) for _ in range(2)}
+        assert len(texts) == 1
+
+
+DOCTORED = {
+    "sensors": "crop_factor", "lens": "angle_of_view", "formats": "format_height",
+    "projections": "projection_error", "pixels": "marker_contrast", "colours": "centre_shift",
+    "focus": "far_limit", "stereo": "rounded_depth_error", "horizons": "vanishing_point",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DOCTORED)
+def test_a_doctored_cube_changes_the_prose(cube, name):
+    variable = DOCTORED[name]
+    doctored = cube.assign({variable: 2 * cube[variable]})
+    piece = pieces_write.PIECES[f"cameras-{name}"]
+    assert piece({"cameras": cube}) != piece({"cameras": doctored})
+
+
+def test_every_piece_is_doctored_but_the_one_without_a_cube():
+    pieces = {n.removeprefix("cameras-") for n in pieces_write.PIECES if n.startswith("cameras-")}
+    assert pieces - {"flow"} == set(DOCTORED)
+
+
+def test_the_prose_says_what_was_printed_wrong(cube):
+    text = pieces_write.PIECES["cameras-lens"]({"cameras": cube})
+    assert "| up | 24.00 | 27.0 | 70 (a misprint) |" in text
+    assert text.count("misprint") == 1
+    assert "sees 360 mm" in text  # 500 mm × 36 / 50
+    assert "sees 750 mm" in text
+
+
+def test_fewer_pixels_buy_frames_in_proportion(cube):
+    text = pieces_write.PIECES["cameras-flow"]({"cameras": cube})
+    assert "| 1920×1080 | 2.07 | 60 | 30 |" in text
+    assert "| 320×180 | 0.06 | 2160 | 1080 |" in text

@@ -1,0 +1,517 @@
+"""Parameters: what is refused and how, what stands for a request, what the notebooks say."""
+
+from __future__ import annotations
+
+import ast
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+import papermill
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenes.changes import CHANGES, OWN_CHANGES, PAIR
+
+from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.studies.request import ParameterError, describe
+from thesis_lib.studies.vocabulary import unit
+
+NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
+INF, NAN = math.inf, math.nan
+DISTANCE, APERTURE = "beam-distance", "beam-aperture"
+RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
+PLATE, SOUND, LEDGER = "plate-distance", "sound-aperture", "claims"
+LAW = "design-law"
+PLANNER = "planner"
+SHAPE = "shape-l"
+
+
+def refusal(name: str, values: dict) -> str:
+    with pytest.raises(ParameterError) as caught:
+        validate(name, values)
+    message = str(caught.value)
+    assert len(message.splitlines()) == 1, message
+    assert message.isprintable()
+    assert message.startswith(f"{name}: ")
+    return message
+
+
+def allowed(name: str, field: str) -> str:
+    row = next(row for row in describe(STUDIES[name]) if row["name"] == field)
+    return f"allowed: {row['allowed']}" + (f", in {row['unit']}" if row["unit"] else "")
+
+
+# Set, field, value, where in the value the fault is, what the message repeats.
+BAD = [
+    (DISTANCE, "azimuth_deg", "30", "", '"30"'),
+    (DISTANCE, "azimuth_deg", True, "", "true"),
+    (DISTANCE, "azimuth_deg", None, "", "null"),
+    (DISTANCE, "azimuth_deg", NAN, "", "NaN"),
+    (DISTANCE, "azimuth_deg", INF, "", "Infinity"),
+    (DISTANCE, "azimuth_deg", -INF, "", "-Infinity"),
+    (DISTANCE, "azimuth_deg", 360.5, "", "360.5"),
+    (DISTANCE, "azimuth_deg", {"a": [1]}, "", '{"a": [1]}'),
+    (DISTANCE, "elevation_deg", 0, "", "0"),
+    (DISTANCE, "elevation_deg", -5, "", "-5"),
+    (DISTANCE, "elevation_deg", 91, "", "91"),
+    (DISTANCE, "elevation_deg", NAN, "", "NaN"),
+    (DISTANCE, "distances_mm", [], "", "[]"),
+    (DISTANCE, "distances_mm", 500, "", "500"),
+    (DISTANCE, "distances_mm", None, "", "null"),
+    (DISTANCE, "distances_mm", [500, "750"], "[1]", '"750"'),
+    (DISTANCE, "distances_mm", [500, [750]], "[1]", "[750]"),
+    (DISTANCE, "distances_mm", [500, NAN], "[1]", "NaN"),
+    (DISTANCE, "distances_mm", [500, -1], "[1]", "-1"),
+    (DISTANCE, "distances_mm", [500, 100_001], "[1]", "100001"),
+    (DISTANCE, "distances_mm", [500, 750, 500.0], "", "[500.0, 750.0, 500.0]"),
+    (DISTANCE, "resolution_px", [0, 180], "[0]", "0"),
+    (DISTANCE, "resolution_px", [320, 1], "[1]", "1"),
+    (DISTANCE, "resolution_px", [-320, 180], "[0]", "-320"),
+    (DISTANCE, "resolution_px", [320, 20_001], "[1]", "20001"),
+    (DISTANCE, "resolution_px", [320, 10**12], "[1]", "1000000000000"),
+    (DISTANCE, "resolution_px", [320.5, 180], "[0]", "320.5"),
+    (DISTANCE, "resolution_px", [320], "", "[320]"),
+    (DISTANCE, "resolution_px", [320, 180, 3], "", "[320, 180, 3]"),
+    (DISTANCE, "resolution_px", "320x180", "", '"320x180"'),
+    (DISTANCE, "trials", -1, "", "-1"),
+    (DISTANCE, "trials", 2.5, "", "2.5"),
+    (DISTANCE, "trials", 2.0, "", "2.0"),
+    (DISTANCE, "trials", "2", "", '"2"'),
+    (DISTANCE, "trials", True, "", "true"),
+    (DISTANCE, "trials", 1_000_001, "", "1000001"),
+    (DISTANCE, "seed", -1, "", "-1"),
+    (DISTANCE, "seed", 2**63, "", "9223372036854775808"),
+    (DISTANCE, "seed", 0.5, "", "0.5"),
+    (DISTANCE, "modes", [], "", "[]"),
+    (DISTANCE, "modes", [0], "[0]", "0"),
+    (DISTANCE, "modes", [1, 31], "[1]", "31"),
+    (DISTANCE, "modes", [1, 2.0], "[1]", "2.0"),
+    (DISTANCE, "modes", [2, 1, 2], "", "[2, 1, 2]"),
+    (DISTANCE, "modes", 1, "", "1"),
+    (DISTANCE, "amplitude_mm", 0, "", "0"),
+    (DISTANCE, "amplitude_mm", -5.5, "", "-5.5"),
+    (DISTANCE, "amplitude_mm", INF, "", "Infinity"),
+    (DISTANCE, "amplitude_mm", "Force", "", '"Force"'),
+    (DISTANCE, "amplitude_mm", "forse", "", '"forse"'),
+    (DISTANCE, "amplitude_mm", True, "", "true"),
+    (DISTANCE, "amplitude_mm", [5.5, 5.5], "", "[5.5, 5.5]"),
+    (DISTANCE, "amplitude_mm", [], "", "[]"),
+    (DISTANCE, "amplitude_mm", [5.5, -1, 2], "", "[5.5, -1, 2]"),
+    (DISTANCE, "focal_length_mm", 0, "", "0"),
+    (DISTANCE, "focal_length_mm", [24], "", "[24]"),
+    (DISTANCE, "sensor_width_mm", -36, "", "-36"),
+    (DISTANCE, "rest", "rebuild", "", '"rebuild"'),
+    (DISTANCE, "rest", None, "", "null"),
+    (DISTANCE, "cube", "out.txt", "", '"out.txt"'),
+    (DISTANCE, "cube", "folder/", "", '"folder/"'),
+    (DISTANCE, "cube", 3, "", "3"),
+    (APERTURE, "cases", [], "", "[]"),
+    (APERTURE, "cases", ["2e"], "[0]", '"2e"'),
+    (APERTURE, "cases", ["2a", "2b", "2a"], "", '["2a", "2b", "2a"]'),
+    (APERTURE, "cases", "2a", "", '"2a"'),
+    (APERTURE, "half_apertures_deg", [8, 180], "[1]", "180"),
+    (APERTURE, "half_apertures_deg", [0], "[0]", "0"),
+    (APERTURE, "half_apertures_deg", [8, 8], "", "[8.0, 8.0]"),
+    (APERTURE, "elevations_deg", [5, 91], "[1]", "91"),
+    (APERTURE, "elevations_deg", [], "", "[]"),
+    (RESOLUTION, "widths_px", [320, 1], "[1]", "1"),
+    (RESOLUTION, "widths_px", [320, 0], "[1]", "0"),
+    (RESOLUTION, "widths_px", [-320], "[0]", "-320"),
+    (RESOLUTION, "widths_px", [320, 20_001], "[1]", "20001"),
+    (RESOLUTION, "widths_px", [320, 320], "", "[320, 320]"),
+    (RESOLUTION, "widths_px", [320.0], "[0]", "320.0"),
+    (ARRAYS, "cases", ["4f"], "[0]", '"4f"'),
+    (ARRAYS, "cases", ["4a'", "4a′"], "", """["4a'", "4a'"]"""),
+    (ARRAYS, "cases", [], "", "[]"),
+    (ARRAYS, "pair_order", {"4f": "printed"}, '["4f"]', '"4f"'),
+    (ARRAYS, "pair_order", {"4b": "forwards"}, '["4b"]', '"forwards"'),
+    (ARRAYS, "pair_order", {"4b": None}, '["4b"]', "null"),
+    (ARRAYS, "pair_order", "reversed", "", '"reversed"'),
+    (ARRAYS, "layouts", {"4a": [PAIR]}, "", '{"4a": [[[80.0, 10.0], [-80.0, 10.0]]]}'),
+    (ARRAYS, "layouts", {"4a′": [PAIR]}, "", """{"4a'": [[[80.0, 10.0], [-80.0, 10.0]]]}"""),
+    (ARRAYS, "layouts", {"mine": [[[80, 10]]]}, '["mine"][0]', "[[80, 10]]"),
+    (ARRAYS, "layouts", {"mine": []}, '["mine"]', "[]"),
+    (ARRAYS, "layouts", {"mine": [[[80, 10], [361, 9]]]}, '["mine"][0][1][0]', "361"),
+    (ARRAYS, "layouts", {"mine": [[[80, 10], [80, 0]]]}, '["mine"][0][1][1]', "0"),
+    (ARRAYS, "layouts", {"mine": [[[80, 10], [80]]]}, '["mine"][0][1]', "[80]"),
+    (ARRAYS, "layouts", {"mine": [[[80, 10], 80]]}, '["mine"][0][1]', "80"),
+    (ARRAYS, "layouts", {"": [PAIR]}, '[""]', '""'),
+    (ARRAYS, "layouts", {" x": [PAIR]}, '[" x"]', '" x"'),
+    (ARRAYS, "layouts", {"x" * 41: [PAIR]}, f'["{"x" * 41}"]', '"' + "x" * 41 + '"'),
+    (ARRAYS, "layouts", [PAIR], "", "[[[80, 10], [-80, 10]]]"),
+    (DISTANCE, "azimuth_zero", "Z", "", '"Z"'),
+    (DISTANCE, "azimuth_zero", "x", "", '"x"'),
+    (DISTANCE, "azimuth_zero", None, "", "null"),
+    (DISTANCE, "estimator", "least_squares", "", '"least_squares"'),
+    (DISTANCE, "estimator", None, "", "null"),
+    (DISTANCE, "principal_offset_px", 0.51, "", "0.51"),
+    (DISTANCE, "principal_offset_px", -0.51, "", "-0.51"),
+    (DISTANCE, "principal_offset_px", NAN, "", "NaN"),
+    (DISTANCE, "principal_offset_px", [0, 0], "", "[0, 0]"),
+    (DISTANCE, "first_marker_mm", -1, "", "-1"),
+    (DISTANCE, "first_marker_mm", 23.1, "", "23.1"),
+    (DISTANCE, "first_marker_mm", "11.5", "", '"11.5"'),
+    (PLATE, "grid", [1, 10], "[0]", "1"),
+    (PLATE, "grid", [15, 61], "[1]", "61"),
+    (PLATE, "grid", [15], "", "[15]"),
+    (PLATE, "grid", [15, 10, 1], "", "[15, 10, 1]"),
+    (PLATE, "grid", [15.0, 10], "[0]", "15.0"),
+    (PLATE, "grid", 15, "", "15"),
+    (SOUND, "grid", [15, 0], "[1]", "0"),
+    (SOUND, "speed_of_sound_m_s", 0, "", "0"),
+    (SOUND, "speed_of_sound_m_s", -343, "", "-343"),
+    (SOUND, "speed_of_sound_m_s", NAN, "", "NaN"),
+    (SOUND, "speed_of_sound_m_s", "343", "", '"343"'),
+    (SOUND, "air_density_kg_m3", 0, "", "0"),
+    (SOUND, "air_density_kg_m3", -1.21, "", "-1.21"),
+    (SOUND, "air_density_kg_m3", INF, "", "Infinity"),
+    (SOUND, "plane_half_width_mm", 0, "", "0"),
+    (SOUND, "plane_half_width_mm", 100_001, "", "100001"),
+    (SOUND, "plane_bottom_mm", 0, "", "0"),
+    (SOUND, "plane_bottom_mm", -44.5, "", "-44.5"),
+    (SOUND, "plane_top_mm", 44.5, "", "44.5"),
+    (SOUND, "plane_top_mm", 44, "", "44.0"),
+    (SOUND, "plane_top_mm", 0, "", "0"),
+    (SOUND, "plane_shape", [1, 99], "[0]", "1"),
+    (SOUND, "plane_shape", [149, 1], "[1]", "1"),
+    (SOUND, "plane_shape", [149, 501], "[1]", "501"),
+    (SOUND, "plane_shape", [149], "", "[149]"),
+    (SOUND, "plane_shape", 149, "", "149"),
+    (LAW, "cone_deg", 0, "", "0"),
+    (LAW, "cone_deg", 90, "", "90"),
+    (LAW, "cone_deg", NAN, "", "NaN"),
+    (LAW, "cone_cameras", 2, "", "2"),
+    (LAW, "cone_cameras", 6.0, "", "6.0"),
+    (LAW, "cone_cameras", 101, "", "101"),
+    (LAW, "counts", [], "", "[]"),
+    (LAW, "counts", [1, 2], "[0]", "1"),
+    (LAW, "counts", [2, 2], "", "[2, 2]"),
+    (LAW, "counts", [2, 101], "[1]", "101"),
+    (LAW, "frame_rates_hz", [], "", "[]"),
+    (LAW, "frame_rates_hz", [60, 0], "[1]", "0"),
+    (LAW, "frame_rates_hz", [60, INF], "[1]", "Infinity"),
+    (LAW, "frame_rates_hz", [60, 60.0], "", "[60.0, 60.0]"),
+    (LAW, "frame_rates_hz", [60, 50_000], "", "[60.0, 50000.0]"),
+    (LAW, "pixels_per_second", 0, "", "0"),
+    (LAW, "pixels_per_second", "many", "", '"many"'),
+    (LAW, "frequency_hz", 24.1, "", "24.1"),
+    (LAW, "frequency_hz", 0.9, "", "0.9"),
+    (LAW, "duration_s", 0, "", "0"),
+    (LAW, "duration_s", 4.2, "", "4.2"),
+    (LAW, "amplitude_mm", "force", "", '"force"'),
+    (LAW, "small_amplitude_mm", 0, "", "0"),
+    (LAW, "resolution_px", [320, 1], "[1]", "1"),
+    (LAW, "trials", 1, "", "1"),
+    (SHAPE, "outline_mm", [[0, 0], [1, 0]], "", "[[0, 0], [1, 0]]"),
+    (SHAPE, "outline_mm", [[0, 0], [500, 0], [500, -1]], "[2][1]", "-1"),
+    (SHAPE, "outline_mm", [[0, 0], [500, NAN], [500, 1]], "[1][1]", "NaN"),
+    (SHAPE, "outline_mm", [[0, 0], [9, 0], [0, 0]], "", "[[0.0, 0.0], [9.0, 0.0], [0.0, 0.0]]"),
+    (SHAPE, "circles_mm", [[100, 100]], "[0]", "[100, 100]"),
+    (SHAPE, "circles_mm", [[100, 100, 0]], "[0][2]", "0"),
+    (SHAPE, "cutouts_mm", [[[100, 100], [120, 100]]], "[0]", "[[100, 100], [120, 100]]"),
+    (SHAPE, "support", "glued", "", '"glued"'),
+    (SHAPE, "edge_supports", {"0": "free"}, '["0"]', '"0"'),
+    (SHAPE, "edge_supports", {"1": "loose"}, '["1"]', '"loose"'),
+    (SHAPE, "element_mm", 0, "", "0"),
+    (SHAPE, "element_mm", INF, "", "Infinity"),
+    (SHAPE, "force_mm", [1], "", "[1]"),
+    (LEDGER, "trials", 1, "", "1"),
+    (LEDGER, "trials", 10_001, "", "10001"),
+    (LEDGER, "seed", -1, "", "-1"),
+    (LEDGER, "readings", "rest known", "", '"rest known"'),
+    (LEDGER, "readings", [1], "[0]", "1"),
+    (LEDGER, "readings", ["1 N", "1 N"], "", '["1 N", "1 N"]'),
+]
+
+
+@pytest.mark.parametrize(("name", "field", "value", "place", "shown"), BAD)
+def test_refusal_names_the_place_repeats_the_value_and_says_what_is_allowed(
+    name, field, value, place, shown
+):
+    message = refusal(name, {field: value})
+    assert message == f"{name}: {field}{place}: given {shown}, {allowed(name, field)}"
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_unknown_parameter_gets_the_nearest_name_and_all_names(name):
+    for field in STUDIES[name].model_fields:
+        message = refusal(name, {field + "x": 1})
+        assert f"no parameter {field}x (did you mean {field}?)" in message
+        others = set(STUDIES[name].model_fields) - {"cube"}
+        assert all(other in message for other in others) or f"`thesis list {name}`" in message
+        assert len(message) <= 400
+    assert "did you mean" not in refusal(name, {"wxyz": 1})
+
+
+def test_unknown_figure_set_gets_the_nearest_name_and_all_names():
+    message = refusal("beam-distanc", {})
+    assert "(did you mean beam-distance?)" in message
+    assert "`thesis list` names them all" in message
+    assert "did you mean" not in refusal("42", {})
+
+
+def test_a_parameter_of_another_set_is_refused():
+    assert "no parameter widths_px" in refusal(DISTANCE, {"widths_px": [320]})
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "field", "given"),
+    [
+        (DISTANCE, {"distances_mm": [500, 300]}, "distances_mm", 300.0),
+        (DISTANCE, {"distances_mm": [500], "amplitude_mm": 250}, "distances_mm", 500.0),
+        (RESOLUTION, {"distance_mm": 311.5}, "distance_mm", 311.5),
+        (APERTURE, {"distance_mm": 10}, "distance_mm", 10.0),
+        (ARRAYS, {"distance_mm": 1}, "distance_mm", 1.0),
+        (LAW, {"cone_distance_mm": 400}, "cone_distance_mm", 400.0),
+        (LAW, {"amplitude_mm": 700}, "cone_distance_mm", 1000.0),
+    ],
+)
+def test_cameras_stay_out_of_the_structures_reach(name, values, field, given):
+    message = refusal(name, values)
+    assert message.startswith(f"{name}: {field}: given {given}, allowed: more than ")
+    reach = float(message.split("more than ")[1].split()[0])
+    assert f"{reach:.4g} mm" in message
+    further = 1.01 * reach
+    validate(name, {**values, field: [further] if field == "distances_mm" else further})
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "field", "case"),
+    [
+        (DISTANCE, {"azimuth_deg": 0}, "azimuth_deg", "1"),
+        (DISTANCE, {"azimuth_deg": 180}, "azimuth_deg", "1"),
+        (DISTANCE, {"elevation_deg": 90}, "elevation_deg", "1"),
+        (RESOLUTION, {"elevation_deg": 90}, "elevation_deg", "3"),
+        (APERTURE, {"elevation_deg": 90}, "elevation_deg", "2a"),
+        (APERTURE, {"elevation_deg": 90, "cases": ["2c"]}, "elevation_deg", "2c"),
+        (APERTURE, {"elevations_deg": [5, 90]}, "elevations_deg", "2b"),
+        (APERTURE, {"elevations_deg": [90], "cases": ["2d"]}, "elevations_deg", "2d"),
+        (ARRAYS, {"layouts": {"mine": [[[10, 20], [10, 20]]]}}, "layouts", "mine"),
+        (ARRAYS, {"layouts": {"mine": [[[-90, 20], [0, 5], [270, 20]]]}}, "layouts", "mine"),
+    ],
+)
+def test_two_cameras_at_the_same_place_are_refused(name, values, field, case):
+    message = refusal(name, values)
+    assert message.startswith(f"{name}: {field}: given [[")
+    assert f'two cameras at the same place in case "{case}", ' in message
+    assert message.endswith("([azimuth, elevation] in °), allowed: different places")
+
+
+@pytest.mark.parametrize("name", [name for name in STUDIES if name.startswith("sound")])
+def test_pistons_too_large_for_the_wave_are_refused(name):
+    message = refusal(name, {"grid": [2, 2], "modes": [1, 30]})
+    assert message.startswith(f"{name}: modes: given 30, k times the size of a piston is ")
+    assert message.endswith("needs at most π: take lower modes or a finer grid")
+    validate(name, {"grid": [60, 60], "modes": [1, 30]})
+    validate(name, {"grid": [2, 2], "modes": [1]})
+    validate(name.replace("sound", "plate"), {"grid": [2, 2], "modes": [1, 30]})
+
+
+def test_a_slow_fluid_may_make_the_pistons_too_large():
+    message = refusal(SOUND, {"speed_of_sound_m_s": 50})
+    assert "k times the size of a piston is 5.27 at 941.7 Hz" in message
+
+
+def test_a_plane_may_start_higher_if_it_ends_higher():
+    message = refusal(SOUND, {"plane_bottom_mm": 500})
+    assert message.startswith(f"{SOUND}: plane_top_mm: given 443.0, allowed: a number above plane_")
+    validate(SOUND, {"plane_bottom_mm": 500, "plane_top_mm": 500.1})
+
+
+def test_cases_that_are_not_run_refuse_nothing():
+    validate(APERTURE, {"elevations_deg": [90], "cases": ["2a"]})
+    validate(APERTURE, {"elevation_deg": 90, "cases": ["2b"]})
+    validate(ARRAYS, {"cases": [], "layouts": {"mine": [PAIR]}})
+
+
+def test_values_that_are_not_json_are_refused_by_name():
+    nested: list = []
+    for _ in range(50_000):
+        nested = [nested]
+    hopeless = [nested, nested[0], object(), {1, 2}, {(1, 2): 3}, 10**5000]
+    for value in hopeless:
+        for field in ("modes", "cube", "trials"):
+            message = refusal(DISTANCE, {field: value})
+            assert message.startswith(f"{DISTANCE}: {field}: given ")
+            assert message.endswith(allowed(DISTANCE, field))
+    while nested:  # freed link by link: freeing all at once would recurse
+        nested = nested[0]
+
+
+def test_what_is_meant_is_accepted():
+    ints = validate(DISTANCE, {"distances_mm": (500, 800), "resolution_px": (640, 360)})
+    floats = validate(DISTANCE, {"distances_mm": [500.0, 800.0], "resolution_px": [640, 360]})
+    assert ints == floats
+    assert [type(d) for d in ints.distances_mm] == [float, float]
+    assert validate(DISTANCE, {"amplitude_mm": [5, 5.0, 5]}).peaks_m == [0.005] * 3
+    assert validate(ARRAYS, {"cases": ["4a′"]}) == validate(ARRAYS, {"cases": ["4a'"]})
+    assert validate(ARRAYS, {"pair_order": {"4a′": "reversed"}}).pair_order == {"4a'": "reversed"}
+    assert validate(DISTANCE, {"trials": 0, "seed": 2**63 - 1, "cube": "a.nc"}).trials == 0
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_digest_changes_with_every_parameter_but_not_with_the_cubes_place(name):
+    model = STUDIES[name]
+    first_case = {"cases": model().cases[:1]} if "cases" in model.model_fields else {}
+    changes = {**CHANGES, **first_case, **OWN_CHANGES.get(name, {})}
+    digests = {
+        field: validate(name, {field: changes[field]}).digest
+        for field in model.model_fields
+        if field != "cube"
+    }
+    assert len({*digests.values(), model().digest}) == len(digests) + 1
+    assert validate(name, {"cube": "somewhere.nc"}).digest == model().digest
+
+
+def test_digest_is_the_same_for_the_same_request():
+    assert validate(DISTANCE, {"focal_length_mm": 24}).digest == STUDIES[DISTANCE]().digest
+    assert validate(DISTANCE, {"focal_length_mm": 24.0}).digest == STUDIES[DISTANCE]().digest
+    one = validate(DISTANCE, {"amplitude_mm": [5, 6, 7]}).digest
+    assert one == validate(DISTANCE, {"amplitude_mm": [5.0, 6.0, 7.0]}).digest
+    assert STUDIES[APERTURE]().digest != STUDIES[ARRAYS]().digest
+
+
+def test_digest_tells_the_order_of_layouts_which_is_that_of_the_settings():
+    mine, yours = {"mine": [PAIR]}, {"yours": [PAIR]}
+    one = validate(ARRAYS, {"layouts": {**mine, **yours}})
+    other = validate(ARRAYS, {"layouts": {**yours, **mine}})
+    assert [s.case for s in one.settings()] != [s.case for s in other.settings()]
+    assert one.digest != other.digest
+
+
+def test_digest_is_stable_across_processes():
+    values = {"pair_order": {"4b": "reversed", "4a": "printed"}, "layouts": {"b": [PAIR]}}
+    code = (
+        "import json, sys; from thesis_lib.figure_sets.registry import validate; "
+        f"print(validate({ARRAYS!r}, json.loads(sys.argv[1])).digest)"
+    )
+    digests = {validate(ARRAYS, values).digest}
+    for seed in ("1", "2"):
+        done = subprocess.run(
+            [sys.executable, "-c", code, json.dumps(values)],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
+        digests.add(done.stdout.strip())
+    assert len(digests) == 1
+
+
+def parameters_cell(name: str) -> ast.Module:
+    cells = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4).cells
+    tagged = [cell for cell in cells if "parameters" in cell.metadata.get("tags", [])]
+    assert len(tagged) == 1
+    return ast.parse(tagged[0].source)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_notebooks_defaults_are_the_models(name):
+    values = {}
+    for statement in parameters_cell(name).body:
+        assert isinstance(statement, ast.AnnAssign)
+        assert isinstance(statement.target, ast.Name)
+        values[statement.target.id] = ast.literal_eval(statement.value)
+    assert set(values) == set(STUDIES[name].model_fields)
+    assert validate(name, values) == STUDIES[name]()
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_papermill_tells_type_and_meaning_of_every_parameter(name):
+    told = papermill.inspect_notebook(str(NOTEBOOKS / f"{name}.ipynb"))
+    assert set(told) == set(STUDIES[name].model_fields)
+    for field, row in told.items():
+        default = ast.literal_eval(row["default"])
+        assert row["inferred_type_name"] in {"list", "dict", "float", "int", "str"}
+        number = isinstance(default, int) and row["inferred_type_name"] == "float"
+        assert number or type(default).__name__ == row["inferred_type_name"], field
+        assert len(row["help"]) > 5, field
+        words = {"mm": ["mm"], "px": ["px"], "°": ["degrees", "°"], "m/s": ["m/s"],
+                 "kg/m³": ["kg/m3", "kg/m³"], "Hz": ["Hz"], "ms": ["ms"], "dB": ["dB"],
+                 "": [""]}[unit(field)]  # fmt: skip
+        assert any(row["help"].startswith(word) for word in words), row["help"]
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_describe_covers_every_parameter(name):
+    rows = describe(STUDIES[name])
+    assert sorted(row["name"] for row in rows) == sorted(STUDIES[name].model_fields)
+    for row in rows:
+        assert row["meaning"]
+        assert row["allowed"]
+        assert validate(name, {row["name"]: json.loads(row["default"])}) == STUDIES[name]()
+        suffixes = {"mm": "_mm", "°": "_deg", "px": "_px", "m/s": "_m_s", "kg/m³": "_kg_m3",
+                    "Hz": "_hz", "ms": "_ms", "dB": "_db"}  # fmt: skip
+        assert row["name"].endswith(suffixes.get(row["unit"], ""))
+        assert row["unit"] or not row["name"].endswith(tuple(suffixes.values()))
+
+
+SCALARS = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=8)
+    | st.sampled_from(["force", "known", "4a", "4a′", "2b", "reversed", "printed", "x.nc"])
+    | st.integers(-5, 1000)
+)
+JUNK = st.recursive(
+    SCALARS,
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.text(max_size=5) | st.sampled_from(["4d", "mine"]), inner, max_size=3)
+    ),
+    max_leaves=12,
+)
+FIELDS = sorted({field for model in STUDIES.values() for field in model.model_fields})
+
+
+def outcome(name, values):
+    """The validated study, or None and what was said instead."""
+    try:
+        return validate(name, values), ""
+    except ParameterError as error:
+        return None, str(error)
+
+
+@settings(max_examples=300, derandomize=True)
+@given(
+    st.sampled_from(list(STUDIES)),
+    st.dictionaries(st.sampled_from(FIELDS) | st.text(max_size=8), JUNK, max_size=3),
+)
+def test_junk_is_refused_in_one_line_or_valid(name, values):
+    study, message = outcome(name, values)
+    if study is None:
+        assert message.startswith(f"{name}: ")
+        assert message.isprintable()
+        assert len(message) < 500
+    else:
+        assert study.settings() or name in (LEDGER, PLANNER)
+        assert validate(name, study.request).digest == study.digest
+
+
+@settings(max_examples=300, derandomize=True)
+@given(st.data())
+def test_junk_in_one_known_field_is_refused_in_one_line_or_valid(data):
+    name = data.draw(st.sampled_from(list(STUDIES)))
+    field = data.draw(st.sampled_from(list(STUDIES[name].model_fields)))
+    study, message = outcome(name, {field: data.draw(JUNK)})
+    if study is None:
+        # an amplitude, a lens or a sensor can make the default distance too short, a grid or a
+        # fluid the default modes too high, and a plane's lower end its default top too low
+        also = {"amplitude_mm": "distance", "focal_length_mm": "distance",
+                "sensor_width_mm": "distance", "grid": "modes", "speed_of_sound_m_s": "modes",
+                "plane_bottom_mm": "plane_top_mm"}  # fmt: skip
+        fields = [field, also.get(field, field)]
+        if name == LAW:  # where more depends on each other
+            fields += ["cone_distance_mm", "frame_rates_hz", "duration_s", "frequency_hz"]
+        assert message.startswith(tuple(f"{name}: {field}" for field in fields))
+        assert message.isprintable()
+    else:
+        assert study.settings() or name in (LEDGER, PLANNER)

@@ -1,0 +1,193 @@
+"""The book's own recordings of chapter 5, which are data: held to their bounds."""
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets.experiment import compute as study
+from thesis_lib.figure_sets.experiment import recordings as filmed
+from thesis_lib.figure_sets.experiment.tables import harmonic_table, tracking_table
+from thesis_lib.figure_sets.experiment.walk import numbers, pictures
+from thesis_lib.figure_sets.parametric.tables import error_table
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.studies.attributes import with_provenance
+
+pytestmark = pytest.mark.slow  # a fresh clone films first
+
+LIBRARY = Path(filmed.__file__).parents[2]
+SOURCES = {str(path.relative_to(LIBRARY)) for path in filmed.sources() if LIBRARY in path.parents}
+
+
+@pytest.fixture(scope="module")
+def data():
+    """What was measured on the default recordings."""
+    return recorded.measured(recorded.laboratory(validate("experiment-resolution", {})))
+
+
+@pytest.fixture(scope="module")
+def results(data):
+    requests = [validate(f"experiment-{name}", {}) for name in ("resolution", "cameras")]
+    made = [with_provenance(study.run(r, data), r, 0.0) for r in requests]
+    return {cube.attrs["figure_set"]: cube for cube in made}
+
+
+def of(cube, case, label):
+    rows = (cube["case"].values == case) & (cube["label"].values == label)
+    return cube.isel(setting=np.flatnonzero(rows)[0], mode=0)
+
+
+# The chain, step by step, against the truth.
+
+
+def test_cameras_are_where_they_are(data):
+    assert np.abs(data["focal_error_single"]).max() < 0.2
+    assert np.abs(data["focal_error_full"]).max() < 0.03
+    assert data["centre_error_full"].max() < 0.2e-3
+    assert data["centre_error_literal"].max() < 0.2e-3
+    # Of the size that the adjustment predicts from its residuals alone.
+    ratio = np.sqrt(np.mean(data["centre_error_full"] ** 2 / data["centre_deviation"] ** 2))
+    assert 0.5 < ratio < 2
+
+
+def test_every_picture_of_the_board_is_used(data):
+    assert data["shots_used"].values.tolist() == [12] * 4
+
+
+def test_clocks_are_aligned(data):
+    frames = (data["delay"] - data["true_delay"]).values * data["frame_rate"].values
+    assert np.abs(frames).max() < 0.02
+    whole = data["delay_frames"] - data["true_delay"].values * data["frame_rate"].values
+    assert np.abs(whole).max() <= 0.5 + np.abs(frames).max()
+
+
+def test_markers_are_found_but_at_320_pixels(data):
+    by_width = {int(width): data.sel(width=width) for width in data["width"].values}
+    for width in (640, 1280, 1920):
+        assert by_width[width]["missing_share"] == 0
+        assert by_width[width]["wrong_share"] == 0
+        assert by_width[width]["centre_error"] < 0.03
+    assert by_width[320]["missing_share"] > 0.4
+    assert "320 px" in data.attrs["notes"]
+
+
+# What comes out.
+
+
+def test_the_literal_method_with_four_cameras(results):
+    part = of(results["experiment-cameras"], "literal", "A–B–C–D")
+    errors = part["mean_error"].values
+    assert errors[0] < 1.2
+    assert np.mean(errors[1:]) < 1.2
+    assert np.quantile(errors[1:], 0.95) < 1.2
+
+
+def test_the_harmonic_fit_with_four_cameras(results):
+    part = of(results["experiment-cameras"], "harmonic", "A–B–C–D")
+    assert part["mean_error"].values[0] < 0.03
+    assert np.quantile(part["mean_error"][1:], 0.95) < 0.03
+    assert part["mac"].values.min() > 0.9999999
+    found = complex(float(part["mobility_real"]), float(part["mobility_imag"]))
+    model = complex(*results["experiment-cameras"]["mobility_reference"].values)
+    assert abs(found / model - 1) < 2e-3
+
+
+def test_the_thesis_to_the_letter_has_errors_of_its_size(results):
+    cube = results["experiment-cameras"]
+    part = cube.isel(setting=np.flatnonzero(cube["case"].values == "matched"), mode=0)
+    medians = part["mean_error"][:, 1:].median("trial").values
+    assert (np.diff(medians) < 0).all()
+    assert 1 < medians[-1] < 4
+    # The chain's own result is one of what the trials draw.
+    low, high = part["mean_error"][:, 1:].quantile([0.001, 0.999], dim="trial").values
+    assert (part["mean_error"][:, 0] > 0.8 * low).all()
+    assert (part["mean_error"][:, 0] < 1.2 * high).all()
+
+
+@pytest.mark.parametrize("case", ["aligned", "harmonic"])
+def test_with_aligned_clocks_more_pixels_and_more_cameras_help(results, case):
+    for name, labels in (
+        ("experiment-resolution", ["640×360", "1280×720", "1920×1080"]),
+        ("experiment-cameras", ["A–B", "A–B–C", "A–B–C–D"]),
+    ):
+        medians = [
+            float(of(results[name], case, label)["mean_error"][1:].median()) for label in labels
+        ]
+        assert medians == sorted(medians, reverse=True)
+
+
+def test_a_beam_at_rest_fits_its_grid(results):
+    for cube in results.values():
+        fitted = (cube["width_px"].values == 1920) & (cube["case"].values != "matched")
+        full = cube.isel(setting=np.flatnonzero(fitted))
+        assert full["grid_residual"].max() < 20e-6
+        assert np.abs(full["grid_scale"] - 1).max() < 2e-4
+        assert full["grid_tilt"].max() < 0.01
+
+
+# What is shown of it.
+
+
+def test_tables_of_the_notebooks_hold_numbers(results):
+    for cube in results.values():
+        for table in (error_table, tracking_table, harmonic_table):
+            text = table(cube).data
+            assert "nan" not in text
+            assert len(re.findall(r"\d", text)) > 20
+
+
+@pytest.mark.parametrize("name", numbers.PIECES)
+def test_numbers_of_the_walk_through_are_numbers(data, name):
+    text = numbers.PIECES[name](data)
+    assert re.search(r"\d", text)
+    assert "nan" not in text
+
+
+def test_pictures_are_drawn_alike_each_time(data, tmp_path):
+    first, second = (pictures.write(data, tmp_path / name) for name in ("one", "two"))
+    names = [pictures.file_name(name) for name in pictures.PICTURES]
+    assert [path.name for path in first] == names
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+    assert sum(path.stat().st_size for path in first) < 4e6
+
+
+# What the cache depends on.
+
+
+def imported(path: Path) -> set[str]:
+    """Files of the library that a module imports."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("thesis_lib"):
+            base = LIBRARY.joinpath(*node.module.split(".")[1:])
+            files = [base / f"{alias.name}.py" for alias in node.names] + [base.with_suffix(".py")]
+            found |= {str(file) for file in files if file.is_file()}
+    return found
+
+
+def test_recordings_are_made_anew_when_what_they_depend_on_changes():
+    known, todo = set(), {filmed.__file__}
+    # These choose, check, store and speak; what they choose is in the request.
+    harmless = {
+        "studies/request.py",
+        "figure_sets/registry.py",
+        "figure_sets/experiment/parameters.py",
+        "laboratory/parameters.py",
+        "facts/setups.py",
+        "files.py",
+        "parallel.py",
+        "text.py",
+    }
+    while todo:
+        path = Path(todo.pop())
+        name = str(path.relative_to(LIBRARY))
+        known.add(name)
+        if name not in harmless:
+            todo |= {
+                file for file in imported(path) if str(Path(file).relative_to(LIBRARY)) not in known
+            }
+    assert known - harmless <= SOURCES

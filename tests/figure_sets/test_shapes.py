@@ -1,0 +1,242 @@
+"""Figure sets of plates without symmetry: parameters, cubes, pictures, and what a mirror does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets import display as figure_sets_display
+from thesis_lib.figure_sets.display import as_svg
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.parametric import symmetry as shape_tables
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.planning.bodies import body_of
+from thesis_lib.planning.structure_file import modes_of, read_body, write_modes
+from thesis_lib.plotting import outlines
+from thesis_lib.plotting.viewer_data import viewer_data
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.request import ParameterError
+from thesis_lib.vibration.meshing import Circle, area
+from thesis_lib.vibration.panel import Panel
+from thesis_lib.vibration.structure import deflection_shape
+
+NAMES = ("shape-l", "shape-holes")
+QUICK = {"trials": 20, "element_mm": 20.0}
+ROWS, COLUMNS = 10, 15
+
+
+def made(name, **values):
+    request = validate(name, {**({} if name == shape_tables.PLATE else QUICK), **values})
+    return with_provenance(studies.run(request), request, 0.0)
+
+
+@pytest.fixture(scope="module")
+def opened():
+    return {
+        name: made(name, trials=40)
+        for name in (shape_tables.PLATE, *NAMES)
+    }  # fmt: skip
+
+
+# Parameters.
+
+
+def test_default_shapes_are_cut_from_the_plate_and_have_no_symmetry():
+    plate = setups.plate()
+    for name in NAMES:
+        panel = validate(name, {}).structure
+        assert isinstance(panel, Panel)
+        assert panel.extent == pytest.approx(plate.extent)
+        assert (panel.thickness, panel.poisson) == (plate.thickness, plate.poisson)
+        kept = {tuple(np.round(m, 9)) for m in panel.markers.T}
+        every = {tuple(np.round(m, 9)) for m in plate.markers.T}
+        assert kept < every
+        for mirror in ((-1, 1), (1, -1), (-1, -1)):
+            image = {
+                tuple(np.round(plate.extent * (np.array(mirror) == -1) + mirror * np.array(m), 9))
+                for m in kept
+            }
+            assert image != kept
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (
+            {"outline_mm": [[0, 0], [600, 400], [600, 0], [0, 400]]},
+            ["outline_mm", "common corners"],
+        ),
+        ({"outline_mm": [[9, 0], [600, 0], [600, 400]]}, ["outline_mm", "(0, 0)"]),
+        ({"circles_mm": [[600, 400, 20]]}, ["circles_mm: given [[600.0", "inside"]),
+        ({"circles_mm": [[100, 100, 30], [140, 100, 30]]}, ["circles_mm", "not touch"]),
+        ({"cutouts_mm": [[[300, 300], [400, 300], [300, 320]]]}, ["cutouts_mm", "inside"]),
+        ({"support": "free"}, ["edge_supports", "clamped"]),
+        ({"edge_supports": {"7": "free"}}, ["edge_supports", "1 to 6"]),
+        ({"force_mm": [600, 400]}, ["force_mm: given [600.0, 400.0]", "on the panel"]),
+        ({"element_mm": 200}, ["element_mm: given 200", "200 to 60000"]),
+        ({"element_mm": 0.5}, ["element_mm: given 0.5", "200 to 60000"]),
+        ({"distance_mm": 300}, ["distance_mm: given 300", "reach"]),
+    ],
+)
+def test_shapes_that_cannot_be_computed_are_refused_in_one_line(values, words):
+    with pytest.raises(ParameterError) as error:
+        validate("shape-l", values)
+    message = str(error.value)
+    assert message.startswith("shape-l: ")
+    assert "\n" not in message
+    assert all(word in message for word in words), message
+
+
+# Cubes and what is drawn of them.
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_cube_is_that_of_a_camera_study_with_the_markers_on_the_panel(opened, name):
+    cube, panel = opened[name], validate(name, QUICK).structure
+    assert set(cube.dims) == {"setting", "mode", "trial", "point", "camera"}
+    assert cube.sizes["setting"] == opened[shape_tables.PLATE].sizes["setting"]
+    np.testing.assert_allclose([cube["x"], cube["y"]], panel.markers)
+    hertz = panel.angular_frequencies(3) / (2 * np.pi)
+    np.testing.assert_allclose(cube["frequency"], hertz)
+    for m, mode in enumerate(cube["mode"].values):
+        wanted = deflection_shape(panel, int(mode), panel.markers, peak=0.01)
+        np.testing.assert_allclose(cube["reference_deflection"][m], wanted)
+    assert not any(np.isnan(cube[v]).any() for v in ("measured_deflection", "predicted_error"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_law_of_rounding_needs_no_symmetry(conforms, name):
+    cube = made(name, cases=["4a", "4c"], trials=400)
+    rms = np.sqrt((cube["mean_error"].isel(trial=slice(1, None)) ** 2).mean("trial"))
+    conforms.sampled(rms / cube["predicted_error"], 1, atol=0.03)
+
+
+def test_a_rectangle_by_finite_elements_is_measured_as_the_plate_is(conforms):
+    outline = [[0, 0], [668, 0], [668, 443], [0, 443]]
+    values = {"cases": ["4c"], "trials": 100}
+    by_elements = made("shape-l", outline_mm=outline, **(values | {"element_mm": 10.0}))
+    closed = made(shape_tables.PLATE, **values)
+    ratio = by_elements["predicted_error"].values / closed["predicted_error"].values
+    conforms.closed_form(ratio, 1, atol=0.005)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_viewer_leaves_cells_without_marker_empty(opened, name):
+    data = viewer_data(opened[name])
+    assert data["structure"]["kind"] == "plate"
+    assert data["grid"] == [COLUMNS, ROWS]
+    markers = opened[name].sizes["point"]
+    for shape in (
+        data["modes"][0]["reference_mm"],
+        data["cases"][2]["settings"][1]["modes"][0]["measured_mm"],
+        data["cases"][2]["settings"][1]["modes"][0]["point_error"],
+    ):
+        assert len(shape) == ROWS * COLUMNS
+        assert sum(value is not None for value in shape) == markers
+    cube = opened[name]
+    for point in (0, 50, markers - 1):
+        column = np.argmin(np.abs(np.array(data["x_mm"]) - 1000 * float(cube["x"][point])))
+        row = np.argmin(np.abs(np.array(data["y_mm"]) - 1000 * float(cube["y"][point])))
+        given = data["modes"][1]["reference_mm"][row * COLUMNS + column]
+        assert given == pytest.approx(
+            1000 * float(cube["reference_deflection"][1, point]), rel=1e-5
+        )
+
+
+def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(conforms):
+    outline = [[0, 0], [500, 0], [300, 400], [0, 400]]
+    values = {"outline_mm": outline, "circles_mm": [[150, 200, 60]], "cases": ["4c"], "trials": 1}
+    cube = made("shape-holes", cutouts_mm=[], **values)
+    curves = outlines.contours(outlines.structure_of(cube))
+    np.testing.assert_allclose(curves[0] + [0.25, 0.2], np.array(outline) / 1000)
+    assert area(curves[0]) > 0 > area(curves[1])
+    conforms.closed_form(abs(area(curves[1])), np.pi * 0.06**2, rtol=0.02)
+    drawn = viewer_data(cube)["structure"]
+    assert (drawn["length_mm"], drawn["width_mm"]) == (500, 400)
+    assert [len(curve) for curve in drawn["contours_mm"]] == [4, 24]
+    assert "<svg" in as_svg(cube, "4c", 1)
+
+
+def test_maps_are_empty_where_there_is_no_marker(opened):
+    drawing = figure_sets_display.figure(opened["shape-l"], "4a", 1)
+    maps = [axes.images[0].get_array() for axes in drawing.axes if axes.images]
+    for picture in maps[:3]:
+        values = np.ma.filled(picture, np.nan)
+        assert values.shape == (ROWS, COLUMNS)
+        assert np.isnan(values[5:, 8:]).all()
+        assert np.isfinite(values).sum() == opened["shape-l"].sizes["point"]
+
+
+# What a mirror does.
+
+
+def test_mirrored_markers_err_alike_where_plate_cameras_and_mode_are_mirror_images(opened):
+    plate = opened[shape_tables.PLATE]
+    rows = np.isin(plate["case"].values, shape_tables.MIRRORED)
+    deflection = plate["measured_deflection"].values[rows].reshape(rows.sum(), 3, -1, ROWS, COLUMNS)
+    literal = deflection[:, :, 0]
+    alike = np.abs(literal - literal[..., ::-1]) < shape_tables.SAME
+    assert alike[:, [0, 2]].all()  # modes (1, 1) and (1, 2)
+    assert alike[:, 1].mean() < 0.2  # mode (2, 1) is not symmetric in X = 0
+    trials = np.abs(deflection[:, :, 1:] - deflection[:, :, 1:, :, ::-1]) < shape_tables.SAME
+    assert trials.mean() < 0.2
+
+
+def test_symmetry_of_the_rectangle_with_itself_and_of_shapes_that_have_none(conforms, opened):
+    plate = opened[shape_tables.PLATE]
+    itself = shape_tables.symmetry(plate, plate, ["4a"])
+    assert itself.simulated == itself.predicted == 1
+    assert itself.same > 2 / 3
+    assert shape_tables.symmetry(plate, plate, ["4c"]).same < 0.1
+    ell = shape_tables.symmetry(opened["shape-l"], plate, ["4a"])
+    assert ell.same < 0.2
+    conforms.sampled(ell.simulated / ell.predicted, 1, atol=0.05)
+
+
+def test_convergence_of_the_page_has_order_2(conforms):
+    text = shape_tables.convergence({})
+    orders = [float(cell) for cell in text.splitlines()[-1].strip("| ").split(" | ")[1:]]
+    conforms.order(orders, 2, atol=0.1)
+
+
+def test_table_of_modes_tells_frequencies_and_peaks(opened):
+    text = shape_tables.modes(opened["shape-l"]).data
+    first = text.splitlines()[2].strip("| ").split(" | ")
+    assert float(first[1]) == pytest.approx(float(opened["shape-l"]["frequency"][0]), abs=0.06)
+    assert float(first[1]) > float(first[2])  # less plate between supports
+    assert 0 < float(first[4]) < 100
+
+
+# Files for others.
+
+
+@pytest.mark.parametrize(
+    "structure", [setups.beam(), setups.plate(), validate(NAMES[1], QUICK).structure]
+)
+def test_modes_are_written_with_places_from_the_middle(structure, tmp_path):
+    path = write_modes(structure, [2, 1], tmp_path / "modes.nc")
+    with xr.open_dataset(path) as read:
+        assert {v: read[v].dims for v in ("x", "y", "z", "shape", "frequency")} == {
+            "x": ("point",), "y": ("point",), "z": ("point",), "shape": ("mode", "point"),
+            "frequency": ("mode",),
+        }  # fmt: skip
+        half = np.array(structure.extent)[:, None] / 2
+        np.testing.assert_allclose(np.stack([read["x"], read["y"]]) + half, structure.markers)
+        wanted = [deflection_shape(structure, m, structure.markers, peak=1.0) for m in (2, 1)]
+        np.testing.assert_allclose(read["shape"], wanted)
+        hertz = structure.angular_frequencies(2) / (2 * np.pi)
+        np.testing.assert_allclose(read["frequency"], hertz[::-1])
+        assert all(read[v].attrs["units"] and read[v].attrs["long_name"] for v in read.variables)
+    assert modes_of(structure, [1]).sizes["mode"] == 1
+    body, direct = read_body(path, [1, 2]), body_of(structure, "direct", [1, 2])
+    for name in ("points", "normals", "frequencies"):
+        np.testing.assert_allclose(getattr(body, name), getattr(direct, name), atol=1e-15)
+    largest = np.max(np.abs(direct.shapes), axis=1, keepdims=True)  # a file knows markers alone
+    np.testing.assert_allclose(body.shapes, direct.shapes / largest)
+
+
+def test_circle_is_a_value():
+    assert Circle(1.0, 2.0, 3.0) == Circle(1.0, 2.0, 3.0)
+    assert hash(validate(NAMES[1], {}).structure) == hash(validate(NAMES[1], {}).structure)

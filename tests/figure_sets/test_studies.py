@@ -1,0 +1,633 @@
+"""Camera studies end to end: the cubes, their files, and the thesis's stated errors."""
+
+import gc
+import json
+import resource
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from benchmarks.reference import svd_triangulate
+from thesis_lib.facts import claims, setups
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.tables import error_table
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.ledger import verdicts
+from thesis_lib.ledger.verdicts import meets
+from thesis_lib.studies import attributes, cubes, storage
+from thesis_lib.studies import blocks as chunks
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.vibration.structure import deflection_shape, world_points
+from thesis_lib.vision import rounding
+from thesis_lib.vision.analytic_centre import analytic_centre
+from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.simulation import measure
+
+NAMES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
+PLATES = [name.replace("beam", "plate") for name in NAMES]
+HERTZ = {"beam": [6.312, 39.56, 110.8], "plate": [305.5, 585.5, 942.1]}
+UNITS = {
+    "reference_deflection": "m",
+    "measured_deflection": "m",
+    "mean_error": "percent",
+    "max_point_error": "percent",
+    "point_error": "percent",
+    "predicted_error": "percent",
+    "mac": "1",
+    "in_view": "1",
+    "ground_sample_distance": "m/px",
+    "camera_distance": "m",
+    "camera_azimuth": "degree",
+    "camera_elevation": "degree",
+}
+DIMENSIONS = {
+    "reference_deflection": ("mode", "point"),
+    "measured_deflection": ("setting", "mode", "trial", "point"),
+    "mean_error": ("setting", "mode", "trial"),
+    "max_point_error": ("setting", "mode", "trial"),
+    "point_error": ("setting", "mode", "point"),
+    "predicted_error": ("setting", "mode"),
+    "mac": ("setting", "mode", "trial"),
+    "in_view": ("setting",),
+    "ground_sample_distance": ("setting",),
+    "camera_distance": ("setting", "camera"),
+    "camera_azimuth": ("setting", "camera"),
+    "camera_elevation": ("setting", "camera"),
+}
+
+
+@cache
+def cube_of(name, **values):
+    return studies.run(validate(name, {"trials": 20, **values}))
+
+
+@cache
+def default_cube(name):
+    return studies.run(validate(name, {}))
+
+
+def whole_pixels(uv):
+    """Nearest whole pixels, halves to even, blind to noise in the ninth decimal."""
+    return np.rint(np.round(uv, 9))
+
+
+@pytest.mark.parametrize("name", NAMES + PLATES)
+def test_cube_keeps_the_contract(conforms, name):
+    study, cube = validate(name, {"trials": 20}), cube_of(name)
+    points = {"beam": 25, "plate": 150}[study.subject]
+    sizes = {"setting": len(study.settings()), "mode": 3, "trial": 21, "point": points}
+    assert sizes.items() <= dict(cube.sizes).items()
+    assert cube.sizes["camera"] == max(cube["n_cameras"].values)
+    assert {variable: cube[variable].dims for variable in cube.data_vars} == DIMENSIONS
+    assert {variable: cube[variable].attrs["units"] for variable in cube.data_vars} == UNITS
+    for variable in cube.variables.values():
+        assert variable.attrs["long_name"]
+        assert variable.dtype.kind in "fiU"  # no complex numbers, no objects
+        assert "units" in variable.attrs or variable.dtype.kind == "U"
+    on_setting = {"case", "parameter", "value", "n_cameras", "width_px", "height_px", "pair_order"}
+    assert all(cube[coordinate].dims == ("setting",) for coordinate in on_setting)
+    assert cube["x"].dims == cube["y"].dims == ("point",)
+    np.testing.assert_array_equal(cube["mode"], [1, 2, 3])
+    np.testing.assert_array_equal(cube["trial"], range(21))
+    conforms.closed_form(cube["frequency"], HERTZ[study.subject], rtol=5e-4)
+    np.testing.assert_array_equal([cube["x"], cube["y"]], study.structure.markers)
+
+
+TABLES = {
+    "beam-distance": ("distance_mm", [("1", [500, 750, 1000, 1500])]),
+    "beam-aperture": (
+        "aperture_deg",
+        [("2a", [16, 60, 110, 160]), ("2b", [170, 140, 100, 60]),
+         ("2c", [16, 60, 110, 160]), ("2d", [170, 140, 100, 60])],
+    ),
+    "beam-resolution": ("width_px", [("3", [320, 640, 1280, 1920])]),
+    "beam-arrays": (
+        "n_cameras",
+        [("4a", [2, 4, 6, 8, 10, 12]), ("4a'", [2, 4, 6, 8, 10, 12]), ("4b", [2, 4, 6, 8]),
+         ("4c", [2, 4, 6, 8, 10, 12]), ("4d", [2, 4, 6, 8]), ("4e", [2, 4, 6, 8, 10, 12])],
+    ),
+}  # fmt: skip
+TABLES |= {name.replace("beam", "plate"): table for name, table in TABLES.items()}
+TABLES["plate-distance"] = ("distance_mm", [("1", [650, 750, 1000, 1500])])
+
+
+@pytest.mark.parametrize("name", NAMES + PLATES)
+def test_settings_stand_in_the_order_of_the_tables(name):
+    parameter, rows = TABLES[name]
+    cube = cube_of(name)
+    expected = [(case, value) for case, values in rows for value in values]
+    assert list(zip(cube["case"].values, cube["value"].values, strict=True)) == expected
+    assert set(cube["parameter"].values) == {parameter}
+    if parameter in ("n_cameras", "width_px"):
+        np.testing.assert_array_equal(cube[parameter], cube["value"])
+
+
+def test_resolutions_are_16_to_9():
+    cube = cube_of("beam-resolution")
+    np.testing.assert_array_equal(cube["height_px"], [180, 360, 720, 1080])
+
+
+def test_case_4d_grows_from_the_steepest_pair_unless_asked_otherwise():
+    reversed_, printed = cube_of("beam-arrays"), studies.run(
+        validate("beam-arrays", {"trials": 0, "cases": ["4d"], "pair_order": {"4d": "printed"}})
+    )  # fmt: skip
+    last = reversed_.isel(setting=reversed_["case"].values == "4d")
+    np.testing.assert_array_equal(
+        last["camera_elevation"].values[3, :8], [58, 58, 48, 48, 28, 28, 8, 8]
+    )
+    np.testing.assert_array_equal(
+        printed["camera_elevation"].values[3], [8, 8, 28, 28, 48, 48, 58, 58]
+    )
+    assert set(last["pair_order"].values) == {"reversed"}
+    assert set(printed["pair_order"].values) == {"printed"}
+
+
+def test_absent_cameras_are_nan_and_no_other():
+    cube = cube_of("beam-arrays")
+    absent = np.arange(12) >= cube["n_cameras"].values[:, None]
+    for variable in ("camera_distance", "camera_azimuth", "camera_elevation"):
+        np.testing.assert_array_equal(np.isnan(cube[variable]), absent)
+    for variable in set(DIMENSIONS) - {"camera_distance", "camera_azimuth", "camera_elevation"}:
+        assert np.isfinite(cube[variable]).all()
+
+
+def camera_matrix(distance, azimuth, elevation, focal_px, width, height):
+    """One projection matrix, spelled out from the conventions."""
+    t, p = np.radians([azimuth, elevation])
+    towards = np.array([np.cos(p) * np.sin(t), np.cos(p) * np.cos(t), np.sin(p)])
+    right, forward = np.array([-np.cos(t), np.sin(t), 0]), -towards
+    R = np.array([right, np.cross(forward, right), forward])
+    K = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
+    return K @ np.column_stack([R, -R @ (distance * towards)])
+
+
+@pytest.mark.parametrize(
+    ("name", "s", "focal_mm", "peak_mm"),
+    [
+        ("beam-distance", 2, 24.0, 5.5),
+        ("beam-distance", 0, 25.0, 70.0),  # parts of the beam leave the sensor as it moves
+        ("beam-aperture", 5, 24.0, 5.5),
+        ("beam-resolution", 1, 24.0, 5.5),
+        ("beam-arrays", 9, 24.0, 5.5),
+        ("plate-distance", 1, 24.0, 10.0),
+        ("plate-arrays", 13, 24.0, 10.0),
+    ],
+)
+def test_literal_run_is_the_thesis_written_as_a_loop(conforms, name, s, focal_mm, peak_mm):
+    cube = cube_of(name, focal_length_mm=focal_mm, amplitude_mm=peak_mm).isel(setting=s)
+    width, height = float(cube["width_px"]), float(cube["height_px"])
+    n, points = int(cube["n_cameras"]), cube.sizes["point"]
+    centre = {"beam": (0.623 / 2, 0.015), "plate": (0.334, 0.2215)}[name.split("-")[0]]
+    P = np.stack(
+        [
+            camera_matrix(
+                float(cube["camera_distance"][c]), float(cube["camera_azimuth"][c]),
+                float(cube["camera_elevation"][c]), focal_mm / 36 * width, width, height,
+            )
+            for c in range(n)
+        ]
+    )  # fmt: skip
+    seen = 0
+    for m in range(3):
+        reference = cube["reference_deflection"].values[m]
+        measured = np.empty(points)
+        for i in range(points):
+            heights = []
+            for z in (0.0, reference[i]):
+                x, y = cube["x"].values[i] - centre[0], cube["y"].values[i] - centre[1]
+                point = [x, y, z, 1]
+                uv = np.array([(P[c] @ point)[:2] / (P[c] @ point)[2] for c in range(n)])
+                heights.append(svd_triangulate(P, whole_pixels(uv)[:, :, None])[2, 0])
+            seen += np.sum((uv >= 0) & (uv <= [width, height]), axis=1).tolist().count(2)
+            measured[i] = heights[1] - heights[0]
+        conforms.independent(
+            cube["measured_deflection"].values[m, 0], measured, rtol=1e-6, atol=1e-9
+        )
+        error = 100 * np.abs(measured - reference) / np.max(np.abs(reference))
+        conforms.independent(cube["point_error"].values[m], error, atol=1e-4)
+        rms = np.sqrt(np.mean(error**2))
+        conforms.independent(cube["mean_error"].values[m, 0], rms, rtol=1e-6)
+        conforms.independent(cube["max_point_error"].values[m, 0], max(error), rtol=1e-6)
+        mac = (measured @ reference) ** 2 / (measured @ measured * (reference @ reference))
+        conforms.independent(cube["mac"].values[m, 0], mac, rtol=1e-6)
+    conforms.independent(float(cube["in_view"]), seen / (n * points * 3), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES + PLATES)
+def test_errors_follow_from_the_deflections(conforms, name):
+    cube = cube_of(name)
+    reference = cube["reference_deflection"]
+    scale = 100 / abs(reference).max("point")
+    error = abs(cube["measured_deflection"].astype(float) - reference) * scale
+    mean = np.sqrt((error**2).mean("point")).transpose("setting", "mode", "trial")
+    largest = error.max("point").transpose("setting", "mode", "trial")
+    literal = error.isel(trial=0).transpose("setting", "mode", "point")
+    conforms.independent(cube["mean_error"], mean, rtol=1e-5)
+    conforms.independent(cube["max_point_error"], largest, rtol=1e-5)
+    conforms.independent(cube["point_error"], literal, atol=1e-4)
+    assert (cube["mean_error"] <= cube["max_point_error"]).all()
+    assert (cube["mac"] <= 1 + 1e-12).all()
+    assert (cube["mac"] >= 0).all()
+
+
+def test_narrow_lens_loses_part_of_the_beam():
+    # 100 mm on a 36 mm sensor sees ±90 mm across at 500 mm, of a beam of ±312 mm.
+    wide, narrow = (
+        cube_of("beam-distance", focal_length_mm=f)["in_view"].values for f in (24.0, 100.0)
+    )
+    assert np.all(wide[1:] == 1)
+    assert narrow[0] < 0.5
+    assert np.all(np.diff(narrow) > 0)
+
+
+def test_ground_sample_distance_follows_distance_and_resolution(conforms):
+    step = cube_of("beam-distance")["ground_sample_distance"]
+    conforms.closed_form(step, np.array([0.5, 0.75, 1, 1.5]) * 36 / 24 / 320, rtol=1e-7)
+    conforms.closed_form(
+        cube_of("beam-resolution")["ground_sample_distance"],
+        0.5 * 36 / 24 / np.array([320, 640, 1280, 1920]),
+        rtol=1e-7,
+    )
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_shifting_the_pixel_grid_is_shifting_the_principal_point(conforms, known):
+    study = validate("beam-aperture", {})
+    cameras = study.settings()[1].cameras(24, 36)
+    shapes = [deflection_shape(study.structure, m, study.structure.markers, 5.5e-3)
+              for m in (1, 2)]  # fmt: skip
+    points = world_points(study.structure, np.array([np.zeros(25), *shapes]))
+    shifts = rounding.grid_shifts(4, 3, 2)
+    measured = measure(cameras, points, shifts, known)
+    for trial, shift in enumerate(shifts):
+        K = cameras.K.copy()
+        K[:, :2, 2] += shift
+        moved = replace(cameras, K=K)
+        alone = measure(moved, points, np.zeros((1, 2, 2)), known)
+        conforms.invariance(measured[:, trial], alone[:, 0], atol=1e-11)
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_analytic_centre_takes_the_slabs_that_a_shifted_grid_leaves(conforms, known):
+    study = validate("beam-aperture", {})
+    cameras = study.settings()[1].cameras(24, 36)
+    shape = deflection_shape(study.structure, 2, study.structure.markers, 5.5e-3)
+    points = world_points(study.structure, np.array([np.zeros(25), shape]))
+    shifts = rounding.grid_shifts(4, 3, 2)
+    measured = measure(cameras, points, shifts, known, "analytic-centre")
+    plain = measure(cameras, points, shifts, known)
+    assert not np.allclose(measured, plain)
+    for trial, shift in enumerate(shifts):
+        slabs = np.rint(project(cameras.P, points) + shift[:, :, None, None])
+        slabs -= shift[:, :, None, None]
+        centre = analytic_centre(cameras.P, slabs)
+        assert centre.feasible.all()
+        rest = points[2, 0] if known else centre.points[2, 0]
+        conforms.independent(measured[0, trial], centre.points[2, 1] - rest, atol=1e-12)
+
+
+def test_prediction_of_the_analytic_centre_is_said_to_be_that_of_least_squares():
+    plain = cube_of("beam-distance", trials=2)
+    centre = cube_of("beam-distance", trials=2, estimator="analytic-centre")
+    xr.testing.assert_equal(plain["predicted_error"], centre["predicted_error"])
+    law = "rms error over the trials by the law of rounding"
+    assert plain["predicted_error"].attrs["long_name"] == law
+    assert centre["predicted_error"].attrs["long_name"] == f"{law}, of least squares"
+    assert not np.allclose(plain["mean_error"], centre["mean_error"])
+    words = []
+    for cube, estimator in ((plain, "least-squares"), (centre, "analytic-centre")):
+        study = validate("beam-distance", {"trials": 2, "estimator": estimator})
+        whole = with_provenance(cube, study, 0.0)
+        assert json.loads(whole.attrs["parameters"])["estimator"] == estimator
+        words.append(cubes.predicts(whole))
+        assert words[-1] in error_table(whole).data
+    assert words == ["law of rounding", "law of rounding of least squares"]
+
+
+def same(one, other):
+    for variable in ("measured_deflection", "mean_error", "mac", "predicted_error"):
+        xr.testing.assert_allclose(
+            one[variable].drop_vars("setting", errors="ignore"),
+            other[variable].drop_vars("setting", errors="ignore"), rtol=1e-6, atol=1e-10,
+        )  # fmt: skip
+
+
+def test_a_trial_does_not_depend_on_how_many_there_are():
+    same(cube_of("beam-aperture").isel(trial=slice(8)), cube_of("beam-aperture", trials=7))
+
+
+def test_a_setting_does_not_depend_on_the_others():
+    alone = studies.run(validate("beam-aperture", {"trials": 20, "cases": ["2d", "2b"]}))
+    together = cube_of("beam-aperture")
+    for case in ("2b", "2d"):
+        same(*(cube.isel(setting=cube["case"].values == case) for cube in (alone, together)))
+    one = studies.run(validate("beam-distance", {"trials": 20, "distances_mm": [1000.0]}))
+    same(one, cube_of("beam-distance").isel(setting=[2]))
+
+
+def test_a_mode_does_not_depend_on_the_others():
+    shuffled = studies.run(validate("beam-distance", {"trials": 20, "modes": [3, 1]}))
+    np.testing.assert_array_equal(shuffled["mode"], [3, 1])
+    same(shuffled, cube_of("beam-distance").sel(mode=[3, 1]))
+
+
+def test_the_seed_changes_the_trials_but_not_the_literal_run(conforms):
+    one, other = cube_of("beam-distance"), cube_of("beam-distance", seed=1)
+    conforms.invariance(one["mean_error"][..., 0], other["mean_error"][..., 0], atol=0)
+    assert (one["mean_error"][..., 1:] != other["mean_error"][..., 1:]).all()
+
+
+def test_force_gives_the_response_to_one_newton(conforms):
+    reference = cube_of("beam-distance", amplitude_mm="force")["reference_deflection"]
+    tip = deflection_shape(setups.beam(), 1, [[0.623], [0.015]], 1)
+    conforms.closed_form(abs(tip[0]), 1, rtol=1e-6)
+    unit = cube_of("beam-distance", amplitude_mm=1.0)["reference_deflection"]
+    millimetres = (reference / unit).values
+    conforms.closed_form(millimetres.T - [5.52, 0.789, 0.252], 0, atol=5e-3)
+
+
+def test_each_mode_may_have_its_amplitude(conforms):
+    study = validate("beam-distance", {"trials": 0, "amplitude_mm": [1.0, 2.0, 4.0]})
+    one = cube_of("beam-distance", amplitude_mm=1.0)["reference_deflection"].values
+    several = studies.run(study)["reference_deflection"].values
+    conforms.invariance(several, one * np.array([[1], [2], [4]]), rtol=1e-12)
+
+
+def test_force_moves_the_plate_by_nanometres(conforms):
+    reference = cube_of("plate-distance", amplitude_mm="force")["reference_deflection"]
+    unit = cube_of("plate-distance", amplitude_mm=1.0)["reference_deflection"]
+    nanometres = 1e6 * (reference / unit).values
+    conforms.closed_form(nanometres.T - [62.6, 32.9, 12.2], 0, atol=0.06)
+
+
+def test_a_finer_grid_has_more_markers_between_the_same_edges(conforms):
+    cube = cube_of("plate-distance", grid=(30, 20))
+    assert cube.sizes["point"] == 600
+    for edge, length in (("x", 0.668), ("y", 0.443)):
+        conforms.closed_form(float(cube[edge].min() + cube[edge].max()), length, rtol=1e-6)
+    coarse = cube_of("plate-distance")
+    # The law does not know the number of markers: its mean over them stays.
+    ratio = cube["predicted_error"] / coarse["predicted_error"]
+    conforms.invariance(ratio, 1, atol=0.1)
+
+
+def test_known_rest_differs_from_rebuilt_rest():
+    rebuilt, known = cube_of("beam-distance"), cube_of("beam-distance", rest="known")
+    assert (rebuilt["mean_error"] != known["mean_error"]).all()
+    xr.testing.assert_identical(rebuilt["reference_deflection"], known["reference_deflection"])
+
+
+def test_own_layout_joins_the_cases():
+    layout = {"mine": [[[0, 30], [120, 30]], [[0, 30], [120, 30], [240, 30]]]}
+    study = validate("beam-arrays", {"trials": 3, "cases": ["4b"], "layouts": layout})
+    cube = studies.run(study)
+    assert list(cube["case"].values) == ["4b"] * 4 + ["mine"] * 2
+    np.testing.assert_array_equal(cube["camera_azimuth"].values[5, :4], [0, 120, 240, np.nan])
+
+
+def written(path, name="beam-distance", seconds=0.25):
+    study = validate(name, {"trials": 5})
+    cube = with_provenance(studies.run(study), study, seconds)
+    cube.attrs["created"] = "2000-01-01T00:00:00+00:00"
+    storage.write(cube, path)
+    return cube
+
+
+@pytest.mark.parametrize("name", NAMES + PLATES)
+def test_file_opens_without_options_and_holds_the_cube(tmp_path, name):
+    path = tmp_path / "new" / "cube.nc"
+    cube = written(path, name)
+    with xr.open_dataset(path) as opened:
+        xr.testing.assert_identical(opened.load(), cube)
+        assert all(variable.dtype.kind != "c" for variable in opened.variables.values())
+        assert opened.attrs["Conventions"] == "CF-1.11"
+        assert opened.attrs["figure_set"] == name
+        assert opened.attrs["seed"] == 0
+        assert {"title", "source", "references", "parameters_hash"} <= set(opened.attrs)
+    assert [p.name for p in path.parent.iterdir()] == ["cube.nc"]  # nothing temporary is left
+    xr.testing.assert_identical(cubes.read(path), cube)
+
+
+def test_equal_runs_give_equal_bytes(tmp_path, monkeypatch):
+    files = []
+    for commit, seconds in (("abc", 0.25), ("abc", 0.25), ("0123456789ab+", 123.456)):
+        monkeypatch.setattr(attributes, "_commit", lambda commit=commit: commit)
+        path = tmp_path / f"{len(files)}.nc"
+        written(path, seconds=seconds)
+        files.append(path.read_bytes())
+    assert files[0] == files[1]
+    # The run-dependent attributes are of fixed length: nothing else moves with them.
+    assert len(files[2]) == len(files[0])
+    assert 0 < sum(a != b for a, b in zip(files[0], files[2], strict=True)) < 40
+
+
+@pytest.mark.parametrize("content", [None, b"not a cube"])
+def test_what_is_not_a_cube_is_refused_in_one_line(tmp_path, content):
+    path = tmp_path / "file.nc"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(storage.CubeError, match=r"file\.nc") as caught:
+        cubes.read(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_cut_cube_is_refused_wherever_it_is_cut(tmp_path):
+    whole, cut = tmp_path / "whole.nc", tmp_path / "cut.nc"
+    values = np.linspace(0.0, 1.0, 3000, dtype=np.float32).reshape(3, 1000)
+    cube = xr.Dataset({"a": (("x", "y"), values), "case": ("x", ["1", "2", "3"])})
+    storage.write(cube, whole, compact=True)
+    content = whole.read_bytes()
+    for size in range(0, len(content), len(content) // 20):
+        cut.write_bytes(content[:size])
+        with pytest.raises(storage.CubeError, match=r"^[^\n]*cut\.nc[^\n]*$"):
+            storage.opened(cut)
+    xr.testing.assert_identical(storage.opened(whole)["case"], cube["case"])
+
+
+@pytest.mark.parametrize("limit", [1, 3000, 100_000])
+def test_a_full_disk_is_an_error_and_not_the_end_of_the_process(tmp_path, limit):
+    cube = xr.Dataset({"a": ("x", np.random.default_rng(0).random(30_000))})
+    storage.write(cube.assign(a=0 * cube["a"]), tmp_path / "a.nc")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            storage.write(cube, tmp_path / "a.nc")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    gc.collect()
+    assert not storage.opened(tmp_path / "a.nc")["a"].any()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
+
+
+def test_what_does_not_fit_on_the_disk_is_not_begun(tmp_path, monkeypatch):
+    request = camera_study("beam-distance", {"distances_mm": [500], "trials": 3})
+    monkeypatch.setattr(chunks, "HELD_BYTES", 0)
+    outline = studies.outline(request)
+    monkeypatch.setattr(storage.shutil, "disk_usage", lambda _: SimpleNamespace(free=2000))
+    with pytest.raises(OSError, match="No space left on device"):
+        storage.fill_in(outline, tmp_path / "a.nc", lambda: 0.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["netCDF-3", "HDF5", "empty HDF5"])
+def test_a_cube_in_another_format_is_refused_in_one_line(tmp_path, kind):
+    path = tmp_path / "foreign.nc"
+    if kind == "netCDF-3":
+        xr.Dataset({"a": ("x", [1.0, 2.0])}).to_netcdf(path, engine="scipy")
+    else:
+        with h5py.File(path, "w") as file:
+            if kind == "HDF5":
+                file.create_group("deep")["values"] = np.arange(5.0)
+                file["values"] = np.arange(7.0)
+    with pytest.raises(storage.CubeError, match=r"^[^\n]*foreign\.nc[^\n]*$"):
+        cubes.read(path)
+
+
+@pytest.mark.parametrize("kind", ["numbers", "halves", "tiny", "large", "odd"])
+def test_rounded_mantissas_are_the_nearest(kind):
+    random = np.random.default_rng(3)
+    values = {
+        "numbers": random.normal(size=1000),
+        "halves": 1 + (2 * np.arange(100) + 1) * 2.0**-14,  # between two
+        "tiny": random.normal(size=1000) * 1e-42,
+        "large": np.array([3.4e38, -3.4e38]),
+        "odd": np.array([0.0, -0.0, np.nan, np.inf, -np.inf]),
+    }[kind].astype(np.float32)
+    kept = storage._nearest(values)
+    left = kept[np.isfinite(kept)].view(np.uint32)
+    assert not np.any(left & np.uint32(2 ** (23 - storage.BITS) - 1))
+    np.testing.assert_allclose(kept, values, rtol=2.0**-14, atol=2.0**-136)
+    assert np.array_equal(np.signbit(kept), np.signbit(values))
+
+
+def test_physics_needs_neither_labels_nor_figures():
+    forbidden = ["xarray", "matplotlib", "ipywidgets", "pandas", "pydantic", "h5py"]
+    code = (
+        "import sys; from thesis_lib.vision import pinhole, triangulation, rounding, optics, lens, "
+        "analytic_centre, estimators, dither, cone_law, simulation; "
+        "from thesis_lib.vibration import beam, plate, panel, finite_elements, meshing; "
+        "from thesis_lib.vibration import motion, torsion; "
+        "from thesis_lib.acoustics import radiation, sources, planes, plate_sound; "
+        "from thesis_lib.planning import bodies, places, optimum; "
+        f"print([m for m in {forbidden} if m in sys.modules], 'numpy' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[] True"
+
+
+def stated_mean_errors():
+    return [c for name in NAMES for c in claims.claims_of(name) if c.quantity == "mean_error"]
+
+
+def test_every_claim_has_its_own_id_and_an_ordered_interval():
+    stated = claims.read_claims()
+    assert len({claim.id for claim in stated}) == len(stated)
+    assert all(claim.low <= claim.high for claim in stated)
+    assert len(stated_mean_errors()) == 66
+
+
+def test_most_stated_mean_errors_of_chapter_3_are_met(conforms):
+    checks = [
+        check
+        for name in NAMES
+        for check in verdicts.check(default_cube(name), claims.claims_of(name))
+        if check.claim.quantity == "mean_error"
+    ]
+    assert len(checks) == 66
+    conforms.sampled(sum(check.inside for check in checks), above=0.7 * 66)
+
+
+def claim_of(low, high, relation="about", **fields):
+    """A claim about the first setting and mode of case 1, unless told otherwise."""
+    plain = {"quantity": "mean_error", "values": (500.0,), "excepted": 0}
+    return replace(
+        claims.read_claims()[0], low=low, high=high, relation=relation, **{**plain, **fields}
+    )
+
+
+@pytest.mark.parametrize(
+    ("stated", "band", "met"),
+    [
+        ((20, 20), (21, 25), True),
+        ((20, 20), (21.01, 25), False),
+        ((20, 20), (10, 19), True),
+        ((20, 20), (10, 18.99), False),
+        ((20, 30), (22, 23), True),
+        ((5, 5), (5.5, 7), True),  # half a point below 10 %
+        ((5, 5), (5.6, 7), False),
+        ((40, 40, "max"), (1, 2), True),
+        ((40, 40, "max"), (41.5, 60), False),
+        ((40, 40, "less_than"), (39, 60), True),
+        ((40, 40, "less_than"), (41.5, 60), False),
+        ((40, 40, "min"), (70, 90), True),
+        ((40, 40, "min"), (10, 38.5), False),
+    ],
+)
+def test_rule_of_the_band(stated, band, met):
+    assert meets(claim_of(*stated), *band) is met
+
+
+def test_verdict_comes_from_the_cube():
+    cube = default_cube("beam-distance")
+    band = cube["mean_error"].sel(mode=1).isel(setting=0, trial=slice(1, None))
+    middle = float(band.median())
+    claim = claim_of(middle, middle)
+    doctored = cube.assign(mean_error=cube["mean_error"] + 50)
+    assert [check.inside for check in verdicts.check(cube, [claim])] == [True]
+    (check,) = verdicts.check(doctored, [claim])
+    assert not check.inside
+    assert check.median == pytest.approx(middle + 50)
+
+
+def test_one_bad_setting_fails_a_claim_about_all():
+    cube = default_cube("beam-distance").copy(deep=True)
+    cube["mean_error"][:] = 20.0
+    claim = claim_of(20, 20, values=())
+    assert verdicts.check(cube, [claim])[0].inside
+    cube["mean_error"][3] = 60.0
+    assert not verdicts.check(cube, [claim])[0].inside
+    assert verdicts.check(cube, [replace(claim, values=(500.0, 1000.0))])[0].inside
+    assert not verdicts.check(cube, [replace(claim, values=(500.0, 1500.0))])[0].inside
+
+
+def test_claims_about_absent_settings_or_modes_are_left_out():
+    cube = default_cube("beam-distance")
+    absent = [claim_of(1, 1, values=(510.0,)), claim_of(1, 1, case="9"), claim_of(1, 1, mode=4)]
+    assert verdicts.check(cube, absent) == []
+    assert verdicts.check(cube.isel(trial=[0]), [claim_of(1, 1)]) == []
+
+
+def test_an_excepted_marker_leaves_the_second_largest_error():
+    cube = default_cube("beam-distance")
+    claim = claim_of(1, 1, quantity="max_point_error", excepted=1)
+    reference = cube["reference_deflection"].values[0]
+    measured = cube["measured_deflection"].values[0, 0].astype(float)
+    error = 100 * np.abs(measured - reference) / np.max(np.abs(reference))
+    np.testing.assert_allclose(verdicts.errors(cube, claim).values[0], np.sort(error)[:, -2])
+    largest = verdicts.errors(cube, claim_of(1, 1, quantity="max_point_error")).values[0]
+    np.testing.assert_allclose(largest, np.max(error, axis=1), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "field"),
+    [("mode", "two", "mode"), ("low", "", "low"), ("value", "every", "value")],
+)
+def test_malformed_claim_is_named_by_line_and_field(tmp_path, monkeypatch, column, value, field):
+    lines = (setups.data_folder() / "claims.csv").read_text(encoding="utf-8").splitlines()
+    row = lines[4].split(",")
+    row[lines[0].split(",").index(column)] = value
+    lines[4] = ",".join(row)
+    (tmp_path / "claims.csv").write_text("\n".join(lines), encoding="utf-8")
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
+    with pytest.raises(ValueError, match=f"line 5: {field}") as caught:
+        claims.read_claims()
+    assert repr(value) in str(caught.value)

@@ -1,0 +1,572 @@
+"""The laboratory filmed and measured, end to end: two cameras, half the size, known truth."""
+
+import os
+import shutil
+import tracemalloc
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+from itertools import cycle, islice
+
+import av
+import numpy as np
+import pytest
+import yaml
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment import chain
+from thesis_lib.figure_sets.experiment import recordings as filmed
+from thesis_lib.laboratory import film as laboratory_film
+from thesis_lib.laboratory.film import SAMPLE_RATE, film, manifest_of
+from thesis_lib.laboratory.rig import LATE, REST, default_rig
+from thesis_lib.measure.calibration import rig as calibration_rig
+from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
+from thesis_lib.measure.calibration.zhang import CalibrationError
+from thesis_lib.measure.fitting import reconstruction as rc
+from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_deflection
+from thesis_lib.measure.recordings import check as recordings_check
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
+from thesis_lib.measure.recordings.media_info import MediaError, probe
+from thesis_lib.measure.synchronisation.tones import SynchronisationError
+from thesis_lib.measure.tracking import follow as following
+from thesis_lib.measure.tracking.homography import TrackingError
+from thesis_lib.vibration.motion import Component, Motion, amplitudes
+from thesis_lib.vision import lens
+
+pytestmark = pytest.mark.slow  # films first
+
+BEAM = setups.beam()
+SIZE = (960, 540)
+OPPOSITE = [(10, 22), (190, 22)]
+BENDING, TORSION = Component(), Component("torsion", 1, 8.5, 0.0005, 0.7)
+
+
+def small_rig():
+    """A and C of the default rig, eight shots, no longer than it takes."""
+    rig = default_rig(BEAM, OPPOSITE, size=SIZE, components=(BENDING, TORSION), seed=3)
+    motion = Motion(BEAM, rig.motion.components, REST + LATE, 0.3)
+    return replace(rig, motion=motion, duration=2.8, rotations=rig.rotations[:8],
+                   translations=rig.translations[:8])  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return small_rig()
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory, rig):
+    folder = tmp_path_factory.mktemp("laboratory")
+    film(rig, folder)
+    return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def corners_once():
+    """Finds the corners of a picture once, however many tests calibrate with it."""
+    kept = {}
+
+    def once(image, board):
+        key = image.tobytes(), board
+        if key not in kept:
+            try:
+                kept[key] = find_corners(image, board)
+            except BoardNotFound as error:
+                kept[key] = error
+        if isinstance(kept[key], BoardNotFound):
+            raise kept[key]
+        return kept[key].copy()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibration_rig, "find_corners", once)
+        yield
+
+
+@pytest.fixture(scope="module")
+def measured(recordings):
+    before = contents(recordings)
+    data = chain.measure(read_manifest(recordings / "manifest.yaml"), recordings)
+    assert contents(recordings) == before
+    return data
+
+
+@pytest.fixture(scope="module")
+def truth(measured, recordings, rig):
+    manifest = read_manifest(recordings / "manifest.yaml")
+    data = measured.copy()
+    filmed._add_truth(data, rig, chain.calibrate(manifest, recordings))
+    return data
+
+
+def contents(folder):
+    return sorted(
+        (str(path.relative_to(folder)), path.stat().st_size, path.stat().st_mtime_ns)
+        for path in folder.rglob("*")
+    )
+
+
+# The rig.
+
+
+def test_the_rig_s_cameras_are_alike_look_at_the_beam_and_are_not_the_same(conforms):
+    angles = [(10, 22), (-10, 22), (190, 22), (170, 22)]
+    cameras = default_rig(BEAM, angles).cameras
+    assert [camera.name for camera in cameras] == list("ABCD")
+    conforms.closed_form([np.linalg.norm(c.centre) for c in cameras], 0.57, rtol=1e-7)
+    for camera in cameras:
+        middle = lens.undistorted(camera, lens.project(camera, np.zeros(3)))
+        conforms.closed_form(middle, camera.K[:2, 2], atol=1e-6)
+        assert np.abs(camera.K[:2, 2] - [960, 540]).max() < 8
+        conforms.closed_form(camera.K[0, 0], 1280, rtol=0.0051)
+    assert len({camera.K[0, 0] for camera in cameras}) == 4
+    assert len({tuple(camera.distortion) for camera in cameras}) == 4
+
+
+def test_cameras_start_at_odd_times_before_the_beam_moves():
+    rig = default_rig(BEAM, OPPOSITE)
+    starts = [station.start for station in rig.stations]
+    assert 0 <= min(starts) < max(starts) <= LATE
+    assert abs((starts[1] - starts[0]) * 60 % 1 - 0.5) < 0.49
+    assert rig.motion.start >= max(starts) + REST
+    # A second and five periods of steady vibration, for the last camera as for the first.
+    assert rig.duration + min(starts) - rig.motion.steady >= max(1, 5 / 4.25)
+
+
+def test_the_noise_is_of_the_seed_and_of_nothing_else(rig):
+    one = rig.generator(1, 0, 5).standard_normal(9)
+    np.testing.assert_array_equal(small_rig().generator(1, 0, 5).standard_normal(9), one)
+    for other in [(1, 0, 6), (1, 1, 5), (2, 0, 5)]:
+        assert np.all(rig.generator(*other).standard_normal(9) != one)
+    frames = [next(laboratory_film.frames(r, 0)) for r in (rig, small_rig(), replace(rig, seed=4))]
+    np.testing.assert_array_equal(frames[0], frames[1])
+    assert np.any(frames[0] != frames[2])
+
+
+def test_frames_are_made_one_by_one(rig):
+    frames = laboratory_film.frames(replace(rig, duration=1e6), 0)
+    assert next(frames).shape == SIZE[::-1]
+
+
+def test_the_sound_is_the_force_at_the_camera_s_own_start(conforms, rig):
+    for index, station in enumerate(rig.stations):
+        sound = laboratory_film.sound(rig, index)
+        times = station.start + np.arange(len(sound)) / SAMPLE_RATE
+        force = rig.motion.force(times) / rig.full_scale
+        noise = sound - force
+        tone = force[times > rig.motion.steady]
+        conforms.sampled(20 * np.log10(tone.std() / noise.std()), 20, atol=0.1)
+        assert np.abs(sound).max() < 1
+        conforms.sampled(abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]), below=0.02)
+    conforms.closed_form(np.abs(force).max(), 0.5, rtol=1e-3)
+
+
+# What is written.
+
+
+def test_files_are_what_the_manifest_says(recordings, rig):
+    manifest = read_manifest(recordings / "manifest.yaml")
+    assert manifest == manifest_of(rig)
+    recordings_check.check(manifest, recordings)
+    names = {str(path.relative_to(recordings)) for path in recordings.rglob("*.*")}
+    shots = {f"{name}/{k:02d}.png" for name in "AB" for k in range(8)}
+    assert names == {"manifest.yaml", "A.mkv", "B.mkv"} | shots
+
+
+def test_lossless_videos_hold_the_frames_as_they_were_rendered(conforms, recordings, rig):
+    info = probe(recordings / "A.mkv")
+    assert (info.size, info.frame_rate, info.frames) == (SIZE, 60, 168)
+    for index, name in enumerate("AB"):
+        kept = next(media.read_frames(recordings / f"{name}.mkv", 0, 1))
+        conforms.invariance(kept, next(laboratory_film.frames(rig, index)), atol=0)
+        sound, rate, start = media.read_audio(recordings / f"{name}.mkv")
+        assert (rate, start) == (48000, 0)
+        conforms.invariance(sound, laboratory_film.sound(rig, index), atol=2**-15)
+
+
+def test_the_markers_of_the_manifest_are_those_of_the_rig(recordings, rig):
+    markers = markers_of(read_manifest(recordings / "manifest.yaml"))
+    assert (markers.extent, markers.diameter, markers.hole) == (
+        rig.markers.extent, rig.markers.diameter, rig.markers.hole)  # fmt: skip
+    np.testing.assert_allclose(markers.positions, rig.markers.positions)
+
+
+# What is measured.
+
+
+def test_focal_lengths_and_centres_are_right(conforms, truth):
+    conforms.closed_form(np.abs(truth["focal_error_single"]).max(), below=0.2)
+    conforms.closed_form(np.abs(truth["focal_error_full"]).max(), below=0.03)
+    conforms.closed_form(truth["centre_error_full"].max(), below=2e-4)
+    conforms.closed_form(truth["centre_error_literal"].max(), below=2e-4)
+    assert (truth["shots_used"] == 8).all()
+
+
+def test_the_delays_are_those_of_the_starts(conforms, truth):
+    true = truth["true_delay"] * 60
+    assert abs(true[1]) > 0.5
+    conforms.closed_form(np.abs(truth["delay"] * 60 - true).max(), below=0.02)
+    conforms.closed_form(np.abs(truth["delay_frames"] - true).max(), below=0.5)
+
+
+def test_every_marker_is_found_where_it_was(conforms, truth):
+    conforms.closed_form(float(truth["missing_share"][0]), below=0.002)
+    assert float(truth["wrong_share"][0]) == 0
+    conforms.closed_form(float(truth["centre_error"][0]), below=0.02)
+
+
+def test_the_force_is_the_one_that_moves_the_beam(conforms, measured, rig):
+    assert float(measured["frequency"]) == 4.25
+    begin, end = measured["steady"].values
+    start = rig.stations[0].start
+    assert begin >= rig.motion.steady - start
+    assert end <= rig.duration
+    assert end - begin > 2 / 4.25
+    period = start + begin + np.arange(1000) / 1000 / 4.25
+    clock = period - start
+    force = 2 * np.mean(rig.motion.force(period) * np.exp(-2j * np.pi * 4.25 * clock))
+    found = complex(*measured["force"].values) * rig.full_scale
+    conforms.closed_form(abs(found / force - 1), below=0.003)
+
+
+@pytest.fixture(scope="module")
+def tracked(measured, rig):
+    """Undistorted tracks, their times, projection matrices and the beam's frame."""
+    cameras = chain.cameras_of(measured, "full")
+    uv = np.stack(
+        [lens.undistorted(c, own.swapaxes(0, 1)).swapaxes(0, 1)
+         for c, own in zip(cameras, measured["tracks"].values[:, 0], strict=True)]
+    )  # fmt: skip
+    own = np.arange(uv.shape[1]) / 60
+    P = lens.projection_matrices(cameras)
+    still = uv[:, own < REST]
+    rest = still.mean(axis=1)
+    points, seen = rc.triangulate_seen(P, rest)
+    assert (seen == 2).all()
+    frame = rc.fit_grid(points, rig.markers.world[:, :75])
+    return uv, own + measured["delay"].values[:, None], P, frame, points, still, rest
+
+
+def test_the_grid_at_rest_is_the_nominal_one(conforms, tracked):
+    frame = tracked[3]
+    conforms.closed_form(frame.rms, below=2e-5)
+    conforms.closed_form(frame.scale, 1, atol=1e-4)
+    conforms.closed_form(np.degrees(frame.tilt), below=0.02)
+
+
+def test_a_beam_at_rest_is_at_zero_within_noise(conforms, tracked):
+    _, _, P, frame, points, still, rest = tracked
+    heights = np.array([rc.deflection_at(P, frame, rest, own) for own in still.swapaxes(0, 1)])
+    expected = rc.height_deviation(P, frame, points, still.std(axis=1, ddof=1))
+    conforms.closed_form(expected.max(), below=5e-5)
+    conforms.sampled(np.sqrt(np.mean((heights / expected) ** 2)), 1, atol=0.1)
+    conforms.sampled(np.abs(heights / expected).max(), below=5.5)
+
+
+@pytest.fixture(scope="module")
+def harmonics(tracked, measured, rig):
+    uv, times, *_ = tracked
+    begin, end = measured["steady"].values
+    omega = 2 * np.pi * 4.25
+    steady = [(t >= begin) & (t <= end) for t in times]
+    turn = omega * rig.stations[0].sensor.exposure
+    return omega, [
+        fit_harmonics(omega, t[s], own[s], 4).unblurred(turn)
+        for t, own, s in zip(times, uv, steady, strict=True)
+    ]  # fmt: skip
+
+
+def test_bending_and_torsion_are_recovered_together(conforms, tracked, harmonics, rig):
+    # Torsion has twice the frequency of bending here, so that one fit has both.
+    _, _, P, frame, points, *_ = tracked
+    omega, fits = harmonics
+    at = rig.markers.positions[:, :75]
+    times = np.arange(16) * 2 * np.pi / (omega * 16)
+    uv = np.stack([own.at(omega, times).swapaxes(0, 1) for own in fits])
+    height = frame.to_beam(rc.triangulate_seen(P, uv)[0])[2]
+    conforms.independent(
+        harmonic_deflection(P, frame, omega, fits),
+        2 / 16 * np.exp(-1j * omega * times) @ height,
+        atol=1e-12,
+    )
+    noise = 2e-6  # m; the harmonics' standard error is checked against it
+    sigma = np.array([h.sigma * np.sqrt(h.covariance[1, 1]) for h in fits])
+    conforms.sampled(rc.height_deviation(P, frame, points, sigma).max(), below=3 * noise)
+    clock = np.exp(1j * omega * rig.stations[0].start)
+    for n, frequency, share in [(1, 4.25, 0.001), (2, 8.5, 0.015)]:
+        found = 2 / 16 * np.exp(-1j * n * omega * times) @ height
+        true = amplitudes(rig.motion, at, frequency) * clock**n
+        error = np.abs(found - true)
+        peak = np.abs(true).max()
+        conforms.closed_form(np.sqrt(np.mean(error**2)), below=share * peak)
+    rows = found.reshape(3, 25)
+    conforms.closed_form(np.abs(rows[0] + rows[2]).max(), below=0.03 * np.abs(rows).max())
+    conforms.closed_form(np.abs(rows[1]).max(), below=0.03 * np.abs(rows).max())
+
+
+def test_the_exposure_has_been_made_good(conforms, tracked, harmonics, rig):
+    _, _, P, frame, *_ = tracked
+    omega, fits = harmonics
+    true = amplitudes(rig.motion, rig.markers.positions[:, :75], 4.25)
+    clock = np.exp(1j * omega * rig.stations[0].start)
+    found = harmonic_deflection(P, frame, omega, fits)
+    ratio = np.vdot(true * clock, found) / np.vdot(true, true)
+    conforms.closed_form(abs(ratio), 1, atol=4e-4)
+    conforms.closed_form(abs(np.angle(ratio)), below=2 * np.pi * 4.25 * 0.02 / 60)
+
+
+def test_the_dataset_s_notes_and_units_are_complete(measured):
+    assert measured.sizes["camera"] == 2
+    assert measured.sizes["frame"] == 168
+    assert all({"units", "long_name"} <= set(v.attrs) for v in measured.data_vars.values())
+    assert "frames" in measured.attrs["synchronisation"]
+    assert measured.attrs["notes"] == ""
+
+
+# Bad input.
+
+
+@pytest.fixture
+def folder(tmp_path, recordings):
+    """A copy of the recordings that a test may break."""
+    return shutil.copytree(recordings, tmp_path / "copy", copy_function=os.link)
+
+
+def values_of(folder):
+    return yaml.safe_load((folder / "manifest.yaml").read_text())
+
+
+def change(folder, place, value):
+    """The manifest with one value changed or added."""
+    values = inside = values_of(folder)
+    *way, last = place
+    for part in way:
+        inside = inside[part]
+    inside[last] = value
+    (folder / "manifest.yaml").unlink()
+    (folder / "manifest.yaml").write_text(yaml.safe_dump(values))
+
+
+def refusal(folder, kind):
+    """The one line by which recordings are refused; nothing in their folder changes."""
+    before = contents(folder)
+    with pytest.raises(kind) as error:
+        chain.measure(read_manifest(folder / "manifest.yaml"), folder)
+    assert contents(folder) == before
+    message = str(error.value)
+    assert "\n" not in message
+    assert len(message) < 600
+    return message
+
+
+@cache
+def gray(n=12, size=SIZE, grey=60):
+    """Frames without a beam, but with noise."""
+    noise = np.random.default_rng(0).integers(-3, 4, (n, size[1], size[0]))
+    return (grey + noise).astype(np.uint8)
+
+
+def tone(seconds=2.8, gain=0.5):
+    t = np.arange(round(seconds * 48000)) / 48000
+    return gain * np.sin(2 * np.pi * 4.25 * t) * np.clip(4 * (t - 1), 0, 1)
+
+
+def rewritten(folder, frames=None, rate=60, sound=None, name="B"):
+    """A video of 2.8 s, as long as the sound, that repeats a few frames."""
+    repeated = islice(cycle(gray() if frames is None else frames), round(2.8 * rate))
+    media.write_video(folder / f"{name}.mkv", repeated, rate, tone() if sound is None else sound)
+
+
+def test_a_missing_video_is_named(folder):
+    (folder / "B.mkv").unlink()
+    message = refusal(folder, ManifestError)
+    assert "cameras[1].video" in message
+    assert '"B.mkv"' in message
+
+
+@pytest.mark.parametrize("share", [0.001, 0.3, 0.97])
+def test_a_truncated_video_is_named(folder, share):
+    data = (folder / "B.mkv").read_bytes()
+    (folder / "B.mkv").unlink()
+    (folder / "B.mkv").write_bytes(data[: int(share * len(data))])
+    assert f"{folder / 'B.mkv'}: " in refusal(folder, (MediaError, ManifestError))
+
+
+def write_plain(path, times, sound=None):
+    """A video with frames at given multiples of 1/60 s, and with sound if any is given."""
+    with av.open(str(path), "w") as file:
+        video = file.add_stream("ffv1", rate=60)
+        video.width, video.height, video.pix_fmt = *SIZE, "gray"
+        if sound is not None:
+            track = file.add_stream("pcm_s16le", rate=48000, layout="mono")
+        for k, image in zip(times, cycle(gray()), strict=False):
+            frame = av.VideoFrame.from_ndarray(image, format="gray")
+            frame.pts, frame.time_base = int(k), Fraction(1, 60)
+            file.mux(video.encode(frame))
+        file.mux(video.encode(None))
+        if sound is not None:
+            block = av.AudioFrame.from_ndarray(
+                (2**15 * sound).astype(np.int16)[None], "s16", "mono"
+            )
+            block.sample_rate = 48000
+            file.mux([*track.encode(block), *track.encode(None)])
+
+
+def test_a_video_without_sound_is_named(folder):
+    (folder / "B.mkv").unlink()
+    write_plain(folder / "B.mkv", range(12))
+    assert "B.mkv: no audio track" in refusal(folder, ManifestError)
+
+
+@pytest.mark.parametrize(
+    ("sound", "words"),
+    [(np.zeros(130_000), "B: silent audio"), (tone(gain=3), "B: clipped audio"),
+     (np.random.default_rng(1).normal(0, 0.1, 130_000), "B: correlation of")],
+    ids=["silent", "clipped", "another"],
+)  # fmt: skip
+def test_unusable_sound_names_the_camera(folder, sound, words):
+    rewritten(folder, sound=sound)
+    assert words in refusal(folder, SynchronisationError)
+
+
+def test_sound_that_ends_early_names_the_video(folder):
+    rewritten(folder, sound=tone(0.2))
+    message = refusal(folder, ManifestError)
+    assert "B.mkv: its pictures end at 2.800 s, its sound at 0.200 s" in message
+
+
+@pytest.mark.parametrize("rate", [50, 59.94])
+def test_another_frame_rate_is_named(folder, rate):
+    rewritten(folder, rate=rate)
+    message = refusal(folder, ManifestError)
+    assert "cameras[1].video" in message
+    assert f"{rate:g} frames per second, allowed: 60" in message
+
+
+def test_another_size_is_named(folder):
+    rewritten(folder, gray(12, (640, 360)))
+    assert "640 × 360 px, allowed: 960 × 540 px" in refusal(folder, ManifestError)
+
+
+def test_another_size_of_a_shot_is_named(folder):
+    media.write_png(folder / "A" / "03.png", gray(1, (640, 360))[0])
+    message = refusal(folder, ManifestError)
+    assert "cameras[0].shots" in message
+    assert "03.png" in message
+
+
+def test_fewer_than_three_usable_shots_are_counted(folder):
+    for k in range(6):
+        media.write_png(folder / "B" / f"{k:02d}.png", gray()[0])
+    message = refusal(folder, CalibrationError)
+    assert message.startswith("B: 2 of 8 shots show the board")
+
+
+def test_shots_without_a_board_are_left_out_and_said(conforms, folder, rig):
+    # Not refused: six others are enough.
+    for k in (3, 6):
+        media.write_png(folder / "B" / f"{k:02d}.png", gray()[0])
+    found = chain.calibrate(read_manifest(folder / "manifest.yaml"), folder)
+    assert len(found.lost) == 2
+    assert all("B, " in line and "\n" not in line for line in found.lost)
+    seen = np.isfinite(found.corners[:, :, 0, 0])
+    assert seen.tolist() == [[True] * 8, [k not in (3, 6) for k in range(8)]]
+    focal = [c.K[0, 0] / true.K[0, 0] for c, true in zip(found.full.cameras, rig.cameras,
+                                                         strict=True)]  # fmt: skip
+    conforms.closed_form(focal, 1, atol=3e-4)
+
+
+def test_parallel_boards_are_refused(folder):
+    for k in range(1, 8):
+        (folder / "A" / f"{k:02d}.png").unlink()
+        os.link(folder / "A" / "00.png", folder / "A" / f"{k:02d}.png")
+    assert refusal(folder, CalibrationError).startswith("A: the boards are parallel")
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(8, 9), (10, 10)])
+def test_another_board_than_the_manifest_s_is_not_found(folder, columns, rows):
+    change(folder, ("board",), {"columns": columns, "rows": rows, "tile_mm": 45.0,
+                                "margin_mm": 45.0})  # fmt: skip
+    for camera in (0, 1):
+        shots = [f"{'AB'[camera]}/0{k}.png" for k in range(3)]
+        change(folder, ("cameras", camera, "shots"), shots)
+    assert "0 of 3 shots" in refusal(folder, CalibrationError)
+
+
+def shifted(image, right):
+    """The picture moved to the right, background coming in from the left."""
+    moved = np.full_like(image, 60)
+    moved[:, right:] = image[:, :-right]
+    return moved
+
+
+@pytest.mark.parametrize("what", ["nothing", "half"])
+def test_a_beam_out_of_the_frame_is_refused_with_the_file(folder, recordings, what):
+    for name in "AB":
+        first = next(media.read_frames(recordings / f"{name}.mkv", 0, 1))
+        frames = gray(3) if what == "nothing" else np.stack([shifted(first, 600)] * 3)
+        rewritten(folder, frames, sound=media.read_audio(recordings / f"{name}.mkv")[0], name=name)
+    message = refusal(folder, TrackingError)
+    assert message.startswith(f"{folder / 'A.mkv'}: frame 0: ")
+
+
+@pytest.mark.parametrize("dropped", [5, 8])
+def test_a_dropped_frame_is_named(folder, dropped):
+    (folder / "B.mkv").unlink()
+    write_plain(folder / "B.mkv", np.delete(np.arange(168), dropped), tone())
+    assert f"B.mkv: variable frame rate: frame {dropped} " in refusal(folder, MediaError)
+
+
+@pytest.mark.parametrize("place", ["../B.mkv", "/etc/hostname", "A/../../B.mkv"])
+def test_a_path_that_climbs_out_is_refused(folder, place):
+    shutil.copy(folder / "B.mkv", folder.parent / "B.mkv")
+    change(folder, ("cameras", 1, "video"), place)
+    message = refusal(folder, ManifestError)
+    assert "cameras[1].video" in message
+    assert "inside the manifest's folder" in message
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [(("cameras", 0, "frame_rate"), 60, "cameras[0].frame_rate: no such field"),
+     (("camreas",), 1, "no such field (did you mean cameras?)"),
+     (("excitation", "frequency_hz"), "4", "excitation.frequency_hz"),
+     (("structure", "markers", "rows"), 4, "structure.markers")],
+)  # fmt: skip
+def test_unknown_and_wrong_fields_are_named(folder, place, value, words):
+    change(folder, place, value)
+    assert words in refusal(folder, ManifestError)
+
+
+def test_markers_that_are_not_where_the_manifest_has_them_are_refused(folder):
+    points = [[50.0, 10.0], [150.0, 20.0], [300.0, 15.0], [500.0, 10.0]]
+    change(folder, ("structure", "markers"), {"points_mm": points, "hole_mm": [24.0, 10.0]})
+    assert "of 5 markers are found" in refusal(folder, TrackingError)
+
+
+# Memory.
+
+
+def test_the_memory_of_following_is_independent_of_length(tmp_path, rig, monkeypatch):
+    image = next(laboratory_film.frames(rig, 0))
+    read, peaks = media.read_frames, []
+
+    def watched(path):
+        for k, frame in enumerate(read(path)):
+            if k == 1:  # finding the beam takes more than following it
+                tracemalloc.reset_peak()
+            yield frame
+
+    monkeypatch.setattr(media, "read_frames", watched)
+    for n in (3, 9):
+        path = tmp_path / f"{n}.mkv"
+        media.write_video(path, (image for _ in range(n)), 60, np.zeros(n * 800))
+        tracemalloc.start()
+        try:
+            found, *_ = following.follow(path, rig.cameras[0], rig.markers, [960])
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+        assert found.shape == (1, n, 2, 75)
+    assert peaks[1] - peaks[0] < image.nbytes

@@ -1,0 +1,359 @@
+"""Pictures against exact areas, closed forms of blur and noise, and projected discs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes.calibration import picture
+from scenes.discs import camera, disc_centroids
+from scipy.special import ndtr
+
+from thesis_lib.facts import setups
+from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.laboratory.render import (
+    FINE,
+    BeamView,
+    Polygons,
+    Sensor,
+    board_image,
+    expose,
+    rasterise,
+)
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.markers import on_surface, rows_on
+from thesis_lib.vibration.motion import Component, Motion
+from thesis_lib.vision import lens
+
+BEAM = setups.beam()
+SHARP = Sensor(spread=0.0, samples=1)
+SIZE = (40, 30)
+
+
+def one(uv, contrast=1.0, size=SIZE):
+    """Coverage by one polygon."""
+    return rasterise(np.asarray(uv, float), Polygons(np.array([0]), np.array([contrast])), *size)
+
+
+def star(seed, n=9, middle=(20, 15), reach=14.0):
+    """A polygon that does not cross itself, far from convex."""
+    rng = np.random.default_rng(seed)
+    angle = np.sort(rng.uniform(0, 2 * np.pi, n)) + rng.uniform(0, 7)
+    radius = rng.uniform(0.1, 1, n) * reach
+    return np.array(middle)[:, None] + radius * np.stack([np.cos(angle), np.sin(angle)])
+
+
+def area(uv):
+    """By the shoelace formula, its sign telling which way round."""
+    x, y = uv
+    return 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+
+
+def clipped(polygon, pixel):
+    """A polygon (n, 2) within the square of a pixel, by Sutherland and Hodgman's method."""
+    for axis in (0, 1):
+        for sign, bound in ((1, pixel[axis]), (-1, -pixel[axis] - 1)):
+            kept = []
+            for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+                p, q = sign * a[axis] - bound, sign * b[axis] - bound
+                if p >= 0:
+                    kept.append(a)
+                if (p >= 0) != (q >= 0):
+                    kept.append(a + p / (p - q) * (b - a))
+            if not kept:
+                return np.zeros((0, 2))
+            polygon = np.array(kept)
+    return polygon
+
+
+def by_clipping(uv, size=SIZE):
+    """Coverage of every pixel, one after the other."""
+    return np.array(
+        [
+            [abs(area(part.T)) if len(part := clipped(uv.T, (u, v))) else 0.0
+             for u in range(size[0])]
+            for v in range(size[1])
+        ]
+    )  # fmt: skip
+
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+# Areas.
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("middle", [(20, 15), (2, 28), (38.3, 4.1), (-3, 12)])
+def test_coverage_is_the_area_of_the_polygon_in_each_pixel(conforms, seed, middle):
+    uv = star(seed, middle=middle)
+    conforms.independent(one(uv), by_clipping(uv), atol=1e-12)
+
+
+@given(SEEDS, st.integers(3, 40))
+def test_total_coverage_is_the_shoelace_s_area(conforms, seed, n):
+    uv = star(seed, n)
+    conforms.closed_form(one(uv).sum(), abs(area(uv)), atol=1e-12 * SIZE[0] * SIZE[1])
+
+
+@given(SEEDS)
+def test_the_centroid_of_the_coverage_is_within_a_pixel_s_moment_of_the_polygon_s(conforms, seed):
+    # On a grid so fine that the pixels' own shape does not count.
+    uv = 8 * star(seed, 6)
+    u, v = np.arange(320) + 0.5, np.arange(240) + 0.5
+    share = one(uv, size=(320, 240))
+    x, y = uv
+    cross = x * np.roll(y, -1) - y * np.roll(x, -1)
+    exact = [np.sum((c + np.roll(c, -1)) * cross) / (6 * area(uv)) for c in uv]
+    found = [np.sum(share * u), np.sum(share * v[:, None])] / share.sum()
+    conforms.closed_form(found, exact, atol=0.5 * 320 / abs(area(uv)) ** 0.5 / 4)
+
+
+@given(SEEDS)
+def test_coverage_is_the_same_either_way_round_and_from_any_vertex(conforms, seed):
+    uv = star(seed)
+    conforms.invariance(one(uv[:, ::-1]), one(uv), atol=1e-13)
+    conforms.invariance(one(np.roll(uv, 4, axis=1)), one(uv), atol=1e-13)
+
+
+@given(SEEDS, st.integers(-40, 40), st.integers(-40, 40))
+def test_whole_pixels_shift_the_coverage(conforms, seed, right, down):
+    uv, large = star(seed), (120, 110)
+    at = one(uv + [[40], [40]], size=large)
+    moved = one(uv + [[40 + right], [40 + down]], size=large)
+    conforms.invariance(moved, np.roll(at, (down, right), (0, 1)), atol=1e-12)
+
+
+@given(SEEDS, st.floats(-20, 60), st.floats(-15, 45))
+def test_what_is_outside_the_picture_is_cut_off_and_the_rest_stays(conforms, seed, u, v):
+    uv = star(seed, middle=(u, v))
+    wide = one(uv + [[60], [60]], size=(160, 150))
+    conforms.invariance(one(uv), wide[60:90, 60:100], atol=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 1.0])
+def test_vertices_and_sides_may_lie_on_the_borders_of_pixels(conforms, share):
+    square = np.array([[3, 7, 7, 3], [2, 2, 5, 5]]) + share
+    expected = np.zeros((30, 40))
+    whole = [1 - share, 1, 1, 1, share]
+    expected[2:6, 3:8] = np.outer([1 - share, 1, 1, share], whole)
+    conforms.closed_form(one(square), expected, atol=1e-14)
+
+
+def test_polygons_add_up_with_their_contrasts_and_frames_are_averaged(conforms):
+    a, b = star(1), star(2, 12)
+    both = Polygons(np.array([0, 9]), np.array([2.0, -3.0]))
+    uv = np.concatenate([a, b], axis=1)
+    expected = 2 * one(a) - 3 * one(b)
+    conforms.invariance(rasterise(uv, both, *SIZE), expected, atol=1e-12)
+    moved = uv + [[1.3], [-0.4]]
+    mean = 0.5 * (expected + rasterise(moved, both, *SIZE))
+    conforms.invariance(rasterise(np.stack([uv, moved], axis=1), both, *SIZE), mean, atol=1e-12)
+
+
+def square(grey=100.0, sensor=SHARP, rng=None, size=(400, 300)):
+    """A picture that is of one grey level in the middle."""
+    uv = np.array([[50.0, 350, 350, 50], [50, 50, 250, 250]])
+    polygons = Polygons(np.array([0]), np.array([grey - sensor.background]))
+    return expose(uv, polygons, size, sensor, rng)
+
+
+@pytest.mark.parametrize("grey", [20.0, 100.0, 200.0])
+def test_noise_has_the_variance_of_photons_and_of_reading(conforms, grey):
+    image = square(grey, rng=np.random.default_rng(1)).astype(float)
+    rounding = 1 / 12
+    for part, level in [(image[60:240, 60:340], grey), (image[:45], 60.0)]:
+        n = part.size
+        conforms.sampled(part.mean(), level, atol=4 * np.sqrt(11 / n))
+        expected = 0.05 * level + 1 + rounding
+        conforms.sampled(part.var(ddof=1), expected, rtol=5 * np.sqrt(2 / n))
+
+
+@pytest.mark.parametrize(("shot", "read"), [(0.0, 3.0), (0.2, 0.0)])
+def test_each_noise_has_its_own_strength(conforms, shot, read):
+    sensor = replace(SHARP, shot=shot, read=read)
+    part = square(150.0, sensor, np.random.default_rng(2))[60:240, 60:340].astype(float)
+    conforms.sampled(part.var(), shot * 150 + read**2 + 1 / 12, rtol=0.05)
+
+
+def test_noise_is_white(conforms):
+    image = square(150.0, rng=np.random.default_rng(3)).astype(float)[60:240, 60:340] - 150
+    var = np.mean(image**2)
+    for down, right in [(0, 1), (1, 0), (1, 1)]:
+        moved = np.roll(image, (down, right), (0, 1))
+        conforms.sampled(abs(np.mean(image * moved)), below=5 * var / np.sqrt(image.size))
+
+
+def test_without_a_generator_there_is_no_noise_and_levels_are_rounded():
+    image = square(99.6)
+    assert image.dtype == np.uint8
+    assert np.unique(image).tolist() == [60, 100]
+
+
+def test_dark_and_bright_levels_saturate(conforms):
+    sensor = replace(SHARP, read=80.0)
+    image = square(250.0, sensor, np.random.default_rng(4))
+    assert (image == 0).any()
+    assert (image == 255).any()
+    conforms.closed_form(
+        np.abs(np.mean(image[60:240, 60:340] == 255) - 0.476), below=0.02
+    )  # Φ((254.5 − 250)/80.1)
+
+
+@pytest.mark.parametrize("spread", [0.4, 0.6, 1.2])
+@pytest.mark.parametrize("place", [50.0, 50.3, 50.75])
+def test_an_edge_is_blurred_by_a_gaussian_and_the_pixel(conforms, spread, place):
+    uv = np.array([[place, 350, 350, place], [50, 50, 250, 250]])
+    polygons = Polygons(np.array([0]), np.array([140.0]))
+    row = expose(uv, polygons, (400, 300), replace(SHARP, spread=spread), None)[150, 30:70]
+    u = np.arange(30, 70)
+    to = (np.stack([u, u + 1]) - place) / spread
+    bell = np.exp(-0.5 * to**2) / np.sqrt(2 * np.pi)
+    exact = 60 + 140 * spread * np.diff(to * ndtr(to) + bell, axis=0)[0]
+    # The trapezoidal rule on the finer grid errs by its step squared over 12 at each kink.
+    by_grid = 140 / (12 * FINE**2) * np.abs(np.diff(bell, axis=0)).max() / spread
+    conforms.closed_form(row, exact, atol=0.6 + by_grid)
+
+
+def test_the_spread_keeps_all_light(conforms):
+    blurred, sharp = (square(200.0, replace(SHARP, spread=s)).astype(float) for s in (0.6, 0.0))
+    conforms.invariance(blurred.sum(), sharp.sum(), rtol=1e-4)
+
+
+# The beam.
+
+
+def view(motion=None, sensor=None, markers=None, at=None):
+    markers = markers or rows_on(BEAM)
+    return BeamView(at or camera(), markers, motion or Motion(BEAM), sensor or Sensor())
+
+
+def grey_centroids(image, where, white, half):
+    """Centroids of what is missing to white about some places."""
+    found = []
+    for u, v in np.floor(where).astype(int).T:
+        across, along = slice(v - half[1], v + half[1] + 1), slice(u - half[0], u + half[0] + 1)
+        part = white - image[across, along].astype(float)
+        du, dv = np.arange(-half[0], half[0] + 1) + 0.5, np.arange(-half[1], half[1] + 1) + 0.5
+        found.append([u + np.sum(part * du), v + np.sum(part * dv[:, None])])
+        found[-1] = [
+            u + np.sum(part * du) / part.sum(),
+            v + np.sum(part * dv[:, None]) / part.sum(),
+        ]
+    return np.array(found).T
+
+
+ROW_BEAM = replace(BEAM, length=0.68, width=0.06)
+ROW = rows_on(ROW_BEAM, rows=1, hole=None)  # room to integrate
+
+
+@pytest.mark.parametrize("azimuth", [-10.0, 170.0])
+@pytest.mark.parametrize("time", [0.0, 2.3, 2.37])
+def test_markers_are_where_their_discs_on_the_deflected_surface_project_to(conforms, azimuth, time):
+    parts = (Component(), Component("torsion", 1, 6.0, 0.002))
+    motion, at = Motion(ROW_BEAM, parts), camera(azimuth)
+    sensor = replace(Sensor(), samples=1, white=250, dark=0)  # rounding matters least
+    image = view(motion, sensor, ROW, at).frame(time)
+    assert image.dtype == np.uint8
+    assert image.shape == (1080, 1920)
+
+    def deflection(points):
+        return motion.deflection(points, np.array([time]))[0]
+
+    exact = disc_centroids(at, ROW, deflection)
+    found = grey_centroids(image, exact, 250, (10, 7))
+    conforms.closed_form(found, exact, atol=0.005)
+    conforms.closed_form(np.abs(np.mean(found - exact, axis=1)).max(), below=0.001)
+
+
+def test_a_disc_s_centroid_is_not_its_centre_s_image(conforms):
+    # What the test above would miss if it took centres instead.
+    at = camera()
+    exact = disc_centroids(at, ROW, lambda points: 0 * points[0])
+    centre = lens.project(at, on_surface(ROW.extent, ROW.positions))
+    conforms.closed_form(np.abs(exact - centre).max(), above=0.007, below=0.02)
+
+
+def test_the_polygon_of_a_marker_has_the_disc_s_area(conforms):
+    points = view(markers=ROW).points
+    for disc in points[:, -25 * BeamView.VERTICES :].reshape(2, 25, -1).transpose(1, 0, 2):
+        conforms.closed_form(abs(area(disc)), np.pi * 0.0025**2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("exposure", [1 / 60, 1 / 30])
+def test_an_exposure_shrinks_a_vibration_by_sinc(conforms, exposure):
+    motion, at = Motion(ROW_BEAM), camera()
+    peak = motion.start + 10.25 / 4.25
+    sensor = replace(Sensor(), exposure=exposure, samples=16)
+    moving = view(motion, sensor, ROW, at)
+
+    def centroid(time):
+        return disc_centroids(at, ROW, lambda p: motion.deflection(p, np.array([time]))[0], [-1])
+
+    still, most = centroid(0.0), centroid(peak)
+    times = peak + exposure * ((np.arange(200) + 0.5) / 200 - 0.5)
+    mean = np.mean([centroid(t) for t in times], axis=0)
+    found = grey_centroids(moving.frame(peak), mean, 200, (10, 7))
+    conforms.closed_form(found, mean, atol=0.006)
+    shrunk = np.linalg.norm(found - still) / np.linalg.norm(most - still)
+    conforms.closed_form(shrunk, np.sinc(4.25 * exposure), atol=0.0015)
+    conforms.closed_form(shrunk, below=1 - 0.9 * (np.pi * 4.25 * exposure) ** 2 / 6)
+
+
+def test_a_beam_at_rest_is_the_same_however_long_the_exposure():
+    frames = [view(sensor=replace(Sensor(), exposure=e, samples=s)).frame(0.5)
+              for e, s in [(0.004, 8), (0.016, 1)]]  # fmt: skip
+    np.testing.assert_array_equal(*frames)
+
+
+def test_frames_are_those_of_their_seed(conforms):
+    moving = view()
+    frames = [moving.frame(2.0, np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(frames[0], frames[1])
+    difference = frames[2].astype(float) - frames[0]
+    conforms.closed_form(np.std(difference[:100]), np.sqrt(2 * (4 + 1 / 12)), rtol=0.02)
+    clean = moving.frame(2.0)
+    conforms.sampled(abs(np.mean(frames[0].astype(float) - clean)), below=0.02)
+
+
+@pytest.mark.parametrize("shift", [[4000.0, 0], [0, -3000.0]])
+def test_a_beam_out_of_view_leaves_the_background(shift):
+    at = camera(k1=0.0)
+    at.K[:2, 2] += shift
+    np.testing.assert_array_equal(view(at=at).frame(0.0), 60)
+
+
+def test_a_beam_partly_out_of_view_is_the_part_of_a_larger_picture(conforms):
+    at = camera(size=(1920, 1080), k1=0.0)
+    shifted = replace(at, K=at.K + np.array([[0, 0, -700.0], [0, 0, -540.0], [0, 0, 0]]),
+                      size=(700, 400))  # fmt: skip
+    whole, part = view(at=at).frame(2.3), view(at=shifted).frame(2.3)
+    assert part.max() == 200
+    inside = slice(5, 395), slice(5, 695)  # the spread mirrors what is beyond the border
+    conforms.closed_form(
+        part[inside].astype(int), whole[540:940, 700:1400][inside].astype(int), atol=1
+    )
+
+
+# The board.
+
+
+@pytest.mark.parametrize("pose", [0, 9])
+def test_a_board_is_what_counting_samples_makes_of_it(conforms, pose):
+    R, t = (part[pose] for part in default_poses())
+    at = camera(size=(640, 360))
+    image = board_image(at, Board(), R, t, replace(Sensor(), background=90.0))
+    counted = picture(at, R, t, samples=512)
+    assert image.shape == (360, 640)
+    difference = (image - counted)[4:-4, 4:-4]  # the spread mirrors what is beyond the border
+    conforms.independent(np.abs(difference).max(), below=5)
+    conforms.independent(np.sqrt(np.mean(difference**2)), below=0.3)
+
+
+def test_a_board_is_printed_on_both_sides():
+    turned = np.diag([1.0, -1.0, -1.0])
+    at = camera(size=(640, 360), elevation=70.0)
+    for R in (np.eye(3), turned):
+        image = board_image(at, Board(), R, [0, 0, 0.0], SHARP)
+        assert np.count_nonzero(image == 30) > 0.15 * image.size

@@ -1,0 +1,435 @@
+"""The rule for stated figures, and the file that they stand in."""
+
+import csv
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from scenes.ledger import cube_of, sets
+
+from thesis_lib.facts import claims, setups
+from thesis_lib.facts.claims import half_digit, read_claims
+from thesis_lib.facts.numbers import read_numbers
+from thesis_lib.facts.trends import read_trends
+from thesis_lib.ledger import verdicts
+from thesis_lib.ledger.verdicts import undefined
+from thesis_lib.studies import cubes
+
+CLAIMS = read_claims()
+TEXT = (setups.data_folder() / "claims.csv").read_text(encoding="utf-8")
+HEADER = TEXT.splitlines()[0].split(",")
+ROW = {
+    "id": "one", "figure_set": "beam-distance", "section": "3.3.1", "figure": "3.4", "panel": "d",
+    "case": "1", "mode": "1", "quantity": "mean_error", "value": "500", "relation": "about",
+    "low": "10", "high": "10", "excepted": "0", "pair_order": "", "conflicts": "",
+    "conflict_why": "",
+}  # fmt: skip
+
+
+@pytest.fixture
+def stated(tmp_path, monkeypatch):
+    """Claims read from a file with one row for each of the given changes."""
+
+    def read(*changes, header=HEADER):
+        with (tmp_path / "claims.csv").open("w", encoding="utf-8", newline="") as file:
+            rows = csv.writer(file)
+            rows.writerow(header)
+            rows.writerows([{**ROW, **change}[name] for name in header] for change in changes)
+        monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
+        return read_claims()
+
+    return read
+
+
+def cube_with(literal, bands, case="1", values=(500.0, 1000.0), medians=None, trials=21):
+    """A cube whose settings have these literal runs, and bands and medians of the trials.
+
+    Of 21 trials the 5 % quantile is the second and the median the eleventh.
+    """
+    errors = []
+    for number, (first, (low, high)) in enumerate(zip(literal, bands, strict=True)):
+        middle = (low + high) / 2 if medians is None else medians[number]
+        errors.append([first, *[low] * 10, middle, *[high] * 10][: trials + 1])
+    count = len(errors)
+    errors = np.array(errors)[:, None]
+    return xr.Dataset(
+        {
+            "mean_error": (("setting", "mode", "trial"), errors),
+            "max_point_error": (("setting", "mode", "trial"), 2 * errors),
+        },
+        coords={
+            "case": ("setting", [case] * count),
+            "value": ("setting", list(values)[:count]),
+            "pair_order": ("setting", [""] * count),
+            "mode": [1],
+        },
+    )
+
+
+def checked(cube, claim):
+    (check,) = verdicts.check(cube, [claim])
+    return check
+
+
+# -- The rule --
+
+
+@pytest.mark.parametrize(
+    ("text", "half"),
+    [("10", 0.5), ("1.2", 0.05), ("0.25", 0.005), ("100", 0.5), ("5.0", 0.05), ("2.", 0.5)],
+)
+def test_half_of_the_last_printed_digit(text, half):
+    assert half_digit(text) == pytest.approx(half, rel=1e-12)
+
+
+FAR = (90, 95)
+EXACT = [
+    ("about", "10", "10", 9.5, True),
+    ("about", "10", "10", 10.5, True),
+    ("about", "10", "10", 9.49, False),
+    ("about", "10", "10", 10.51, False),
+    ("about", "10.0", "10.0", 10.05, True),
+    ("about", "10.0", "10.0", 10.06, False),
+    ("about", "1.25", "1.25", 1.254, True),
+    ("about", "1.25", "1.25", 1.256, False),
+    ("range", "10", "15", 9.5, True),
+    ("range", "10", "15", 12.3, True),
+    ("range", "10", "15", 15.5, True),
+    ("range", "10", "15", 9.4, False),
+    ("range", "10", "15", 15.6, False),
+    ("range", "0.5", "4", 0.45, True),
+    ("range", "0.5", "4", 4.5, True),
+    ("range", "0.5", "4", 0.44, False),
+    ("max", "40", "40", 0.0, True),
+    ("max", "40", "40", 40.5, True),
+    ("max", "40", "40", 40.6, False),
+    ("less_than", "1.5", "1.5", 0.0, True),
+    ("less_than", "1.5", "1.5", 1.499, True),
+    ("less_than", "1.5", "1.5", 1.5, False),
+    ("less_than", "1", "1", 1.01, False),
+    ("min", "40", "40", 1e9, True),
+    ("min", "40", "40", 39.5, True),
+    ("min", "40", "40", 39.4, False),
+]
+
+
+@pytest.mark.parametrize(("relation", "low", "high", "literal", "agrees"), EXACT)
+def test_a_literal_run_agrees_to_the_printed_digits_whatever_the_band(
+    stated, relation, low, high, literal, agrees
+):
+    (claim,) = stated({"relation": relation, "low": low, "high": high})
+    band = (-50, -40) if relation == "min" else FAR
+    check = checked(cube_with([literal], [band]), claim)
+    assert check.exact == agrees
+    assert not check.inside
+    assert check.verdict == ("agrees" if agrees else "differs")
+
+
+BANDS = [  # the margin is half a point below 10 %, and one point from there on
+    ("about", "10", "10", (11, 14), True),
+    ("about", "10", "10", (11.01, 14), False),
+    ("about", "10", "10", (5, 9), True),
+    ("about", "10", "10", (5, 8.99), False),
+    ("about", "9.5", "9.5", (10, 14), True),
+    ("about", "9.5", "9.5", (10.01, 14), False),
+    ("about", "9.5", "9.5", (5, 9), True),
+    ("about", "9.5", "9.5", (5, 8.99), False),
+    ("range", "8", "18", (19, 30), True),
+    ("range", "8", "18", (2, 7), True),
+    ("range", "8", "18", (2, 6.99), False),
+    ("range", "2", "4", (4.5, 8), True),
+    ("range", "2", "4", (4.51, 8), False),
+    ("range", "2", "4", (0, 100), True),
+    ("max", "40", "40", (41, 60), True),
+    ("max", "40", "40", (41.01, 60), False),
+    ("less_than", "5", "5", (5.5, 60), True),
+    ("less_than", "5", "5", (5.51, 60), False),
+    ("min", "40", "40", (10, 39), True),
+    ("min", "40", "40", (10, 38.99), False),
+]
+
+
+@pytest.mark.parametrize(("relation", "low", "high", "band", "meets"), BANDS)
+def test_the_widened_band_of_the_trials_decides_between_scatter_and_difference(
+    stated, relation, low, high, band, meets
+):
+    (claim,) = stated({"relation": relation, "low": low, "high": high})
+    off = -10.0 if relation == "min" else 99.0
+    check = checked(cube_with([off], [band]), claim)
+    assert not check.exact
+    assert check.verdict == ("within scatter" if meets else "differs")
+    assert (check.low, check.high) == band
+
+
+def test_band_is_from_5_to_95_percent_of_the_trials_without_the_literal_run(stated):
+    (claim,) = stated({})
+    errors = np.random.default_rng(0).permutation(np.arange(101.0))
+    cube = cube_with([0], [(0, 0)]).isel(trial=[0] * 102).copy(deep=True)
+    cube["mean_error"][0, 0] = [1e6, *errors]
+    check = checked(cube, claim)
+    assert (check.literal, check.low, check.median, check.high) == (1e6, 5, 50, 95)
+
+
+def test_a_claim_about_all_settings_holds_if_it_holds_for_each(stated):
+    (claim,) = stated({"value": "all"})
+    good, near, bad = (9, 11), (10.5, 12), (12, 13)
+    for bands, literal, verdict in (
+        ([good, good], [10, 10], "agrees"),
+        ([bad, bad], [10, 10], "agrees"),
+        ([good, near], [10, 11], "within scatter"),
+        ([good, good], [11, 10], "within scatter"),
+        ([good, bad], [10, 11], "differs"),
+        ([bad, good], [10, 11], "differs"),
+    ):
+        assert checked(cube_with(literal, bands), claim).verdict == verdict
+
+
+@pytest.mark.parametrize("worst", [0, 1, 2])
+def test_the_setting_that_is_farthest_off_is_shown(stated, worst):
+    (claim,) = stated({"value": "all", "relation": "range", "low": "10", "high": "12"})
+    bands = [(13, 14), (7, 9), (13.5, 20)]
+    bands[worst] = (2, 5)
+    literal, medians = [1.0, 2.0, 3.0], [13.25, 8.25, 15.25]
+    medians[worst] = 4.5
+    cube = cube_with(literal, bands, values=(1.0, 2.0, 3.0), medians=medians)
+    check = checked(cube, claim)
+    assert (check.literal, check.median) == (literal[worst], 4.5)
+    assert (check.low, check.high) == (2, 5)
+
+
+def test_a_claim_about_some_settings_leaves_out_the_others(stated):
+    cube = cube_with([10, 50, 10], [(9, 11), (50, 51), (9, 11)], values=(1.0, 2.0, 3.0))
+    for value, verdict in (("1", "agrees"), ("1;3", "agrees"), ("2;3", "differs")):
+        (claim,) = stated({"value": value})
+        assert checked(cube, claim).verdict == verdict
+
+
+def test_order_of_the_settings_and_other_cases_change_nothing(stated):
+    (claim,) = stated({"value": "all"})
+    cube = cube_with([10, 11, 12], [(9, 11), (10, 12), (11, 14)], values=(1.0, 2.0, 3.0))
+    other = cube_with([99], [FAR], case="2a")
+    for changed in (cube.isel(setting=[2, 0, 1]), xr.concat([other, cube], "setting")):
+        assert checked(changed, claim) == checked(cube, claim)
+
+
+def test_quantity_and_mode_are_those_of_the_claim(stated):
+    mean, largest = stated({}, {"id": "two", "quantity": "max_point_error"})
+    cube = cube_with([10], [(9, 11)])
+    assert checked(cube, largest).median == 2 * checked(cube, mean).median
+    modes = xr.concat([cube, 5 * cube[["mean_error"]]], "mode", data_vars="minimal")
+    modes = modes.assign_coords(mode=[1, 3])
+    assert checked(modes, replace(mean, mode=3)).median == 5 * checked(modes, mean).median
+
+
+@pytest.mark.parametrize(
+    ("relation", "low", "high", "median", "ratio"),
+    [
+        ("about", "10", "10", 10, 1),
+        ("about", "10", "10", 15, 1.5),
+        ("about", "10", "10", 5, 0.5),
+        ("range", "8", "18", 8, 1),
+        ("range", "8", "18", 12, 1),
+        ("range", "8", "18", 36, 2),
+        ("range", "8", "18", 2, 0.25),
+        ("max", "40", "40", 1, 1),
+        ("less_than", "40", "40", 60, 1.5),
+        ("min", "40", "40", 80, 1),
+        ("min", "40", "40", 20, 0.5),
+    ],
+)
+def test_ratio_is_to_the_nearest_value_that_is_allowed(stated, relation, low, high, median, ratio):
+    (claim,) = stated({"relation": relation, "low": low, "high": high})
+    check = checked(cube_with([1], [(0, 100)], medians=[median]), claim)
+    assert check.ratio == pytest.approx(ratio)
+
+
+@pytest.mark.parametrize(
+    ("relation", "low", "high", "text"),
+    [
+        ("about", "10", "10", "10 %"),
+        ("range", "10", "15", "10–15 %"),
+        ("range", "0.5", "4", "0.5–4 %"),
+        ("max", "40", "40", "≤ 40 %"),
+        ("less_than", "1.5", "1.5", "< 1.5 %"),
+        ("min", "40", "40", "≥ 40 %"),
+    ],
+)
+def test_a_claim_in_a_few_characters(stated, relation, low, high, text):
+    (claim,) = stated({"relation": relation, "low": low, "high": high})
+    assert claim.stated == text
+
+
+# -- Where the text leaves out one marker --
+
+
+def markers(errors_percent, trials=3):
+    """A cube of four markers, of which the third moves most, with these errors in every trial."""
+    reference = 1e-3 * np.array([0.0, 1.0, -4.0, 3.0])
+    measured = reference + np.array(errors_percent) / 100 * 4e-3
+    cube = cube_with([0], [(0, 0)], trials=trials)
+    measured = np.broadcast_to(measured, (1, 1, trials + 1, 4))
+    return cube.assign(
+        reference_deflection=(("mode", "point"), [reference]),
+        measured_deflection=(("setting", "mode", "trial", "point"), measured),
+    )
+
+
+def test_excepting_a_marker_means_the_second_largest_error(stated):
+    change = {"quantity": "max_point_error", "excepted": "1", "relation": "max",
+              "low": "5", "high": "5"}  # fmt: skip
+    (claim,) = stated(change)
+    for errors, shown, verdict in (
+        ([1, -80, 3, 2], 3, "agrees"),
+        ([0, 0, 0, 100], 0, "agrees"),
+        ([1, -80, 3, -20], 20, "differs"),
+        ([-5, 4, 3, 2], 4, "agrees"),
+    ):
+        check = checked(markers(errors), claim)
+        assert check.median == pytest.approx(shown, abs=1e-9)
+        assert check.verdict == verdict
+
+
+def test_the_second_largest_error_is_taken_in_each_trial(stated):
+    (claim,) = stated({"quantity": "max_point_error", "excepted": "1"})
+    rng = np.random.default_rng(5)
+    cube = markers([0, 0, 0, 0])
+    measured = cube["measured_deflection"].values + rng.normal(0, 1e-3, (1, 1, 4, 4))
+    cube["measured_deflection"] = cube["measured_deflection"].dims, measured
+    reference = cube["reference_deflection"].values[0]
+    for trial, found in enumerate(verdicts.errors(cube, claim).values[0]):
+        off = sorted(100 * abs(measured[0, 0, trial, i] - reference[i]) / 4e-3 for i in range(4))
+        assert found == pytest.approx(off[2])
+
+
+# -- What cannot be judged --
+
+
+def test_what_is_undefined_has_a_reason_and_no_check(stated):
+    (claim,) = stated({})
+    cube = cube_with([10, 10], [(9, 11), (9, 11)])
+    nodal = cube.copy(deep=True)
+    nodal["mean_error"][0] = np.nan
+    for made, one, reason in (
+        (cube, replace(claim, mode=2), "mode 2 was not run"),
+        (cube, replace(claim, case="2a"), "case 2a was not run at 500"),
+        (cube, replace(claim, case="2a", values=()), "case 2a was not run"),
+        (cube, replace(claim, values=(500.0, 510.0, 7.5)), "case 1 was not run at 510, 7.5"),
+        (cube, replace(claim, pair_order="printed"), "case 1 was not run at 500"),
+        (cube.isel(trial=[0]), claim, "the cube has no random trials"),
+        (nodal, claim, "the reference is zero: a nodal plane"),
+    ):
+        assert undefined(made, one) == reason
+        assert verdicts.check(made, [one]) == []
+    assert undefined(cube, claim) == ""
+    assert undefined(nodal, replace(claim, values=(1000.0,))) == ""
+
+
+# -- The file --
+
+
+@pytest.mark.parametrize(
+    ("field", "text"),
+    [
+        ("id", ""),
+        ("id", "first"),
+        ("figure_set", ""),
+        ("section", ""),
+        ("mode", "two"),
+        ("mode", "1.0"),
+        ("mode", ""),
+        ("quantity", "error"),
+        ("quantity", ""),
+        ("value", "every"),
+        ("value", "500;"),
+        ("value", "nan"),
+        ("value", "500;inf"),
+        ("relation", "above"),
+        ("relation", ""),
+        ("low", ""),
+        ("low", "ten"),
+        ("low", "nan"),
+        ("high", "inf"),
+        ("high", "10 %"),
+        ("excepted", "one"),
+        ("excepted", ""),
+    ],
+)
+def test_a_malformed_field_is_named_with_its_line(stated, field, text):
+    with pytest.raises(ValueError, match=r"^claims\.csv, line 3: ") as refusal:
+        stated({"id": "first"}, {field: text}, {"id": "last"})
+    assert str(refusal.value).startswith(f"claims.csv, line 3: {field}: given {text!r}")
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", HEADER)
+def test_a_missing_column_is_refused(stated, name):
+    header = [column for column in HEADER if column != name]
+    with pytest.raises(ValueError, match=r"^claims\.csv, line 1: given .*allowed: id, figure_set"):
+        stated({}, header=header)
+
+
+def test_an_unknown_column_is_refused(stated):
+    with pytest.raises(ValueError, match=r"^claims\.csv, line 1: given .*, remark, allowed: "):
+        stated({"remark": "why"}, header=[*HEADER, "remark"])
+
+
+@pytest.mark.parametrize("kept", range(1, len(HEADER)))
+def test_a_row_that_ends_too_early_is_named_by_its_first_missing_field(kept, tmp_path, monkeypatch):
+    row = ",".join(list(ROW.values())[:kept])
+    (tmp_path / "claims.csv").write_text(f"{','.join(HEADER)}\n{row}\n", encoding="utf-8")
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
+    with pytest.raises(ValueError, match=rf"^claims\.csv, line 2: {HEADER[kept]}: given None$"):
+        read_claims()
+
+
+def test_a_row_that_goes_on_too_long_is_refused(tmp_path, monkeypatch):
+    row = ",".join([*ROW.values(), "and", "more"])
+    (tmp_path / "claims.csv").write_text(f"{','.join(HEADER)}\n{row}\n", encoding="utf-8")
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
+    with pytest.raises(ValueError, match=r"^claims\.csv, line 2: more: given \['and', 'more'\]$"):
+        read_claims()
+
+
+def test_values_and_names_are_lists_with_semicolons(stated):
+    (claim,) = stated({"value": "2;12", "conflicts": "one;other", "conflict_why": "so"})
+    assert claim.values == (2.0, 12.0)
+    assert claim.conflicts == ("one", "other")
+    assert stated({"value": "all"})[0].values == ()
+
+
+def test_every_statement_has_one_name_in_all_three_files():
+    names = [one.id for read in (read_claims, read_trends, read_numbers) for one in read()]
+    assert [name for name, times in Counter(names).items() if times > 1] == []
+
+
+def test_figures_are_those_of_their_sets_and_sections_of_their_chapters():
+    chapters = {"beam": 3, "plate": 4, "experiment": 5, "sound": 6}
+    for claim in CLAIMS:
+        subject, _, study = claim.figure_set.partition("-")
+        assert claim.chapter == chapters[subject], claim.id
+        assert claim.figure == setups.figure_number(subject, study, claim.case, claim.mode)
+        assert claim.figure.startswith(f"{claim.chapter}."), claim.id
+
+
+def test_conflicts_are_between_statements_that_exist():
+    names = {claim.id for claim in CLAIMS}
+    for claim in CLAIMS:
+        assert names - {claim.id} >= set(claim.conflicts)
+
+
+def test_intervals_are_ordered_and_single_unless_they_are_ranges():
+    for claim in CLAIMS:
+        assert 0 <= claim.low <= claim.high, claim.id
+        assert claim.low == claim.high or claim.relation == "range", claim.id
+        assert claim.excepted in (0, 1), claim.id
+        assert not claim.excepted or claim.quantity == "max_point_error", claim.id
+
+
+@pytest.mark.parametrize("name", [name for name in sets() if claims.claims_of(name)])
+def test_every_claim_can_be_held_against_its_cube(name):
+    cube, stated_of = cube_of(name), claims.claims_of(name)
+    assert [claim.id for claim in stated_of if undefined(cube, claim)] == []
+    assert [check.claim for check in verdicts.check(cube, stated_of)] == stated_of
+    assert all(claim.quantity in cubes.errors(cube) for claim in stated_of)

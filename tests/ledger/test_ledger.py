@@ -1,0 +1,614 @@
+"""The ledger: its own runs, what it makes of the cubes, and the cube that holds it."""
+
+import json
+import re
+import shlex
+from collections import Counter
+
+import numpy as np
+import pytest
+import xarray as xr
+from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
+
+from thesis_lib.facts import claims, setups, trends
+from thesis_lib.facts.numbers import read_numbers
+from thesis_lib.facts.readings import READINGS
+from thesis_lib.figure_sets.claims import own_runs as ledger_runs
+from thesis_lib.figure_sets.claims import readings
+from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
+from thesis_lib.figure_sets.claims.widget import LedgerTable
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.files import project_root
+from thesis_lib.ledger import cube as ledger_cube
+from thesis_lib.ledger import entries as ledger
+from thesis_lib.ledger import report as ledger_report
+from thesis_lib.ledger import verdicts as ledger_verdicts
+from thesis_lib.ledger.series import series_of
+from thesis_lib.ledger.verdicts import VERDICTS
+from thesis_lib.studies import commands as studies_commands
+from thesis_lib.studies import cubes, storage
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.vision.pinhole import hemisphere_directions
+
+STRUCTURES = ("beam", "plate")
+
+
+@pytest.fixture(scope="module")
+def found():
+    return entries()
+
+
+# -- Own runs: tilted arcs --
+
+DIRECTIONS = [(90.0, 8.0), (-90.0, 58.0), (30.0, 25.0), (179.0, 40.0), (-120.0, 3.0), (0.0, 90.0)]
+
+
+def axes(directions):
+    return hemisphere_directions(*np.radians(directions).T)
+
+
+@pytest.mark.parametrize("tilt", [0, 15, 30, 45, -20])
+def test_tilting_is_a_turn_about_x(conforms, tilt):
+    """From +Z towards +Y; the third column is where the zenith goes."""
+    c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
+    turn = np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
+    found = axes(ledger_runs.tilted(DIRECTIONS, tilt))
+    conforms.closed_form(found, axes(DIRECTIONS) @ turn.T, atol=3e-8)
+
+
+def test_tilting_keeps_angles_to_the_x_axis_and_between_cameras(conforms):
+    before, after = (axes(d) for d in (DIRECTIONS, ledger_runs.tilted(DIRECTIONS, 33)))
+    conforms.invariance(after[:, 0], before[:, 0], atol=3e-8)
+    conforms.invariance(after @ after.T, before @ before.T, atol=6e-8)
+
+
+def test_tilts_add_up_and_none_changes_nothing(conforms):
+    none = np.array(ledger_runs.tilted(DIRECTIONS[:-1], 0))
+    conforms.invariance(none, DIRECTIONS[:-1], atol=1e-6)
+    twice = ledger_runs.tilted(ledger_runs.tilted(DIRECTIONS, 12), 21)
+    conforms.invariance(axes(twice), axes(ledger_runs.tilted(DIRECTIONS, 33)), atol=6e-8)
+
+
+def test_tilting_to_the_zenith_stays_on_the_hemisphere(conforms):
+    for elevation in range(91):
+        ((_, top),) = ledger_runs.tilted([(180.0, elevation)], 90 - elevation)
+        conforms.closed_form(top, 90, atol=2e-6)
+
+
+def test_tilted_arcs_are_those_of_case_4b_and_lower_as_they_tilt(conforms):
+    arc = sorted(camera for pair in setups.pairs()["4b"] for camera in pair)
+    (request,) = ledger_runs.own()["beam-tilted"].requests
+    heights = []
+    for tilt in ledger_runs.TILTS_DEG:
+        (cameras,) = request.layouts[f"tilt {tilt}"]
+        back = axes(ledger_runs.tilted(cameras, -tilt))
+        conforms.closed_form(sorted(back.tolist()), sorted(axes(arc).tolist()), atol=1e-7)
+        heights.append([elevation for _, elevation in cameras])
+    assert np.all(np.diff(heights, axis=0) < 0)
+
+
+# -- Own runs: requests --
+
+
+def typed(command):
+    """Figure set and parameters of a command, as the command line reads them."""
+    thesis, run, name, *options = shlex.split(command)
+    assert (thesis, run) == ("thesis", "run")
+    values = {}
+    for flag, assignment in zip(options[::2], options[1::2], strict=True):
+        key, _, text = assignment.partition("=")
+        assert flag == "-p"
+        try:
+            values[key] = json.loads(text)
+        except ValueError:
+            values[key] = text
+    return name, values
+
+
+@pytest.mark.parametrize("name", ledger_runs.own())
+def test_commands_run_what_the_ledger_runs(name):
+    source = ledger_runs.own()[name]
+    for command, request in zip(source.commands, source.requests, strict=True):
+        assert "\n" not in command
+        assert validate(*typed(command)).digest == request.digest
+
+
+def test_commands_keep_words_and_primes():
+    layouts = {'a "b" $c': [[[0, 20], [90, 20]]]}
+    values = {"amplitude_mm": "force", "cases": ["4a'"], "layouts": layouts, "rest": "known"}
+    request = camera_study("beam-arrays", values)
+    assert validate(*typed(studies_commands.command(request))).digest == request.digest
+    assert studies_commands.command(camera_study("beam-arrays")) == "thesis run beam-arrays"
+
+
+@pytest.mark.parametrize("structure", ["beam"])
+def test_corners_are_sixteen_layouts(structure):
+    source = ledger_runs.own()[f"{structure}-corners"]
+    near, far = source.requests
+    assert near.layouts == far.layouts
+    assert far.distance_mm == 2 * near.distance_mm
+    assert near.distance_mm == validate(f"{structure}-arrays", {}).distance_mm
+    for name, (cameras,) in near.layouts.items():
+        many, low, wide = (word in name.split() for word in ("many", "low", "wide"))
+        azimuths, elevations = np.array(cameras).T
+        assert len(cameras) == (12 if many else 2)
+        assert set(elevations) == {10 if low else 60}
+        assert np.mean(abs(azimuths)) == (55 if wide else 8)
+        assert sorted(azimuths) == sorted(-azimuths)
+    made = [s for s in own()[f"{structure}-corners"] if (s.quantity, s.mode) == ("mean_error", 1)]
+    words = (("few", "many"), ("low", "high"), ("wide", "narrow"), ("near", "far"))
+    assert len(made) == len({s.case for s in made}) == 16
+    for case in (s.case.split() for s in made):
+        assert all(word in pair for word, pair in zip(case, words, strict=True))
+
+
+def request_of(name, **values):
+    return validate(name, {"trials": TRIALS, **values})
+
+
+def test_each_corner_has_its_cameras_and_distance(conforms):
+    (cameras,) = ledger_runs.own()["beam-corners"].requests[0].layouts["many high narrow"]
+    for distance, word in ((500, "near"), (1000, "far")):
+        cube = studies.run(
+            request_of("beam-arrays", cases=[], layouts={"x": [cameras]}, distance_mm=distance)
+        )
+        (series,) = (
+            s for s in own()["beam-corners"]
+            if (s.quantity, s.mode, s.case) == ("max_point_error", 2, f"many high narrow {word}")
+        )  # fmt: skip
+        expected = cube["max_point_error"].sel(mode=2).isel(trial=slice(1, None))
+        conforms.independent(series.errors, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_apart_has_for_each_aperture_a_series_over_the_distances(conforms, structure):
+    distances = setups.table(structure, "distance")["distances_mm"]
+    name = f"{structure}-aperture"
+    made = own()[f"{structure}-apart"]
+    here = {(s.case, s.quantity, s.mode): s for s in made}
+    cases = {f"{s.case} {s.value:g}" for s in STUDIES[name]().settings()}
+    assert {case for case, _, _ in here} == cases
+    for number, distance in enumerate(distances):
+        cube = studies.run(request_of(name, distance_mm=distance))
+        for row, (case, value) in enumerate(
+            zip(cube["case"].values, cube["value"].values, strict=True)
+        ):
+            series = here[f"{case} {value:g}", "mean_error", 3]
+            assert series.values.tolist() == distances
+            expected = cube["mean_error"].sel(mode=3)[row, 1:]
+            conforms.independent(series.errors[number], expected, rtol=1e-6)
+
+
+def test_elevation_and_tilts_are_what_is_varied(conforms):
+    elevations = setups.table("beam", "aperture")["elevations_deg"]
+    for series in own()["beam-elevation"]:
+        assert series.values.tolist() == elevations == sorted(elevations)
+        assert series.case[:2] in ("2a", "2c")
+    for series in own()["plate-tilted"]:
+        assert series.values.tolist() == list(ledger_runs.TILTS_DEG)
+    upright = {s.mode: s.errors[0] for s in own()["beam-tilted"] if s.quantity == "mean_error"}
+    arrays = cube_of("beam-arrays")
+    whole = arrays["mean_error"][(arrays["case"].values == "4b").nonzero()[0][-1], :, 1:]
+    for mode, errors in upright.items():  # the whole of case 4b
+        conforms.independent(errors, whole.sel(mode=mode), rtol=1e-4)
+
+
+def test_the_other_order_is_the_other_one():
+    """With all cameras the order does not matter but for their grids' shifts."""
+    cube = cube_of("beam-arrays")
+    for case in ("4b", "4d"):
+        printed = set(cube["pair_order"].values[cube["case"].values == case])
+        assert printed == {"printed" if case == "4b" else "reversed"}
+    made = {s.case for s in own()["beam-other-order"]}
+    assert made == {"4b-reversed", "4d-printed"}
+    request = ledger_runs.own()["beam-other-order"].requests[0]
+    first = {s.case: s.directions_deg for s in request.settings() if s.value == 2}
+    assert {case: {e for _, e in cameras} for case, cameras in first.items()} == {
+        "4b": {58.0}, "4d": {8.0}
+    }  # fmt: skip
+
+
+def test_cameras_one_by_one_pass_through_the_pairs_of_4a(conforms):
+    series = next(s for s in own()["beam-singly"] if (s.quantity, s.mode) == ("mean_error", 1))
+    assert series.values.tolist() == list(range(2, 13))
+    cube = cube_of("beam-arrays")
+    pairs = cube["mean_error"].sel(mode=1)[cube["case"].values == "4a", 1:]
+    conforms.invariance(series.errors[::2], pairs, rtol=1e-6)
+
+
+def test_the_plain_plate_of_the_askew_run_is_case_4a(conforms):
+    cube = cube_of("plate-arrays")
+    here = cube.isel(setting=cube["case"].values == "4a").sel(mode=1)
+    for series in own()[ledger_runs.ASKEW_PLATE]:
+        if series.case == "plain":
+            expected = here[series.quantity].isel(trial=slice(1, None))
+            conforms.invariance(series.errors, expected, rtol=1e-6)
+        else:
+            assert not np.allclose(series.errors, here[series.quantity][:, 1:], rtol=0.01)
+
+
+# -- Own runs: series and their file --
+
+
+def test_series_grow_with_what_is_varied_and_leave_out_the_literal_run():
+    cube = cube_of("beam-aperture").isel(setting=[3, 0, 2, 1])
+    series = {(s.quantity, s.mode): s for s in series_of(cube)}
+    assert series["mean_error", 2].values.tolist() == [16, 60, 110, 160]
+    np.testing.assert_array_equal(
+        series["mean_error", 2].errors, cube_of("beam-aperture")["mean_error"][:4, 1, 1:]
+    )
+
+
+def test_second_largest_errors_are_those_of_the_claims():
+    series = {(s.quantity, s.case, s.mode): s for s in series_of(cube_of("beam-arrays"))}
+    (claim,) = (c for c in claims.read_claims() if c.id == "ch3-4e-m3-max-last")
+    expected = ledger_verdicts.errors(cube_of("beam-arrays"), claim)[:, 1:]
+    np.testing.assert_array_equal(series["second_point_error", "4e", 3].errors[-1:], expected)
+
+
+def test_own_runs_come_back_from_their_file(tmp_path):
+    storage.write(own_cube(), tmp_path / "own.nc")
+    back = ledger_runs.read_own(storage.opened(tmp_path / "own.nc"))
+    assert list(back) == list(own())
+    for name, made in own().items():
+        assert len(made) == len({(s.quantity, s.case, s.mode) for s in made})
+        for one, other in zip(made, back[name], strict=True):
+            assert (one.quantity, one.case, one.mode) == (other.quantity, other.case, other.mode)
+            np.testing.assert_array_equal(one.values, other.values)
+            np.testing.assert_array_equal(one.errors, other.errors)
+            assert one.errors.shape == (len(one.values), TRIALS)
+            assert np.isfinite(one.errors).all()
+
+
+def test_own_runs_depend_on_their_seed_alone():
+    other = ledger_runs.run(OwnRuns(trials=2, seed=5))
+    again = ledger_runs.run(OwnRuns(trials=2, seed=5))
+    xr.testing.assert_identical(other, again)
+    same = np.isclose(other["errors"], own_cube()["errors"][:, :, :2], rtol=1e-5)
+    assert same.mean() < 0.01  # seldom a largest error falls on the same pixels
+
+
+def test_own_runs_have_units_and_names():
+    for variable in own_cube().variables.values():
+        assert {"units", "long_name"} <= set(variable.attrs)
+
+
+# -- Entries --
+
+
+def test_every_statement_has_one_entry_in_the_order_of_the_chapters(found):
+    stated = [one.id for read in (claims.read_claims, trends.read_trends, read_numbers)
+              for one in read()]  # fmt: skip
+    assert sorted(entry.id for entry in found) == sorted(stated)
+    assert [entry.chapter for entry in found] == sorted(entry.chapter for entry in found)
+    assert {entry.verdict for entry in found} <= set(VERDICTS) - {"undefined"}
+
+
+def test_the_table_takes_every_row_and_json_every_record(found):
+    table = LedgerTable(data={"rows": [entry.row for entry in found]})
+    assert len(table.data["rows"]) == len(found)
+    records = json.loads(json.dumps([entry.record for entry in found], allow_nan=False))
+    assert [record["id"] for record in records] == [entry.id for entry in found]
+
+
+def test_texts_are_of_one_line_and_none_is_left_open(found):
+    for entry in found:
+        texts = {**entry.row, "command": ""}.values()
+        assert not any("\n" in text or "nan" in text.split() for text in texts
+                       if isinstance(text, str)), entry.id  # fmt: skip
+        assert all((entry.place.strip(), entry.what, entry.stated, entry.got)), entry.id
+
+
+def test_commands_of_the_entries_are_accepted(found):
+    commands = {line for entry in found for line in entry.command.splitlines()}
+    assert len(commands) > len(sets())
+    for command in commands:
+        validate(*typed(command))
+
+
+@pytest.fixture(scope="module")
+def labels():
+    """Labels of the figures in each notebook."""
+    made = {}
+    for path in (project_root() / "notebooks").glob("*.ipynb"):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        figures = (cell["metadata"].get("mystnb", {}).get("figure", {}) for cell in cells)
+        made[path.stem] = {figure["name"] for figure in figures if "name" in figure}
+    return made
+
+
+def test_links_lead_to_figures_of_the_notebooks(found, labels):
+    for entry in found:
+        page, _, label = entry.href.partition("#")
+        if entry.kind == "figure":
+            assert label == f"fig-{entry.place.split()[1].replace('.', '-')}", entry.id
+        if page:
+            assert label in {"", *labels[page.removesuffix(".html")]}, entry.id
+
+
+def test_rendered_recordings_and_bookkeeping_alone_are_not_counted(found):
+    rendered = {
+        claim.id for claim in claims.read_claims() if claim.figure_set.startswith("experiment")
+    } | {
+        trend.id for trend in trends.read_trends()
+        if any(name.startswith(("experiment", "lab")) for name in trend.source)
+    }  # fmt: skip
+    bookkeeping = {number.id for number in read_numbers() if number.is_bookkeeping}
+    assert {entry.id for entry in found if not entry.counted} == rendered | bookkeeping
+    assert 20 < len(bookkeeping) < 50
+    of_five = {entry.id for entry in found if entry.chapter == 5 and entry.kind != "number"}
+    assert of_five <= rendered
+    assert len(rendered - of_five) == 1  # a sentence of chapter 3 on real measurements
+
+
+def test_totals_count_by_verdict(found):
+    everything = ledger.totals(found)
+    assert sum(everything.values()) == len(found)
+    for where in ({"chapter": 3}, {"kind": "trend"}, {"chapter": 4, "kind": "figure"},
+                  {"counted": False}):  # fmt: skip
+        chosen = [e for e in found if all(getattr(e, k) == v for k, v in where.items())]
+        assert ledger.totals(found, **where) == {
+            verdict: sum(e.verdict == verdict for e in chosen) for verdict in VERDICTS
+        }
+    by_chapter = [ledger.totals(found, chapter=chapter) for chapter in ledger.CHAPTERS]
+    assert {v: sum(one[v] for one in by_chapter) for v in VERDICTS} == everything
+
+
+def test_figures_say_what_the_checks_say(found):
+    by = {entry.id: entry for entry in found}
+    for name in sets():
+        for check in ledger_verdicts.check(cube_of(name), claims.claims_of(name)):
+            entry = by[check.claim.id]
+            assert (entry.verdict, entry.ratio) == (check.verdict, check.ratio)
+            assert (entry.literal, entry.median) == (check.literal, check.median)
+            assert (entry.low, entry.high) == (check.low, check.high)
+            ends = [None if np.isnan(end) else end for end in (entry.least, entry.most)]
+            assert tuple(ends) == check.claim.ends
+
+
+def test_conflicting_figures_say_with_what(found):
+    by = {entry.id: entry for entry in found}
+    for claim in claims.read_claims():
+        note = by[claim.id].note
+        assert all(other in note for other in claim.conflicts)
+        assert bool(note) == bool(claim.conflicts)
+
+
+def test_numbers_are_judged_by_what_would_be_printed_like_them(found):
+    by = {entry.id: entry for entry in found}
+    for number in read_numbers():
+        entry = by[number.id]
+        inside = number.low <= number.value <= number.high
+        assert entry.verdict == ("agrees" if inside else "differs")
+        assert entry.ratio == 1 if inside else abs(entry.ratio - 1) > 0
+        assert entry.counted is not number.is_bookkeeping
+
+
+# -- Other cubes --
+
+
+def tenfold(cube):
+    """The cube as if every error were ten times as large."""
+    made = cube.copy(deep=True)
+    for name in ("mean_error", "max_point_error", "plane_error", "deflection_error"):
+        if name in made:
+            made[name] = 10 * made[name]
+    if "measured_deflection" in made:
+        rest = made["reference_deflection"]
+        made["measured_deflection"] = (
+            rest + 10 * (made["measured_deflection"].astype(float) - rest)
+        ).transpose(*cube["measured_deflection"].dims)
+    return made
+
+
+def users(name):
+    """Entries that are judged by a figure set: figures, and trends."""
+    figures = {claim.id for claim in claims.read_claims() if claim.figure_set == name}
+    return figures, {trend.id for trend in trends.read_trends() if name in trend.source}
+
+
+@pytest.mark.parametrize("name", ["beam-arrays", "sound-aperture", "experiment-resolution"])
+def test_a_doctored_cube_changes_its_own_entries_and_no_others(found, name):
+    figures, of_trends = users(name)
+    doctored = entries(**{name.replace("-", "_"): tenfold(cube_of(name))})
+    changed = set()
+    for before, after in zip(found, doctored, strict=True):
+        if before.id in figures:
+            assert after.median == pytest.approx(10 * before.median, rel=1e-4) or (
+                "all settings" in before.what
+            )
+            assert after.got != before.got
+        if before.record != after.record:
+            changed.add(before.id)
+        if before.verdict != after.verdict:
+            assert before.id in figures | of_trends
+    assert figures <= changed <= figures | of_trends
+    before, after = (Counter(e.verdict for e in made if e.id in figures)
+                     for made in (found, doctored))  # fmt: skip
+    assert after["differs"] > before["differs"]
+
+
+def test_without_a_cube_its_entries_are_undefined_for_that_reason(found):
+    figures, of_trends = users("sound-arrays")
+    made = entries(sound_arrays="cube sound-arrays.nc is missing: run `thesis book`")
+    for before, after in zip(found, made, strict=True):
+        if before.id in figures | of_trends:
+            assert after.verdict == "undefined"
+            assert after.note.startswith("cube sound-arrays.nc is missing: run `thesis book`")
+            assert (after.got, after.ratio) == ("", None)
+            assert np.isnan([after.literal, after.median, after.confidence]).all()
+            assert (after.stated, after.href, after.counted) == (
+                before.stated, before.href, before.counted)  # fmt: skip
+        else:
+            assert after.record == before.record
+
+
+def test_without_any_cube_only_the_numbers_are_judged(found):
+    made = ledger.entries(lambda study: f"cube {study.name}.nc is missing: run `thesis book`", {})
+    assert [entry.id for entry in made] == [entry.id for entry in found]
+    for entry in made:
+        assert (entry.verdict == "undefined") == (entry.kind != "number")
+        assert (entry.note == "") == (entry.kind == "number")
+    notes = {entry.note for entry in made if entry.kind == "trend"}
+    assert "run beam-tilted of the ledger is missing: run `thesis book`" in notes
+    LedgerTable(data={"rows": [entry.row for entry in made]})
+    assert ledger.totals(made)["undefined"] == len(made) - len(read_numbers())
+
+
+def test_a_cube_with_fewer_modes_leaves_the_others_undefined(found):
+    figures, of_trends = users("plate-distance")
+    made = entries(plate_distance=cube_of("plate-distance").sel(mode=[1, 3]))
+    for before, after in zip(found, made, strict=True):
+        if before.id in figures and before.modes == (2,):
+            assert (after.verdict, after.note) == ("undefined", "mode 2 was not run")
+        elif before.id not in of_trends:
+            assert after.record == before.record
+
+
+# -- Which files are judged by --
+
+
+@pytest.fixture
+def filed(tmp_path):
+    """A study, and the file with its cube."""
+    request = request_of("beam-distance")
+    path = tmp_path / "beam-distance.nc"
+    storage.write(cube_of("beam-distance"), path)
+    return request, path
+
+
+def test_the_right_file_is_taken(filed):
+    request, path = filed
+    xr.testing.assert_identical(ledger.usable(path, request), cube_of("beam-distance"))
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda path: path.unlink(), "is missing"),
+        (lambda path: path.write_bytes(b""), "is not readable"),
+        (lambda path: path.write_bytes(b"CDF but not really"), "is not readable"),
+        (lambda path: path.write_bytes(path.read_bytes()[:3000]), "is not readable"),
+        (lambda path: path.write_bytes(path.read_bytes()[:-1000]), "is not readable"),
+        (lambda path: (path.unlink(), path.mkdir()), "is not readable"),
+        (lambda path: xr.Dataset({"a": 1}).to_netcdf(path), "is not readable"),
+        (lambda path: storage.write(cube_of("beam-aperture"), path), "is of beam-aperture"),
+        (lambda path: storage.write(cube_of("beam-distance").assign_attrs(
+            library_sha256="0" * 64), path), "is outdated, the library has changed since"),
+        (lambda path: storage.write(cube_of("beam-distance").drop_attrs(deep=False), path),
+         "is not readable"),
+        (lambda path: storage.write(with_provenance(cube_of("beam-distance"),
+            request_of("beam-distance", seed=1), 0.0), path),
+         "was run with other parameters"),
+    ],
+)  # fmt: skip
+def test_any_other_file_is_refused_in_one_line(filed, damage, words):
+    request, path = filed
+    damage(path)
+    reason = ledger.usable(path, request)
+    assert reason == f"cube beam-distance.nc {words}: run `thesis book`"
+
+
+def test_a_file_of_other_parameters_is_refused(filed):
+    _, path = filed
+    for values in ({"trials": TRIALS + 1}, {"seed": 1}, {"focal_length_mm": 25}):
+        reason = ledger.usable(path, request_of("beam-distance", **values))
+        assert reason == ("cube beam-distance.nc was run with other parameters: run `thesis book`")
+
+
+def test_a_cube_of_before_the_digest_is_outdated(filed):
+    request, path = filed
+    cube = cube_of("beam-distance").copy()
+    del cube.attrs["library_sha256"]
+    storage.write(cube, path)
+    assert "is outdated" in ledger.usable(path, request)
+
+
+# -- The report --
+
+
+def test_the_report_tells_every_entry_that_differs(found):
+    text = ledger_report.report(found)
+    told = text.split("\ndiffers:\n")[1].split("\n\n")[0].splitlines()
+    differing = [entry for entry in found if entry.verdict == "differs"]
+    assert len(told) == len(differing) > 0
+    for line, entry in zip(told, differing, strict=True):
+        for words in (entry.place, entry.case, entry.what.rstrip("."), entry.stated, entry.got):
+            assert words in line
+    assert "undefined:" not in text
+
+
+def test_the_report_counts_each_chapter_and_all_that_count(found):
+    text = ledger_report.report(found)
+    for chapter in ledger.CHAPTERS:
+        assert f"\nchapter {chapter}\n" in f"\n{text}"
+    (last,) = re.findall("in all, .*: (.*)", text)
+    counted = ledger.totals(found, counted=True)
+    assert last == ", ".join(f"{n} {verdict}" for verdict, n in counted.items())
+    lines = re.findall(r"^ +(\d+) (figures|trends|numbers) +(.*)$", text, re.M)
+    assert sum(int(number) for number, _, _ in lines) == len(found)
+    for number, _, verdicts in lines:
+        counts, _, rest = verdicts.partition("   (")
+        assert sum(map(int, re.findall(r"\d+", counts))) == int(number)
+        assert not rest or rest.endswith(("by rendered recordings)", "bookkeeping)"))
+
+
+def test_the_report_tells_why_what_is_undefined_is():
+    made = entries(beam_distance="cube beam-distance.nc is missing: run `thesis book`")
+    text = ledger_report.report(made)
+    assert "cube beam-distance.nc is missing: run `thesis book`" in text.split("undefined:")[1]
+
+
+# -- The ledger as a cube --
+
+
+@pytest.fixture(scope="module")
+def other_readings():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(readings, "CAMERA_STUDIES", {"beam-distance": STUDIES["beam-distance"]})
+        return readings.run(OtherReadings(trials=2, readings=["rest known"]))
+
+
+@pytest.fixture(scope="module")
+def cube(found, other_readings):
+    made = ledger_cube.as_cube(found, other_readings)
+    return with_provenance(made, validate("claims", {}), 0.0)
+
+
+def test_entries_come_back_from_their_cube(found, cube, tmp_path):
+    storage.write(cube, tmp_path / "claims.nc")
+    for made in (cube, cubes.read(tmp_path / "claims.nc")):
+        back = ledger_cube.from_cube(made)
+        assert [entry.record for entry in back] == [entry.record for entry in found]
+        for one, other in zip(back, found, strict=True):
+            assert (one.modes, one.counted, one.ratio) == (other.modes, other.counted, other.ratio)
+
+
+def test_undefined_entries_come_back_too(other_readings):
+    made = ledger.entries(lambda study: "no cube", {})
+    back = ledger_cube.from_cube(ledger_cube.as_cube(made, other_readings))
+    assert [entry.record for entry in back] == [entry.record for entry in made]
+
+
+def test_cube_has_units_names_and_the_readings(cube, other_readings):
+    for name, variable in cube.variables.items():
+        assert {"units", "long_name"} <= set(variable.attrs), name
+        assert variable.dtype.kind in "fiU"
+    for name, variable in other_readings.variables.items():
+        xr.testing.assert_identical(cube.variables[name], variable)
+
+
+def test_summary_of_the_ledger_is_its_verdicts(found, cube):
+    table = cubes.summary(cube)
+    assert table["claim"].tolist() == [entry.id for entry in found]
+    assert table["verdict"].tolist() == [entry.verdict for entry in found]
+
+
+@pytest.mark.parametrize("reading", READINGS.values(), ids=lambda reading: reading.name)
+def test_commands_of_the_readings_are_accepted(reading):
+    name, values = typed(readings.run_it(reading))
+    assert name == "ch3"
+    expected = camera_study("beam-arrays", readings.request(reading, "beam-arrays"))
+    assert validate("beam-arrays", values).digest == expected.digest

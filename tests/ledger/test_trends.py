@@ -1,0 +1,529 @@
+"""What the words for trends mean, how sure one is of them, and the file that they stand in."""
+
+from math import sqrt
+
+import numpy as np
+import pytest
+from scenes.ledger import cube_of, own
+from scipy.stats import norm
+
+from thesis_lib.facts import setups, trends
+from thesis_lib.facts.trends import Trend
+from thesis_lib.figure_sets.claims import own_runs as ledger_runs
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.ledger.series import series_of
+from thesis_lib.ledger.trend_tests import ALIKE, FLAT, TESTS
+from thesis_lib.ledger.trends import CONFIDENT, RESAMPLES, Finding, Series, judge
+
+TRENDS = trends.read_trends()
+HEADER = (setups.data_folder() / "trends.csv").read_text(encoding="utf-8").splitlines()[0]
+MEAN, XZ, YZ = "mean_error", "plane_error_xz", "plane_error_yz"
+NAN = float("nan")
+
+
+def trend(test, cases=("a",), modes=(1,), quantities=(MEAN,)):
+    return Trend("t", 3, "3.3", cases, modes, quantities, "", "", "words", ("s",), test)
+
+
+def series(errors, quantity=MEAN, case="a", mode=1, values=None):
+    """A series from errors of shape (settings, trials)."""
+    errors = np.asarray(errors, float)
+    values = np.arange(len(errors)) if values is None else values
+    return Series(quantity, case, mode, np.array(values, float), errors)
+
+
+def scene(by, trials=1, noise=0.0, seed=0, values=None):
+    """Series with these expected errors by (quantity, case, mode), or by some of the three."""
+    rng = np.random.default_rng(seed)
+    plain = {"quantity": MEAN, "case": "a", "mode": 1}
+    made = []
+    for key, expected in by.items():
+        given = dict(zip(plain, key, strict=True)) if isinstance(key, tuple) else {"case": key}
+        errors = np.array(expected, float)[:, None] * np.exp(
+            noise * rng.standard_normal((len(expected), trials))
+        )
+        at = (values or {}).get(given["case"])
+        made.append(series(errors, **{**plain, **given}, values=at))
+    return made
+
+
+def modes(*expected):
+    return {(MEAN, "a", mode): errors for mode, errors in enumerate(expected, 1)}
+
+
+def planes(xz, yz, mode=1):
+    return {(XZ, "a", mode): xz, (YZ, "a", mode): yz}
+
+
+ALL, BOTH = {"modes": (1, 2, 3)}, {"modes": (1, 2)}
+PLANES = {"quantities": (XZ, YZ)}
+TWO = {"cases": ("a", "b")}
+SILENT = planes([NAN, NAN], [2, 3], 2)
+# Test, what is expected of the errors, whether it holds, and how the trend differs from the plain.
+CLEAR = [
+    ("falls", {"a": [4, 3, 2]}, True, {}),
+    ("falls", {"a": [4, 1, 3]}, True, {}),
+    ("falls", {"a": [4, 5, 3]}, True, {}),
+    ("falls", {"a": [4, 5, 6, 3]}, False, {}),  # last below first, but half the pairs grow
+    ("falls", {"a": [2, 3, 4]}, False, {}),
+    ("falls", {"a": [3, 1, 2, 3.5]}, False, {}),
+    ("falls", {"a": [4, 3], "b": [3, 4]}, False, TWO),
+    ("falls", {"a": [4, 3], "b": [3, 4]}, True, {}),
+    ("falls", modes([4, 3], [4, 3], [4, 3]), True, ALL),
+    ("falls", modes([4, 3], [4, 3], [3, 4]), False, ALL),
+    ("falls", modes([4, 3], [4, 3], [3, 4]), True, BOTH),
+    ("rises", {"a": [2, 3, 4]}, True, {}),
+    ("rises", {"a": [4, 3, 2]}, False, {}),
+    ("rises", {"a": [3, 6, 5, 4]}, False, {}),
+    ("falls_steadily", {"a": [4, 3, 2]}, True, {}),
+    ("falls_steadily", {"a": [4, 1, 3]}, False, {}),
+    ("falls_irregularly", {"a": [4, 1, 3]}, True, {}),
+    ("falls_irregularly", {"a": [4, 3, 2]}, False, {}),
+    ("falls_irregularly", {"a": [3, 1, 4]}, False, {}),
+    ("flat", {"a": [1.2, 1, 1.8]}, True, {}),
+    ("flat", {"a": [1.2, 1, 2.2]}, False, {}),
+    ("flat", {"a": [1, 1.5], "b": [10, 15]}, True, TWO),  # each by itself
+    ("no_trend", {"a": [4, 3, 2.5]}, True, {}),  # falls, but is flat
+    ("no_trend", {"a": [8, 5, 2]}, False, {}),
+    ("no_trend", {"a": [2, 5, 8]}, False, {}),
+    ("no_trend", {"a": [3, 9, 8, 7, 4]}, True, {}),  # last above first, most pairs fall
+    ("mostly_no_trend", {"a": [1, 1.2], "b": [8, 2]}, False, TWO),  # half is not most
+    ("mostly_no_trend", modes([1, 1.2], [1, 1.2], [8, 2]), True, ALL),
+    ("same_pattern", modes([4, 2], [8, 1]), True, BOTH),
+    ("same_pattern", modes([2, 4], [1, 8]), True, BOTH),
+    ("same_pattern", modes([2, 4], [8, 1]), False, BOTH),
+    ("below 40", {"a": [20, 38]}, True, {}),
+    ("below 40", {"a": [45, 20]}, False, {}),
+    ("below 40 last", {"a": [60, 20]}, True, {}),
+    ("below 40 last", {"a": [20, 60]}, False, {}),
+    ("below 40 first", {"a": [20, 60]}, True, {}),
+    ("below 40 first", {"a": [60, 20]}, False, {}),
+    ("at_most 40 last", {"a": [60, 20]}, True, {}),
+    ("at_most 40 last", {"a": [20, 60]}, False, {}),
+    ("within 1 4", {"a": [2, 3]}, True, {}),
+    ("within 1 4", {"a": [0.5, 3]}, False, {}),
+    ("within 1 4 5 8", modes([2, 3], [6, 7]), True, BOTH),
+    ("within 1 4 5 8", modes([2, 3], [2, 3]), False, BOTH),
+    ("flat 1 4", {"a": [2, 3]}, True, {}),
+    ("flat 1 4", {"a": [5, 6]}, False, {}),
+    ("flat 1 4", {"a": [1, 3]}, False, {}),
+    ("above 5 first", {"a": [7, 1]}, True, {}),
+    ("above 5 first", {"a": [1, 7]}, False, {}),
+    ("above 5 first", {"a": [1, 1], "b": [7, 7]}, True, TWO),
+    ("peaks 750", {"a": [1, 3, 2]}, True, {}),
+    ("peaks 750", {"a": [3, 2, 1]}, False, {}),
+    ("peaks 750", planes([1, 3, 2], [2, 1, 3]), False, PLANES),
+    ("highest_last", {"a": [2, 1, 3]}, True, {}),
+    ("highest_last", {"a": [1, 3, 2]}, False, {}),
+    ("modes_alike", modes([1, 2], [1.3, 2.6]), True, BOTH),
+    ("modes_alike", modes([1, 4], [2, 2]), True, BOTH),  # the geometric means are
+    ("modes_alike", modes([1, 2], [1.7, 3.4]), False, BOTH),
+    ("modes_alike", modes([1, 1], [1.3, 1.3], [1.7, 1.7]), False, ALL),  # first and last are not
+    ("modes_alike", modes([1, 1], [1.3, 1.3], [9, 9]), True, BOTH),
+    ("worst_mode 3", modes([2, 1], [1, 2], [2, 2]), True, {"modes": (3,)}),
+    ("worst_mode 3", modes([2, 1], [3, 3], [2, 2]), False, {"modes": (3,)}),
+    ("best_mode 3", modes([2, 1], [4, 2], [1, 0.5]), True, {"modes": (3,)}),
+    ("best_mode 3", modes([2, 1], [4, 2], [0.5, 1]), False, {"modes": (3,)}),  # does not fall
+    ("best_mode 3", modes([2, 1], [0.4, 0.2], [1, 0.5]), False, {"modes": (3,)}),
+    ("planes_alike", planes([1, 2], [1.3, 2.6]), True, PLANES),
+    ("planes_alike", planes([1, 2], [1.7, 3.4]), False, PLANES),
+    ("planes_alike YZ 2 1", planes([1, 1], [2, 2]) | SILENT, True, PLANES | {"modes": (2,)}),
+    ("planes_alike YZ 2 1", planes([1, 1], [1, 1]) | SILENT, False, PLANES | {"modes": (2,)}),
+    ("planes_alike YZ 2 1", planes([1, 1], [2, 2]) | planes([1, 1], [2, 2], 2), False,
+     PLANES | {"modes": (2,)}),  # no plane is nodal
+    ("planes_alike YZ 2 1", planes([1, 1], [2, 2]) | SILENT | {(XZ, "b", 2): [1, 1]}, False,
+     PLANES | TWO | {"modes": (2,)}),  # in one case only
+    ("like_case b", {"a": [1, 4], "b": [2, 2]}, True, {}),
+    ("like_case b", {"a": [1, 4], "b": [4, 4]}, False, {}),
+    ("like_case b last", {"a": [9, 4], "b": [2, 4.5]}, True, {}),
+    ("like_case b last", {"a": [2, 4], "b": [2, 7]}, False, {}),
+    ("below_case b first", {"a": [1, 9], "b": [2, 3]}, True, {}),
+    ("below_case b first", {"a": [2, 1], "b": [1, 9]}, False, {}),
+    ("below_case b common", {"a": [9, 5, 5], "b": [9, 6, 1]}, True, {}),  # at 750 and 1000
+    ("below_case b common", {"a": [1, 5, 7], "b": [9, 6, 9]}, False, {}),
+    ("gentler b", {"a": [4, 3], "b": [8, 2]}, True, {}),
+    ("gentler b", {"a": [40, 20], "b": [4, 1]}, True, {}),  # factors, not differences
+    ("gentler b", {"a": [8, 2], "b": [4, 3]}, False, {}),
+    ("gentler b", {"a": [4, 3], "b": [3, 4]}, False, {}),
+    ("best_case a", {"a": [1, 4], "b": [3, 3]}, True, TWO),
+    ("best_case a", {"a": [1, 4], "b": [1.7, 1.7]}, False, TWO),
+    ("unrelated of", {(MEAN, "a", 1): [1, 2, 3, 4], ("of", "a", 1): [2, 4, 1, 3]}, True, {}),
+    ("unrelated of", {(MEAN, "a", 1): [1, 2, 3, 4], ("of", "a", 1): [2, 3, 5, 9]}, False, {}),
+    ("unrelated of", {(MEAN, "a", 1): [1, 2, 3, 4], ("of", "a", 1): [9, 5, 3, 2]}, False, {}),
+]  # fmt: skip
+VALUES = {"a": [500, 750, 1000], "b": [750, 1000, 1500]}  # where there are three settings
+EDGES = [
+    ("falls", {"a": [3, 3]}, False, {}),
+    ("rises", {"a": [3, 3]}, False, {}),
+    ("falls", {"a": [3, 2, 3]}, False, {}),
+    ("falls_steadily", {"a": [3, 2, 2]}, False, {}),
+    ("flat", {"a": [1, FLAT]}, True, {}),
+    ("flat", {"a": [FLAT + 1e-9, 1]}, False, {}),
+    ("no_trend", {"a": [4, 9, 4]}, True, {}),
+    ("modes_alike", modes([1, 1], [ALIKE, ALIKE]), True, BOTH),
+    ("modes_alike", modes([1, 1], [ALIKE + 1e-9] * 2), False, BOTH),
+    ("below 40", {"a": [39.9, 1]}, True, {}),
+    ("below 40", {"a": [40, 1]}, False, {}),
+    ("at_most 40", {"a": [40.5, 1]}, True, {}),  # would be printed as 40
+    ("at_most 40", {"a": [40.6, 1]}, False, {}),
+    ("at_most 1.5", {"a": [1.54, 1]}, True, {}),
+    ("at_most 1.5", {"a": [1.56, 1]}, False, {}),
+    ("within 10 20", {"a": [9.1, 21.9]}, True, {}),
+    ("within 10 20", {"a": [8.9, 15]}, False, {}),
+    ("within 10 20", {"a": [15, 22.1]}, False, {}),
+    ("worst_mode 3", modes([2, 2], [1, 1], [2, 2]), False, {"modes": (3,)}),
+    ("unrelated of", {(MEAN, "a", 1): [1, 2, 3], ("of", "a", 1): [2, 1, 3]}, True, {}),  # just ½
+]
+
+
+def values_of(by):
+    return VALUES if all(len(expected) == 3 for expected in by.values()) else None
+
+
+@pytest.mark.parametrize(("test", "by", "holds", "more"), CLEAR + EDGES)
+def test_what_the_words_mean(test, by, holds, more):
+    found = judge(trend(test, **more), scene(by, values=values_of(by)))
+    assert found == Finding(float(holds), float(holds))
+
+
+@pytest.mark.parametrize(("test", "by", "holds", "more"), CLEAR)
+def test_a_clear_trend_is_found_under_noise(test, by, holds, more):
+    """Single runs scatter by 5 %, means over 100 of them by 0.5 %."""
+    made = scene(by, trials=100, noise=0.05, seed=1, values=values_of(by))
+    found = judge(trend(test, **more), made)
+    assert found.confidence > 0.99 if holds else found.confidence < 0.01
+
+
+def test_every_word_is_tried_both_ways():
+    for holds in (True, False):
+        assert {test.partition(" ")[0] for test, _, held, _ in CLEAR if held == holds} == set(TESTS)
+
+
+# -- Confidence --
+
+
+def two_settings(count, trials, shift=0.0, seed=0):
+    """Confidences that the second error is the lower, over realizations; `shift` in its s.e."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(count):
+        errors = 10 + rng.standard_normal((2, trials))
+        errors[0] += shift * sqrt(2 / trials)
+        found.append(judge(trend("falls"), [series(errors)]).confidence)
+    return np.array(found)
+
+
+def test_confidence_is_calibrated_where_nothing_is_to_be_found(conforms):
+    """With equal expectations it is uniform: 95 % are reached by chance in 5 %."""
+    count = 600
+    found = two_settings(count, 100)
+    conforms.sampled(abs(found.mean() - 0.5), below=4 / sqrt(12 * count))
+    for share in (found >= CONFIDENT, found <= 1 - CONFIDENT):
+        conforms.sampled(abs(share.mean() - 0.05), below=4 * sqrt(0.05 * 0.95 / count))
+    deciles = np.quantile(found, np.arange(1, 10) / 10)
+    conforms.sampled(deciles, np.arange(1, 10) / 10, atol=4 * 0.5 / sqrt(count))
+
+
+@pytest.mark.parametrize("shift", [-1, 1, 2])
+def test_confidence_grows_with_the_evidence_as_it_must(shift):
+    """Of Φ(shift + z), z standard normal, the mean is Φ(shift/√2)."""
+    found = two_settings(300, 100, shift, seed=3)
+    assert abs(found.mean() - norm.cdf(shift / sqrt(2))) < 4 * found.std() / sqrt(300)
+
+
+def test_confidence_hardly_depends_on_the_seed_of_the_resamples():
+    errors = 10 + np.random.default_rng(7).standard_normal((2, 50))
+    found = [judge(trend("falls"), [series(errors)], seed=seed).confidence for seed in range(8)]
+    p = np.mean(found)
+    assert 0 < np.std(found) < 3 * sqrt(p * (1 - p) / RESAMPLES)
+
+
+def test_resamples_are_the_same_in_every_setting_and_case():
+    """What is lower in each trial by a hair is lower in expectation, whatever the scatter."""
+    scatter = 10 * np.random.default_rng(2).gamma(2, size=(1, 30))
+    found = judge(trend("falls"), [series(np.vstack([scatter, scatter * 0.999]))])
+    assert found == Finding(1, 1)
+    cases = [series(0.999 * scatter), series(scatter, case="b")]
+    assert judge(trend("below_case b first"), cases) == Finding(1, 1)
+
+
+def test_trials_are_paired_as_far_as_both_sources_have_them():
+    """Twenty trials beside thirty: only the first twenty can tell in how many single runs."""
+    scatter = 10 * np.random.default_rng(2).gamma(2, size=(1, 30))
+    shorter = scatter[:, :20].copy()
+    shorter[0, :15] *= 1.001
+    shorter[0, 15:] *= 0.999
+    scatter[0, 20:] = 1e6
+    cases = [series(scatter), series(shorter, case="b")]
+    found = judge(trend("below_case b first"), cases)
+    assert found == Finding(0, 0.75)
+    assert judge(trend("below_case b first"), cases[::-1]) == found
+
+
+def test_what_has_no_trials_of_its_own_does_not_shorten_the_others():
+    """Failures of tracking are counted once for all trials."""
+    errors = np.array([[2.0] * 9 + [1], [1.0] * 9 + [2]])
+    once = series([[3], [1]], quantity="tracking_failures")
+    assert judge(trend("falls"), [series(errors), once]).single == 0.9
+    both = trend("falls", quantities=(MEAN, "tracking_failures"))
+    assert judge(both, [series(errors), once]).single == 0.9
+    alone = trend("falls", quantities=("tracking_failures",))
+    assert judge(alone, [series(errors), once]) == Finding(1, 1)
+    assert judge(alone, [once]) == Finding(1, 1)
+    assert judge(alone, [once, series([[1], [2]], mode=2)]) == Finding(1, 1)
+
+
+def test_single_is_the_share_of_trials():
+    errors = np.array([[3.0] * 10, [2.0] * 7 + [4.1] * 3])
+    found = judge(trend("falls"), [series(errors)])
+    assert found.single == 0.7
+    # the mean of the second is 2 + 0.21 k, k of a binomial distribution with p = 0.3
+    chance = sum(c * 0.3**k * 0.7 ** (10 - k) for k, c in enumerate([1, 10, 45, 120, 210]))
+    assert abs(found.confidence - chance) < 4 * sqrt(chance * (1 - chance) / RESAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("confidence", "single", "verdict"),
+    [
+        (1, 1, "agrees"),
+        (0.95, 0, "agrees"),
+        (0.949, 0, "within scatter"),
+        (0.06, 0, "within scatter"),
+        (0, 0.06, "within scatter"),
+        (0.05, 0.05, "differs"),
+        (0, 0, "differs"),
+    ],
+)
+def test_verdict(confidence, single, verdict):
+    assert Finding(confidence, single).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("test", "by", "more", "effect"),
+    [
+        ("falls", {"a": [4, 3, 2]}, {}, 0.5),
+        ("falls", modes([4, 2], [4, 3.8]), BOTH, 0.95),  # that which changes least
+        ("rises", modes([2, 4], [2, 1.9]), BOTH, 0.95),
+        ("falls_steadily", {"a": [4, 3, 1]}, {}, 0.25),
+        ("flat", {"a": [4, 3]}, {}, NAN),
+        ("falls", {"a": [0, 3]}, {}, NAN),
+    ],
+)
+def test_effect_is_the_least_change(test, by, more, effect):
+    found = judge(trend(test, **more), scene(by)).effect
+    np.testing.assert_allclose(found, effect, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("effect", "verdict"),
+    [(0.91, "no material change"), (1.09, "no material change"), (0.89, "agrees"), (NAN, "agrees")],
+)
+def test_a_sure_sign_is_no_material_change(effect, verdict):
+    assert Finding(1, 1, effect).verdict == verdict
+    assert Finding(0, 0, 1.11).verdict == "differs"
+
+
+def test_a_small_fall_in_every_run_changes_nothing_material():
+    errors = np.array([[100.0] * 9, [98.0] * 9])
+    found = judge(trend("falls"), [series(errors)])
+    assert (found, found.verdict) == (Finding(1, 1), "no material change")
+
+
+# -- Invariances --
+
+
+def noisy(by, values=None):
+    return scene(by, trials=11, noise=0.4, seed=4, values=values)
+
+
+@pytest.mark.parametrize(
+    ("test", "by", "more"),
+    [(test, by, more) for test, by, _, more in CLEAR
+     if not set(test.split()) & {"below", "above", "at_most", "within"} and test != "flat 1 4"],
+)  # fmt: skip
+def test_only_bounds_depend_on_the_size_of_the_errors(test, by, more):
+    made = noisy(by, values_of(by))
+    larger = [Series(s.quantity, s.case, s.mode, s.values, 1024 * s.errors) for s in made]
+    assert judge(trend(test, **more), larger) == judge(trend(test, **more), made)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_falling_backwards_is_rising(seed):
+    errors = np.random.default_rng(seed).gamma(8, size=(4, 9))
+    found = judge(trend("falls"), [series(errors)])
+    assert judge(trend("rises"), [series(errors[::-1])]) == found
+    for test in ("flat", "no_trend"):
+        one, other = (judge(trend(test), [series(e)]) for e in (errors, errors[::-1]))
+        assert one == other
+
+
+def test_what_falls_does_not_rise_and_what_does_neither_has_no_trend():
+    for seed in range(5):
+        made = [series(np.random.default_rng(seed).gamma(2, size=(5, 40)))]
+        falls, rises, none = (
+            judge(trend(test), made).single for test in ("falls", "rises", "no_trend")
+        )
+        assert falls + rises <= 1
+        assert none >= 1 - falls - rises
+        steadily, not_steadily = (
+            judge(trend(f"falls_{how}"), made).single for how in ("steadily", "irregularly")
+        )
+        assert steadily <= falls <= steadily + not_steadily + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("test", "by", "more"), [(test, by, more) for test, by, _, more in CLEAR]
+)  # fmt: skip
+def test_what_a_trend_does_not_speak_of_changes_nothing(test, by, more):
+    made = noisy(by, values_of(by))
+    others = [
+        series([[5] * 11, [1] * 11], quantity="power_error"),
+        series([[1] * 11, [5] * 11], case="elsewhere"),
+        series([[NAN] * 11, [1] * 11], quantity="power_error", mode=2),
+    ]
+    assert judge(trend(test, **more), others + made) == judge(trend(test, **more), made)
+
+
+@pytest.mark.parametrize("gaps", [slice(None), slice(0, 1)])
+def test_series_without_a_reference_are_left_out(gaps):
+    good, bad = [[4, 4, 4], [3, 3, 2]], np.ones((2, 3))
+    bad[:, gaps] = NAN
+    both = trend("falls", **PLANES)
+    for test in ("falls", "flat", "no_trend", "below 4", "same_pattern", "highest_last"):
+        one = trend(test, **PLANES)
+        alone = judge(one, [series(good, XZ)])
+        assert judge(one, [series(good, XZ), series(bad, YZ)]) == alone
+    assert judge(both, [series(bad, XZ), series(bad, YZ)]) is None
+    pair = trend("like_case b", **PLANES)
+    cases = [series(good, XZ, "a"), series(good, XZ, "b"), series(bad, YZ, "a")]
+    assert judge(pair, [*cases, series(good, YZ, "b")]) == Finding(1, 1)
+
+
+@pytest.mark.parametrize(
+    ("one", "by"),
+    [
+        (trend("falls", cases=("b",)), {"a": [2, 1]}),
+        (trend("falls", modes=(2,)), {"a": [2, 1]}),
+        (trend("falls", quantities=(XZ,)), {"a": [2, 1]}),
+        (trend("like_case b"), {"a": [2, 1]}),
+        (trend("like_case b"), {"a": [2, 1], "b": [NAN, NAN]}),
+        (trend("gentler b"), {"a": [2, 1]}),
+        (trend("best_case a", cases=("a", "b")), {"a": [2, 1]}),
+        (trend("modes_alike", modes=(1, 2)), {"a": [2, 1]}),
+        (trend("worst_mode 3", modes=(1,)), {"a": [2, 1]}),
+        (trend("worst_mode 1"), {"a": [2, 1]}),
+        (trend("falls"), {}),
+    ],
+)
+def test_nothing_is_found_where_there_is_nothing_to_compare(one, by):
+    assert judge(one, scene(by)) is None
+
+
+def test_a_run_without_random_trials_finds_nothing():
+    assert judge(trend("falls"), [series(np.empty((3, 0)))]) is None
+    assert judge(trend("falls"), [series([[2], [1]])]) == Finding(1, 1)
+
+
+def test_no_case_means_all_cases():
+    made = scene({"a": [2, 1], "b": [1, 2]})
+    assert judge(trend("falls", cases=()), made) == Finding(0, 0)
+    assert judge(trend("falls", cases=()), made[:1]) == Finding(1, 1)
+
+
+# -- The file --
+
+ROW = {"id": "t", "chapter": "3", "section": "3.3", "cases": "2a;2b", "modes": "1;3",
+       "quantities": MEAN, "kind": "k", "parameter": "p", "words": "w", "source": "beam-distance",
+       "test": "below 40"}  # fmt: skip
+
+
+def read(tmp_path, monkeypatch, *rows, header=HEADER):
+    lines = [header, *(",".join(row) for row in rows)]
+    (tmp_path / "trends.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    monkeypatch.setattr(trends, "data_folder", lambda: tmp_path)
+    return trends.read_trends()
+
+
+def test_a_row_is_read(tmp_path, monkeypatch):
+    (found,) = read(tmp_path, monkeypatch, ROW.values())
+    assert (found.chapter, found.cases, found.modes) == (3, ("2a", "2b"), (1, 3))
+    assert (found.quantities, found.source) == ((MEAN,), ("beam-distance",))
+    (found,) = read(tmp_path, monkeypatch, {**ROW, "cases": ""}.values())
+    assert found.cases == ()
+
+
+@pytest.mark.parametrize(
+    ("field", "text"),
+    [
+        ("id", ""),
+        ("id", "first"),
+        ("chapter", "three"),
+        ("chapter", ""),
+        ("section", ""),
+        ("modes", ""),
+        ("modes", "1;two"),
+        ("modes", "1.5"),
+        ("quantities", ""),
+        ("words", ""),
+        ("source", ""),
+        ("test", ""),
+        ("test", "drops"),
+        ("test", "fall"),
+        ("test", "falls 3"),
+        ("test", "below x"),
+        ("test", "below 40 soon"),
+        ("test", "peaks"),
+    ],
+)
+def test_a_malformed_field_is_named_with_its_line(tmp_path, monkeypatch, field, text):
+    first, wrong = {**ROW, "id": "first"}.values(), {**ROW, field: text}.values()
+    with pytest.raises(ValueError, match=r"^trends\.csv, line 3: ") as refusal:
+        read(tmp_path, monkeypatch, first, wrong)
+    assert str(refusal.value) == f"trends.csv, line 3: {field}: given {text!r}"
+
+
+@pytest.mark.parametrize("kept", range(1, len(ROW)))
+def test_a_row_that_ends_too_early_is_named_by_its_first_missing_field(tmp_path, monkeypatch, kept):
+    missing = list(ROW)[kept]
+    with pytest.raises(ValueError, match=rf"^trends\.csv, line 2: {missing}: given None$"):
+        read(tmp_path, monkeypatch, list(ROW.values())[:kept])
+
+
+def test_a_row_that_goes_on_too_long_is_refused(tmp_path, monkeypatch):
+    with pytest.raises(ValueError, match=r"^trends\.csv, line 2: more: given \['again'\]$"):
+        read(tmp_path, monkeypatch, [*ROW.values(), "again"])
+
+
+@pytest.mark.parametrize(
+    "header", ["", "id,chapter", HEADER + ",more", HEADER.replace("cases,", "")]
+)
+def test_other_columns_are_refused(tmp_path, monkeypatch, header):
+    with pytest.raises(ValueError, match=r"^trends\.csv, line 1: given .*allowed: id, chapter"):
+        read(tmp_path, monkeypatch, header=header)
+
+
+# -- What the thesis says --
+
+
+@pytest.mark.parametrize("one", TRENDS, ids=lambda one: one.id)
+def test_every_trend_can_be_judged(one):
+    found = []
+    for name in one.source:
+        found += own()[name] if name in own() else series_of(cube_of(name))
+    assert set(one.cases) <= {s.case for s in found}
+    for quantity in one.quantities:
+        assert any(s.quantity == quantity and s.mode in one.modes for s in found)
+    finding = judge(one, found)
+    assert 0 <= finding.confidence <= 1
+    assert 0 <= finding.single <= 1
+
+
+def test_chapters_are_those_of_the_sections():
+    for one in TRENDS:
+        assert one.chapter == (int(one.section[0]) if one.section[0].isdigit() else 5), one.id
+
+
+def test_every_source_is_a_figure_set_or_an_own_run():
+    named = {name for one in TRENDS for name in one.source}
+    assert set(own()) == {*ledger_runs.own(), ledger_runs.ASKEW_PLATE}
+    assert named - set(STUDIES) <= set(own())

@@ -1,0 +1,274 @@
+"""Bundle adjustment against known rigs, differences, sampled statistics and OpenCV's own."""
+
+import time
+
+import cv2
+import numpy as np
+import pytest
+from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations, rig
+from scipy.spatial.transform import Rotation
+
+from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.measure.calibration import reprojection
+from thesis_lib.measure.calibration.alignment import align, alignment, camera_deviations, moved
+from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.symmetry import unify
+from thesis_lib.measure.calibration.zhang import CalibrationError, zhang
+from thesis_lib.vision import lens
+
+SIGMA = 0.01
+POINTS = BOARD.corners
+
+
+def rough():
+    """The rig's cameras as they might be guessed: one lens for all, nowhere in particular."""
+    K = np.array([[1250.0, 0, 960], [0, 1250, 540], [0, 0, 1]])
+    return [lens.Camera(c.name, K, np.zeros(5), np.eye(3), np.zeros(3), SIZE) for c in rig()]
+
+
+def lens_errors(cameras):
+    return np.array([(p.K - q.K)[[0, 1, 0, 1], [0, 1, 2, 2]] for p, q in
+                     zip(cameras, rig(), strict=True)])  # fmt: skip
+
+
+def without(uv, views):
+    uv = uv.copy()
+    for camera, shot in views:
+        uv[camera, shot] = np.nan
+    return uv
+
+
+def test_derivatives_agree_with_differences(conforms):
+    R, t = default_poses()
+    network = reprojection.Network(tuple(rig()), R, t)
+    for c in range(4):
+        _, J = reprojection.images(network, network.cameras[c], POINTS)
+        for k, h in enumerate([1e-5] * 12 + [1e-2] * 4 + [1e-4] * 4):
+            step = np.zeros(network.unknowns)
+            if k < 6:
+                step[6 * c + k] = h
+            elif k < 12:
+                step[6 * 4 + k - 6 : 6 * 16 : 6] = h  # the same unknown of every board
+            else:
+                step[6 * 16 + 8 * c + k - 12] = h
+            sides = [reprojection.stepped(network, s * step) for s in (1, -1)]
+            plus, minus = (reprojection.images(n, n.cameras[c], POINTS)[0] for n in sides)
+            difference = (plus - minus) / (2 * h)
+            conforms.independent(J[k], difference, atol=1e-6 * np.abs(J[k]).max())
+
+
+def test_gauge_directions_leave_all_images_alone(conforms):
+    R, t = default_poses()
+    network = reprojection.Network(tuple(rig()), R, t)
+    uv = observations()
+    normal, _, residuals = reprojection.normal_equations(
+        uv, np.ones((4, 12), bool), POINTS, network
+    )
+    scale = np.sqrt(np.diag(normal))
+    G = reprojection.gauge(network)
+    relative = np.abs(normal @ G) / (scale[:, None] * np.linalg.norm(scale[:, None] * G, axis=0))
+    conforms.invariance(relative.max(), below=1e-12)
+    conforms.invariance(np.abs(residuals).max(), below=1e-10)
+
+
+@pytest.mark.parametrize("absent", [[], [(0, 0), (1, 0), (2, 5), (3, 7), (1, 7), (0, 11)]])
+def test_exact_images_give_back_the_rig(conforms, absent):
+    result = adjust(without(observations(), absent), POINTS, rough())
+    _, centres, rotations = align(result.cameras, rig())
+    conforms.closed_form(np.abs(centres).max(), below=1e-9)
+    conforms.closed_form(np.abs(rotations).max(), below=1e-9)
+    conforms.closed_form(np.abs(lens_errors(result.cameras)).max(), below=1e-6)
+    conforms.closed_form(result.rms, below=1e-9)
+    for camera, truth in zip(result.cameras, rig(), strict=True):
+        conforms.closed_form(camera.distortion, truth.distortion, atol=1e-9)
+
+
+def test_the_world_is_the_first_shots_board(conforms):
+    result = adjust(observations(SIGMA), POINTS, rig())
+    conforms.closed_form(result.rotations[0], np.eye(3), atol=1e-12)
+    conforms.closed_form(result.translations[0], 0, atol=1e-12)
+    other = moved(result, *reprojection.to_board(result, 3))
+    conforms.closed_form(other.rotations[3], np.eye(3), atol=1e-12)
+    conforms.closed_form(other.translations[3], 0, atol=1e-12)
+    world = result.rotations[5] @ POINTS + result.translations[5][:, None]
+    there = other.rotations[5] @ POINTS + other.translations[5][:, None]
+    for a, b in zip(result.cameras, other.cameras, strict=True):
+        conforms.invariance(lens.project(a, world), lens.project(b, there), atol=1e-8)
+
+
+def test_from_corners_as_found_to_a_rig_within_a_fifth_of_a_millimetre(conforms):
+    shots = as_found(observations(SIGMA, 7), seed=7)
+    single = [zhang(s, BOARD, SIZE, name=c.name) for c, s in zip(rig(), shots, strict=True)]
+    unified = unify(single, shots, BOARD, two_sided=True)
+    result = adjust(unified, POINTS, [s.camera() for s in single])
+    _, centres, rotations = align(result.cameras, rig())
+    conforms.sampled(np.linalg.norm(centres, axis=1).max(), below=0.2e-3)
+    conforms.sampled(np.abs(rotations).max(), below=1e-4)
+    conforms.sampled(np.abs(lens_errors(result.cameras)[:, :2]).max(), below=3e-4 * 1275)
+    conforms.sampled(result.rms, SIGMA, rtol=0.1)
+    assert [c.name for c in result.cameras] == ["A", "B", "C", "D"]
+
+
+@pytest.mark.parametrize("free", [(True, True), (True, False), (False, False)])
+def test_deviations_predict_the_scatter(conforms, free):
+    absent = [(0, 2), (1, 2), (2, 8), (3, 9), (3, 10)]
+    lenses, lens_sd, places, place_sd, turns, turn_sd, sigmas = [], [], [], [], [], [], []
+    for seed in range(24):
+        result = adjust(without(observations(SIGMA, seed), absent), POINTS, rig(), *free)
+        result = moved(result, *alignment(result.cameras, rig()))
+        _, centres, rotations = align(result.cameras, rig())
+        sd_centres, sd_rotations = camera_deviations(result)
+        lenses.append(lens_errors(result.cameras))
+        lens_sd.append(result.deviations[:, :4])
+        places.append(centres)
+        place_sd.append(sd_centres)
+        turns.append(rotations)
+        turn_sd.append(sd_rotations)
+        sigmas.append(result.sigma)
+    for errors, deviations in ((lenses, lens_sd), (places, place_sd), (turns, turn_sd)):
+        if np.any(deviations):
+            ratios = np.array(errors) / np.array(deviations)
+            conforms.sampled(np.sqrt(np.mean(ratios**2)), 1, atol=0.15)
+            each = np.sqrt(np.mean(ratios**2, axis=0))  # of 24 draws
+            conforms.sampled(each.min(), above=0.5)
+            conforms.sampled(each.max(), below=1.6)
+    conforms.sampled(np.mean(sigmas), SIGMA, rtol=0.01)
+
+
+def test_deviations_with_respect_to_a_board_predict_the_scatter_in_its_frame(conforms):
+    R, t = default_poses()
+    truth = reprojection.transformed(
+        reprojection.Network(tuple(rig()), R, t), R[0].T, -R[0].T @ t[0]
+    ).cameras
+    ratios, sizes = [], []
+    for seed in range(24):
+        result = adjust(observations(SIGMA, seed), POINTS, rig())
+        deviations, _ = camera_deviations(result, shot=0)
+        errors = [p.centre - q.centre for p, q in zip(result.cameras, truth, strict=True)]
+        ratios.append(np.array(errors) / deviations)
+        sizes.append(np.mean(deviations) / np.mean(camera_deviations(result)[0]))
+    conforms.sampled(np.sqrt(np.mean(np.square(ratios))), 1, atol=0.25)
+    assert min(sizes) > 1  # a board is held worse than all cameras together
+
+
+def test_deviations_do_not_depend_on_the_frame(conforms):
+    result = adjust(observations(SIGMA), POINTS, rig())
+    R, t = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(), np.array([2.0, -1.0, 0.5])
+    before, after = (camera_deviations(r) for r in (result, moved(result, R, t)))
+    conforms.invariance(after[1], before[1], rtol=1e-5)
+    totals = [np.linalg.norm(d[0], axis=1) for d in (before, after)]
+    conforms.invariance(totals[0], totals[1], rtol=1e-5)
+
+
+def test_the_order_of_cameras_and_shots_does_not_matter(conforms):
+    uv = without(observations(SIGMA, 4), [(0, 0), (2, 3), (3, 3)])
+    straight = adjust(uv, POINTS, rig())
+    by_camera, by_shot = [2, 0, 3, 1], np.random.default_rng(0).permutation(12)
+    mixed = adjust(uv[by_camera][:, by_shot], POINTS, [rig()[i] for i in by_camera])
+    back = [mixed.cameras[by_camera.index(i)] for i in range(4)]
+    _, centres, rotations = align(back, straight.cameras)
+    conforms.invariance(np.abs(centres).max(), below=1e-9)
+    conforms.invariance(np.abs(rotations).max(), below=1e-9)
+    conforms.invariance(mixed.rms, straight.rms, rtol=1e-9)
+
+
+def test_what_is_fixed_stays():
+    result = adjust(observations(SIGMA), POINTS, rig(), intrinsics=False, distortion=False)
+    for camera, truth in zip(result.cameras, rig(), strict=True):
+        np.testing.assert_array_equal(camera.K, truth.K)
+        np.testing.assert_array_equal(camera.distortion, truth.distortion)
+    np.testing.assert_array_equal(result.deviations, 0)
+    partly = adjust(observations(SIGMA), POINTS, rig(), distortion=False)
+    np.testing.assert_array_equal(partly.deviations[:, 4:], 0)
+    assert (partly.deviations[:, :4] > 0).all()
+
+
+def test_residuals_are_absent_where_views_are(conforms):
+    absent = [(1, 2), (3, 3)]
+    result = adjust(without(observations(SIGMA), absent), POINTS, rig())
+    gone = np.isnan(result.residuals).all(axis=(2, 3))
+    assert sorted(map(tuple, np.argwhere(gone).tolist())) == absent
+    conforms.closed_form(np.sqrt(np.nanmean(result.residuals**2)), result.rms, rtol=1e-6)
+
+
+def test_opencvs_adjustment_of_several_cameras_agrees(conforms):
+    uv = observations(SIGMA, 2)
+    ours = adjust(uv, POINTS, rig())
+    objects = [POINTS.T.astype(np.float32)] * 12
+    images = [[(v - lens.HALF).T.astype(np.float32) for v in views] for views in uv]
+    rms, Ks, _, Rs, ts = cv2.calibrateMultiview(
+        objects, images, [SIZE] * 4, np.ones((4, 12), np.uint8), np.zeros(4, np.uint8),
+        None, None, None, None, np.full(4, cv2.CALIB_FIX_K3, np.int32),
+    )  # fmt: skip
+    conforms.independent(rms / np.sqrt(2), ours.rms, rtol=0.02)
+    deviations, _ = camera_deviations(ours)
+    turns = [cv2.Rodrigues(np.asarray(R))[0] for R in Rs]
+    theirs = np.array([-R.T @ np.ravel(t) for R, t in zip(turns, ts, strict=True)])
+    centres = np.array([c.centre for c in ours.cameras])
+    for i in range(4):
+        for j in range(i):
+            lengths = [np.linalg.norm(c[i] - c[j]) for c in (theirs, centres)]
+            conforms.independent(lengths[0], lengths[1], atol=4 * deviations.max())
+        focal = np.array([Ks[i][0, 0], Ks[i][1, 1]])
+        found = ours.cameras[i].K[[0, 1], [0, 1]]
+        conforms.independent(np.abs(focal - found), below=4 * ours.deviations[i, :2])
+
+
+def test_four_cameras_and_twelve_boards_take_a_fifth_of_a_second():
+    uv = observations(SIGMA)
+    adjust(uv, POINTS, rough())
+    times = []
+    for _ in range(3):
+        begin = time.perf_counter()
+        adjust(uv, POINTS, rough())
+        times.append(time.perf_counter() - begin)
+    assert min(times) < 0.2
+
+
+def test_a_camera_without_shots_is_named():
+    uv = without(observations(), [(2, s) for s in range(12)])
+    with pytest.raises(CalibrationError, match=r"^C: no shot shows the board$"):
+        adjust(uv, POINTS, rig())
+
+
+def test_a_shot_without_cameras_is_named():
+    uv = without(observations(), [(c, 7) for c in range(4)])
+    with pytest.raises(CalibrationError, match=r"^shot 7: no camera sees the board$"):
+        adjust(uv, POINTS, rig())
+
+
+def test_a_camera_apart_from_the_others_is_named():
+    uv = without(observations(), [(3, s) for s in range(8)])
+    uv[:3, 8:] = np.nan
+    with pytest.raises(CalibrationError, match=r"^D: shares no shots, directly or not, with"):
+        adjust(uv, POINTS, rig())
+
+
+def test_shapes_that_do_not_match_are_refused():
+    with pytest.raises(ValueError, match=r"^observations: given shape \(4, 12, 2, 63\), needs"):
+        adjust(observations()[..., 1:], POINTS, rig())
+
+
+def test_pictures_that_do_not_determine_the_lens_are_refused():
+    uv = observations(SIGMA)[:1, :1]
+    with pytest.raises(CalibrationError, match=r"^adjustment: "):
+        adjust(exact_images(rig()[:1], *facing(rig()[0])) + 0 * uv, POINTS, rig()[:1])
+
+
+def facing(camera):
+    """One board square to the camera: its distance and the focal length are one unknown."""
+    rotation = camera.R_camera_world.T @ np.diag([1.0, -1.0, -1.0])
+    return rotation[None], (camera.centre + 0.65 * camera.R_camera_world[2])[None]
+
+
+def test_alignment_undoes_any_rigid_motion(conforms):
+    R, t = Rotation.from_rotvec([0.2, 2.0, -0.7]).as_matrix(), np.array([1.0, -3.0, 0.2])
+    away = reprojection.transformed(
+        reprojection.Network(tuple(rig()), *default_poses()), R, t
+    ).cameras
+    for count in (1, 2, 4):  # the axes alone fix what few centres leave open
+        cameras, centres, rotations = align(away[:count], rig()[:count])
+        conforms.invariance(np.abs(centres).max(), below=1e-12)
+        conforms.invariance(np.abs(rotations).max(), below=1e-12)
+        for a, b in zip(cameras, rig(), strict=False):
+            conforms.invariance(a.P, b.P, atol=1e-9)

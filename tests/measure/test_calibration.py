@@ -1,0 +1,182 @@
+"""Zhang's method and the board's symmetry against known cameras."""
+
+import numpy as np
+import pytest
+from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations, rig
+
+from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.measure.calibration.symmetry import unify
+from thesis_lib.measure.calibration.zhang import CalibrationError, central, zhang
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.vision import lens
+
+SIGMA = 0.01
+
+
+def calibrated(shots, **options):
+    return [
+        zhang(s, BOARD, SIZE, name=c.name, **options) for c, s in zip(rig(), shots, strict=True)
+    ]
+
+
+def poses_about(axis, degrees, n=6):
+    """Boards turned about one of their axes, moved about before the first camera."""
+    camera = rig()[0]
+    angles = np.radians(np.linspace(-degrees, degrees, n))
+    turns = np.array([about(axis, a) for a in angles])
+    upright = np.diag([1.0, -1.0, -1.0])  # faces the camera
+    rotations = camera.R_camera_world.T @ turns @ upright
+    places = np.random.default_rng(0).uniform(-0.05, 0.05, (n, 3)) + [0, 0, 0.65]
+    return rotations, places @ camera.R_camera_world + camera.centre
+
+
+def about(axis, angle):
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    R = np.eye(3)
+    R[i, i] = R[j, j] = np.cos(angle)
+    R[j, i], R[i, j] = np.sin(angle), -np.sin(angle)
+    return R
+
+
+def test_zhang_recovers_each_camera_within_its_deviations(conforms):
+    for seed in range(3):
+        found = calibrated(as_found(observations(SIGMA, seed), seed=seed))
+        for camera, result in zip(rig(), found, strict=True):
+            error = (result.K - camera.K)[[0, 1, 0, 1], [0, 1, 2, 2]]
+            conforms.sampled(np.abs(error[:2]).max(), below=0.002 * camera.K[0, 0])
+            conforms.sampled(np.abs(error / result.deviations).max(), below=4)
+            conforms.sampled(result.distortion, camera.distortion, atol=3e-3)
+            conforms.sampled(result.rms, SIGMA, rtol=0.1)
+            assert result.distortion[4] == 0
+
+
+def test_board_poses_are_those_of_the_camera(conforms):
+    camera, (R, t) = rig()[0], default_poses()
+    result = zhang(observations()[0], BOARD, SIZE)
+    for shot in range(len(R)):
+        expected = camera.R_camera_world @ R[shot]
+        conforms.closed_form(result.rotations[shot], expected, atol=1e-5)
+        seen = camera.R_camera_world @ t[shot] + camera.t
+        conforms.closed_form(result.translations[shot], seen, atol=1e-5)
+
+
+def test_absent_shots_are_left_out_and_stay_in_their_place(conforms):
+    shots = list(observations(SIGMA)[0])
+    some = [uv if i % 3 else None for i, uv in enumerate(shots)]
+    nan = [uv if i % 3 else np.full_like(uv, np.nan) for i, uv in enumerate(shots)]
+    result = zhang(some, BOARD, SIZE)
+    assert [R is None for R in result.rotations] == [uv is None for uv in some]
+    # OpenCV adds in the order in which its threads end: equal up to rounding.
+    conforms.invariance(result.K, zhang(nan, BOARD, SIZE).K, rtol=1e-8)
+
+
+def test_too_few_shots_are_refused_with_the_cameras_name():
+    shots = [*observations()[0][:2], None, None]
+    with pytest.raises(CalibrationError, match=r"^B: 2 of 4 shots show the board, needs 3$"):
+        zhang(shots, BOARD, SIZE, name="B")
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.01, 0.3])
+def test_parallel_boards_are_refused(sigma):
+    uv = exact_images(rig()[:1], *poses_about(2, 40))[0]  # turned about their normal only
+    uv += np.random.default_rng(0).normal(0, 1, uv.shape) * sigma
+    with pytest.raises(CalibrationError, match=r"^A: the boards are parallel to within \d\.\d°"):
+        zhang(uv, BOARD, SIZE, name="A")
+
+
+def test_tilted_boards_about_one_axis_are_not_refused(conforms):
+    uv = exact_images(rig()[:1], *poses_about(0, 30))[0]
+    conforms.closed_form(zhang(uv, BOARD, SIZE).K[0, 0], rig()[0].K[0, 0], rtol=1e-3)
+
+
+def test_the_literal_way_uses_six_by_eight_central_corners():
+    part = central(BOARD)
+    x, y = BOARD.corners[:2, part]
+    assert len(part) == 48
+    assert len(np.unique(x)) == 6
+    assert len(np.unique(y)) == 8
+    np.testing.assert_allclose([x.mean(), y.mean()], 0, atol=1e-12)
+    with pytest.raises(CalibrationError, match=r"^board: given 4 by 4 corners"):
+        central(Board(columns=5, rows=5))
+
+
+def same_up_to_symmetry(unified, exact):
+    """Whether in each shot one reordering takes all cameras' corners to the exact order."""
+    nx = BOARD.shape[0]
+    index = np.arange(nx * nx).reshape(nx, nx)
+    orders = [np.rot90(g, k).ravel() for g in (index, index[:, ::-1]) for k in range(4)]
+    return all(
+        any(np.nanmax(np.abs(unified[:, s][..., o] - exact[:, s])) < 0.1 for o in orders)
+        for s in range(exact.shape[1])
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_symmetric_origins_are_brought_together(seed):
+    exact = observations()
+    shots = as_found(observations(SIGMA, seed), seed=seed)
+    assert not same_up_to_symmetry(np.array(shots), exact)
+    unified = unify(calibrated(shots), shots, BOARD, two_sided=True)
+    assert same_up_to_symmetry(unified, exact)
+
+
+def test_one_sided_boards_turn_but_do_not_flip():
+    shots = as_found(observations(SIGMA))[:2]  # both before the front
+    unified = unify(calibrated(as_found(observations(SIGMA)))[:2], shots, BOARD)
+    assert same_up_to_symmetry(unified, observations()[:2])
+
+
+def test_absent_views_stay_absent_and_do_not_disturb():
+    shots = as_found(observations(SIGMA, 3), seed=3)
+    absent = [(0, 0), (1, 4), (2, 4), (3, 7), (0, 7), (0, 11)]
+    for c, s in absent:
+        shots[c][s] = None
+    unified = unify(calibrated(shots), shots, BOARD, two_sided=True)
+    gone = np.argwhere(np.isnan(unified).all(axis=(2, 3)))
+    assert sorted(map(tuple, gone.tolist())) == sorted(absent)
+    assert same_up_to_symmetry(unified, observations())
+
+
+def test_a_shot_during_which_a_camera_moved_is_named():
+    uv = observations(SIGMA)
+    other = [lens.Camera(c.name, c.K, c.distortion, c.R_camera_world, c.centre + [0.03, 0, 0], SIZE)
+             for c in rig()]  # fmt: skip
+    uv[1, 5] = observations(cameras=other)[1, 5]
+    shots = as_found(uv)
+    with pytest.raises(CalibrationError, match=r"^B: shot 5 is [23]\d\.\d mm off the rig"):
+        unify(calibrated(shots), shots, BOARD, two_sided=True)
+
+
+def test_boards_that_do_not_move_do_not_tell_their_symmetries_apart():
+    shots = as_found(observations(SIGMA))
+    found = calibrated(shots)
+    still = [[views[2] if s < 2 else None for s in range(12)] for views in shots]
+    same = [
+        type(f)(f.name, f.size, f.K, f.distortion, (f.rotations[2],) * 2 + (None,) * 10,
+                (f.translations[2],) * 2 + (None,) * 10, f.rms, f.deviations)
+        for f in found
+    ]  # fmt: skip
+    with pytest.raises(CalibrationError, match=r"do not tell the board's symmetries apart$"):
+        unify(same, still, BOARD, two_sided=True)
+
+
+def test_cameras_without_common_shots_are_named():
+    shots = as_found(observations(SIGMA))
+    shots[3] = [uv if s < 6 else None for s, uv in enumerate(shots[3])]
+    for c in range(3):
+        shots[c] = [uv if s > 4 else None for s, uv in enumerate(shots[c])]
+    with pytest.raises(CalibrationError, match=r"^D: shares 1 shots with A, needs 2"):
+        unify(calibrated(shots), shots, BOARD, two_sided=True)
+
+
+def test_default_poses_are_seen_by_all_cameras(conforms):
+    R, t = default_poses()
+    uv = exact_images(rig(), R, t)
+    assert uv.shape == (4, 12, 2, 64)
+    assert (uv > 20).all()
+    assert (uv < np.array(SIZE)[:, None] - 20).all()
+    conforms.closed_form(np.linalg.det(R), 1, rtol=1e-7)
+    for camera in rig():
+        direction = camera.centre - t
+        cosine = np.einsum("si,si->s", direction, R[:, :, 2]) / np.linalg.norm(direction, axis=1)
+        assert np.degrees(np.arccos(np.abs(cosine).min())) < 70

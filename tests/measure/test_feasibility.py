@@ -1,0 +1,561 @@
+"""Assessments of manifests: numbers against closed forms and simulations, one warning at a time."""
+
+import copy
+import json
+import re
+import warnings
+
+import numpy as np
+import pytest
+
+from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, assess, describe
+from thesis_lib.measure.feasibility.limits import THRESHOLDS
+from thesis_lib.measure.feasibility.predictions import alias, noise_errors, rounding_errors
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.vision.optics import depth_of_field
+from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras, pixelate, project
+from thesis_lib.vision.triangulation import triangulate
+
+LINE = {"kind": "flat", "markers": {"rows": 1, "columns": 1}}
+
+
+def rig(directions=((10, 22), (-10, 22), (190, 22), (170, 22)), **changes):
+    """Values of a manifest without any warning: the thesis's four cameras."""
+    cameras = [
+        {
+            "name": chr(65 + i), "video": f"{i}.mkv", "shots": f"s{i}", "exposure_s": 0.004,
+            "focal_length_mm": 24, "sensor_width_mm": 36, "f_number": 8, "distance_mm": 570,
+            "azimuth_deg": azimuth, "elevation_deg": elevation,
+        }
+        for i, (azimuth, elevation) in enumerate(directions)
+    ]  # fmt: skip
+    excitation = {"amplitude_mm": 2.5, "steady_s": [2.0, 4.0]}
+    return {"structure": {}, "cameras": cameras, "excitation": excitation, **changes}
+
+
+def change(values, **places):
+    """Values with some changed: ``cameras_0_exposure_s=…`` is written ``{"cameras.0.…": …}``."""
+    values = copy.deepcopy(values)
+    for place, value in places.items():
+        *way, last = place.split("__")
+        inside = values
+        for part in way:
+            inside = inside[int(part)] if part.isdigit() else inside.setdefault(part, {})
+        inside[last] = value
+    return values
+
+
+def manifest(values):
+    return Manifest.model_validate_json(json.dumps(values))
+
+
+def assessed(values):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assessment = assess(manifest(values))
+        lines = describe(assessment)
+    assert all("\n" not in line for line in lines)
+    return assessment
+
+
+def codes(values):
+    return {warning.code for warning in assessed(values).warnings}
+
+
+def matrices(azimuth=(10, -10, 190, 170), elevation=22.0, distance=0.57):
+    return hemisphere_cameras(
+        distance, np.radians(azimuth), np.radians([elevation] * len(azimuth)), 1280.0, (1920, 1080)
+    )
+
+
+def points_of(values):
+    s = manifest(values).structure
+    x, y = s.marker_points
+    return np.stack([x - s.length_mm / 2000, y - s.width_mm / 2000, 0 * x])
+
+
+# Numbers.
+
+
+def test_a_pixel_spans_distance_over_focal_length(conforms):
+    row = assessed(rig()).table[0]
+    conforms.closed_form(row.ground_sample_mm, 1000 * ground_sample_distance(matrices()), rtol=1e-6)
+    conforms.closed_form(row.along_px, 5 / (570 / 1280), rtol=1e-6)
+    conforms.closed_form(row.across_px, row.along_px * np.sin(np.radians(22)), rtol=1e-6)
+
+
+def test_depth_of_field_is_where_the_circle_of_confusion_is_reached(conforms):
+    f, N, d, c = 24.0, 8.0, 570.0, 36 / 1920
+    near, far = depth_of_field(f, N, d, c)
+    sensor = f * d / (d - f)  # thin lens: 1/f = 1/object + 1/image
+    for z in (near, far):
+        image = f * z / (z - f)
+        conforms.closed_form(f / N * abs(sensor - image) / image, c, rtol=1e-6)
+    hyperfocal = f**2 / (N * c) + f
+    assert depth_of_field(f, N, hyperfocal, c) == pytest.approx((hyperfocal / 2, np.inf))
+    assert depth_of_field(f, N, 10 * hyperfocal, c)[1] == np.inf
+    assert depth_of_field(f, N, 0.999 * hyperfocal, c)[1] > 400 * hyperfocal
+    assert np.isnan(depth_of_field(f, N, f, c)).all()
+    row = assessed(rig()).table[0]
+    assert (row.near_mm, row.far_mm) == pytest.approx((near, far))
+    ends = np.array([row.nearest_mm, row.farthest_mm])
+    image = f * ends / (ends - f)
+    conforms.closed_form(row.defocus_px, max(f / N * np.abs(sensor - image) / image) / c, rtol=1e-6)
+
+
+def test_depths_are_those_of_the_swinging_markers(conforms):
+    values, cameras = rig(), matrices()
+    X = points_of(values)
+    depths = [(cameras.R_camera_world[0] @ (X + [[0], [0], [dz]] - cameras.centres[0][:, None]))[2]
+              for dz in (-0.0025, 0.0025)]  # fmt: skip
+    row = assessed(values).table[0]
+    conforms.independent(row.nearest_mm, 1000 * np.min(depths), rtol=1e-6)
+    conforms.independent(row.farthest_mm, 1000 * np.max(depths), rtol=1e-6)
+
+
+def test_blur_is_velocity_times_exposure_and_the_loss_that_of_a_mean(conforms):
+    values, T, f, A = rig(), 0.004, 4.25, 0.0025
+    X, P = points_of(values), matrices().P
+    moved = A * np.sin(2 * np.pi * f * np.array([-T / 2, T / 2]))
+    ends = [project(P, X + [[0], [0], [dz]]) for dz in moved]
+    row = assessed(values).table[0]
+    conforms.independent(row.blur_px, np.hypot(*(ends[1] - ends[0])[0]).max(), rtol=1e-3)
+    within = (np.arange(1000) + 0.5) / 1000 - 0.5
+    conforms.independent(row.lost, 1 - np.mean(np.cos(2 * np.pi * f * T * within)), rtol=1e-5)
+    still = change(values, excitation__frequency_hz=25.0, cameras__0__exposure_s=1 / 60)
+    row = assessed(still).table[0]
+    conforms.closed_form(row.lost, 1 - np.sinc(25 / 60), rtol=1e-6)
+    whole = np.hypot(*(project(P, X + [[0], [0], [A]]) - project(P, X - [[0], [0], [A]]))[0]).max()
+    conforms.independent(row.blur_px, whole, rtol=2e-3)  # at most the whole swing
+
+
+def test_movement_from_frame_to_frame_is_that_of_the_images_and_of_their_plane(conforms):
+    values, f, rate, A = rig(), 4.25, 60.0, 0.0025
+    X, cameras = points_of(values), matrices()
+    t = (np.arange(400) / 400)[:, None] / f
+    z = A * np.sin(2 * np.pi * f * np.hstack([t, t + 1 / rate]))
+    worst = z[np.argmax(np.abs(np.diff(z, axis=1)))]
+    uv = [project(cameras.P, X + [[0], [0], [dz]])[0] for dz in worst]
+    row = assessed(values).table[0]
+    conforms.independent(row.move_px, np.hypot(*(uv[1] - uv[0])).max(), rtol=1e-3)
+    C = cameras.centres[0][:, None]
+    plane = [(C + (X + [[0], [0], [dz]] - C) * C[2] / (C[2] - dz))[:2] for dz in worst]
+    seen = np.hypot(*(plane[1] - plane[0])).max() / 0.010  # rows are 10 mm apart
+    conforms.independent(row.move_spacings, seen, rtol=1e-3)
+
+
+def test_gap_is_the_free_way_between_the_edges_of_images(conforms):
+    values = rig()
+    X, P = points_of(values), matrices().P
+    around = 0.0025 * np.exp(2j * np.pi * np.arange(180) / 180)
+    rims = X[:, :, None] + np.stack([around.real, around.imag, 0 * around.real])[:, None]
+    uv = project(P[:1], rims)[0].reshape(2, 75, 180)
+    rows = [(i, i + 25) for i in range(50)] + [(i, i + 26) for i in range(49)] + [(0, 1)]
+    least = min(np.hypot(*(uv[:, i, :, None] - uv[:, j, None])).min() for i, j in rows)
+    conforms.independent(assessed(values).table[0].gap_px, least, rtol=0.02)
+
+
+def test_markers_in_view_are_counted_as_they_swing(conforms):
+    def share(amplitude):
+        # The camera above sees ±187.5 mm of x and more than the width.
+        values = rig([(0, 90), (0, 22)], excitation={"amplitude_mm": amplitude})
+        values["cameras"][0] |= {"distance_mm": 400, "sensor_width_mm": 22.5}
+        return assessed(values).table[0].in_view
+
+    half = 22.5 / 24 / 2
+    x = points_of(rig())[0]
+    for amplitude in (0.001, 60.0):
+        inside = np.abs(x) < half * (0.4 - amplitude / 1000)
+        conforms.independent(share(amplitude), np.mean(inside), rtol=1e-6)
+    assert share(0.001) > share(60.0) > 0
+
+
+def test_errors_are_those_of_noisy_images(conforms):
+    X, P = points_of(rig())[:, ::8], matrices().P
+    rng = np.random.default_rng(1)
+    sigma = np.array([0.03, 0.06, 0.03, 0.02])
+    noise = sigma[:, None, None, None] * rng.standard_normal((4, 2, 2000, X.shape[1]))
+    Z = triangulate(P, project(P, X)[:, :, None] + noise)[2]
+    predicted = noise_errors(P, X, sigma)
+    conforms.sampled(np.sqrt(np.mean(Z**2)), np.sqrt(np.mean(predicted**2)), rtol=0.05)
+    conforms.sampled(Z.std(axis=0) / predicted, 1, atol=0.05)
+    seen = np.ones((4, X.shape[1]), bool)
+    seen[2:, 0], seen[1:, 1] = False, False
+    partly = noise_errors(P, X, sigma, seen)
+    conforms.invariance(partly[0], noise_errors(P[:2], X[:, :1], sigma[:2])[0], rtol=1e-6)
+    assert np.isnan(partly[1])
+    conforms.invariance(partly[2:], predicted[2:], rtol=1e-7)
+
+
+def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
+    values = rig(excitation={"amplitude_mm": 2.0, "steady_s": [1.0, 3.0]})
+    for camera, rate in zip(values["cameras"], (60, 120, 60, 240), strict=True):
+        camera["frame_rate_hz"] = rate
+        camera["exposure_s"] = 0.004
+    values["excitation"]["frequency_hz"] = 20.0  # loses 1 %
+    outlook = assessed(values).rig
+    X, P, rng = points_of(values), matrices().P, np.random.default_rng(2)
+    uv, trials = project(P, X), 60
+    found = np.empty((4, 2, trials, X.shape[1]))
+    for i, camera in enumerate(values["cameras"]):
+        n = 2 * camera["frame_rate_hz"]
+        angle = 2 * np.pi * 20.0 * (np.arange(n) + 0.3) / camera["frame_rate_hz"]
+        basis = np.stack([np.ones(n), np.cos(angle), np.sin(angle)], axis=1)
+        noise = CENTRE_NOISE_PX * rng.standard_normal((n, 2 * trials * X.shape[1]))
+        cosine = np.linalg.lstsq(basis, noise, rcond=None)[0][1] / np.sinc(20.0 * 0.004)
+        found[i] = cosine.reshape(2, trials, -1) + uv[i, :, None]
+    fit = np.sqrt(np.mean(triangulate(P, found)[2] ** 2))
+    conforms.sampled(1000 * fit, outlook.fit[0], rtol=0.05)
+    conforms.closed_form(outlook.smallest_mm, 3 * outlook.fit[1], rtol=1e-6)
+    single = noise_errors(P, X, np.full(4, CENTRE_NOISE_PX))
+    conforms.independent(
+        outlook.one_frame, (1000 * np.sqrt(np.mean(single**2)), 1000 * single.max()), rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize(("frames", "seconds"), [(120, 2.0), (60, None), (1200, 20.0)])
+def test_the_fit_gains_by_the_root_of_half_the_frames(conforms, frames, seconds):
+    steady = seconds and [2.0, 2.0 + seconds]
+    values = rig(excitation={"amplitude_mm": 2.0, "steady_s": steady})
+    outlook = assessed(values).rig
+    assert outlook.frames == frames
+    loss = np.sinc(4.25 * 0.004)
+    ratio = np.array(outlook.fit) / outlook.one_frame
+    conforms.closed_form(ratio, np.sqrt(2 / frames) / loss, rtol=1e-7)
+
+
+@pytest.mark.parametrize(("amplitude", "f"), [(0.002, 4.25), (0.0003, 4.25), (0.0031, 20.0)])
+def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
+    values = change(
+        rig(), excitation__amplitude_mm=1000 * amplitude, excitation__frequency_hz=f
+    )  # fmt: skip
+    X, P, rng = points_of(values), matrices().P, np.random.default_rng(3)
+    trials, turn = 3000, 2 * np.pi * f / 60
+    X = X[:, ::6]
+    shift = rng.uniform(-0.5, 0.5, (4, 2, trials, X.shape[1]))
+    z = amplitude * np.cos(rng.uniform(-0.5, 0.5, (trials, X.shape[1])) * turn)
+    up = np.stack([0 * z, 0 * z, z])
+
+    def rounded(points):
+        return triangulate(P, pixelate(project(P, points) + shift) - shift)[2]
+
+    rest = np.repeat(X[:, None], trials, axis=1)
+    error = rounded(rest + up) - rounded(rest) - z
+    predicted = rounding_errors(P, X, amplitude, turn)
+    rms = np.sqrt(np.mean(error**2))
+    conforms.sampled(rms, np.sqrt(np.mean(predicted**2)), rtol=0.05)
+    whole = rounding_errors(P, points_of(values), amplitude, turn)
+    conforms.independent(
+        assessed(values).rig.rounding,
+        (1000 * np.sqrt(np.mean(whole**2)), 1000 * whole.max()),
+        rtol=1e-6,
+    )
+
+
+@pytest.mark.parametrize(
+    ("f", "rate", "seen"), [(4.25, 60, 4.25), (40, 60, 20), (60, 60, 0), (95, 60, 25), (30, 60, 30)]
+)
+def test_frames_show_the_alias(conforms, f, rate, seen):
+    conforms.closed_form(alias(f, rate), seen, rtol=1e-6)
+    t = np.arange(50) / rate
+    conforms.invariance(np.cos(2 * np.pi * f * t), np.cos(2 * np.pi * seen * t), atol=1e-9)
+
+
+# Warnings.
+
+
+def test_a_good_manifest_has_none():
+    assessment = assessed(rig())
+    assert assessment.warnings == ()
+    assert assessment.unknown == ()
+    assert not any("warning" in line for line in describe(assessment))
+
+
+ONE = {
+    "undersampled": {"excitation__frequency_hz": 31.0},
+    "near-nyquist": {"excitation__frequency_hz": 25.0},
+    "few-samples": {"excitation__frequency_hz": 13.0},
+    "higher-modes": {"cameras__1__frame_rate_hz": 10.0},
+    "long-exposure": {"excitation__frequency_hz": 26.0},
+    "motion-blur": {"cameras__2__exposure_s": 0.016},
+    "depth-of-field": {"cameras__1__f_number": 2.8},
+    "too-near": {"cameras__0__distance_mm": 24.0},
+    "coarse": {"cameras__3__width_px": 800},
+    "foreshortened": {"cameras__3__elevation_deg": 14.0},
+    "crowded-markers": {"structure__markers": {"row_spacing_mm": 6.5, "hole_mm": None}},
+    "out-of-view": {"cameras__0__sensor_width_mm": 20.0},
+    "shallow-view": {"cameras__0__elevation_deg": 7.0},
+    "steep-view": {"cameras__0__elevation_deg": 81.0},
+    "same-line": {"cameras__1__azimuth_deg": 6.0},
+    "below-noise": {"excitation__amplitude_mm": 0.001},
+    "large-move": {"excitation__amplitude_mm": 5.0},
+    "short-rest": {"excitation__rest_s": 0.9},
+    "few-rest-frames": {"excitation__rest_s": 0.1},
+    "few-frames": {"excitation__steady_s": [2.0, 2.3]},
+    "few-periods": {"excitation__steady_s": [2.0, 2.4]},
+    "steady-at-rest": {"excitation__steady_s": [0.5, 4.0]},
+}
+
+
+@pytest.mark.parametrize("code", ONE)
+def test_one_change_brings_its_warning(code):
+    values = change(rig(), **ONE[code])
+    found = [one for one in assessed(values).warnings if one.code == code]
+    field = next(iter(ONE[code]))
+    assert found
+    assert all("\n" not in one.text and len(one.text) < 300 for one in found)
+    if field.startswith("cameras__"):
+        i = field.split("__")[1]
+        assert any(one.where.startswith(f"cameras[{i}].") for one in found)
+    assert any(line.endswith(f"[{code}]") for line in joined(describe(assessed(values))))
+
+
+def joined(lines):
+    """Lines as they were before they were wrapped."""
+    return "\n".join(lines).replace("\n  ", " ").splitlines()
+
+
+@pytest.mark.parametrize(
+    ("field", "at_most"),
+    [("excitation__rest_s", {"short-rest"}), ("cameras__1__f_number", {"depth-of-field"}),
+     ("cameras__2__exposure_s", {"motion-blur"}), ("cameras__1__azimuth_deg", {"same-line"}),
+     ("excitation__amplitude_mm", {"below-noise"})],
+)  # fmt: skip
+def test_a_change_brings_no_other_warnings(field, at_most):
+    (code,) = at_most
+    assert codes(change(rig(), **{field: ONE[code][field]})) == at_most
+
+
+def test_a_declared_alias_is_told_and_warned_of_at_the_edges():
+    declared = change(
+        rig(), excitation__undersampled=True, excitation__frequency_hz=100.0,
+        **{f"cameras__{i}__exposure_s": 0.0005 for i in range(4)},
+    )  # fmt: skip
+    found = {one.code: one for one in assessed(declared).warnings}
+    assert "undersampled" not in found
+    assert "alias-edge" not in found
+    assert "seen at 20 Hz" in found["alias"].text
+    assert "known to 0.05 Hz" in found["alias"].text  # 0.1 turn in 2 s
+    for f in (120.4, 149.7, 30.0):
+        assert "alias-edge" in codes(change(declared, excitation__frequency_hz=f))
+    assert "alias" not in codes(change(declared, excitation__frequency_hz=5.0))
+
+
+def test_markers_that_too_few_cameras_see_are_named():
+    pair = rig([(0, 22), (180, 22)])
+    narrow = change(pair, cameras__0__sensor_width_mm=20.0)
+    assert {"lost-markers", "out-of-view"} <= codes(narrow)
+    (lost,) = [one for one in assessed(narrow).warnings if one.code == "lost-markers"]
+    share = assessed(narrow).table[0].in_view
+    assert lost.text.startswith(f"{75 - round(75 * share)} of 75 ")
+    three = rig([(0, 60), (5.5 / np.cos(np.radians(60)), 60), (180, 60)])
+    assert "weak-markers" not in codes(three)
+    assert "weak-markers" in codes(change(three, cameras__2__sensor_width_mm=20.0))
+
+
+def test_the_edge_of_each_limit():
+    assert "large-move" in codes(change(rig(), excitation__amplitude_mm=3.4))
+    assert "large-move" not in codes(change(rig(), excitation__amplitude_mm=3.2))
+    assert "near-nyquist" not in codes(change(rig(), excitation__frequency_hz=24.0))
+    assert "few-samples" not in codes(change(rig(), excitation__frequency_hz=12.0))
+    assert "undersampled" in codes(change(rig(), excitation__frequency_hz=30.0))
+    assert "undersampled" not in codes(change(rig(), excitation__frequency_hz=29.9))
+    assert "shallow-view" not in codes(change(rig(), cameras__0__elevation_deg=8.0))
+    assert "steep-view" not in codes(change(rig(), cameras__0__elevation_deg=80.0))
+
+
+def test_what_would_mend_a_warning_does():
+    values = change(rig(), cameras__1__f_number=2.8)
+    (one,) = assessed(values).warnings
+    stop = float(re.search(r"allowed: ([\d.]+)", one.text)[1])
+    assert codes(change(values, cameras__1__f_number=1.03 * stop)) == set()
+    values = change(rig(), cameras__2__exposure_s=0.016)
+    (one,) = assessed(values).warnings
+    exposure = float(re.search(r"so ([\d.]+) s", one.text)[1])
+    assert codes(change(values, cameras__2__exposure_s=0.95 * exposure)) == set()
+
+
+def test_corners_that_are_given_need_not_be_in_the_picture():
+    values = rig([(0, 60), (180, 60)])
+    for camera in values["cameras"]:
+        camera["sensor_width_mm"] = 25.9  # 615 mm: the markers, but not the corners
+    wheres = {one.where for one in assessed(values).warnings if one.code == "out-of-view"}
+    assert wheres == {"cameras[0].corners_px", "cameras[1].corners_px"}
+    values["cameras"][0]["corners_px"] = [[-5, 500], [1925, 500], [1925, 580], [-5, 580]]
+    wheres = {one.where for one in assessed(values).warnings if one.code == "out-of-view"}
+    assert wheres == {"cameras[1].corners_px"}
+
+
+def test_a_folded_mode_is_named_by_its_frequency():
+    values = change(rig(), **{f"cameras__{i}__frame_rate_hz": 75.0 for i in range(4)})
+    assert codes(values) == set()  # 39.6 Hz is the second, the driven one's own is 6.3 Hz
+    own = manifest(values).structure.beam.angular_frequencies(3)[2] / (2 * np.pi)
+    values = change(values, **{f"cameras__{i}__frame_rate_hz": own - 4.5 for i in range(4)})
+    (text,) = {one.text for one in assessed(values).warnings}
+    assert f"{own:.4g} Hz is seen at 4.5 Hz" in text
+    flat = change(values, structure__kind="flat")
+    assert codes(flat) == set()
+
+
+def test_every_warning_has_a_threshold_and_every_threshold_a_test():
+    tested = {*ONE, "alias", "alias-edge", "lost-markers", "weak-markers"}
+    assert tested == set(THRESHOLDS)
+    assert all(one.unit and one.reason for one in THRESHOLDS.values())
+
+
+# What is not known.
+
+
+@pytest.mark.parametrize(
+    ("places", "line"),
+    [
+        ({"cameras__0__f_number": None}, "depth of field of camera A: give f_number"),
+        ({"cameras__0__f_number": None, "cameras__0__distance_mm": None},
+         "depth of field of camera A: give distance_mm and f_number"),
+        ({"cameras__2__distance_mm": None},
+         "ground sample distance, view, errors and depth of field of camera C: give distance_mm"),
+        ({"cameras__0__azimuth_deg": None, "cameras__1__azimuth_deg": None},
+         "view, errors and depth of field of cameras A and B: give azimuth_deg"),
+        ({"excitation__frequency_hz": None},
+         "frame rate, exposure, blur and movement: give excitation.frequency_hz"),
+        ({"excitation__amplitude_mm": None},
+         "blur, movement and whole pixels: give excitation.amplitude_mm"),
+        ({"excitation__steady_s": None},
+         "length of the steady part, taken as 1 s: give excitation.steady_s"),
+        ({"excitation__sound": "room"}, "a clap: no field tells whether every sound track has one"),
+        ({"structure__kind": "flat"},
+         'natural frequencies: give structure.kind "beam" or "plate" if it is one'),
+    ],
+)  # fmt: skip
+def test_what_is_missing_is_said(places, line):
+    assessment = assessed(change(rig(), **places))
+    assert line in assessment.unknown
+    assert f"not checked: {line}" in joined(describe(assessment))
+    assert assessment.warnings == ()
+
+
+def test_cameras_without_a_place_do_not_count():
+    values = change(rig(), cameras__1__elevation_deg=None, cameras__3__focal_length_mm=None)
+    both = rig([(10, 22), (190, 22)])
+    assert assessed(values).rig == assessed(both).rig
+    assert assessed(values).rig.located == 2
+    bare = {"cameras": [{k: c[k] for k in ("name", "video", "shots", "exposure_s")}
+                        for c in rig()["cameras"]]}  # fmt: skip
+    assessment = assessed(bare)
+    assert assessment.warnings == ()
+    assert assessment.rig.located == 0
+    assert np.isnan([*assessment.rig.fit, assessment.rig.smallest_mm]).all()
+    assert np.isnan(assessment.table[0].ground_sample_mm)
+
+
+# Any manifest.
+
+
+def test_sixteen_cameras_are_told_in_few_lines():
+    around = [(22.5 * i + 11.25, 60) for i in range(16)]
+    values = rig(around, structure={"length_mm": 300, "markers": {"columns": 11}})
+    assert codes(values) <= {"higher-modes", "large-move"}
+    for camera in values["cameras"]:
+        camera["name"] = camera["name"] * 40
+    values = change(values, excitation__frequency_hz=40.0)
+    assessment = assessed(values)
+    assert len([one for one in assessment.warnings if one.code == "undersampled"]) == 16
+    lines = describe(assessment)
+    assert sum("[undersampled]" in line for line in joined(lines)) == 1
+    assert any("cameras[0].frame_rate_hz and 15 more" in line for line in lines)
+    assert max(map(len, lines)) <= 100
+
+
+def test_cameras_at_one_place_do_not_break_it():
+    values = rig([(0, 22), (0, 22)])
+    assessment = assessed(values)
+    assert "same-line" in {one.code for one in assessment.warnings}
+    assert not assessment.rig.one_frame[0] < 1000
+
+
+def test_sizes_and_rates_may_differ(conforms):
+    values = rig()
+    for camera, size in zip(
+        values["cameras"], [(2048, 2048), (1440, 1080), (1080, 1920), (4096, 2160)], strict=True
+    ):
+        camera["width_px"], camera["height_px"] = size
+        camera["sensor_width_mm"] = 0.006 * size[0]  # pixels of 6 µm
+    table = assessed(values).table
+    conforms.closed_form([row.ground_sample_mm for row in table], 570 * 0.006 / 24, rtol=1e-7)
+    conforms.closed_form([row.along_px for row in table], 5 / (570 * 0.006 / 24), rtol=1e-7)
+    assert table[2].in_view < table[1].in_view < table[0].in_view < table[3].in_view
+
+
+def random_values(rng):
+    """Values of a manifest, wild but valid."""
+    n = int(rng.choice([2, 2, 3, 4, 16]))
+
+    def maybe(value):
+        return None if rng.random() < 0.1 else value
+
+    kind = str(rng.choice(["beam", "plate", "flat"]))
+    length, width = 10 ** rng.uniform(1.5, 4), 10 ** rng.uniform(1.5, 4)
+    diameter = min(length, width) * rng.uniform(0.01, 0.1)
+    structure = {
+        "kind": kind, "length_mm": length, "width_mm": width,
+        "thickness_mm": 10 ** rng.uniform(-1, 2), "force_position_mm": length / 2,
+    }  # fmt: skip
+    if rng.random() < 0.3:
+        grid = np.stack(np.meshgrid(np.linspace(0.1, 0.9, 4), [0.3, 0.7])).reshape(2, -1).T
+        points = (grid + rng.uniform(-0.03, 0.03, grid.shape)) * [length, width]
+        structure["markers"] = {"points_mm": points.tolist(), "diameter_mm": diameter / 3}
+    else:
+        rows = int(rng.integers(2 if kind == "plate" else 1, 7))
+        columns = int(rng.integers(1, 12))
+        along, across = 0.88 * length / columns, 0.88 * width / rows
+        structure["markers"] = {
+            "rows": rows, "columns": columns, "spacing_mm": along, "row_spacing_mm": across,
+            "diameter_mm": min(diameter, 0.9 * along, 0.9 * across),
+        }  # fmt: skip
+    cameras = []
+    for i in range(n):
+        rate = 10 ** rng.uniform(0, 4)
+        cameras.append({
+            "name": f"camera {i}", "video": f"{i}.mkv", "shots": f"s{i}",
+            "width_px": int(rng.integers(2, 6000)), "height_px": int(rng.integers(2, 6000)),
+            "frame_rate_hz": rate, "exposure_s": rng.uniform(0.001, 1) / rate,
+            "focal_length_mm": maybe(10 ** rng.uniform(0, 3)),
+            "sensor_width_mm": maybe(10 ** rng.uniform(0, 2)),
+            "f_number": maybe(10 ** rng.uniform(-0.5, 2)),
+            "distance_mm": maybe(10 ** rng.uniform(0, 4.5)),
+            "azimuth_deg": maybe(float(rng.choice([0, 180, rng.uniform(-360, 360)]))),
+            "elevation_deg": maybe(float(rng.choice([90, 22, rng.uniform(0.01, 90)]))),
+        })  # fmt: skip
+    frequency = maybe(10 ** rng.uniform(-1, 4))
+    begin = rng.uniform(0, 5)
+    return {
+        "structure": structure,
+        "cameras": cameras,
+        "excitation": {
+            "frequency_hz": frequency, "undersampled": frequency is not None and rng.random() < 0.5,
+            "amplitude_mm": maybe(10 ** rng.uniform(-4, 3)), "rest_s": rng.uniform(0, 3),
+            "sound": str(rng.choice(["force", "room"])),
+            "steady_s": maybe([begin, begin + 10 ** rng.uniform(-3, 2)]),
+        },
+    }  # fmt: skip
+
+
+def test_no_valid_manifest_breaks_it():
+    rng = np.random.default_rng(0)
+    found = set()
+    for _ in range(200):
+        values = random_values(rng)
+        given = manifest(values)
+        assessment = assessed(values)
+        assert len(assessment.table) == len(given.cameras)
+        for one in assessment.warnings:
+            found.add(one.code)
+            assert "nan" not in one.text, one
+            assert "None" not in one.text, one
+            inside = given
+            for name, index in re.findall(r"(\w+)(?:\[(\d+)\])?", one.where):
+                inside = getattr(inside, name)
+                inside = inside[int(index)] if index else inside
+        for line in joined(describe(assessment)):
+            assert not line.startswith("warning") or line.endswith("]")
+    assert found >= set(THRESHOLDS) - {"weak-markers"}

@@ -1,0 +1,326 @@
+"""The measuring chain on material that no code of the library made.
+
+Real photographs by others, compared with OpenCV's own calibration; and recordings by a ray caster
+(`foreign.rays`), written by Pillow and PyAV, compared with what `cv2.projectPoints` says.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import pytest
+import xarray as xr
+from scenes.foreign import photographs
+from scenes.foreign.rays import Optics, Sensor, airy, gaussian, looking, sharp
+from scenes.foreign.recording import FREQUENCY, RATE, SOUND_RATE, TIP, Scene, Take
+
+from thesis_lib.figure_sets.experiment import chain
+from thesis_lib.figure_sets.experiment import methods as shapes
+from thesis_lib.measure.calibration.alignment import align, camera_deviations
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
+from thesis_lib.measure.calibration.corners import find_corners
+from thesis_lib.measure.calibration.symmetry import unify
+from thesis_lib.measure.calibration.zhang import Calibration, zhang
+from thesis_lib.measure.pipeline import measure
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.manifest import write_manifest
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.synchronisation.delays import delay_deviation
+from thesis_lib.vision.lens import Camera
+
+pytestmark = pytest.mark.slow  # for the report of conformance
+
+# OpenCV counts pixels from the first one's centre, the library from its corner.
+CORNER = np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+
+
+def lens_of(K, distortion):
+    """f_x, f_y, c_x, c_y, k₁, k₂, p₁, p₂."""
+    return np.concatenate([np.asarray(K)[[0, 1, 0, 1], [0, 1, 2, 2]], np.ravel(distortion)[:4]])
+
+
+# Photographs.
+
+FETCHED = all((photographs.FOLDER / name).is_file() for name in photographs.FILES)
+needs_photographs = pytest.mark.skipif(
+    not FETCHED, reason="no photographs: python tests/scenes/foreign/photographs.py fetches them"
+)
+TILES = Board(10, 7, 0.025, 0.0)
+SIZE = (640, 480)
+OWN = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-12)
+
+
+@dataclass
+class Pair:
+    """The stereo pair, calibrated by the library from its own corners, and corners by OpenCV."""
+
+    single: list[Calibration]
+    corners: np.ndarray
+    full: Adjustment
+    opencv: list[list[np.ndarray]]
+
+
+@pytest.fixture(scope="module")
+def pair() -> Pair:
+    pictures = [
+        [cv2.imread(str(photographs.FOLDER / name), cv2.IMREAD_GRAYSCALE)
+         for name in photographs.FILES if name.startswith(side)]
+        for side in ("left", "right")
+    ]  # fmt: skip
+    shots = [[find_corners(picture, TILES) for picture in row] for row in pictures]
+    single = [
+        zhang(row, TILES, SIZE, True, side)
+        for row, side in zip(shots, ("left", "right"), strict=True)
+    ]
+    corners = unify(single, shots, TILES)
+    full = adjust(corners, TILES.corners, [one.camera() for one in single])
+    opencv = []
+    for row in pictures:
+        found = [cv2.findChessboardCorners(picture, TILES.shape)[1] for picture in row]
+        for picture, uv in zip(row, found, strict=True):
+            cv2.cornerSubPix(picture, uv, (5, 5), (-1, -1), (3, 100, 1e-4))
+        opencv.append(found)
+    return Pair(single, corners, full, opencv)
+
+
+def stereo(left, right, points):
+    """OpenCV's calibration of both cameras at once from corners of both, as (n, 1, 2)."""
+    objects = [points.astype(np.float32)] * len(left)
+    alone = [cv2.calibrateCamera(objects, row, SIZE, None, None, flags=cv2.CALIB_FIX_K3)[1:3]
+             for row in (left, right)]  # fmt: skip
+    flags = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_K3
+    rms, K, k, L, m, _, t, *_ = cv2.stereoCalibrate(
+        objects, left, right, *alone[0], *alone[1], SIZE, flags=flags, criteria=OWN
+    )
+    lenses = np.array([lens_of(K + CORNER, k), lens_of(L + CORNER, m)])
+    return lenses, float(np.linalg.norm(t)), rms / np.sqrt(2)
+
+
+@needs_photographs
+def test_all_photographed_boards_are_found_and_fit_better_than_by_opencv(conforms, pair):
+    assert np.isfinite(pair.corners).all()
+    for one, found in zip(pair.single, pair.opencv, strict=True):
+        grid = np.zeros((TILES.corners.shape[1], 3), np.float32)
+        grid[:, :2] = 0.025 * np.mgrid[0:9, 0:6].T.reshape(-1, 2)
+        theirs = cv2.calibrateCamera([grid] * len(found), found, SIZE, None, None,
+                                     flags=cv2.CALIB_FIX_K3)[0] / np.sqrt(2)  # fmt: skip
+        conforms.independent(one.rms, below=0.9 * theirs)  # 0.112 px, and 0.138 and 0.147 px
+        conforms.independent(one.rms, below=0.12)
+
+
+@needs_photographs
+def test_adjustment_of_photographs_is_what_opencv_finds_from_the_same_corners(conforms, pair):
+    left, right = ([(uv - 0.5).T[:, None].astype(np.float32) for uv in row]
+                   for row in pair.corners)  # fmt: skip
+    lenses, baseline, rms = stereo(left, right, TILES.corners.T)
+    ours = np.array([lens_of(c.K, c.distortion) for c in pair.full.cameras])
+    conforms.independent(np.abs((ours - lenses) / pair.full.deviations).max(), below=0.01)
+    a, b = (camera.centre for camera in pair.full.cameras)
+    conforms.independent(np.linalg.norm(a - b), baseline, atol=1e-8)
+    conforms.independent(pair.full.rms, rms, rtol=1e-5)
+
+
+@needs_photographs
+def test_calibration_of_photographs_agrees_with_that_by_opencvs_own_corners(conforms, pair):
+    grid = np.zeros((TILES.corners.shape[1], 3))
+    grid[:, :2] = 0.025 * np.mgrid[0:9, 0:6].T.reshape(-1, 2)
+    lenses, baseline, _ = stereo(*pair.opencv, grid)
+    ours = np.array([lens_of(c.K, c.distortion) for c in pair.full.cameras])
+    # Leaving out one shot at a time shows that these boards, which are not quite flat, scatter by
+    # two to three and a half times the deviations that white noise would leave.
+    conforms.independent(np.abs((ours - lenses) / pair.full.deviations).max(), below=4)
+    a, b = (camera.centre for camera in pair.full.cameras)
+    conforms.independent(np.linalg.norm(a - b), baseline, atol=1e-4)  # 83.17 mm
+    published = cv2.FileStorage(str(photographs.FOLDER / photographs.CALIBRATION), 0)
+    theirs = lens_of(published.getNode("camera_matrix").mat() + CORNER,
+                     published.getNode("distortion_coefficients").mat())  # fmt: skip
+    # Its focal length is one for both axes and goes with a k₃, which trades with the others.
+    conforms.independent(ours[0, :2], theirs[:2], rtol=5e-3)
+    conforms.independent(ours[0, 2:4], theirs[2:4], atol=1)
+
+
+# Another renderer.
+
+LIGHT = Optics(spread=airy(1.0), slope=0.15, vignetting=0.2)
+SCENE = Scene(optics=LIGHT)
+TAKES = ("plain", "phone")
+
+
+@dataclass
+class Measured:
+    """A take, calibrated and measured."""
+
+    manifest: Manifest
+    calibrations: chain.Calibrations
+    data: xr.Dataset
+
+    @property
+    def tracks(self) -> shapes.Tracks:
+        markers = markers_of(self.manifest)
+        names = [eye.name for eye in SCENE.eyes]
+        return shapes.tracks_of(self.data, markers, names, SCENE.eyes[0].size[0], "full")
+
+    @property
+    def instant(self) -> shapes.Instant:
+        return shapes.instant_of(self.data, self.manifest.structure.damping)
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Take]:
+    """The same light as a laboratory's camera records it, and as a telephone does."""
+    folder = tmp_path_factory.mktemp("foreign")
+    found = {
+        "plain": Take(folder / "plain"),
+        "phone": Take(folder / "phone", Sensor(srgb=True), "jpg", video="h264", crf=12,
+                      sound="aac"),
+    }  # fmt: skip
+    SCENE.film(list(found.values()))
+    return found
+
+
+@pytest.fixture(scope="module")
+def measured(takes: dict[str, Take]) -> dict[str, Measured]:
+    found = {}
+    for name, take in takes.items():
+        manifest = SCENE.manifest(take)
+        calibrations = chain.calibrate(manifest, take.folder)
+        data = chain.measure(manifest, take.folder, calibrations=calibrations)
+        found[name] = Measured(manifest, calibrations, data)
+    return found
+
+
+def truth() -> list[Camera]:
+    return [
+        Camera(eye.name, eye.K + CORNER, eye.distortion, eye.R, eye.centre, eye.size)
+        for eye in SCENE.eyes
+    ]
+
+
+def rms(values):
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+@pytest.mark.parametrize("take", TAKES)
+def test_corners_are_found_to_what_the_adjustment_says_of_them(conforms, measured, take):
+    calibrations = measured[take].calibrations
+    assert calibrations.lost == []
+    errors = []
+    for camera, found in enumerate(calibrations.corners):
+        for uv, true in zip(found, SCENE.corners(camera), strict=True):
+            apart = uv[:, :, None] - true[:, None]
+            nearest = np.argmin(np.sum(apart**2, axis=0), axis=1)
+            assert len(np.unique(nearest)) == len(nearest)
+            errors.append(apart[:, np.arange(len(nearest)), nearest])
+    errors = np.array(errors)
+    conforms.sampled(rms(errors), calibrations.full.sigma, rtol=0.1)
+    conforms.independent(rms(errors), below=0.01)
+    conforms.independent(
+        np.abs(errors.mean(axis=(0, 2))).max(), below=0.002
+    )  # no shift of all pixels
+
+
+@pytest.mark.parametrize("take", TAKES)
+def test_calibration_is_right_to_its_standard_deviations(conforms, measured, take):
+    full = measured[take].calibrations.full
+    lenses = np.array([lens_of(c.K, c.distortion) for c in full.cameras])
+    true = np.array([lens_of(c.K, c.distortion) for c in truth()])
+    pulls = (lenses - true) / full.deviations
+    conforms.sampled(np.abs(pulls).max(), below=4.5)
+    conforms.sampled(rms(pulls), above=0.5, below=1.6)  # 24 that partly go together
+    _, centres, turns = align(full.cameras, truth())
+    centre_deviations, turn_deviations = camera_deviations(full)
+    conforms.sampled(rms(centres / centre_deviations), below=2.2)
+    conforms.sampled(rms(turns / turn_deviations), below=2.2)
+    conforms.independent(np.linalg.norm(centres, axis=1).max(), below=2e-4)  # m, of 0.9 m
+
+
+@pytest.mark.parametrize("take", TAKES)
+def test_delays_are_those_of_the_starts(conforms, measured, take):
+    data = measured[take].data
+    errors = data["delay"].values - (np.array(SCENE.starts) - SCENE.starts[0])
+    if take == "plain":
+        seconds = float(data["steady"][1] - data["steady"][0])
+        sigma = delay_deviation(FREQUENCY, 10 ** (SCENE.noise_db / 10), int(seconds * SOUND_RATE))
+        conforms.sampled(np.abs(errors).max(), below=4 * sigma)  # 8 µs
+    else:  # AAC's own noise is largest at the lowest frequencies
+        conforms.independent(np.abs(errors).max(), below=0.03 / RATE)
+
+
+def test_centres_are_found_to_what_their_scatter_says(conforms, measured):
+    data, sigma = measured["plain"].data, measured["plain"].tracks.sigma
+    for camera, found in enumerate(data["tracks"].values[:, 0]):
+        errors = found - SCENE.tracks(camera)
+        assert np.isfinite(errors).all()
+        # What stays from frame to frame is no scatter: the light of a round aperture is not spread
+        # as the fit has it, which leaves 0.007 px.
+        conforms.sampled(np.std(errors) / rms(sigma[camera]), above=0.9)
+        conforms.sampled(np.std(errors), below=np.hypot(1.03 * rms(sigma[camera]), 0.009))
+        # A disc's image has its middle beside that of its centre, by f (r/d)² sin θ cos θ.
+        conforms.independent(np.abs(errors.mean(axis=(0, 2))).max(), below=0.008)
+
+
+@pytest.mark.parametrize("take", TAKES)
+def test_deflection_is_the_true_one(conforms, measured, take):
+    one = measured[take]
+    exposures = one.data["exposure"].values
+    tracks, instant = one.tracks, one.instant
+    found = shapes.deflection(tracks, instant, "harmonic", exposures)
+    true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
+    predicted = shapes.predicted(tracks, "harmonic", instant, exposures)
+    errors = found - true
+    assert np.isfinite(errors).all()
+    conforms.independent(tracks.frame.scale, 1, atol=2e-4)
+    if take == "plain":
+        conforms.sampled(rms(errors / predicted), 1, atol=0.35)  # 75 markers: 4 σ
+        conforms.independent(found @ true / (true @ true), 1, atol=1e-3)
+        conforms.independent(rms(errors), below=3e-6)  # m; the tip moves by 4 mm
+    else:  # H.264 leaves still what moves by less than a few tenths of a pixel
+        conforms.independent(rms(errors), below=0.008 * TIP)
+        conforms.independent(found @ true / (true @ true), 1, atol=0.006)
+
+
+def test_deflection_under_rolling_shutters_is_the_true_one(conforms, takes, tmp_path):
+    # Two of the cameras, whose rows take 80 % of a frame's time to be read, told so and not.
+    row_time = 0.8 / RATE / SCENE.eyes[0].size[1]
+    rolling = Scene(eyes=SCENE.eyes[:2], optics=replace(LIGHT, row_time=row_time))
+    take = Take(tmp_path)
+    rolling.film([take], shots=False)
+    for eye in rolling.eyes:
+        shutil.copytree(takes["plain"].folder / eye.name, tmp_path / eye.name, dirs_exist_ok=True)
+    write_manifest(rolling.manifest(take), tmp_path / "manifest.yaml")
+    measure(tmp_path / "manifest.yaml", tmp_path / "out", lambda line: None)
+    with xr.open_dataset(tmp_path / "out" / "measured.nc") as data:
+        found, predicted = data["deflection"].values, data["standard_error"].values
+        quadrature = data["quadrature"].values
+    true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
+    conforms.sampled(rms((found - true) / predicted), 1, atol=0.35)
+    conforms.independent(found @ true / (true @ true), 1, atol=1e-3)
+    conforms.sampled(rms(quadrature / predicted), below=2)  # 10 if it is taken for a global shutter
+
+
+# Edges along the pixels, under a lens that spreads no light.
+
+FACING = looking("S", (0.02, -0.03, 0.9), 0.3, (640, 360), (760, 760))
+
+
+@pytest.mark.parametrize(
+    ("spread", "most"),
+    [
+        # Edges along the pixels are then ramps, and the fit's are not: 0.07 px.
+        pytest.param(sharp, 0.1, id="none"),
+        pytest.param(gaussian(0.3), 0.03, id="slight"),
+        pytest.param(gaussian(1.2), 0.03, id="wide"),
+    ],
+)
+def test_corners_are_found_whatever_the_spread(conforms, spread, most):
+    tiles, board = SCENE.board, Board(9, 9, 0.028, 0.020)
+    light = tiles.shot(FACING, np.eye(3), np.zeros(3), Optics(spread=spread, fine=8))
+    true = FACING.project(tiles.corners)
+    for seed in range(4):
+        found = find_corners(Sensor().grey(light, np.random.default_rng(seed)), board)
+        apart = np.linalg.norm(found[:, :, None] - true[:, None], axis=0).min(axis=1)
+        conforms.independent(rms(apart), below=most)

@@ -1,0 +1,417 @@
+"""What a folder's sound tells: the force against truth, memory, and sounds that are refused."""
+
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from thesis_lib.facts import setups
+from thesis_lib.laboratory import film as laboratory_film
+from thesis_lib.laboratory import rig as laboratory
+from thesis_lib.measure.recordings.manifest import ManifestError, check_excitation
+from thesis_lib.measure.recordings.manifest_model import CameraFiles, Excitation, Manifest
+from thesis_lib.measure.recordings.media import opened_audio, read_audio, write_video
+from thesis_lib.measure.synchronisation import audio as hearing
+from thesis_lib.measure.synchronisation.listen import listen
+from thesis_lib.measure.synchronisation.tones import SynchronisationError
+
+RATE = 48000
+FREQUENCY = 4.25
+FORCE = 0.4 * np.exp(0.7j)
+
+
+def force(t):
+    """At rest for 1 s, then a tone that grows over two periods."""
+    growing = np.clip((t - 1) * FREQUENCY / 2, 0, 1)
+    return growing * np.real(FORCE * np.exp(2j * np.pi * FREQUENCY * t))
+
+
+def folder_of(folder, sounds, rate=RATE, **excitation):
+    """The manifest of videos with these sounds, whose pictures are few and small."""
+    names = "ABCD"[: len(sounds)]
+    for name, sound in zip(names, sounds, strict=True):
+        write_video(folder / f"{name}.mkv", np.zeros((3, 16, 16), np.uint8), 60, sound, rate)
+    cameras = [
+        CameraFiles(name=name, video=f"{name}.mkv", exposure_s=0.004, shots="s") for name in names
+    ]
+    return Manifest(cameras=tuple(cameras), excitation=Excitation(**excitation))
+
+
+def refusal(manifest, folder, kind=SynchronisationError):
+    with pytest.raises(kind) as error:
+        listen(manifest, folder)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+@pytest.mark.parametrize("rate", [8000, 44100, RATE])
+def test_delays_and_force_are_the_true_ones(conforms, tmp_path, rate):
+    t = np.arange(4 * rate) / rate
+    starts = np.array([0.1, 0.0, 0.2371])
+    found = listen(folder_of(tmp_path, [force(t + start) for start in starts], rate), tmp_path)
+    delays = found.synchronisation.delays
+    conforms.closed_form(delays, starts - starts[0], atol=1e-4 / 60)
+    turned = FORCE * np.exp(2j * np.pi * FREQUENCY * starts[0])  # on A's clock
+    conforms.closed_form(abs(found.force / turned - 1), below=2e-4)
+    begin, end = found.steady
+    assert 0.9 + 2 / FREQUENCY < begin < 0.9 + 3.3 / FREQUENCY
+    assert 3.9 < end <= 4
+
+
+@pytest.mark.parametrize("noise_db", [0, 20, 120])
+def test_the_laboratory_s_sound_is_heard(conforms, tmp_path, noise_db):
+    directions = [(10, 22), (100, 22), (190, 22)]
+    rig = laboratory.default_rig(setups.beam(), directions, audio_noise_db=noise_db, seed=5)
+    sounds = [laboratory_film.sound(rig, index) for index in range(3)]
+    found = listen(folder_of(tmp_path, sounds), tmp_path)
+    starts = np.array([station.start for station in rig.stations])
+    error = 60 * np.abs(found.synchronisation.delays - (starts - starts[0])).max()
+    conforms.sampled(error, below=0.04 * 10 ** (-noise_db / 20) + 1e-3)
+
+
+def test_long_recordings_take_little_memory_and_time(tmp_path):
+    t = np.arange(60 * RATE) / RATE
+    manifest = folder_of(tmp_path, [force(t + start) for start in (0, 0.1, 0.2, 0.05)])
+    began = time.perf_counter()
+    listen(manifest, tmp_path)
+    assert time.perf_counter() - began < 3
+    tracemalloc.start()
+    try:
+        listen(manifest, tmp_path)
+        assert tracemalloc.get_traced_memory()[1] < 150e6
+    finally:
+        tracemalloc.stop()
+
+
+T = np.arange(4 * RATE) / RATE
+NOISE = 0.1 * np.random.default_rng(0).standard_normal(len(T))
+
+
+@pytest.mark.parametrize(
+    ("sound", "frequency", "words"),
+    [
+        (force(T), 4.46, ["excitation.frequency_hz: given 4.46, but the sound of A has 4.25 Hz"]),
+        (force(T), 4.05, ["excitation.frequency_hz: given 4.05, but the sound of A has 4.25 Hz"]),
+        (NOISE, 4.25, ["A: 0.", "steady tone of 4.25 Hz", "0.706 s, 3 periods"]),
+        (force(T)[: 2 * RATE], 4.25, ["A: 0.", "s of steady tone of 4.25 Hz", "3 periods"]),
+        (0.4 * np.sin(2 * np.pi * (3 * T + 0.5 * T**2)), 4.25, ["A: ", "allowed: at least"]),
+        (force(T) + 0.3 * np.sin(2 * np.pi * 50 * T), 4.25, ["A: a tone near 4.25 Hz", "80 %"]),
+    ],
+    ids=["5 % more", "5 % less", "noise", "short", "chirp", "hum"],
+)  # fmt: skip
+def test_a_sound_that_is_not_the_force_names_the_camera(tmp_path, sound, frequency, words):
+    manifest = folder_of(tmp_path, [sound, sound], frequency_hz=frequency)
+    message = refusal(manifest, tmp_path)
+    for word in words:
+        assert word in message
+
+
+def test_another_sample_rate_is_named(tmp_path):
+    manifest = folder_of(tmp_path, [force(T), force(T)])
+    write_video(tmp_path / "B.mkv", np.zeros((3, 16, 16), np.uint8), 60, force(T), 44100)
+    assert "B: sample rate 44100 Hz, allowed: 48000 Hz as A" in refusal(manifest, tmp_path)
+
+
+@pytest.mark.parametrize("frequency", [1e5, 30.0])
+def test_a_frequency_that_cannot_be_filmed_is_refused_before_anything_is_read(tmp_path, frequency):
+    manifest = folder_of(tmp_path, [force(T), force(T)], frequency_hz=frequency)
+    (tmp_path / "A.mkv").unlink()
+    assert refusal(manifest, tmp_path, ManifestError).startswith("excitation.frequency_hz: given")
+
+
+def test_a_sound_too_coarse_for_the_frequency_is_refused(tmp_path):
+    manifest = folder_of(tmp_path, [force(T[:32000])] * 2, 200, frequency_hz=27.0)
+    assert "at most 25 Hz, 8 samples of the sound per period" in refusal(manifest, tmp_path)
+
+
+# Frequencies.
+
+
+def hum(t):
+    return 0.3 * np.sin(2 * np.pi * 50 * t) * np.clip(t - 1, 0, 1)
+
+
+def faint(sounds, level=0.01, seed=0):
+    rng = np.random.default_rng(seed)
+    return [sound + level * rng.standard_normal(len(sound)) for sound in sounds]
+
+
+@pytest.mark.parametrize("given", [4.25, None])
+def test_the_frequency_is_measured_whether_it_is_given_or_not(conforms, tmp_path, given):
+    sounds = faint([force(T + start) for start in (0.1, 0.0, 0.2)])
+    found = listen(folder_of(tmp_path, sounds, frequency_hz=given), tmp_path)
+    off = found.found_frequency - FREQUENCY
+    assert 1e-6 < found.frequency_deviation < 1e-3
+    conforms.sampled(abs(off), below=3.5 * found.frequency_deviation)
+    assert found.frequency == (given or found.found_frequency)
+    delays = found.synchronisation.delays
+    conforms.closed_form(delays, [0, -0.1, 0.1], atol=2e-3 / 60)
+    # By a fitted frequency the force is best known in the middle of its steady part.
+    middle = np.mean(found.steady)
+    turned = FORCE * np.exp(2j * np.pi * FREQUENCY * 0.1)
+    at = [
+        amplitude * np.exp(2j * np.pi * f * middle)
+        for amplitude, f in ((found.force, found.frequency), (turned, FREQUENCY))
+    ]
+    conforms.invariance(abs(at[0] / at[1] - 1), below=1e-3)
+
+
+def test_a_tone_too_fast_for_the_cameras_is_named(tmp_path):
+    manifest = folder_of(tmp_path, [hum(T), hum(T)], frequency_hz=None)
+    message = refusal(manifest, tmp_path, ManifestError)
+    assert "given null, and the sound has 50 Hz, allowed: below half of the frame rate, 30 Hz" in (
+        message
+    )
+
+
+@pytest.mark.parametrize(
+    ("sounds", "words"),
+    [
+        ([NOISE, NOISE], ["A: no steady tone below 500 Hz", "80 %", "sound: room"]),
+        ([force(T), hum(T) + force(T)], ["B: no steady tone", "(that of 4.2", "Hz is 6"]),
+        ([force(T), force(1.1 * T)], ["B: its tone has 4.675", "that of A 4.25", "the same"]),
+        ([force(T), 0 * T], ["B: silent audio"]),
+    ],
+    ids=["noise", "hum", "two tones", "silence"],
+)
+def test_sounds_without_one_tone_are_refused_if_it_is_sought(tmp_path, sounds, words):
+    message = refusal(folder_of(tmp_path, sounds, frequency_hz=None), tmp_path)
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("frequency", "line"),
+    [
+        (None, None),
+        (29.9, None),
+        (70.0, "excitation.frequency_hz: given 70, allowed: below half of the frame rate, 30 Hz"),
+        ((70.0,), None),
+        ((59.39,), None),
+        ((59.41,), "excitation.frequency_hz: given 59.41, allowed: at least 0.6 Hz from 60 Hz, a "
+         "multiple of half the frame rate of cameras[0]"),
+        ((30.0,), "excitation.frequency_hz: given 30, allowed: at least 0.6 Hz from 30 Hz, a "
+         "multiple of half the frame rate of cameras[0]"),
+        ((74.9,), "excitation.frequency_hz: given 74.9, allowed: at least 0.5 Hz from 75 Hz, a "
+         "multiple of half the frame rate of cameras[1]"),
+    ],
+)  # fmt: skip
+def test_what_the_cameras_sample_too_rarely_must_be_declared(frequency, line):
+    """Frequencies in brackets are declared; B films at 60 and C at 50 frames per second."""
+    declared = isinstance(frequency, tuple)
+    excitation = Excitation(
+        frequency_hz=frequency[0] if declared else frequency, undersampled=declared
+    )
+    cameras = tuple(
+        CameraFiles(name=name, video=f"{name}.mkv", exposure_s=0.004, shots="s", frame_rate_hz=rate)
+        for name, rate in (("B", 60.0), ("C", 50.0 if line and "cameras[1]" in line else 60.0))
+    )
+    lines = check_excitation(Manifest(cameras=cameras, excitation=excitation))
+    assert lines == ([] if line is None else [line])
+
+
+def test_a_declared_fast_tone_is_heard(conforms, tmp_path):
+    sounds = [force(16.6 * (T + start)) for start in (0, 0.05)]  # 70.55 Hz
+    manifest = folder_of(tmp_path, sounds, frequency_hz=16.6 * FREQUENCY, undersampled=True)
+    found = listen(manifest, tmp_path)
+    conforms.closed_form(found.synchronisation.delays, [0, 0.05], atol=1e-3 / 60)
+    conforms.closed_form(abs(found.force / FORCE - 1), below=1e-3)
+
+
+# A steady part that is given.
+
+
+@pytest.mark.parametrize("given", [4.25, None])
+def test_the_given_steady_part_is_used(conforms, tmp_path, given):
+    """After 3 s the force is half as large, which alone would be taken for the end of the part."""
+
+    def stepped(t):
+        return force(t) * np.where(t > 3, 0.5, 1)
+
+    t = np.arange(6 * RATE) / RATE
+    sounds = [stepped(t), stepped(t + 0.1)]
+    manifest = folder_of(tmp_path, sounds, steady_s=(3.2, 5.8), frequency_hz=given)
+    found = listen(manifest, tmp_path)
+    assert found.steady == (3.2, 5.8)
+    middle = np.exp(2j * np.pi * 4.5 * (found.frequency - FREQUENCY))
+    conforms.closed_form(abs(found.force * middle / (FORCE / 2) - 1), below=1e-3)
+    conforms.closed_form(found.synchronisation.delays, [0, 0.1], atol=1e-4 / 60)
+    sought = listen(folder_of(tmp_path, sounds), tmp_path)
+    assert sought.steady[1] < 3
+    conforms.closed_form(abs(sought.force / FORCE - 1), below=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "steady", "limits"),
+    [
+        ("force", (2.0, 4.2), "from 0.000 to 4.000 s"),
+        ("force", (2.0, 3.98), "from 0.100 to 3.950 s"),
+        ("room", (0.05, 3.9), "from 0.100 to 3.950 s"),
+        ("room", (2.0, 3.98), "from 0.100 to 3.950 s"),
+    ],
+)
+def test_a_steady_part_outside_of_what_all_recorded_is_refused(tmp_path, kind, steady, limits):
+    sound = force if kind == "force" else clapping()
+    sounds = faint([sound(T), sound(T + 0.1), sound(T[: round(3.85 * RATE)] + 0.1)])
+    manifest = folder_of(tmp_path, sounds, sound=kind, steady_s=steady)
+    message = refusal(manifest, tmp_path, ManifestError)
+    given = f"[{steady[0]:g}, {steady[1]:g}]"
+    assert message == (
+        f"excitation.steady_s: given {given}, allowed: within the recordings, {limits}"
+    )
+
+
+# A room.
+
+
+def clapping(moments=(1.5, 2.1, 2.3), seed=0):
+    """Claps at times in s."""
+    rng = np.random.default_rng(seed)
+    pitches, phases = rng.uniform(300, 4000, 40), rng.uniform(0, 2 * np.pi, 40)
+
+    def sound(t):
+        x = np.zeros(len(t))
+        for moment in moments:
+            near = np.flatnonzero((t >= moment) & (t < moment + 0.02))
+            since = t[near] - moment
+            tones = np.cos(2 * np.pi * pitches[:, None] * since + phases[:, None] + moment)
+            x[near] += 0.02 * np.exp(-since / 0.002) * tones.sum(axis=0)
+        return x
+
+    return sound
+
+
+@pytest.mark.parametrize("frequency", [None, 4.25, 7.5])
+def test_a_room_gives_the_starts_alone(conforms, tmp_path, frequency):
+    sound = clapping()
+    starts = np.array([0.1, 0.0, 0.37])
+    manifest = folder_of(
+        tmp_path,
+        faint([sound(T + start) for start in starts]),
+        sound="room",
+        frequency_hz=frequency,
+    )
+    found = listen(manifest, tmp_path)
+    conforms.closed_form(found.synchronisation.delays, starts - starts[0], atol=0.005 / 60)
+    assert found.force is None
+    assert found.frequency == frequency
+    assert found.found_frequency is None
+    assert found.frequency_deviation is None
+    # C starts last, at 0.27 s of A, and rests for 1 s; B ends first, at 3.9 s.
+    conforms.closed_form(found.steady, (1.27, 3.9), atol=1e-4)
+    part = manifest.model_copy(update={"excitation": manifest.excitation.model_copy(
+        update={"steady_s": (1.4, 3.5)})})  # fmt: skip
+    assert listen(part, tmp_path).steady == (1.4, 3.5)
+
+
+def test_buttons_that_are_pressed_are_not_taken_for_claps(conforms, tmp_path):
+    """A louder click at the start and the end of every file, as far from its ends."""
+    sound, click = clapping(), 0.5 * np.exp(-np.arange(200) / 40) * np.cos(0.7 * np.arange(200))
+    starts = np.array([0.0, 0.3])
+    sounds = faint([sound(T + start) for start in starts])
+    for x in sounds:
+        x[5000:5200] += click
+        x[-9000:-8800] += click
+    found = listen(folder_of(tmp_path, sounds, sound="room"), tmp_path)
+    conforms.closed_form(found.synchronisation.delays, starts, atol=0.005 / 60)
+
+
+def test_rooms_that_tell_too_little_are_refused(tmp_path):
+    sound = clapping()
+    good = faint([sound(T), sound(T + 0.1)])
+    message = refusal(folder_of(tmp_path, good, sound="room", rest_s=3.95), tmp_path, ManifestError)
+    assert message.startswith("excitation.rest_s: given 3.95, allowed: less than the 3.900 s")
+    unlike = faint([sound(T), clapping((1.2, 2.0, 2.9), 1)(T)])
+    message = refusal(folder_of(tmp_path, unlike, sound="room"), tmp_path)
+    assert message.startswith("B: no sound in it matches that of A beyond doubt; clap")
+    short = [good[0], good[1][:RATE]]
+    message = refusal(folder_of(tmp_path, short, sound="room"), tmp_path)
+    assert message == "B: 1.000 s of audio, allowed: at least 2.000 s"
+
+
+# Recordings longer than what is held at a time.
+
+
+def late(t):
+    """At rest for 50 s, then the force."""
+    return force(t - 49)
+
+
+def low(sound, seconds, starts, rate=8000):
+    """What cameras record of a sound, with faint noise."""
+    t = np.arange(round(seconds * rate)) / rate
+    return faint([sound(t + start) for start in starts], 1e-3)
+
+
+def test_a_late_event_is_found_with_little_held(conforms, tmp_path, monkeypatch):
+    sounds = low(late, 70, (0.0, 2.3, 1.1))
+    manifest = folder_of(tmp_path, sounds, 8000, rest_s=49)
+    whole = listen(manifest, tmp_path)
+    monkeypatch.setattr(hearing, "SPAN", 1 << 16)  # 16 s at 4 kHz
+    found = listen(manifest, tmp_path)
+    for one in (whole, found):
+        assert not one.synchronisation.ambiguous
+        conforms.closed_form(one.synchronisation.delays, [0, 2.3, 1.1], atol=1e-3 / 60)
+    conforms.invariance(abs(found.force / whole.force - 1), below=1e-3)
+    conforms.invariance(found.steady, whole.steady, atol=0.1)
+
+
+def test_a_late_clap_is_found_with_little_held(conforms, tmp_path, monkeypatch):
+    monkeypatch.setattr(hearing, "SPAN", 1 << 16)  # 8 s at 8 kHz
+    sounds = low(clapping((21.0, 22.2)), 30, (0.0, 3.3))
+    found = listen(folder_of(tmp_path, sounds, 8000, sound="room"), tmp_path)
+    conforms.closed_form(found.synchronisation.delays, [0, 3.3], atol=0.01 / 60)
+
+
+@pytest.mark.parametrize("options", [{}, {"frequency_hz": None}, {"sound": "room"}])
+def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, options):
+    monkeypatch.setattr(hearing, "SPAN", 1 << 15)
+    peaks = []
+    for seconds in (15, 75):
+        sound = clapping((1.5, 2.2)) if "sound" in options else force
+        manifest = folder_of(tmp_path, low(sound, seconds, (0, 0.2)), 8000, **options)
+        tracemalloc.start()
+        try:
+            listen(manifest, tmp_path)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+    assert peaks[1] < 1.1 * peaks[0] + 5e5
+
+
+@pytest.mark.parametrize("length", [10, 99, 100, 101, 150, 700])
+@pytest.mark.parametrize("skip", [0, 30, 99, 130])
+def test_what_is_held_is_the_whole_or_what_follows_the_rest(length, skip):
+    x = np.arange(length, dtype=float)
+    for size in (1, 7, 64, 1000):
+        blocks = [x[k : k + size] for k in range(0, length, size)]
+        kept, begin = hearing.held(iter(blocks), skip, 100)
+        assert begin == (skip if length > 100 else 0)
+        np.testing.assert_array_equal(kept, x[begin : begin + 100])
+
+
+@pytest.mark.parametrize("size", [1, 7, 30, 1000])
+def test_parts_and_spans_of_blocks_are_those_of_the_whole(size):
+    x = np.arange(101.0)
+    blocks = [x[k : k + size] for k in range(0, len(x), size)]
+    np.testing.assert_array_equal(np.concatenate(list(hearing.part_of(blocks, 13, 57))), x[13:57])
+    ends = np.concatenate(list(hearing.without_ends(blocks, 9)))
+    np.testing.assert_array_equal(ends, x[9:-9])
+    both = list(hearing.spans([blocks, [x[:45]]], 40))
+    assert [[len(one) for one in span] for span in both] == [[40, 40], [40, 25]]
+    for k, span in enumerate(both):
+        np.testing.assert_array_equal(span[0], x[20 * k : 20 * k + 40])
+    alone = list(hearing.spans([[x[:15]], blocks], 40))
+    assert [[len(one) for one in span] for span in alone] == [[15, 40]]
+
+
+def test_a_track_is_read_in_blocks_that_do_not_grow(tmp_path):
+    sound = force(np.arange(9 * RATE) / RATE)
+    write_video(tmp_path / "A.mkv", np.zeros((3, 16, 16), np.uint8), 60, sound)
+    with opened_audio(tmp_path / "A.mkv") as audio:
+        blocks = list(audio.blocks)
+        assert (audio.rate, audio.start) == (RATE, 0.0)
+    assert len(blocks) == 5
+    assert max(map(len, blocks)) < 120000
+    np.testing.assert_array_equal(np.concatenate(blocks), read_audio(tmp_path / "A.mkv")[0])

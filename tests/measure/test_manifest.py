@@ -1,0 +1,328 @@
+"""Manifests: round trips, defaults of the thesis, and silly ones refused in one line."""
+
+import shutil
+
+import numpy as np
+import pytest
+import yaml
+
+from thesis_lib.facts import setups
+from thesis_lib.measure.recordings.manifest import (
+    ManifestError,
+    check_excitation,
+    check_recordings,
+    read_manifest,
+    shot_paths,
+    write_manifest,
+)
+from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
+from thesis_lib.measure.recordings.media import write_png, write_video
+
+SIZE = (64, 48)
+
+
+def plain(cameras="AB"):
+    """Values of a small manifest."""
+    return {
+        "cameras": [
+            {
+                "name": name, "video": f"{name}.mkv", "width_px": 64, "height_px": 48,
+                "frame_rate_hz": 60, "exposure_s": 0.004, "shots": f"shots/{name}",
+            }
+            for name in cameras
+        ]
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """A folder with two cameras' files."""
+    folder = tmp_path_factory.mktemp("recordings")
+    frames = np.random.default_rng(0).integers(0, 256, (6, 48, 64), np.uint8)
+    for name in "AB":
+        write_video(folder / f"{name}.mkv", np.tile(frames, (11, 1, 1)), 60, np.zeros(52800))
+        for k in range(12):
+            write_png(folder / "shots" / name / f"{k}.png", frames[k % 6])
+    return folder
+
+
+def written(folder, values, name="manifest.yaml"):
+    path = folder / name
+    path.write_text(values if isinstance(values, str) else yaml.safe_dump(values))
+    return path
+
+
+def change(values, place, value):
+    """The values with one of them changed; ``...`` removes it."""
+    *way, last = place
+    inside = values
+    for part in way:
+        inside = inside.setdefault(part, {}) if isinstance(inside, dict) else inside[part]
+    if value is ...:
+        del inside[last]
+    else:
+        inside[last] = value
+    return values
+
+
+def refusal(path, **options):
+    with pytest.raises(ManifestError) as error:
+        read_manifest(path, **options)
+    message = str(error.value)
+    assert "\n" not in message
+    assert len(message) < 600
+    assert message.startswith(f"{path}: ")
+    return message.removeprefix(f"{path}: ")
+
+
+def test_a_manifest_is_read(recordings):
+    manifest = read_manifest(written(recordings, plain()))
+    assert [camera.name for camera in manifest.cameras] == ["A", "B"]
+    assert manifest.cameras[0].size == SIZE
+    assert check_recordings(manifest, recordings) == []
+
+
+def test_what_is_written_is_read(recordings):
+    values = plain()
+    values["cameras"][0] |= {"name": "Nikon D5 №1",
+                             "corners_px": [[1, 2], [60, 2], [60, 40], [1, 40]]}  # fmt: skip
+    values |= {"structure": {"markers": {"hole_mm": None}}, "excitation": {"frequency_hz": None}}
+    manifest = read_manifest(written(recordings, values))
+    write_manifest(manifest, recordings / "again.yaml")
+    assert read_manifest(recordings / "again.yaml") == manifest
+
+
+def test_the_default_structure_is_the_thesis_s_beam():
+    structure = Structure()
+    assert structure.beam == setups.beam()
+    points = structure.marker_points.reshape(2, 3, 25)
+    np.testing.assert_allclose(points[:, 1], setups.beam().markers)
+    np.testing.assert_allclose(points[1, :, 0], [0.005, 0.015, 0.025])
+    np.testing.assert_allclose(structure.hole, [0.024, 0.010])
+
+
+def test_markers_may_lie_anywhere_and_have_no_hole_then():
+    places = ((10.0, 10.0), (100.0, 20.0), (300.0, 5.0), (610.0, 15.0))
+    structure = Structure(markers={"points_mm": places})
+    np.testing.assert_allclose(structure.marker_points, np.array(places).T / 1000)
+    assert structure.hole is None
+
+
+def test_a_manifest_cannot_be_changed(recordings):
+    manifest = read_manifest(written(recordings, plain()))
+    with pytest.raises(ValueError, match="frozen"):
+        manifest.truth = "x"
+    assert isinstance(manifest.cameras, tuple)
+
+
+SILLY = [  # place, value, words of the refusal
+    (("cameras", 0, "width_px"), -1, ["cameras[0].width_px: given -1", "20000", "px"]),
+    (("cameras", 0, "width_px"), 64.5, ["cameras[0].width_px: given 64.5", "whole number"]),
+    (("cameras", 1, "height_px"), "48", ['cameras[1].height_px: given "48"', "whole number"]),
+    (("cameras", 0, "frame_rate_hz"), 0, ["cameras[0].frame_rate_hz: given 0", "in Hz"]),
+    (("cameras", 0, "frame_rate_hz"), float("nan"), ["cameras[0].frame_rate_hz", "allowed"]),
+    (("cameras", 0, "exposure_s"), 0.02, ["cameras[0].exposure_s: given 0.02", "in s"]),
+    (("cameras", 0, "exposure_s"), ..., ["cameras[0].exposure_s: missing", "in s"]),
+    (("cameras", 0, "vidio"), "A.mkv", ["cameras[0].vidio: no such field (did you mean video?)"]),
+    (("cameras", 0, "video"), ..., ["cameras[0].video: missing", "inside the manifest's folder"]),
+    (("cameras", 1, "video"), "../x.mkv", ['cameras[1].video: given "../x.mkv", allowed: a path']),
+    (("cameras", 1, "video"), "/etc/passwd", ['cameras[1].video: given "/etc/passwd"', "inside"]),
+    (("cameras", 1, "video"), "a/../../x.mkv", ["cameras[1].video", "inside"]),
+    (("cameras", 1, "video"), "none.mkv", ['cameras[1].video: given "none.mkv"', "no such file"]),
+    (("cameras", 1, "video"), "", ['cameras[1].video: given ""', "inside"]),
+    (("cameras", 1, "video"), "a\0b", ["cameras[1].video", "U+0000"]),
+    (("cameras", 1, "video"), 3, ["cameras[1].video: given 3", "inside"]),
+    (("cameras", 1, "video"), "A.mkv", ['cameras[1].video: given "A.mkv"', "cameras[0].video"]),
+    (("cameras", 1, "video"), "./A.mkv", ['given "./A.mkv", the same as cameras[0].video']),
+    (("cameras", 1, "video"), "shots/../A.mkv", ["the same as cameras[0].video"]),
+    (("cameras", 1, "name"), "A", ['cameras[1].name: given "A", the same as cameras[0].name']),
+    (("cameras", 1, "name"), "a\nb", ["cameras[1].name: given 'a\\nb'", "U+000A"]),
+    (("cameras", 1, "name"), False, ["cameras[1].name: given false", "40 characters"]),
+    (("cameras", 0, "shots"), "../shots", ["cameras[0].shots", "inside"]),
+    (("cameras", 0, "shots"), "shots/none", ["cameras[0].shots", "0 pictures", "at least 3"]),
+    (("cameras", 0, "shots"), "shots/A/1*.png", ["cameras: given 3, 12 shots"]),
+    (("cameras", 0, "shots"), ["shots/A/1.png"], ["cameras[0].shots: given", "3 to 200"]),
+    (("cameras", 0, "shots"), ["a.png"] * 12, ['cameras[0].shots[0]: given "a.png"', "no such"]),
+    (("cameras", 0, "shots"), ["../a.png"] * 12, ["cameras[0].shots[0]: given", "inside"]),
+    (("cameras", 0, "shots"), [1, 2, 3], ["cameras[0].shots", "3 to 200"]),
+    (("cameras", 0, "corners_px"), [[0, 0], [1, 1]], ["cameras[0].corners_px", "four [u, v]"]),
+    (("cameras", 0, "corners_px"), [[0, 0], [9, 9], [9, 0], [0, 9]],
+     ["cameras[0].corners_px: given", "convex"]),
+    (("cameras",), [], ["cameras: given []", "2 to 16"]),
+    (("cameras",), plain("A")["cameras"], ["cameras: given", "2 to 16"]),
+    (("cameras",), {"A": 1}, ["cameras: given", "2 to 16"]),
+    (("cameras",), ..., ["cameras: missing", "2 to 16"]),
+    (("camera",), [], ["camera: no such field (did you mean cameras?)"]),
+    (("structure", "kind"), "shell", ['structure.kind: given "shell"', '"beam"']),
+    (("structure", "length_mm"), 0, ["structure.length_mm: given 0", "in mm"]),
+    (("structure", "length"), 3, ["structure.length: no such field (did you mean length_mm?)"]),
+    (("structure", "force_position_mm"), 700, ["structure.force_position_mm: given 700", "in mm"]),
+    (("structure", "markers", "columns"), 26, ["structure.markers: given", "on the structure"]),
+    (("structure", "markers", "spacing_mm"), 3, ["structure.markers", "do not overlap"]),
+    (("structure", "markers", "hole_mm"), [11.5, 5], ["structure.markers.hole_mm: given [11.5"]),
+    (("structure", "markers", "hole_mm"), [24, 31], ["structure.markers.hole_mm: given [24"]),
+    (("structure", "markers", "points_mm"), [[1, 2]], ["structure.markers.points_mm", "4 to 2000"]),
+    (("structure", "markers"), 5, ["structure.markers: given 5", "an object"]),
+    (("board", "columns"), 3, ["board.columns: given 3", "4 to 100"]),
+    (("board", "two_sided"), "yes please", ["board.two_sided", "true or false"]),
+    (("excitation", "frequency_hz"), -4, ["excitation.frequency_hz: given -4", "in Hz"]),
+    (("excitation", "rest_s"), -1, ["excitation.rest_s: given -1", "in s"]),
+    (("truth",), "../truth.nc", ['truth: given "../truth.nc"', "inside"]),
+    (("truth",), "truth.nc", ['truth: given "truth.nc"', "no such file"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("place", "value", "words"), SILLY)
+def test_a_silly_manifest_is_refused_in_one_line(recordings, place, value, words):
+    message = refusal(written(recordings, change(plain(), place, value), "silly.yaml"))
+    for word in words:
+        assert word in message
+
+
+TEXTS = [
+    ("", ["given null", "fields"]),
+    ("- 1\n- 2\n", ["given [1, 2]", "fields"]),
+    ("just text", ["given", "fields"]),
+    ("cameras: [\n  a: 1\n", ["line"]),
+    ("cameras:\n\t- x\n", ["line 2"]),
+    ("truth: a\ntruth: b\n", ["line 2", "truth is given twice"]),
+    ("a: &x [1]\nb: *x\n", ["line 2", "alias"]),
+    ("truth: !!python/object/apply:os.system ['true']\n", ["line 1"]),
+    ("truth: 2020-01-01\n", ["date"]),
+    ("truth: " + "[" * 3000, ["line 1", "nested too deep"]),
+    ("truth: a\nboard: " + "9" * 5000, ["line 2", "given 999", "..."]),
+    ("truth: 2020-13-45\n", ["line 1", "given 2020-13-45"]),
+    ("board:\n  ? [a, b]\n  : 1\n", ["line 2", "a field's name", "text"]),
+    ("? {a: b}\n: 1\n", ["line 1", "a field's name", "text"]),
+    ("1: 2\n", ["1: no such field"]),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), TEXTS)
+def test_what_is_no_manifest_names_the_line(tmp_path, text, words):
+    message = refusal(written(tmp_path, text))
+    for word in words:
+        assert word in message
+
+
+def test_a_missing_manifest_is_named(tmp_path):
+    assert "no such file" in refusal(tmp_path / "none.yaml")
+    assert "a folder" in refusal(tmp_path)
+    (tmp_path / "binary.yaml").write_bytes(bytes(range(128, 256)))
+    assert "not a YAML text" in refusal(tmp_path / "binary.yaml")
+
+
+def test_links_do_not_lead_outside(tmp_path):
+    outside, folder = tmp_path / "outside", tmp_path / "inside"
+    (outside / "shots").mkdir(parents=True)
+    folder.mkdir()
+    for k in range(3):
+        (outside / "shots" / f"{k}.png").write_bytes(b"")
+    (outside / "A.mkv").write_bytes(b"")
+    (folder / "A.mkv").symlink_to(outside / "A.mkv")
+    (folder / "shots").symlink_to(outside / "shots")
+    values = change(plain(), ("cameras", 0, "shots"), [None] * 3)
+    values = change(values, ("cameras", 1, "shots"), [None] * 3)
+    path = written(folder, values)
+    assert "cameras[0].video" in refusal(path, check_files=False)
+    values["cameras"][0]["video"] = "C.mkv"
+    values["cameras"][0]["shots"] = "shots"
+    assert "cameras[0].shots" in refusal(written(folder, values), check_files=False)
+    (folder / "shots").unlink()
+    (folder / "shots").mkdir()
+    (folder / "shots" / "0.png").symlink_to(outside / "shots" / "0.png")
+    message = refusal(written(folder, values), check_files=False)
+    assert "cameras[0].shots" in message
+    assert "0.png" in message
+
+
+def test_files_need_not_exist_yet_if_so_asked(tmp_path):
+    assert read_manifest(written(tmp_path, plain()), check_files=False).cameras[0].name == "A"
+
+
+def test_shots_come_in_the_order_of_their_numbers(recordings):
+    manifest = read_manifest(written(recordings, plain()))
+    names = [path.name for path in shot_paths(manifest.cameras[0], recordings)]
+    assert names == [f"{k}.png" for k in range(12)]
+
+
+def test_a_list_of_shots_may_have_gaps(recordings):
+    shots = ["shots/A/0.png", None, *[f"shots/A/{k}.png" for k in range(2, 12)]]
+    values = change(plain(), ("cameras", 0, "shots"), shots)
+    manifest = read_manifest(written(recordings, values))
+    paths = shot_paths(manifest.cameras[0], recordings)
+    assert paths[1] is None
+    assert paths[2] == recordings / "shots/A/2.png"
+
+
+def test_recordings_other_than_the_manifest_says_are_named(recordings):
+    values = plain()
+    values["cameras"][0] |= {"width_px": 128, "frame_rate_hz": 50}
+    values["cameras"][1]["frame_rate_hz"] = 59.94
+    lines = check_recordings(read_manifest(written(recordings, values)), recordings)
+    assert all("\n" not in line for line in lines)
+    assert "cameras[0].video" in lines[0]
+    assert "64 × 48 px, allowed: 128 × 48 px" in lines[0]
+    assert "60 frames per second, allowed: 50" in lines[1]
+    assert sum("cameras[0].shots" in line for line in lines) == 12
+    assert "cameras[1].video" in lines[-1]
+    assert "allowed: 59.94" in lines[-1]
+    assert len(lines) == 15
+
+
+def test_broken_recordings_are_named(recordings, tmp_path):
+    manifest = Manifest.model_validate_json(
+        '{"cameras": [{"name": "A", "video": "A.mkv", "exposure_s": 0.004, "shots": "s"},'
+        '{"name": "B", "video": "none.mkv", "exposure_s": 0.004, "shots": "s"}]}'
+    )
+    (tmp_path / "A.mkv").write_text("no video")
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "1.png").write_text("no picture")
+    lines = check_recordings(manifest, tmp_path)
+    assert [line.split(":")[0] for line in lines] == [
+        "cameras[0].video", "cameras[0].shots", "cameras[1].video", "cameras[1].shots",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "line"),
+    [
+        ("frequency_hz", 1e5, "excitation.frequency_hz: given 100000, allowed: below half of the "
+         "frame rate, 30 Hz"),
+        ("frequency_hz", 30.0, "excitation.frequency_hz: given 30, allowed: below half of the "
+         "frame rate, 30 Hz"),
+        ("rest_s", 0, "excitation.rest_s: given 0, allowed: at least 0.05 s, three frames"),
+    ],
+)  # fmt: skip
+def test_an_excitation_that_cannot_be_filmed_is_named(recordings, field, value, line):
+    values = change(plain(), ("excitation", field), value)
+    values["cameras"][0]["frame_rate_hz"] = 120
+    manifest = read_manifest(written(recordings, values))
+    assert check_excitation(manifest) == [line]
+    assert line in check_recordings(manifest, recordings)
+
+
+def test_three_frames_at_rest_are_enough(recordings):
+    values = change(plain(), ("excitation", "rest_s"), 0.05)
+    assert check_recordings(read_manifest(written(recordings, values)), recordings) == []
+
+
+@pytest.mark.parametrize(
+    ("frames", "samples", "words"),
+    [
+        (66, 85000, ["pictures end at 1.100 s, its sound at 1.771 s", "0.5 s apart"]),
+        (150, 62400, ["pictures end at 2.500 s, its sound at 1.300 s", "0.5 s apart"]),
+        (60, 48000, ["1.000 s of pictures, allowed: more than rest_s, 1 s"]),
+        (66, 33600, []),
+    ],
+)
+def test_lengths_that_do_not_suit_name_the_video(tmp_path, recordings, frames, samples, words):
+    manifest = read_manifest(written(recordings, plain()))
+    shutil.copytree(recordings, tmp_path / "copy")
+    video = tmp_path / "copy" / "B.mkv"
+    write_video(video, np.zeros((frames, 48, 64), np.uint8), 60, np.zeros(samples))
+    lines = check_recordings(manifest, tmp_path / "copy")
+    assert len(lines) == bool(words)
+    for word in words:
+        assert lines[0].startswith(f"cameras[1].video: {video}: ")
+        assert word in lines[0]

@@ -1,0 +1,740 @@
+"""``thesis measure`` as a stranger runs it: the example, broken folders, interruptions."""
+
+import errno
+import json
+import os
+import resource
+import shutil
+import signal
+import tracemalloc
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+import pyuff
+import xarray as xr
+from command import thesis
+from scenes.measure import (
+    RESULTS,
+    SAMPLE_RATE,
+    Page,
+    Running,
+    change_manifest,
+    copied,
+    few_shots,
+    remux,
+)
+
+from thesis_lib.laboratory.example import example_manifest, example_rig
+from thesis_lib.measure import pipeline
+from thesis_lib.measure.fitting import result
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.manifest import read_manifest
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.media_info import frame_times
+from thesis_lib.measure.tracking.tracks import Recording, _state
+from thesis_lib.studies import storage
+from thesis_lib.vision.lens import project
+from thesis_lib.vision.simulation import assurance
+
+pytestmark = pytest.mark.slow  # for the report of conformance
+
+WHOLE = [".calibration.nc.sha256", ".sound.nc.sha256", "calibration.nc", "sound.nc"]
+STEPS = WHOLE + [f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")]
+LATER = "the same command goes on where this one stopped"
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    """The example, as the command makes it; nobody changes it."""
+    folder = tmp_path_factory.mktemp("example") / "recording"
+    done = thesis("measure", "--example", folder)
+    assert (done.status, done.err) == (0, "")
+    assert done.out.splitlines()[-1] == f"Now run: thesis measure {folder / 'manifest.yaml'}"
+    return folder
+
+
+@pytest.fixture(scope="module")
+def measured(example):
+    """The example's folder after a measurement by a process of its own."""
+    running = Running("measure", example / "manifest.yaml")
+    done, _ = running.end()
+    assert (done.status, done.err) == (0, "")
+    assert done.out.splitlines()[-1] == f"Open {example / 'measured' / 'report.html'}"
+    return example
+
+
+@pytest.fixture(scope="module")
+def data(measured):
+    with xr.open_dataset(measured / "measured" / "measured.nc") as file:
+        return file.load()
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return example_rig()
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def stamps(folder: Path) -> dict[str, int]:
+    return {path.name: path.stat().st_mtime_ns for path in (folder / ".steps").iterdir()}
+
+
+def results_of(folder: Path) -> xr.Dataset:
+    with xr.open_dataset(folder / "measured.nc") as file:
+        return file.load()
+
+
+def assert_same_results(one: xr.Dataset, other: xr.Dataset) -> None:
+    """Byte by byte, but for what tells when it was made."""
+    assert set(one.variables) == set(other.variables)
+    for name in one.variables:
+        assert one[name].dtype == other[name].dtype
+        assert one[name].values.tobytes() == other[name].values.tobytes(), name
+        assert one[name].attrs == other[name].attrs
+    for key in set(one.attrs) | set(other.attrs):
+        assert key == "created" or one.attrs[key] == other.attrs[key], key
+
+
+# The example, against what was rendered.
+
+
+def test_the_example_is_small_and_has_a_manifest_to_start_from(example, rig):
+    size = sum(path.stat().st_size for path in example.rglob("*.*"))
+    assert size < 20e6
+    assert read_manifest(example / "manifest.yaml") == example_manifest(rig)
+
+
+def test_it_is_checked_before_anything_is_filmed(example, tmp_path):
+    shutil.copy(example / "manifest.yaml", tmp_path)
+    done = thesis("measure", tmp_path / "manifest.yaml", "--check")
+    assert (done.status, done.err) == (0, "")
+    assert "smallest deflection" in done.out
+    assert names(tmp_path) == ["manifest.yaml"]
+
+
+def test_the_deflection_is_the_rendered_one(conforms, data, rig):
+    part = rig.motion.components[0]
+    true = part.amplitude * part.shape(rig.motion.structure, rig.markers.centres)
+    found = data["deflection"].values
+    conforms.closed_form(np.sqrt(np.mean((found - true) ** 2)), below=0.005 * np.abs(true).max())
+    conforms.closed_form(assurance(found, true), above=0.9999)
+    conforms.closed_form(
+        np.sqrt(np.mean(data["quadrature"] ** 2)), below=0.003 * np.abs(true).max()
+    )
+    assert data.attrs["most_similar"] == "bending 1"
+    conforms.closed_form(float(data["mac"].max()), above=0.9999)
+    assert (data["cameras_seen"] == 3).all()
+
+
+def test_the_frequency_is_the_rendered_one(conforms, data, rig):
+    true = rig.motion.components[0].frequency
+    error = float(data["frequency_of_tracks"]) - true
+    conforms.sampled(abs(error), below=max(1e-3, 5 * float(data["frequency_deviation"])))
+    conforms.closed_form(abs(float(data["frequency"]) - true), below=1e-3)
+    conforms.sampled(float(data["frequency_deviation"]), below=5e-4)
+
+
+def test_the_cameras_are_where_they_were(conforms, data, rig):
+    starts = np.array([station.start for station in rig.stations])
+    frames = (data["delay"].values - (starts - starts[0])) * rig.stations[0].frame_rate
+    conforms.closed_form(np.abs(frames).max(), below=0.05)
+    true = np.array([station.camera.centre for station in rig.stations])
+    found = data["camera_centre"].values
+    conforms.closed_form(np.linalg.norm(found - true, axis=1).max(), below=1e-4)
+    # Without what the structure's frame is off, which comes from a few markers' images.
+    middle, true_middle = found.mean(axis=0), true.mean(axis=0)
+    U, _, Vt = np.linalg.svd((found - middle).T @ (true - true_middle))
+    turn = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+    off = np.linalg.norm((found - middle) @ turn - (true - true_middle), axis=1)
+    conforms.sampled(off, below=4 * data["centre_deviation"].values)
+    focal = data["K"].values[:, 0, 0] - [station.camera.K[0, 0] for station in rig.stations]
+    conforms.sampled(np.abs(focal), below=4 * data["focal_deviation"].values)
+
+
+# What is written.
+
+
+def test_every_file_is_there_and_no_other(measured):
+    out = measured / "measured"
+    assert names(out) == sorted(RESULTS | {".steps"})
+    assert names(out / ".steps") == STEPS
+    assert len(names(out / "figures")) == 7
+
+
+def test_the_report_loads_nothing_and_describes_its_pictures(measured, data):
+    page = Page(measured / "measured" / "report.html")
+    assert all(source.startswith("data:") for source in page.loaded)
+    assert len(page.pictures) == 7
+    assert all(page.pictures)
+    assert "http" not in page.styles
+    assert "script" not in page.tags
+    assert f"{1e3 * float(np.abs(data['deflection']).max()):.4g} ±" in page.text
+    for path in (measured / "measured" / "figures").glob("*.svg"):
+        for node in ET.parse(path).iter():
+            links = [value for name, value in node.attrib.items() if name.endswith("href")]
+            assert all(value.startswith(("#", "data:")) for value in links)
+
+
+def test_the_cube_opens_anywhere_and_says_what_it_holds(data):
+    for name, variable in data.data_vars.items():
+        assert variable.attrs["long_name"], name
+        assert variable.attrs["units"], name
+        assert variable.dtype.kind in "fi", name
+    for name in data.coords:
+        assert data[name].dtype.kind == "U"
+    manifest = Manifest.model_validate_json(data.attrs["parameters"])
+    assert [camera.name for camera in manifest.cameras] == data["camera"].values.tolist()
+    assert {"title", "source", "versions", "created", "Conventions"} <= set(data.attrs)
+
+
+def test_table_and_universal_file_hold_the_cube_s_numbers(conforms, measured, data):
+    table = pd.read_csv(measured / "measured" / "shapes.csv")
+    conforms.closed_form(table["deflection_mm"], 1e3 * data["deflection"], atol=1e-6)
+    conforms.closed_form(table["x_mm"], 1e3 * data["x"], atol=1e-6)
+    sets = pyuff.UFF(str(measured / "measured" / "shapes.uff")).read_sets()
+    shape = next(part for part in sets if part["type"] == 55)
+    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    conforms.closed_form(shape["r3"], amplitude, atol=1e-7)
+    assert len(sets) == 3 + 75
+
+
+# Folders that are broken, and requests that are wrong.
+
+
+def camera(index, **fields):
+    return lambda values: values["cameras"][index].update(fields)
+
+
+def excitation(**fields):
+    return lambda values: values["excitation"].update(fields)
+
+
+def markers(**fields):
+    return lambda values: values["structure"]["markers"].update(fields)
+
+
+def many(values):
+    values["cameras"] = [
+        {**values["cameras"][0], "name": f"{k}", "video": f"{k}.mkv"} for k in range(17)
+    ]
+
+
+REFUSED = {  # what is wrong: change of the manifest, words of the refusal
+    "no YAML": (lambda _: "cameras: [1, 2", ["line 1"]),
+    "an alias": (lambda _: "a: &a [x]\nb: [*a, *a]", ["line 2", "alias"]),
+    "an unknown field": (excitation(frequency=3.0), ["excitation.frequency: no such field",
+                                                     "did you mean frequency_hz?"]),
+    "a wrong type": (excitation(frequency_hz="4"), ['excitation.frequency_hz: given "4"',
+                                                    "allowed: null, or a number", "in Hz"]),
+    "one camera": (lambda values: values["cameras"].__delitem__(slice(1, None)),
+                   ["cameras: given a list of 1", "2 to 16"]),
+    "17 cameras": (many, ["cameras: given a list of 17", "2 to 16"]),
+    "a name twice": (camera(1, name="A"), ['cameras[1].name: given "A"', "different"]),
+    "a path outside": (camera(1, video="../B.mkv"), ["cameras[1].video", "inside the manifest"]),
+    "a long name": (camera(1, video="x" * 480), ["cameras[1].video", "no such file"]),
+    "a folder as video": (camera(1, video="board"), ['cameras[1].video: given "board"', "no such"]),
+    "no shots": (camera(1, shots="bord/*.jpg"), ["cameras[1].shots", "0 pictures", "at least 3"]),
+    "a long exposure": (camera(1, exposure_s=0.05), ["cameras[1].exposure_s: given 0.05", "in s"]),
+    "corners crossed": (camera(0, corners_px=[[1, 1], [9, 1], [1, 9], [9, 9]]),
+                        ["cameras[0].corners_px", "convex", "in px"]),
+    "one row": (markers(rows=1), ["structure.markers.rows: given 1", "not on one line"]),
+    "one column": (markers(columns=1), ["structure.markers.columns: given 1", "not on one line"]),
+    "one marker": (markers(rows=1, columns=1), ["structure.markers.rows: given 1", "not on one"]),
+    "points on a line": (markers(points_mm=[[10, 9], [100, 10], [300, 11], [600, 10]]),
+                         ["structure.markers.points_mm: given [[10.0, 9.0]", "not on one line"]),
+    "markers beside it": (markers(columns=26), ["structure.markers", "lie on the structure"]),
+    "another rate": (camera(1, frame_rate_hz=50.0), ["cameras[1].video", "B.mkv: 60 frames per",
+                                                     "allowed: 50"]),
+    "another size": (camera(1, width_px=1920, height_px=1080),
+                     ["cameras[1].video", "1280 × 720 px, allowed: 1920 × 1080 px"]),
+    "above Nyquist": (excitation(frequency_hz=31.0), ["excitation.frequency_hz: given 31",
+                                                      "below half of the frame rate, 30 Hz"]),
+    "a long rest": (excitation(rest_s=5.0), ["A.mkv: ", "s of pictures", "more than rest_s, 5 s"]),
+    "a rest in motion": (excitation(rest_s=2.5),
+                         ["excitation.rest_s: given 2.5", "allowed: at most the 1."]),
+    "no rest": (excitation(rest_s=0.0), ["excitation.rest_s: given 0", "0.05 s"]),
+    "steady when it is over": (excitation(steady_s=[9.0, 10.0]),
+                               ["excitation.steady_s: given [9, 10]", "within the recordings"]),
+}  # fmt: skip
+
+
+def line_of(done, status: int) -> str:
+    """The one line of a command that did not do it."""
+    assert done.status == status, done
+    assert done.err.endswith("\n")
+    assert len(done.err.splitlines()) == 1, done.err
+    assert done.err.startswith("thesis: ")
+    assert "Traceback" not in done.err
+    assert len(done.err) < 700
+    assert done.warned == ()
+    return done.err.removeprefix("thesis: ").strip()
+
+
+def assert_words(line: str, words: list[str]) -> None:
+    for word in words:
+        assert word in line
+
+
+@pytest.mark.parametrize("wrong", REFUSED)
+def test_a_wrong_manifest_is_refused_in_one_line_and_leaves_no_trace(
+    example, tmp_path, capfd, wrong
+):
+    change, words = REFUSED[wrong]
+    folder = copied(example, tmp_path / "recording")
+    change_manifest(folder, change)
+    before = sorted(folder.rglob("*"))
+    line = line_of(thesis("measure", folder / "manifest.yaml"), 2)
+    assert_words(line, words)
+    assert sorted(folder.rglob("*")) == before
+    assert capfd.readouterr() == ("", "")
+
+
+def sound_of(video):
+    return media.read_audio(video)[0]
+
+
+def cut(path, share):
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+
+
+def on(name, change):
+    return lambda folder: change(folder / name)
+
+
+def video(change):
+    return on("B.mkv", change)
+
+
+def sound(change):
+    return video(lambda path: remux(path, change(sound_of(path))))
+
+
+def shot(change):
+    return on("board/B-03.jpg", change)
+
+
+def stumble(packets):
+    for packet in packets:
+        if packet.pts > 1300:
+            packet.pts += 40
+
+
+def replaced_by_a_folder(path):
+    path.unlink()
+    path.mkdir()
+
+
+def keep_shots(letters, count):
+    def change(folder):
+        for letter in letters:
+            for path in sorted((folder / "board").glob(f"{letter}-*"))[count:]:
+                path.unlink()
+
+    return change
+
+
+def tone(samples):
+    return 0.3 * np.sin(2 * np.pi * 7 * np.arange(len(samples)) / SAMPLE_RATE)
+
+
+def noise(samples):
+    return 0.2 * np.random.default_rng(0).standard_normal(len(samples))
+
+
+VIDEO, BOARD = "cameras[1].video: ", "cameras[1].shots: "
+BROKEN = {  # what is wrong: change of the files, exit status, words
+    "no manifest": (on("manifest.yaml", Path.unlink), 2, ["manifest.yaml: no such file"]),
+    "a folder as manifest": (on("manifest.yaml", replaced_by_a_folder), 2,
+                             ["manifest.yaml: a folder, give the YAML file in it"]),
+    "no video": (video(Path.unlink), 2, [VIDEO, 'given "B.mkv", no such file']),
+    "an empty video": (video(lambda path: cut(path, 0)), 2, [VIDEO, "B.mkv: not a video"]),
+    "a cut video": (video(lambda path: cut(path, 0.5)), 1, ["B.mkv: ends before frame"]),
+    "a text as video": (video(lambda path: path.write_text("hello")), 2, [VIDEO, "not a video"]),
+    "a picture as video": (video(lambda path: shutil.copy(path.parent / "board/A-00.jpg", path)), 2,
+                           [VIDEO, "B.mkv: 25 frames per second, allowed: 60"]),
+    "no sound": (video(lambda path: remux(path, None)), 2, [VIDEO, "B.mkv: no audio track"]),
+    "silence": (sound(lambda samples: 0 * samples), 1, ["B: silent audio", "allowed"]),
+    "clipped sound": (sound(lambda samples: 5 * samples), 1, ["B: clipped audio", "at most 2 %"]),
+    "another sound": (sound(noise), 1, ["B: ", "allowed: at least", "the same sound?"]),
+    "another tone": (sound(tone), 1, ["B: ", "allowed: at least"]),
+    "short sound": (sound(lambda samples: samples[:SAMPLE_RATE]), 2,
+                    [VIDEO, "its sound at 1.000 s", "allowed: at most 0.5 s apart"]),
+    "frames that stumble": (video(lambda path: remux(path, sound_of(path), stumble)), 1,
+                            ["B.mkv: variable frame rate: frame", "allowed: a constant rate"]),
+    "two shots": (keep_shots("ABC", 2), 2, ["cameras[0].shots", "2 pictures", "at least 3"]),
+    "fewer shots of one": (keep_shots("B", 9), 2, ["cameras: given ", ", 9, ", "as many"]),
+    "a text as shot": (shot(lambda path: path.write_text("no picture")), 2,
+                       [BOARD, "B-03.jpg: not a readable picture"]),
+    "a cut shot": (shot(lambda path: cut(path, 0.5)), 2, [BOARD, "B-03.jpg: not a readable"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", BROKEN)
+def test_broken_files_are_named_in_one_line_and_leave_no_trace(example, tmp_path, capfd, wrong):
+    breaks, status, words = BROKEN[wrong]
+    folder = copied(example, tmp_path / "recording")
+    breaks(folder)
+    before = sorted(folder.rglob("*"))
+    line = line_of(thesis("measure", folder / "manifest.yaml"), status)
+    assert_words(line, words)
+    assert sorted(folder.rglob("*")) == before
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_wrong_frequency_is_told_from_the_sound(example, tmp_path):
+    folder = copied(example, tmp_path / "recording")
+    change_manifest(folder, excitation(frequency_hz=5.1))
+    line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
+    assert "5.1 Hz" in line
+    assert not (folder / "measured").exists()
+
+
+WHILE_TRACKING = {  # what is wrong in the manifest: change, words
+    "corners elsewhere": (camera(0, corners_px=[[100, 600], [1100, 600], [1100, 640], [100, 640]]),
+                          ["A.mkv: frame 0", "0 of 76 markers", "corners_px as filmed?"]),
+    "markers too narrow": (markers(spacing_mm=24.0), ["frame 0", "markers", "as filmed?"]),
+    "a column too few": (markers(columns=24), ["frame 0", "markers", "as filmed?"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", WHILE_TRACKING)
+def test_markers_that_are_not_there_are_told_before_anything_is_tracked(measured, tmp_path, wrong):
+    change, words = WHILE_TRACKING[wrong]
+    folder = copied(measured, tmp_path / "recording", results=True)
+    before = stamps(folder / "measured")
+    change_manifest(folder, change)
+    line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
+    assert_words(line, words)
+    assert names(folder / "measured") == [".steps"]
+    after = stamps(folder / "measured")
+    assert after["calibration.nc"] == before["calibration.nc"]
+
+
+def with_tracks_of(measured, patch):
+    """Take the tracks of the whole measurement instead of tracking anew."""
+
+    def take(files, folder, count, camera, markers, turn, path, key, tick):
+        shutil.copy(measured / "measured" / ".steps" / path.name, path)
+
+    patch.setattr(pipeline, "record", take)
+
+
+def swapped(values):
+    few_shots(values, 5)
+    first, second = values["cameras"][:2]
+    first["shots"], second["shots"] = second["shots"], first["shots"]
+
+
+def small_tiles(values):
+    few_shots(values, 5)
+    values["board"]["tile_mm"] = 40.0
+
+
+@pytest.mark.parametrize("change", [swapped, small_tiles])
+def test_shots_of_another_camera_or_board_do_not_fit_the_markers(
+    measured, tmp_path, monkeypatch, change
+):
+    folder = copied(measured, tmp_path / "recording")
+    with_tracks_of(measured, monkeypatch)
+    change_manifest(folder, change)
+    line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
+    assert_words(line, ["off their grid", "allowed: 1 mm", "the same cameras, and tile"])
+    assert names(folder / "measured") == [".steps"]
+
+
+def lose(folder, lost):
+    """Make tracks as of markers that were not found."""
+    for k in range(3):
+        path = folder / "measured" / ".steps" / f"tracks-{k:02d}.npy"
+        centres = np.load(path)
+        lost(k, centres)
+        np.save(path, centres)
+
+
+def test_markers_on_one_line_that_alone_are_seen_tell_nothing(measured, tmp_path):
+    folder = copied(measured, tmp_path / "recording", results=True)
+
+    def all_rows_but_one(_, centres):
+        centres[:, :, 25:] = np.nan
+
+    lose(folder, all_rows_but_one)
+    line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
+    assert_words(line, ["25 of 75 markers", "on one line", "move a camera"])
+    assert names(folder / "measured") == [".steps"]
+
+
+def test_a_camera_that_loses_everything_is_told_in_the_report_alone(measured, data, tmp_path):
+    folder = copied(measured, tmp_path / "recording", results=True)
+
+    def camera_c_and_a_marker(k, centres):
+        centres[:, :, 5] = np.nan
+        if k == 2:
+            centres[:] = np.nan
+
+    lose(folder, camera_c_and_a_marker)
+    done = thesis("measure", folder / "manifest.yaml")
+    assert (done.status, done.err, done.warned) == (0, "", ())
+    assert "Camera C lost 100% of its marker images" in Page(folder / "measured/report.html").text
+    found = results_of(folder / "measured")["deflection"].values
+    assert np.flatnonzero(np.isnan(found)).tolist() == [5]
+    assert np.nanmax(np.abs(found - data["deflection"].values)) < 1e-4
+
+
+def blank(folder):
+    for path in (folder / "board").glob("B-*"):
+        cv2.imwrite(str(path), np.full((720, 1280), 128, np.uint8))
+
+
+def narrow(values):
+    values["cameras"].pop()
+    few_shots(values, 3)
+    values["board"]["columns"] = 8
+
+
+@pytest.mark.parametrize(
+    ("breaks", "change", "words"),
+    [
+        (blank, lambda values: few_shots(values, 4), ["B: 0 of 4 shots show the board, needs 3"]),
+        (lambda _: None, narrow, ["A: 0 of 3 shots", "has the board 8 × 9 tiles?"]),
+    ],
+)
+def test_a_board_that_is_not_seen_is_told(example, tmp_path, breaks, change, words):
+    folder = copied(example, tmp_path / "recording")
+    breaks(folder)
+    change_manifest(folder, change)
+    line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
+    assert_words(line, words)
+    assert names(folder / "measured") == [".steps"]
+
+
+# Places to write to.
+
+
+def test_a_file_is_no_folder_to_write_to(example, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "nowhere").symlink_to(tmp_path / "none")
+    for out in ("file", "file/inside", "nowhere", "nowhere/inside"):
+        line = line_of(thesis("measure", example / "manifest.yaml", "--out", tmp_path / out), 2)
+        assert_words(line, [f"--out: given {tmp_path / out}", "allowed: a folder, new or not"])
+    line = line_of(thesis("measure", "--example", tmp_path / "file"), 2)
+    assert line.startswith("--example: given")
+    line = line_of(thesis("measure", "--example", example), 2)
+    assert_words(line, ["--example: ", str(example), "allowed: a new or empty folder"])
+    assert (tmp_path / "file").read_text() == "mine"
+    assert names(tmp_path) == ["file", "nowhere"]
+
+
+def test_a_folder_that_may_not_be_written_to_is_told_before_the_work(
+    example, tmp_path, monkeypatch
+):
+    tmp_path.chmod(0o555)
+    if os.access(tmp_path, os.W_OK):  # as the superuser may
+        monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
+    line = line_of(thesis("measure", example / "manifest.yaml", "--out", tmp_path / "new"), 2)
+    tmp_path.chmod(0o755)
+    assert_words(line, [f"--out: given {tmp_path / 'new'}", f"{tmp_path} cannot be written to"])
+    assert names(tmp_path) == []
+
+
+def test_a_full_disk_leaves_the_results_of_before(measured, tmp_path, monkeypatch):
+    folder = copied(measured, tmp_path / "recording", results=True)
+    out = folder / "measured"
+    (out / "report.html").write_text("of before")
+
+    def full(path, write):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(storage, "whole_file", full)
+        line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
+    assert_words(line, [str(out), "No space left on device", LATER])
+    # And where a limit is met, which the HDF5 library would not survive.
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    try:
+        line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert_words(line, [str(out), "File too large", LATER])
+    assert names(out) == [".steps", "report.html"]
+    assert (out / "report.html").read_text() == "of before"
+    assert names(out / ".steps") == STEPS
+
+
+# What is kept, and what is not trusted.
+
+
+def test_only_what_depends_on_a_change_is_done_again(measured, data, tmp_path, monkeypatch):
+    folder = copied(measured, tmp_path / "Messung – früh [1]", results=True)
+    before = stamps(folder / "measured")
+
+    def change(values):
+        values["structure"]["youngs_modulus_pa"] = 6.0e10
+        values["cameras"][0] |= {"f_number": 8.0, "distance_mm": 600.0}
+
+    change_manifest(folder, change)
+    monkeypatch.chdir(folder)  # as most people run it
+    done = thesis("measure", "manifest.yaml")
+    assert (done.status, done.err, done.warned) == (0, "", ())
+    assert stamps(folder / "measured") == before
+    again = results_of(folder / "measured")
+    np.testing.assert_array_equal(again["deflection"], data["deflection"])
+    assert float(again["model_frequency"][0]) < 0.95 * float(data["model_frequency"][0])
+    # Another steady part: the sound is heard again, the markers are where they were.
+    change_manifest(folder, excitation(steady_s=[1.95, 2.8]))
+    done = thesis("measure", "manifest.yaml", "--out", "./measured/../measured")
+    assert (done.status, done.err, done.warned) == (0, "", ())
+    after = stamps(folder / "measured")
+    assert {name for name in before if after[name] != before[name]} == {
+        "sound.nc", ".sound.nc.sha256"}  # fmt: skip
+    assert results_of(folder / "measured")["steady"].values.tolist() == [1.95, 2.8]
+
+
+def test_damaged_steps_are_done_again(measured, data, tmp_path):
+    folder = copied(measured, tmp_path / "recording", results=True)
+    steps = folder / "measured" / ".steps"
+    before = stamps(folder / "measured")
+    cut(steps / "sound.nc", 0.5)
+    cut(steps / "tracks-02.npy", 0.5)
+    done = thesis("measure", folder / "manifest.yaml")
+    told = f"{steps / 'sound.nc'} is not what was kept there; it is computed anew\n"
+    assert (done.status, done.err, done.warned) == (0, told, ())
+    assert_same_results(results_of(folder / "measured"), data)
+    after = stamps(folder / "measured")
+    changed = {name for name in before if after[name] != before[name]}
+    assert changed == {"sound.nc", ".sound.nc.sha256", "tracks-02.npy", "tracks-02.json"}
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("npy", b""), ("npy", b"no array"), ("npy", None), ("json", b"{"), ("json", b"[]"),
+     ("json", b'{"key": "k"}'), ("json", b'{"key": "k", "done": "all"}'), ("json", b"\xff"),
+     ("json", b'{"key": "k", "done": 99}'), ("json", None)],
+)  # fmt: skip
+def test_tracks_that_are_not_whole_are_not_used(tmp_path, name, content):
+    note, path = tmp_path / "t.json", tmp_path / "t.npy"
+    np.save(path, np.zeros((9, 2, 5)))
+    note.write_text(json.dumps({"key": "k", "done": 5, "moved": [], "before": []}))
+    assert _state(note, path, "k", 9) is not None
+    assert _state(note, path, "other", 9) is None
+    assert _state(note, path, "k", 8) is None
+    if content is None:
+        (tmp_path / f"t.{name}").unlink()
+    else:
+        (tmp_path / f"t.{name}").write_bytes(content)
+    assert _state(note, path, "k", 9) is None
+
+
+def test_names_of_all_kinds(measured, tmp_path, monkeypatch):
+    folder = copied(measured, tmp_path / "ä ö – [x] #%20 'q'")
+    with_tracks_of(measured, monkeypatch)
+    board = folder / "Brett [1] (alt)"
+    for letter in "ABC":
+        (board / letter).mkdir(parents=True)
+        for path in sorted((folder / "board").glob(f"{letter}-*"))[:5]:
+            path.rename(board / letter / path.name)
+        (board / letter / f"._{letter}-00.jpg").write_bytes(b"beside it, by a Mac")
+        (board / letter / "Thumbs.db").write_bytes(b"by Windows")
+    shutil.move(folder / "A.mkv", folder / "Kamera 1 (früh) 50%.mkv")
+
+    def change(values):
+        for one in values["cameras"]:
+            one["shots"] = f"Brett [1] (alt)/{one['name']}"
+        values["cameras"][0] |= {"video": "Kamera 1 (früh) 50%.mkv",
+                                 "name": "<b>Müller's</b> & $\\foo_$ 50 %"}  # fmt: skip
+
+    change_manifest(folder, change)
+    text = (folder / "manifest.yaml").read_text(encoding="utf-8").replace("\n", "\r\n")
+    (folder / "Manifest ä.yaml").write_bytes(b"\xef\xbb\xbf" + text.encode())  # as Notepad has it
+    (tmp_path / "link").symlink_to(folder)
+    done = thesis("measure", tmp_path / "link" / "Manifest ä.yaml", "--out", folder)
+    assert (done.status, done.err, done.warned) == (0, "", ())
+    page = Page(folder / "report.html")
+    assert "<b>Müller's</b> & $\\foo_$ 50 %" in page.text
+    assert set(names(folder)) >= RESULTS | {".steps", "manifest.yaml", "B.mkv"}
+
+
+# Interruptions.
+
+
+def done_of(steps: Path) -> dict[str, int]:
+    """Frames that every camera's tracks have kept."""
+    return {path.stem: json.loads(path.read_text())["done"] for path in steps.glob("tracks-*.json")}
+
+
+def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path):
+    out = tmp_path / "out"
+    steps = out / ".steps"
+    steps.mkdir(parents=True)
+    for name in WHOLE:  # the tracking is what takes time
+        shutil.copy2(measured / "measured" / ".steps" / name, steps)
+    before = stamps(out)
+    frames = len(frame_times(measured / "A.mkv"))
+    command = ("measure", measured / "manifest.yaml", "--out", out)
+
+    running = Running(*command)
+    running.wait_for(lambda: len(done_of(steps)) > 0)
+    killed, _ = running.end(signal.SIGKILL)
+    assert killed.status == -signal.SIGKILL
+    kept = done_of(steps)
+    assert 0 < min(kept.values()) < frames
+    for how, begun in ((signal.SIGINT, "tracks-02.npy"), (signal.SIGTERM, "tracks-02.json")):
+        running = Running(*command)
+        running.wait_for((steps / begun).exists)
+        stopped, seconds = running.end(how)
+        assert stopped.status == 130
+        assert stopped.err.split("\n")[-2:] == [f"interrupted; {LATER}", ""]
+        assert stopped.err.count("\n") <= 2
+        assert seconds < 10
+        assert all(done_of(steps)[name] >= count for name, count in kept.items())
+        kept = done_of(steps)
+        assert names(out) == [".steps"]
+
+    running = Running(*command)
+    done, _ = running.end()
+    assert (done.status, done.err) == (0, "")
+    assert done_of(steps) == {f"tracks-{k:02d}": frames for k in range(3)}
+    assert {name: stamps(out)[name] for name in before} == before
+    assert_same_results(results_of(out), data)
+
+
+# Long recordings.
+
+
+def test_memory_does_not_hold_a_long_recording(conforms, tmp_path, rig):
+    def change(given):
+        beam = given.structure.model_copy(update={"markers": given.structure.markers.model_copy(
+            update={"rows": 2, "columns": 4, "spacing_mm": 150.0, "hole_mm": None})})  # fmt: skip
+        return given.model_copy(update={"structure": beam})
+
+    manifest = change(example_manifest(rig))
+    grid, count, rate = markers_of(manifest), 30_000, 60.0
+    shape = 0.003 * (grid.centres[0] / 0.623) ** 2
+    lift = np.sin(2 * np.pi * 4.25 * np.arange(count) / rate) * (np.arange(count) >= rate)
+    noise, recordings = 0.02 * np.random.default_rng(1).standard_normal((count, 2, grid.count)), []
+    for station in rig.stations[:2]:
+        rest = project(station.camera, grid.world)
+        up = project(station.camera, grid.world + shape * np.array([[0], [0], [1]])) - rest
+        path = tmp_path / f"{station.camera.name}.npy"
+        np.save(path, rest + up * lift[:, None, None] + noise)
+        recordings.append(Recording(station.camera, rate, 0.0, 1e-6, 0.0, path))
+    del noise
+    sound = xr.Dataset({"frequency": 4.25, "of_sound": np.nan, "of_sound_deviation": np.nan,
+                        "force": ("part", [1.0, 0.0]), "of_force": 1,
+                        "steady": ("end", [1.0, count / rate - 0.1])})  # fmt: skip
+    tracemalloc.start()
+    data = result.result(manifest, sound, recordings)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    found = np.abs(data["deflection"].values)
+    conforms.closed_form(np.sqrt(np.mean((found - shape) ** 2)), below=1e-3 * shape.max())
+    assert peak < path.stat().st_size  # of the tracks of one camera

@@ -1,0 +1,385 @@
+"""Recordings: lossless round trips, grey levels, alignment of sound, and broken files named."""
+
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from thesis_lib.measure.recordings.media import (
+    read_audio,
+    read_frames,
+    read_png,
+    write_png,
+    write_video,
+)
+from thesis_lib.measure.recordings.media_info import (
+    MediaError,
+    check_frame_times,
+    frame_times,
+    probe,
+)
+
+RATE = 48000
+SIZE = (64, 48)
+
+
+def noise(n=30, size=SIZE, seed=0):
+    return np.random.default_rng(seed).integers(0, 256, (n, size[1], size[0]), np.uint8)
+
+
+def blurred(n=30):
+    """Smooth moving pictures, grey levels from 0 to 255."""
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    waves = [127.5 + 135 * np.sin(0.1 * x + 0.07 * y + 0.05 * k) for k in range(n)]
+    return np.clip(waves, 0, 255).astype(np.uint8)
+
+
+def sound(seconds=0.5, seed=1):
+    """Sound that 16 bits hold exactly."""
+    levels = np.random.default_rng(seed).integers(-(2**15), 2**15, round(seconds * RATE))
+    return levels / 2**15
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory):
+    path = tmp_path_factory.mktemp("media") / "A.mkv"
+    write_video(path, noise(), 60, sound())
+    return path
+
+
+def foreign(path, pix_fmt, limited, frames, times=None, audio=None, codec="ffv1"):
+    """A video as other programs write it: any pixel format, range, times; None drops a frame."""
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream(codec, rate=60)
+        stream.width, stream.height, stream.pix_fmt = SIZE[0], SIZE[1], pix_fmt
+        stream.codec_context.color_range = 1 if limited else 2
+        if audio is not None:  # before the first packet, which writes the header
+            name, rate, samples, start = audio
+            track = file.add_stream(name, rate=rate, layout="stereo")
+        for k, image in enumerate(frames):
+            frame = av.VideoFrame.from_ndarray(image, format="gray").reformat(
+                format=pix_fmt, src_color_range=2, dst_color_range=1 if limited else 2
+            )
+            frame.pts, frame.time_base = k if times is None else times[k], Fraction(1, 60)
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode(None))
+        if audio is not None:
+            block = av.AudioFrame.from_ndarray(samples.astype(np.float32), "fltp", "stereo")
+            block.sample_rate, block.pts, block.time_base = rate, start, Fraction(1, rate)
+            convert = av.AudioResampler(format=track.format, layout="stereo", frame_size=1024)
+            for part in [*convert.resample(block), *convert.resample(None)]:
+                file.mux(track.encode(part))
+            file.mux(track.encode(None))
+    return path
+
+
+def cut(path, to, share):
+    data = path.read_bytes()
+    to.write_bytes(data[: int(share * len(data))])
+    return to
+
+
+# What is written comes back.
+
+
+def test_lossless_frames_come_back_exactly(conforms, video):
+    conforms.invariance(np.stack(list(read_frames(video))), noise(), atol=0)
+
+
+def test_lossless_sound_comes_back_to_the_sample(conforms, video):
+    samples, rate, start = read_audio(video)
+    assert (rate, start) == (RATE, 0)
+    conforms.invariance(samples, sound(), atol=0)
+
+
+def test_a_part_of_the_frames_is_that_part(video):
+    np.testing.assert_array_equal(np.stack(list(read_frames(video, 7, 12))), noise()[7:12])
+    assert list(read_frames(video, 12, 12)) == []
+
+
+def test_frames_are_one_s_own(video):
+    frames = read_frames(video)
+    next(frames)[:] = 0
+    np.testing.assert_array_equal(np.stack(list(frames)), noise()[1:])
+
+
+@pytest.mark.parametrize("crf", [17, 23])
+def test_h264_keeps_grey_levels_and_sound(conforms, tmp_path, crf):
+    path, frames = tmp_path / "A.mkv", blurred()
+    write_video(path, frames, 60, sound(), codec="h264", crf=crf)
+    back = np.stack(list(read_frames(path))).astype(float)
+    assert back.shape == frames.shape
+    conforms.closed_form(back.mean(axis=(1, 2)), frames.mean(axis=(1, 2)), atol=0.5)
+    conforms.closed_form(np.sqrt(np.mean((back - frames) ** 2)), below=3)
+    assert back.min() <= 3
+    assert back.max() >= 252
+    np.testing.assert_array_equal(read_audio(path)[0], sound())
+
+
+def test_sound_stays_with_its_picture_in_h264(conforms, tmp_path):
+    """A flash in frame 20 and a click at its time, both where they were put."""
+    frames, audio = np.full((40, 48, 64), 30, np.uint8), np.zeros(32000)
+    frames[20], audio[16000] = 220, 0.9
+    write_video(tmp_path / "A.mkv", frames, 60, audio, codec="h264")
+    means = [frame.mean() for frame in read_frames(tmp_path / "A.mkv")]
+    samples, rate, start = read_audio(tmp_path / "A.mkv")
+    conforms.closed_form(np.argmax(means) / 60, start + np.argmax(samples) / rate, atol=1e-9)
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.2, 1.7])
+def test_sound_may_be_shorter_or_longer_than_the_pictures(tmp_path, seconds):
+    write_video(tmp_path / "A.mkv", noise(), 60, sound(seconds))
+    assert len(list(read_frames(tmp_path / "A.mkv"))) == 30
+    if seconds:
+        np.testing.assert_array_equal(read_audio(tmp_path / "A.mkv")[0], sound(seconds))
+
+
+def test_loud_sound_clips(tmp_path):
+    write_video(tmp_path / "A.mkv", noise(6), 60, [3.0, -3.0, 0.5])
+    np.testing.assert_array_equal(read_audio(tmp_path / "A.mkv")[0], [1 - 2**-15, -1, 0.5])
+
+
+@pytest.mark.parametrize("codec", ["ffv1", "h264"])
+def test_the_same_recording_is_the_same_file(tmp_path, codec):
+    files = [tmp_path / f"{k}.mkv" for k in range(3)]
+    for file in files:
+        write_video(file, blurred(), 60, sound(), codec=codec)
+    assert len({file.read_bytes() for file in files}) == 1
+
+
+def test_a_file_says_what_it_holds(video):
+    info = probe(video)
+    assert (info.size, info.frame_rate, info.frames, info.codec) == (SIZE, 60, 30, "ffv1")
+    assert (info.sample_rate, info.channels, info.has_audio) == (RATE, 1, True)
+    assert info.duration == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("seconds", [0.2, 0.5, 1.7])
+def test_a_file_says_when_its_sound_ends(conforms, tmp_path, seconds):
+    write_video(tmp_path / "A.mkv", noise(), 60, sound(seconds))
+    conforms.closed_form(probe(tmp_path / "A.mkv").sound_end, seconds, atol=2e-3)
+    conforms.closed_form(probe(tmp_path / "A.mkv").duration, 0.5, atol=2e-3)
+
+
+@pytest.mark.parametrize(("name", "codec"), [("A.mkv", "pcm_s16le"), ("A.mp4", "aac")])
+def test_sound_that_starts_late_ends_late(tmp_path, name, codec):
+    samples = np.stack([sound(), sound()])
+    path = foreign(tmp_path / name, "yuv420p", True, blurred(), codec="libx264",
+                   audio=(codec, RATE, samples, 4800))  # fmt: skip
+    assert probe(path).sound_end == pytest.approx(0.6, abs=0.05)
+
+
+def test_without_sound_it_never_ends(tmp_path):
+    assert probe(foreign(tmp_path / "A.mkv", "gray", False, noise())).sound_end is None
+
+
+@pytest.mark.parametrize("rate", [24, 25, 30000 / 1001, 50, 60000 / 1001, 60, 119.88, 240])
+def test_any_frame_rate_is_kept(conforms, tmp_path, rate):
+    write_video(tmp_path / "A.mkv", noise(), rate, sound())
+    conforms.closed_form(probe(tmp_path / "A.mkv").frame_rate, rate, rtol=1e-6)
+    assert probe(tmp_path / "A.mkv").frames == len(list(read_frames(tmp_path / "A.mkv"))) == 30
+    check_frame_times(tmp_path / "A.mkv", rate)
+
+
+def test_frame_times_are_those_of_the_frames(conforms, video):
+    conforms.closed_form(frame_times(video), np.arange(30) / 60, atol=5.1e-4)
+
+
+def test_memory_is_independent_of_length(tmp_path):
+    """Frames are made, written and read one at a time: never more than a few alive."""
+    alive, most = set(), 0
+
+    class Frame(np.ndarray):
+        def __del__(self):
+            alive.discard(id(self))
+
+    def frames():
+        nonlocal most
+        for k in range(200):
+            frame = np.full((48, 64), k, np.uint8).view(Frame)
+            alive.add(id(frame))
+            most = max(most, len(alive))
+            yield frame
+
+    write_video(tmp_path / "A.mkv", frames(), 60, sound())
+    assert most <= 10
+
+
+# Recordings by others.
+
+
+@pytest.mark.parametrize("limited", [False, True])
+@pytest.mark.parametrize("pix_fmt", ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le"])
+def test_any_range_is_read_as_full(conforms, tmp_path, pix_fmt, limited):
+    path = foreign(tmp_path / "A.mkv", pix_fmt, limited, blurred())
+    conforms.closed_form(np.stack(list(read_frames(path))), blurred(), atol=2)
+
+
+def test_colours_become_grey(conforms, tmp_path):
+    path = foreign(tmp_path / "A.mkv", "bgr0", False, blurred())
+    conforms.closed_form(np.stack(list(read_frames(path))), blurred(), atol=2)
+
+
+def test_stereo_sound_is_mixed_and_starts_when_it_starts(conforms, tmp_path):
+    samples = np.stack([sound(), sound(seed=2)])
+    path = foreign(
+        tmp_path / "A.mkv", "gray", False, noise(), audio=("pcm_s16le", RATE, samples, 4800)
+    )
+    mono, rate, start = read_audio(path)
+    assert (rate, start) == (RATE, 0.1)
+    conforms.closed_form(mono, samples.mean(axis=0), atol=2**-15)
+
+
+def test_padding_of_aac_is_dropped(conforms, tmp_path):
+    t = np.arange(RATE // 2) / RATE
+    tone = 0.5 * np.sin(2 * np.pi * 40 * t)
+    path = foreign(
+        tmp_path / "A.mp4", "yuv420p", True, blurred(), codec="libx264",
+        audio=("aac", RATE, np.stack([tone, tone]), 0),
+    )  # fmt: skip
+    mono, _, start = read_audio(path)
+    conforms.closed_form(abs(start), below=1e-3)
+    conforms.closed_form(mono[2000:20000], tone[2000:20000], atol=0.02)
+
+
+# Broken files.
+
+
+def refused(call, *words):
+    with pytest.raises(MediaError) as error:
+        call()
+    message = str(error.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+    return message
+
+
+def everything(path):
+    return lambda: (probe(path), list(read_frames(path)), read_audio(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("text.mkv", b"not a video\n" * 50), ("empty.mkv", b""), ("zeros.mp4", bytes(5000))],
+)
+def test_what_is_no_video_is_said_so(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    refused(everything(tmp_path / name), name, "not a video")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    refused(everything(tmp_path / "none.mkv"), "none.mkv", "no such file")
+    refused(everything(tmp_path), "a folder")
+    refused(lambda: read_png(tmp_path / "none.png"), "none.png", "no such file")
+
+
+@pytest.mark.parametrize("codec", ["ffv1", "h264"])
+def test_a_truncated_video_names_the_frame(tmp_path, codec):
+    write_video(tmp_path / "A.mkv", noise(), 60, sound(), codec=codec)
+    path = cut(tmp_path / "A.mkv", tmp_path / "cut.mkv", 0.6)
+    taken = []
+    message = refused(lambda: taken.extend(read_frames(path)), "cut.mkv", "30 frames")
+    assert f"frame {len(taken)}" in message
+    assert 10 < len(taken) < 25
+
+
+def test_a_truncated_mp4_is_refused(tmp_path):
+    foreign(tmp_path / "A.mp4", "yuv420p", True, noise(), codec="libx264")
+    refused(everything(cut(tmp_path / "A.mp4", tmp_path / "B.mp4", 0.8)), "B.mp4", "cut off")
+
+
+def test_damage_inside_names_the_frame(tmp_path):
+    path = foreign(tmp_path / "A.mp4", "yuv420p", True, noise(), codec="libx264")
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 2000] = bytes(2000)
+    path.write_bytes(data)
+    refused(lambda: list(read_frames(path)), "A.mp4", "frame")
+
+
+def test_more_frames_than_there_are_cannot_be_had(video):
+    refused(lambda: list(read_frames(video, 0, 31)), "A.mkv", "frame 30", "31")
+
+
+def test_a_dropped_frame_is_named(tmp_path):
+    times = [*range(12), *range(13, 31)]
+    path = foreign(tmp_path / "A.mkv", "gray", False, noise(), times)
+    refused(lambda: list(read_frames(path)), "A.mkv", "frame 12 is missing")
+    refused(lambda: check_frame_times(path, 60), "A.mkv", "variable frame rate", "frame 12")
+
+
+def test_another_frame_rate_is_said(video):
+    check_frame_times(video, 60)
+    refused(lambda: check_frame_times(video, 50), "A.mkv", "60", "allowed: 50")
+
+
+def test_no_audio_track_is_said(tmp_path):
+    path = foreign(tmp_path / "A.mkv", "gray", False, noise())
+    assert not probe(path).has_audio
+    refused(lambda: read_audio(path), "A.mkv", "no audio track")
+
+
+def test_no_video_track_is_said(tmp_path):
+    with av.open(str(tmp_path / "A.mkv"), "w") as file:
+        track = file.add_stream("pcm_s16le", rate=RATE, layout="mono")
+        block = av.AudioFrame.from_ndarray(np.zeros((1, 4800), np.int16), "s16", "mono")
+        block.sample_rate = RATE
+        file.mux(track.encode(block))
+        file.mux(track.encode(None))
+    refused(lambda: probe(tmp_path / "A.mkv"), "A.mkv", "no video track")
+    refused(lambda: list(read_frames(tmp_path / "A.mkv")), "A.mkv", "no video track")
+
+
+@pytest.mark.parametrize(
+    ("frames", "audio", "words"),
+    [
+        ([], [0.0], "no frames"),
+        ([np.zeros((48, 64))], [0.0], "frame 0 is float64"),
+        ([np.zeros((47, 64), np.uint8)], [0.0], "even"),
+        ([np.zeros((48, 64, 3), np.uint8)], [0.0], "frame 0"),
+        ([*noise(3), np.zeros((48, 32), np.uint8)], [0.0], "frame 3"),
+        (noise(3), [[0.0]], "audio"),
+        (noise(3), [np.nan], "audio"),
+    ],
+)
+def test_what_cannot_be_written_leaves_no_file(tmp_path, frames, audio, words):
+    refused(lambda: write_video(tmp_path / "A.mkv", frames, 60, audio), "A.mkv", words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_ending_is_refused(tmp_path):
+    refused(lambda: write_video(tmp_path / "A.mp4", noise(), 60, [0.0]), "A.mp4", ".mkv")
+
+
+def test_an_interrupted_recording_leaves_the_old_file(tmp_path, video):
+    def frames():
+        yield from noise(5)
+        raise KeyboardInterrupt
+
+    path = tmp_path / "A.mkv"
+    path.write_bytes(b"old")
+    with pytest.raises(KeyboardInterrupt):
+        write_video(path, frames(), 60, sound())
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("A.mkv", b"old")]
+
+
+# Pictures.
+
+
+def test_pictures_come_back_exactly(tmp_path):
+    write_png(tmp_path / "1.png", noise()[0])
+    np.testing.assert_array_equal(read_png(tmp_path / "1.png"), noise()[0])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
+def test_a_truncated_picture_is_refused(tmp_path, share):
+    write_png(tmp_path / "1.png", noise()[0])
+    path: Path = cut(tmp_path / "1.png", tmp_path / "2.png", share)
+    refused(lambda: read_png(path), "2.png", "cut off")
+
+
+def test_a_picture_of_another_kind_is_not_written(tmp_path):
+    refused(lambda: write_png(tmp_path / "1.png", np.zeros((3, 3))), "1.png", "float64")
+    assert not (tmp_path / "1.png").exists()

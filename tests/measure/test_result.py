@@ -1,0 +1,167 @@
+"""From tracks to the shape: made-up tracks of known cameras, whose truth is exact."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from thesis_lib.facts import setups
+from thesis_lib.laboratory.film import manifest_of
+from thesis_lib.laboratory.rig import default_rig
+from thesis_lib.measure.fitting.result import result
+from thesis_lib.measure.recordings.check import ChainError
+from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.report import page as report
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.vibration.motion import Component, Motion
+from thesis_lib.vision.lens import project
+
+BEAM = setups.beam()
+PART = Component(amplitude=0.004, frequency=4.25)
+DIRECTIONS = [(15, 30), (-10, 30), (170, 25), (190, 35)]
+RATES = (60.0, 50.0, 60.0, 60.0)
+DELAYS = (0.0, 0.0131, -0.0712, 0.1)
+REST, BEGIN, END = 0.8, 1.6, 3.6
+RIG = default_rig(BEAM, DIRECTIONS, components=(PART,))
+POINTS = RIG.markers.centres
+MOTION = Motion(BEAM, (PART,), 1.0, 0.4)
+TRUE = PART.amplitude * PART.shape(BEAM, POINTS)
+
+
+def recordings(folder, count=4, noise=0.0, readout=0.0, seed=0, lost=0.0, motion=MOTION, end=END):
+    """Tracks on disk as exact cameras with noise see them, each row of a picture at its time."""
+    rng, made = np.random.default_rng(seed), []
+    for k, station in enumerate(RIG.stations[:count]):
+        rate, delay, camera = RATES[k], DELAYS[k], station.camera
+        times = delay + np.arange(int((end + 0.2) * rate)) / rate
+        uv = images(camera, motion, times[:, None])
+        for _ in range(3 if readout else 0):
+            rows = uv[:, 1] / camera.size[1] - 0.5
+            uv = images(camera, motion, times[:, None] + readout * rows)
+        uv += noise * rng.standard_normal(uv.shape)
+        uv[rng.random(len(uv)) < lost] = np.nan
+        uv[:, :, k] = np.nan  # one marker is hidden from each
+        np.save(folder / f"{k}.npy", uv)
+        made.append(Recording(camera, rate, delay, 1e-6, readout, folder / f"{k}.npy"))
+    return made
+
+
+def images(camera, motion, times):
+    """Markers' images (frames, 2, markers) at times (frames, 1) or (frames, markers)."""
+    shape = motion.shapes(POINTS)[0]
+    heights = motion.coordinates(times)[0] * shape
+    world = on_surface(BEAM.extent, POINTS[:, None], heights)
+    return project(camera, world).swapaxes(0, 1)
+
+
+def heard(frequency=4.25, of_force=1, end=END):
+    """What the sound tells: the force leads the deflection by a quarter period less the damping."""
+    phase = -np.pi / 2 - 2 * np.pi * 4.25 * MOTION.start + np.pi / 2 - BEAM.damping
+    force = 0.3 * np.exp(1j * phase) * of_force
+    return xr.Dataset(
+        {
+            "frequency": frequency,
+            "of_sound": 4.25 if of_force else np.nan,
+            "of_sound_deviation": 1e-6 if of_force else np.nan,
+            "steady": ("end", [BEGIN, end]),
+            "force": ("part", [force.real, force.imag]),
+        }
+    )
+
+
+def manifest(**excitation):
+    """The rig's manifest."""
+    given = manifest_of(RIG)
+    driven = given.excitation.model_copy(update={"rest_s": REST, **excitation})
+    cameras = tuple(
+        c.model_copy(update={"frame_rate_hz": r}) for c, r in zip(given.cameras, RATES, strict=True)
+    )
+    return given.model_copy(update={"excitation": driven, "cameras": cameras})
+
+
+def test_exact_tracks_give_the_exact_shape(conforms, tmp_path):
+    data = result(manifest(), heard(), recordings(tmp_path))
+    conforms.closed_form(data["deflection"], TRUE, atol=2e-5 * 0.004)
+    conforms.closed_form(np.abs(data["quadrature"]).max(), below=1e-5 * 0.004)
+    conforms.closed_form(data["phase"][8:], np.degrees(BEAM.damping - np.pi / 2), atol=0.02)
+    assert data.attrs["most_similar"] == "bending 1"
+    conforms.closed_form(float(data["mean_error"]), below=0.01)
+    np.testing.assert_array_equal(data["cameras_seen"][:6], [3, 3, 3, 3, 4, 4])
+    conforms.closed_form(data["missing"][0, :3], [1, 0, 0], rtol=1e-7)
+    centres = [station.camera.centre for station in RIG.stations]
+    conforms.closed_form(data["camera_centre"], centres, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_standard_errors_are_the_scatter_of_repeated_recordings(conforms, tmp_path):
+    shapes, without = [], []
+    for seed in range(40):
+        data = result(manifest(), heard(), recordings(tmp_path, noise=0.05, seed=seed, lost=0.1))
+        shapes.append(data["deflection"].values)
+        without.append(data["without_camera"].values - data["deflection"].values)
+    predicted = np.sqrt(np.mean(data["standard_error"].values ** 2))
+    conforms.sampled(np.sqrt(np.mean((np.array(shapes) - TRUE) ** 2)), predicted, rtol=0.06)
+    # Without a camera the shape differs as its part in the whole says.
+    ratio = np.array(without) / data["without_deviation"].values
+    conforms.sampled(np.sqrt(np.nanmean(ratio**2)), 1, rtol=0.06)
+    assert all("lost" in line for line in report.warnings(summed(data)))
+
+
+def summed(data):
+    """The result with what the steps before it add."""
+    return data.assign(ambiguous=0)
+
+
+def test_a_rolling_shutter_is_made_good_by_its_readout_time(conforms, tmp_path):
+    rolling = recordings(tmp_path, readout=0.012)
+    data = result(manifest(), heard(), rolling)
+    # The row moves with the marker by a hundredth of the picture, so that little is left.
+    conforms.closed_form(data["deflection"], TRUE, atol=1e-3 * 0.004)
+    conforms.closed_form(np.abs(data["quadrature"]).max(), below=2e-3 * 0.004)
+    ignored = result(manifest(), heard(), [replace(own, readout=0.0) for own in rolling])
+    assert np.abs(ignored["quadrature"]).max() > 10 * np.abs(data["quadrature"]).max()
+
+
+@pytest.mark.parametrize("given", [4.25, np.nan, 4.27])
+def test_the_frequency_is_that_of_the_tracks_where_no_force_tells_it(conforms, tmp_path, given):
+    data = result(manifest(), heard(given, of_force=0), recordings(tmp_path, noise=0.02))
+    error = float(data["frequency_deviation"])
+    conforms.sampled(error, below=1e-3)
+    conforms.sampled(float(data["frequency"]), 4.25, atol=5 * error)
+    conforms.closed_form(data["deflection"], TRUE, atol=2e-3 * 0.004)
+    assert np.isnan(data["phase"]).all()
+
+
+def test_a_vibration_that_dies_down_is_told(conforms, tmp_path):
+    class Dying(Motion):
+        def coordinates(self, times):
+            t = np.asarray(times, float)
+            return super().coordinates(t) * np.exp(-0.1 * (t - BEGIN))
+
+    dying = Dying(BEAM, (PART,), 1.0, 0.4)
+    data = result(manifest(), heard(), recordings(tmp_path, noise=0.02, motion=dying))
+    conforms.closed_form(float(data["growth"]), -0.2, atol=0.02)
+    assert any("amplitude changes by -" in line for line in report.warnings(summed(data)))
+
+
+def test_a_camera_off_its_clock_is_told(tmp_path):
+    own = recordings(tmp_path, noise=0.02)
+    own[2] = replace(own[2], delay=own[2].delay + 0.5 / 60)
+    data = result(manifest(), heard(), own)
+    assert any("calibration, clocks" in line for line in report.warnings(summed(data)))
+
+
+def test_two_cameras_are_enough(conforms, tmp_path):
+    data = result(manifest(), heard(), recordings(tmp_path, count=2))
+    conforms.closed_form(data["deflection"][2:], TRUE[2:], atol=2e-5 * 0.004)
+    assert np.isnan(data["deflection"][:2]).all()
+    assert np.isnan(data["without_camera"]).all()
+    assert any("2 markers were seen by fewer" in line for line in report.warnings(summed(data)))
+
+
+def test_a_grid_that_does_not_fit_is_refused(tmp_path):
+    own = recordings(tmp_path)
+    own[1] = replace(own[1], camera=replace(own[1].camera, centre=own[1].camera.centre + 0.02))
+    with pytest.raises(ChainError, match=r"camera . fits worst"):
+        result(manifest(), heard(), own)

@@ -1,0 +1,236 @@
+"""Shapes of the beam, its motion, and the force behind it, against closed forms."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.facts import setups
+from thesis_lib.measure.recordings.markers import on_surface, rows_on
+from thesis_lib.vibration.motion import Component, Motion, amplitudes
+
+BEAM = setups.beam()
+L, W = BEAM.extent
+BENDING = Component("bending", 1, 4.25, 0.004, 0.3)
+SECOND = Component("bending", 2, 12.0, 0.001, 1.0)
+TORSION = Component("torsion", 1, 7.0, 0.002, -0.8)
+PARTS = [BENDING, SECOND, TORSION]
+PLACES = np.array([[0.05, 0.2, 0.45, 0.623], [0.0, 0.012, 0.03, 0.021]])
+
+
+def across(y, n=5):
+    """Points along the beam at one place across."""
+    return np.stack([np.linspace(0, L, n), np.full(n, y)])
+
+
+# Shapes.
+
+
+@pytest.mark.parametrize("mode", [1, 2, 3])
+@pytest.mark.parametrize("y", [0.0, W / 2, W])
+def test_a_bending_shape_is_clamped_and_one_at_the_tip_all_across(conforms, mode, y):
+    part = Component("bending", mode)
+    conforms.closed_form(part.shape(BEAM, across(y))[-1], 1, atol=1e-12)
+    s = np.array([0, 1e-4])
+    start = part.shape(BEAM, [s, np.full(2, y)])
+    conforms.closed_form(start[0], 0, atol=1e-15)
+    conforms.closed_form(start[1] / s[1], 0, atol=5e-2)  # no slope; curvature grows like mode²
+    conforms.closed_form(part.shape(BEAM, across(y)), part.shape(BEAM, across(0)), rtol=1e-7)
+
+
+@pytest.mark.parametrize("mode", [1, 2, 3])
+def test_torsion_is_clamped_odd_across_and_one_at_the_tip_s_edge(conforms, mode):
+    part = Component("torsion", mode)
+    left, middle, right = (part.shape(BEAM, across(y)) for y in (0, W / 2, W))
+    conforms.invariance(left, -right, rtol=1e-7)
+    conforms.closed_form(middle, 0, atol=1e-15)
+    assert right[0] == 0
+    conforms.closed_form(abs(right[-1]), 1, atol=1e-12)
+    # No moment at the free end: the twist has no slope there.
+    x = np.array([L - 1e-5, L])
+    slope = np.diff(part.shape(BEAM, [x, [W, W]])) / 1e-5
+    conforms.closed_form(abs(slope[0]), below=1e-2 * mode**2)
+
+
+def test_torsion_turns_every_cross_section_as_a_whole(conforms):
+    y = np.linspace(0, W, 7)
+    w = TORSION.shape(BEAM, [np.full(7, 0.4), y])
+    conforms.invariance(np.diff(w, 2), 0, atol=1e-15)
+
+
+# Markers.
+
+
+def test_markers_stand_in_rows_and_the_hole_comes_last(conforms):
+    markers = rows_on(BEAM)
+    rows = markers.positions[:, :75].reshape(2, 3, 25)
+    conforms.closed_form(np.diff(rows[0], axis=1), 0.025, rtol=1e-7)
+    conforms.closed_form(np.diff(rows[1], axis=0), 0.010, rtol=1e-7)
+    conforms.closed_form(rows.mean(axis=(1, 2)), [L / 2, W / 2], rtol=1e-7)
+    np.testing.assert_array_equal(markers.positions[:, 75], [0.024, 0.010])
+    assert markers.count == 75
+    conforms.closed_form(markers.positions[:, markers.middle_row], BEAM.markers, rtol=1e-7)
+    assert rows_on(BEAM, hole=None).positions.shape == (2, 75)
+
+
+def test_the_world_s_origin_is_the_beam_s_centre(conforms):
+    conforms.closed_form(on_surface(BEAM.extent, [L / 2, W / 2]), np.zeros(3), atol=1e-15)
+    conforms.closed_form(
+        on_surface(BEAM.extent, [[0, L], [0, W]], [0.0, 0.1]),
+        [[-L / 2, L / 2], [-W / 2, W / 2], [0, 0.1]],
+        rtol=1e-7,
+    )
+    assert on_surface(BEAM.extent, np.zeros((2, 1, 5)), np.zeros((4, 5))).shape == (3, 4, 5)
+
+
+# Motion.
+
+
+def test_nothing_moves_before_the_start_and_then_all_of_it(conforms):
+    motion = Motion(BEAM, (BENDING,), start=1.0, ramp=0.5)
+    before = np.linspace(0, 1, 50)
+    np.testing.assert_array_equal(motion.deflection(PLACES, before), 0)
+    np.testing.assert_array_equal(motion.force(before), 0)
+    t = np.linspace(motion.steady, motion.steady + 1, 2000)
+    tip = motion.coordinates(t)[0]
+    assert motion.steady == 1.5
+    conforms.closed_form(np.abs(tip).max(), 0.004, rtol=1e-4)
+    conforms.closed_form(tip, 0.004 * np.sin(2 * np.pi * 4.25 * (t - 1.0) + 0.3), atol=1e-15)
+
+
+def test_displacements_of_several_components_add_up(conforms):
+    motion = Motion(BEAM, tuple(PARTS))
+    t = np.linspace(0, 4, 40)
+    alone = sum(Motion(BEAM, (part,)).deflection(PLACES, t) for part in PARTS)
+    conforms.invariance(motion.deflection(PLACES, t), alone, atol=1e-16)
+
+
+def derivative(f, t, h):
+    """Differences of order 4."""
+    return (8 * (f(t + h) - f(t - h)) - (f(t + 2 * h) - f(t - 2 * h))) / (12 * h)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_velocity_and_acceleration_are_derivatives_of_the_displacement(conforms, part):
+    motion, t = Motion(BEAM, (part,), 1.0, 0.5), np.linspace(0.9, 1.8, 91) + 0.003
+    w, first, second = motion._histories(part, t)
+    omega = 2 * np.pi * part.frequency
+    for f, exact, scale in [
+        (lambda t: motion._histories(part, t)[0], first, omega),
+        (lambda t: motion._histories(part, t)[1], second, omega**2),
+    ]:
+        conforms.independent(derivative(f, t, 1e-4), exact, atol=1e-6 * part.amplitude * scale)
+    assert np.abs(w).max() > 0
+
+
+@pytest.mark.parametrize("phase", [0.0, 1.0, np.pi / 2])
+@pytest.mark.parametrize("moment", [1.0, 1.5])
+def test_acceleration_and_force_have_no_jump_at_either_end_of_the_ramp(conforms, phase, moment):
+    part = Component("bending", 1, 4.25, 0.004, phase)
+    motion = Motion(BEAM, (part,), 1.0, 0.5)
+    inside = np.linspace(1.0, 1.5, 5001)
+    most = np.abs(motion.force(inside)).max()
+    gaps = []
+    for h in (1e-5, 1e-6):
+        jump = np.diff(motion.force(np.array([moment - h, moment + h])))[0]
+        gaps.append(abs(jump) / most)
+    conforms.closed_form(gaps[0], below=2e-3)
+    assert gaps[1] < 0.11 * gaps[0] + 1e-9  # it shrinks with the step
+
+
+# Force.
+
+
+def harmonic(signal, t, frequency):
+    """Complex amplitude over whole periods, time factor e^{+jωt}."""
+    return 2 * np.mean(signal * np.exp(-2j * np.pi * frequency * t))
+
+
+@pytest.mark.parametrize("part", [BENDING, Component("bending", 2, 12.0, 0.001)])
+def test_the_steady_force_is_that_of_one_mode_at_its_displacement_resonance(conforms, part):
+    motion, n = Motion(BEAM, (part,), 1.0, 0.5), 1000
+    t = motion.steady + np.arange(n) / n / part.frequency
+    F = harmonic(motion.force(t), t, part.frequency)
+    w = harmonic(motion.coordinates(t)[0], t, part.frequency)
+    xi, omega = BEAM.damping, 2 * np.pi * part.frequency
+    # At ω = ωₙ √(1 − 2ξ²): |ωₙ² − ω² + 2jξωₙω| = 2ξωₙ² √(1 − ξ²).
+    natural = omega / np.sqrt(1 - 2 * xi**2)
+    modal = BEAM.mass / 4  # mean of the square of a shape of 1 at the tip
+    drive = part.shape(BEAM, BEAM.force_point)[0]
+    expected = modal * 2 * xi * natural**2 * np.sqrt(1 - xi**2) * part.amplitude / abs(drive)
+    conforms.closed_form(abs(F), expected, rtol=1e-9)
+    # The displacement lags by a quarter period, less ξ.
+    lag = np.angle(F * np.sign(drive) / w)
+    conforms.closed_form(lag, np.arctan(np.sqrt(1 - 2 * xi**2) / xi), atol=1e-9)
+    conforms.closed_form(lag, np.pi / 2 - xi, atol=2e-5)
+
+
+def test_the_modal_mass_is_that_of_the_shape(conforms):
+    x = (np.arange(4000) + 0.5) / 4000 * L
+    mean = np.mean(BENDING.shape(BEAM, [x, 0 * x]) ** 2)
+    conforms.closed_form(mean, 1 / 4, rtol=1e-5)
+
+
+def test_driving_the_mode_by_the_force_gives_the_motion_back(conforms):
+    # m (q̈ + 2ξωₙq̇ + ωₙ²q) = F φ(x_F), integrated by Runge and Kutta's method of order 4.
+    motion, xi = Motion(BEAM, (BENDING,), 0.2, 0.5), BEAM.damping
+    natural = 2 * np.pi * BENDING.frequency / np.sqrt(1 - 2 * xi**2)
+    drive, h = BENDING.shape(BEAM, BEAM.force_point)[0] / (BEAM.mass / 4), 1e-3
+    t = np.arange(0, 1.5, h)
+    load = drive * motion.force(np.arange(0, 1.5 + h, h / 2))
+
+    def rate(y, a):
+        return np.array([y[1], a - 2 * xi * natural * y[1] - natural**2 * y[0]])
+
+    y, path = np.zeros(2), []
+    for k in range(len(t)):
+        path.append(y[0])
+        a, b, c = load[2 * k : 2 * k + 3]
+        k1 = rate(y, a)
+        k2 = rate(y + h / 2 * k1, b)
+        k3 = rate(y + h / 2 * k2, b)
+        y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(y + h * k3, c))
+    conforms.independent(path, motion.coordinates(t)[0], atol=1e-6 * 0.004)
+
+
+def test_torsion_takes_no_force_on_the_axis(conforms):
+    t = np.linspace(0, 4, 100)
+    conforms.closed_form(Motion(BEAM, (TORSION,)).force(t), 0, atol=0)
+    both = Motion(BEAM, (BENDING, TORSION)).force(t)
+    np.testing.assert_array_equal(both, Motion(BEAM, (BENDING,)).force(t))
+
+
+# Amplitudes.
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_complex_amplitudes_are_the_first_harmonic_of_the_deflection(conforms, part):
+    motion, n = Motion(BEAM, (part,), 1.1, 0.5), 64
+    t = motion.steady + np.arange(n) / n / part.frequency
+    w = motion.deflection(PLACES, t)
+    factor = np.exp(-2j * np.pi * part.frequency * t)
+    expected = 2 / n * np.tensordot(factor, w, axes=1)
+    conforms.independent(amplitudes(motion, PLACES, part.frequency), expected, atol=1e-15)
+
+
+def test_amplitudes_of_several_components_are_told_apart_by_frequency(conforms):
+    motion = Motion(BEAM, (BENDING, TORSION, SECOND))
+    for part in (BENDING, TORSION, SECOND):
+        conforms.closed_form(
+            np.abs(amplitudes(motion, PLACES, part.frequency)),
+            part.amplitude * np.abs(part.shape(BEAM, PLACES)),
+            rtol=1e-7,
+        )
+    np.testing.assert_array_equal(amplitudes(motion, PLACES, 5.0), 0)
+
+
+def test_components_of_one_frequency_add_with_their_phases(conforms):
+    parts = (BENDING, Component("torsion", 1, 4.25, 0.002, 0.3 + np.pi))
+    w = amplitudes(Motion(BEAM, parts), PLACES, 4.25)
+    expected = 0.004 * BENDING.shape(BEAM, PLACES) - 0.002 * parts[1].shape(BEAM, PLACES)
+    conforms.closed_form(np.abs(w), np.abs(expected), atol=1e-16)
+
+
+def test_the_reference_shape_is_the_deflection_s_largest(conforms):
+    motion = Motion(BEAM, (BENDING,))
+    t = np.linspace(motion.steady, motion.steady + 1, 20_001)
+    most = np.abs(motion.deflection(PLACES, t)).max(axis=0)
+    conforms.independent(np.abs(BENDING.amplitude * BENDING.shape(BEAM, PLACES)), most, rtol=1e-6)

@@ -1,0 +1,634 @@
+"""Starts of cameras from their sound: errors against truth, ambiguity, bounds, bad recordings."""
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import resample_poly
+
+from thesis_lib.measure.synchronisation.checks import checked, find_tone
+from thesis_lib.measure.synchronisation.correlation import normalised_correlation
+from thesis_lib.measure.synchronisation.decimation import EDGE, decimate, decimated
+from thesis_lib.measure.synchronisation.delays import (
+    cross_correlation_delays,
+    delay_deviation,
+    phase_delays,
+)
+from thesis_lib.measure.synchronisation.synchronise import coupling_delay, synchronise, whole_frames
+from thesis_lib.measure.synchronisation.tones import (
+    SynchronisationError,
+    frequency_deviation,
+    strongest,
+    tone_frequency,
+)
+from thesis_lib.measure.synchronisation.transients import without_tone
+
+RATE = 48000
+FPS = 60
+FREQUENCY = 4.25
+PERIOD = 1 / FREQUENCY
+POWER = 0.125  # of the tone, whose amplitude is 0.5
+
+
+def tone(t):
+    return 0.5 * np.sin(2 * np.pi * FREQUENCY * t + 0.3)
+
+
+def transient(t):
+    """Silence for 1 s, then a tone that grows over two periods, with a burst at its start."""
+    t = np.maximum(t - 1, 0)
+    growing = np.clip(t / (2 * PERIOD), 0, 1) * np.sin(2 * np.pi * FREQUENCY * t)
+    return 0.5 * growing + 0.4 * np.exp(-12 * t) * np.sin(6 * np.pi * FREQUENCY * t)
+
+
+def growing(t):
+    """The same without the burst."""
+    t = np.maximum(t - 1, 0)
+    return 0.5 * np.clip(t / (2 * PERIOD), 0, 1) * np.sin(2 * np.pi * FREQUENCY * t)
+
+
+def clap(t):
+    """A steady tone, and a clap at 0.6 s."""
+    since = np.maximum(t - 0.6, 0)
+    return 0.5 * tone(t) + 0.6 * np.exp(-150 * since) * np.sin(2 * np.pi * 700 * since)
+
+
+def recordings(signal, seed, snr_db=20.0, n=4, seconds=3.0, spread=0.3):
+    """Recordings that start within `spread` seconds, and their true delays."""
+    rng = np.random.default_rng(seed)
+    starts = rng.uniform(0, spread, n)
+    t = np.arange(round(seconds * RATE)) / RATE
+    noise = np.sqrt(POWER / 10 ** (snr_db / 10)) * rng.standard_normal((n, len(t)))
+    return [signal(t + start) + e for start, e in zip(starts, noise, strict=True)], (
+        starts - starts[0]
+    )
+
+
+def errors(signal, draws, frequency=None, modulo=None, **options):
+    """Errors of the delays in frames over random draws, shape (draws, cameras − 1)."""
+    missed = []
+    for seed in range(draws):
+        signals, truth = recordings(signal, seed, **options)
+        found = synchronise(signals, RATE, FPS, frequency)
+        error = (found.delays - truth)[1:]
+        missed.append(error if modulo is None else error - np.rint(error / modulo) * modulo)
+    return FPS * np.array(missed)
+
+
+# Conventions.
+
+
+def test_a_camera_that_starts_later_has_a_positive_delay_and_sees_things_earlier(conforms):
+    t = np.arange(RATE) / RATE
+    early, late = (np.exp(-(((t + start - 0.6) / 0.002) ** 2)) for start in (0.0, 0.1))
+    conforms.closed_form(np.argmax(late) / RATE, 0.5, rtol=1e-6)
+    delays = cross_correlation_delays([early, late], RATE)
+    conforms.closed_form(delays, [0, 0.1], atol=1e-6)
+
+
+@pytest.mark.parametrize("reference", [0, 2])
+def test_delays_are_those_from_the_reference(conforms, reference):
+    signals, truth = recordings(transient, 5)
+    found = synchronise(signals, RATE, FPS, FREQUENCY, reference=reference)
+    conforms.closed_form(found.delays, truth - truth[reference], atol=0.005 / FPS)
+    assert found.delays[reference] == 0
+
+
+def test_sound_that_starts_after_the_picture_is_accounted_for(conforms):
+    signals, truth = recordings(transient, 6)
+    late = np.array([0.0, 0.02, 0.0, 0.05])
+    cut = [x[round(s * RATE) :] for x, s in zip(signals, late, strict=True)]
+    found = synchronise(cut, RATE, FPS, FREQUENCY, starts=late)
+    conforms.closed_form(found.delays, truth, atol=0.005 / FPS)
+
+
+def test_whole_frames_are_the_thesis_s(conforms):
+    conforms.closed_form(whole_frames([0, 0.1, -0.1, 0.009], 60), [0, 6, -6, 1], atol=0)
+
+
+# Errors against truth at 20 dB.
+
+
+def test_a_steady_tone_is_aligned_within_0_005_frame_modulo_its_period(conforms):
+    conforms.sampled(np.abs(errors(tone, 30, FREQUENCY, PERIOD)).max(), below=0.005)
+
+
+@pytest.mark.parametrize("signal", [transient, growing, clap])
+@pytest.mark.parametrize("frequency", [None, FREQUENCY])
+def test_a_transient_is_aligned_within_0_02_frame_without_doubt(conforms, signal, frequency):
+    missed = errors(signal, 12, frequency)
+    conforms.sampled(np.abs(missed).max(), below=0.02)
+    conforms.sampled(np.abs(missed).max(), below=0.005)  # what we have, to notice when it is lost
+
+
+def test_correlation_of_a_tone_is_within_0_02_frame_modulo_its_period(conforms):
+    conforms.sampled(np.abs(errors(tone, 12, None, PERIOD)).max(), below=0.02)
+
+
+def test_starts_0_3_s_apart_in_either_direction_are_found(conforms):
+    t = np.arange(3 * RATE) / RATE
+    signals = [transient(t + start) for start in (0.3, 0.0, 0.6)]
+    delays = cross_correlation_delays(signals, RATE)
+    conforms.closed_form(delays, [0, -0.3, 0.3], atol=1e-5)
+
+
+@pytest.mark.parametrize("signal", [transient, clap])
+def test_whole_frames_are_within_half_a_frame(conforms, signal):
+    for seed in range(8):
+        signals, truth = recordings(signal, seed)
+        found = synchronise(signals, RATE, FPS, FREQUENCY)
+        conforms.closed_form(np.abs(found.frames - FPS * truth).max(), below=0.505)
+
+
+def test_a_known_frequency_may_be_slightly_off(conforms):
+    signals, truth = recordings(transient, 3)
+    found = phase_delays(signals, RATE, FREQUENCY * 1.01, truth)
+    conforms.closed_form(found, truth, atol=0.005 / FPS)
+
+
+def test_phases_only_correct_a_rough_guess(conforms):
+    signals, truth = recordings(tone, 4)
+    guess = truth + np.array([0, 0.3, -0.3, 0.2]) * PERIOD
+    conforms.closed_form(phase_delays(signals, RATE, FREQUENCY, guess), truth, atol=0.005 / FPS)
+
+
+@pytest.mark.parametrize("rate", [8000, 44100])
+def test_other_sample_rates_do_as_well(conforms, rate):
+    t = np.arange(3 * rate) / rate
+    signals = [transient(t + start) for start in (0.1, 0.0837)]
+    for frequency in (None, FREQUENCY):
+        found = synchronise(signals, rate, FPS, frequency)
+        conforms.closed_form(found.delays[1], -0.0163, atol=0.005 / FPS)
+
+
+def test_levels_and_offsets_of_the_inputs_do_not_matter(conforms):
+    signals, truth = recordings(transient, 7)
+    changed = [g * x + c for g, c, x in zip((1, 0.2, 0.01, 0.5), (0, 0.1, -0.2, 0), signals,
+                                            strict=True)]  # fmt: skip
+    found = synchronise(changed, RATE, FPS)
+    conforms.invariance(found.delays, truth, atol=0.005 / FPS)
+
+
+# Correlation, frequency, scatter.
+
+
+def test_correlation_is_that_of_the_overlap(conforms):
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=50), rng.normal(size=40)
+    lags, coefficients = normalised_correlation(a, b, 30)
+    for lag, coefficient in zip(lags, coefficients, strict=True):
+        j = [k for k in range(40) if 0 <= k + lag < 50]
+        expected = np.corrcoef(a[np.array(j) + lag], b[j])[0, 1]
+        conforms.independent(coefficient, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("guess", [4.0, 4.25, 4.5])
+def test_the_frequency_of_a_tone_is_found(conforms, guess):
+    (signal, *_), _ = recordings(tone, 1)
+    conforms.closed_form(tone_frequency(signal, RATE, guess), FREQUENCY, atol=1e-3)
+
+
+def test_delays_scatter_as_the_cramer_rao_bound_says(conforms):
+    missed = errors(tone, 80, FREQUENCY, PERIOD, n=3, seconds=2.0, spread=0.05)
+    periods = int(1.95 * FREQUENCY - 1)  # the first is left out
+    bound = FPS * delay_deviation(FREQUENCY, 100, round(periods * PERIOD * RATE))
+    scatter = np.sqrt(np.mean(missed**2))
+    conforms.sampled(scatter / bound, above=0.85, below=1.2)
+    conforms.sampled(abs(missed.mean()), below=4 * bound / np.sqrt(missed.size / 2))
+
+
+@pytest.mark.parametrize("signal", [transient, growing, lambda t: growing(5 - t)])
+def test_the_phase_of_a_tone_that_grows_or_fades_errs_by_the_noise_alone(conforms, signal):
+    """What grows or fades is left out: none of it stays when there is no noise."""
+    for snr_db, most in ((20.0, 0.005), (60.0, 1e-4)):
+        for seed in range(8):
+            signals, truth = recordings(signal, seed, snr_db, seconds=3.5)
+            error = FPS * (phase_delays(signals, RATE, FREQUENCY, truth) - truth)
+            conforms.sampled(np.abs(error).max(), below=most)
+
+
+def test_more_noise_scatters_more(conforms):
+    rms = [np.sqrt(np.mean(errors(tone, 10, FREQUENCY, PERIOD, snr_db=s) ** 2)) for s in (6, 26)]
+    conforms.order(rms[0] / rms[1], above=6, below=16)
+
+
+# Ambiguity.
+
+
+def test_a_pure_tone_is_ambiguous_and_says_so(conforms):
+    for seed in range(10):
+        found = synchronise(recordings(tone, seed)[0], RATE, FPS, FREQUENCY)
+        assert found.ambiguous
+        conforms.closed_form(found.period, PERIOD, rtol=1e-6)
+        conforms.closed_form(np.abs(found.delays).max(), below=0.51 * PERIOD)
+        assert any("Ambiguous by whole periods of 0.2353 s" in line for line in found.describe())
+
+
+def test_the_period_in_doubt_is_found_without_a_known_frequency(conforms):
+    found = synchronise(recordings(tone, 2)[0], RATE, FPS)
+    assert found.ambiguous
+    conforms.closed_form(found.period, PERIOD, atol=1e-3)
+
+
+@pytest.mark.parametrize("signal", [transient, growing, clap])
+def test_a_transient_resolves_the_ambiguity(signal):
+    for seed in range(10):
+        found = synchronise(recordings(signal, seed)[0], RATE, FPS, FREQUENCY)
+        assert not found.ambiguous
+        assert any("Not ambiguous" in line for line in found.describe())
+
+
+def test_a_faint_transient_is_ambiguous_rather_than_wrong(conforms):
+    """Whatever is claimed to be certain is right, however little the tone is disturbed."""
+    claimed = 0
+    for seed, part in enumerate(np.geomspace(0.001, 1, 40)):
+        signals, truth = recordings(
+            lambda t, part=part: tone(t) + part * (transient(t) - tone(t)), seed, n=2
+        )
+        found = synchronise(signals, RATE, FPS, FREQUENCY)
+        if not found.ambiguous:
+            claimed += 1
+            conforms.closed_form(found.delays, truth, atol=0.02 / FPS)
+    assert claimed > 5
+
+
+def test_the_report_says_what_sound_cannot_show(conforms):
+    text = " ".join(synchronise(recordings(transient, 0)[0], RATE, FPS, FREQUENCY).describe())
+    for words in ("picture and its sound", "clocks", "AC-coupled", "clap",
+                  "a tone of 4.25 Hz is shifted by 0.39 frame of 1/60 s"):  # fmt: skip
+        assert words in text
+    shift = (np.arctan(3 / FREQUENCY) - np.arctan(2 / FREQUENCY)) / (2 * np.pi * FREQUENCY) * FPS
+    conforms.closed_form(shift, 0.39, atol=0.005)
+    conforms.closed_form(FPS * coupling_delay(FREQUENCY), shift, rtol=1e-6)
+
+
+def test_the_report_s_shift_is_that_of_the_frequency_and_frame_rate():
+    t = np.arange(3 * RATE) / RATE
+    signals = [0.5 * np.sin(2 * np.pi * 10 * (t + start)) for start in (0.0, 0.02)]
+    text = synchronise(signals, RATE, 30, 10.0).describe()[-1]
+    assert "a tone of 10 Hz is shifted by 0.045 frame of 1/30 s" in text
+    quiet = replace(synchronise(signals, RATE, 30), period=None, ambiguous=False).describe()[-1]
+    assert "tones are shifted between corners of 2 and 3 Hz" in quiet
+
+
+# Bad recordings.
+
+
+def refused(signals, *words, rate=RATE, frequency=None, **options):
+    with pytest.raises(SynchronisationError) as error:
+        synchronise(signals, rate, FPS, frequency, **options)
+    assert "\n" not in str(error.value)
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_bad_recordings_are_named():
+    good, *_ = recordings(transient, 0)[0]
+    names = ["A", "B"]
+    refused([good, 0 * good], "B: silent", names=names)
+    refused([good, np.clip(3 * good, -1, 1)], "B: clipped", "at most 2 %", names=names)
+    refused([good, good[: RATE // 4]], "B: 0.250 s", "at least 0.500 s", names=names)
+    refused([good, good[: RATE // 3]], "recording 1: 0.333 s", "0.588 s", frequency=FREQUENCY)
+    refused([good, good], "B: sample rate 44100 Hz, allowed: 48000 Hz", rate=[RATE, 44100],
+            names=names)  # fmt: skip
+    refused([good, np.where(good > 0, np.nan, good)], "B: audio", names=names)
+    refused([good, np.stack([good, good])], "B: audio of shape", names=names)
+    refused([good], "given 1 recordings, allowed: at least 2")
+
+
+def test_a_recording_of_something_else_is_named():
+    good, *_ = recordings(transient, 0)[0]
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(good))
+    refused([good, noise], "recording 1: correlation of", "same sound")
+
+
+def test_a_tone_that_just_fits_is_not_clipped(conforms):
+    t = np.arange(3 * RATE) / RATE
+    full = [np.sin(2 * np.pi * FREQUENCY * (t + start)) for start in (0, 0.05)]
+    conforms.closed_form(synchronise(full, RATE, FPS, FREQUENCY).delays[1], 0.05, atol=1e-5)
+
+
+def test_a_sound_that_is_no_steady_tone_is_named():
+    t = np.arange(4 * RATE) / RATE
+    names = ["A", "B"]
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(t))
+    refused([noise, noise], "A: 0.", "steady tone of 4.25 Hz, allowed: at least 0.706 s, 3",
+            frequency=FREQUENCY, names=names)  # fmt: skip
+    short = tone(t) * (t < 3.6 * PERIOD)
+    refused([short, short], "A: ", "steady tone", frequency=FREQUENCY, names=names)
+    chirp = 0.5 * np.sin(2 * np.pi * (3 * t + 0.5 * t**2))
+    refused([chirp, chirp], "A: ", "allowed: at least", frequency=FREQUENCY, names=names)
+    hum = tone(t) + 0.4 * np.sin(2 * np.pi * 50 * t)
+    refused([tone(t), hum], "B: a tone near 4.25 Hz is 61 % of the sound, allowed: at least 80 %",
+            frequency=FREQUENCY, names=names)  # fmt: skip
+
+
+@pytest.mark.parametrize("given", [4.05, 4.35, 4.46])
+def test_another_frequency_than_the_sound_s_is_named(given):
+    t = np.arange(6 * RATE) / RATE
+    words = f"excitation.frequency_hz: given {given}, but the sound of recording 0 has 4.25 Hz"
+    refused([tone(t), tone(t)], words, frequency=given)
+    synchronise([tone(t), tone(t)], RATE, FPS, 4.27)
+
+
+def test_a_small_error_of_the_frequency_is_found_in_a_long_recording():
+    t = np.arange(60 * 8000) / 8000
+    refused([tone(t), tone(t)], "given 4.26, but", rate=8000, frequency=4.26)
+    synchronise([tone(t), tone(t)], 8000, FPS, 4.2505)
+
+
+@pytest.mark.parametrize("given", [1e5, 6001.0])
+def test_a_frequency_too_high_for_the_sound_is_refused_at_once(given):
+    good, *_ = recordings(transient, 0)[0]
+    refused(
+        [good, good],
+        f"excitation.frequency_hz: given {given:g}",
+        "6000 Hz, 8 samples",
+        frequency=given,
+    )
+    with pytest.raises(SynchronisationError, match="8 samples of the sound per period"):
+        phase_delays([good, good], RATE, given, [0, 0])
+
+
+@pytest.mark.parametrize("snr_db", [0, 10])
+def test_noise_beyond_the_tone_s_band_does_not_count(conforms, snr_db):
+    signals, truth = recordings(growing, 3, snr_db)
+    found = synchronise([0.5 * x for x in signals], RATE, FPS, FREQUENCY)
+    conforms.closed_form(found.delays, truth, atol=0.05 / FPS)
+
+
+# Blocks.
+
+
+def divided(x, seed):
+    """A signal in blocks of any length, some of them empty."""
+    cuts = np.sort(np.random.default_rng(seed).integers(0, len(x), 12))
+    return np.split(x, [*cuts, cuts[-1]])
+
+
+@pytest.mark.parametrize("step", [1, 2, 3, 12, 14])
+@pytest.mark.parametrize("length", [20000, 20001, 19993])
+def test_a_signal_decimated_in_blocks_is_the_whole_one_decimated(conforms, step, length):
+    x = np.random.default_rng(step).standard_normal(length)
+    whole = resample_poly(x, 1, step)[EDGE:-EDGE] if step > 1 else x
+    for seed in range(5):
+        blocks = np.concatenate(list(decimate(divided(x, seed), step)))
+        conforms.invariance(blocks, whole, atol=1e-12)
+    conforms.invariance(decimated(x, 48000, 48000 / step)[0], whole, atol=1e-12)
+
+
+def test_a_signal_shorter_than_the_low_pass_leaves_nothing():
+    assert len(decimated(np.ones(19 * 12), 48000, 4000)[0]) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda x: x, None),
+        (lambda x: x[:12000], "A: 0.250 s of audio"),
+        (lambda x: 0.3 + 1.9e-4 * x, "A: silent audio (rms 9.5e-05"),
+        (lambda x: 0.3 + 2.1e-4 * x, None),
+        (lambda x: np.where(np.arange(len(x)) < 0.021 * len(x), -1.0, 0.9 * x), "clipped"),
+        (lambda x: np.where(np.arange(len(x)) > 0.981 * len(x), 1.0, 0.9 * x), None),
+        (lambda x: np.where(np.arange(len(x)) == len(x) - 1, np.nan, x), "allowed: finite"),
+    ],
+    ids=["good", "short", "silent", "faint", "clipped", "nearly clipped", "not a number"],
+)
+def test_recordings_are_checked_in_blocks_as_in_one(change, words):
+    x = change(np.tile([0.5, -0.5], 24000))
+    for blocks in ([x], divided(x, 1), divided(x, 2)):
+        if words is None:
+            np.testing.assert_array_equal(np.concatenate(list(checked(blocks, RATE, 0.5, "A"))), x)
+            continue
+        with pytest.raises(SynchronisationError) as error:
+            list(checked(blocks, RATE, 0.5, "A"))
+        assert words in str(error.value)
+
+
+# Long tones, in which the moment that tells the periods apart is a small part.
+
+LOW = 8000  # Hz, which makes the same noise denser
+
+
+def onset(t):
+    """A tone that starts at once."""
+    return 0.5 * (t > 1) * np.sin(2 * np.pi * FREQUENCY * (t - 1))
+
+
+def late_clap(t):
+    """A steady tone, and a clap after 200 s."""
+    since = np.maximum(t - 200, 0)
+    return tone(t) + 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * 700 * since)
+
+
+def ending(t):
+    """A tone that fades over two periods after 250 s."""
+    return tone(t) * np.clip(1 - (t - 250) / (2 * PERIOD), 0, 1)
+
+
+def long_recordings(signal, seed, seconds=300, spread=0.3, snr_db=20.0):
+    rng = np.random.default_rng(seed)
+    starts = rng.uniform(0, spread, 2)
+    t = np.arange(round(seconds * LOW)) / LOW
+    spread = np.sqrt(POWER / 10 ** (snr_db / 10))
+    signals = [signal(t + start) + spread * rng.standard_normal(len(t)) for start in starts]
+    return signals, starts - starts[0]
+
+
+@pytest.mark.parametrize("signal", [growing, onset, clap, late_clap, ending])
+def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms, signal):
+    signals, truth = long_recordings(signal, 1)
+    found = synchronise(signals, LOW, FPS, FREQUENCY)
+    assert not found.ambiguous
+    conforms.closed_form(found.delays, truth, atol=0.05 / FPS)
+    conforms.closed_form(found.delays, truth, atol=0.002 / FPS)  # what we have
+
+
+def test_five_minutes_of_tone_alone_are_ambiguous(conforms):
+    found = synchronise(long_recordings(tone, 2)[0], LOW, FPS, FREQUENCY)
+    assert found.ambiguous
+    conforms.closed_form(found.period, PERIOD, rtol=1e-6)
+    assert any("Ambiguous by whole periods" in line for line in found.describe())
+
+
+def test_an_onset_is_found_though_the_frequency_is_only_roughly_known(conforms):
+    signals, truth = long_recordings(growing, 3, seconds=60)
+    found = synchronise(signals, LOW, FPS, FREQUENCY * 1.0005)
+    assert not found.ambiguous
+    conforms.closed_form(found.delays, truth, atol=0.01 / FPS)
+
+
+def test_claps_of_different_recordings_leave_the_tone_ambiguous():
+    (a, b), _ = long_recordings(tone, 4, seconds=60)
+    t = np.arange(len(a)) / LOW
+    for x, moment, pitch in ((a, 20.0, 700), (b, 33.0, 450)):
+        since = np.maximum(t - moment, 0)
+        x += 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * pitch * since)
+    assert synchronise([a, b], LOW, FPS, FREQUENCY).ambiguous
+
+
+@pytest.mark.parametrize("rate", [4000, 3999.3, 272.7])
+def test_nothing_of_a_steady_tone_is_left_by_its_removal(conforms, rate):
+    t = np.arange(round(5 * rate)) / rate
+    conforms.closed_form(np.abs(without_tone(tone(t), rate, FREQUENCY)).max(), below=1e-12)
+    left = without_tone(0.2 + 0.1 * tone(2 * t), rate, FREQUENCY)  # an offset and a harmonic
+    conforms.closed_form(
+        np.abs(left).max(), below=2 * 0.05 * (2 * np.pi * FREQUENCY * 2 / rate) ** 2 + 1e-3 * 0.2
+    )
+    moved = without_tone(growing(t), rate, FREQUENCY)
+    conforms.closed_form(np.abs(moved).max(), 0.25, rtol=0.01)  # half of it in each period
+
+
+# A room.
+
+
+def noise_of(rng, n, colour):
+    """Noise whose power falls with the frequency to the power `colour`, rms 1."""
+    spectrum = np.fft.rfft(rng.standard_normal(n))
+    spectrum /= np.maximum(np.fft.rfftfreq(n, 1 / RATE), 5) ** (colour / 2)
+    x = np.fft.irfft(spectrum, n)
+    return x / x.std()
+
+
+def heard(seed, level_db, seconds=11, colour=0, moments=(6.0,)):
+    """What two microphones hear of claps of 5 ms, `level_db` above their own noises, rms 0.02."""
+    rng = np.random.default_rng(seed)
+    starts = rng.uniform(0, 5, 2)
+    n, length = round(seconds * RATE), round(0.005 * RATE)
+    clap = rng.standard_normal(length) * np.exp(-np.arange(length) / length * 3)
+    clap *= 10 ** (level_db / 20) / np.sqrt(np.mean(clap**2))
+    f = np.fft.rfftfreq(2 * length)
+    signals = []
+    for start in starts:
+        x = noise_of(rng, n, colour)
+        for moment in moments:
+            first, between = divmod((moment - start) * RATE, 1)
+            shifted = np.fft.irfft(
+                np.fft.rfft(clap, 2 * length) * np.exp(-2j * np.pi * f * between)
+            )
+            x[int(first) : int(first) + 2 * length] += shifted
+        signals.append(0.02 * x)
+    return signals, starts - starts[0]
+
+
+@pytest.mark.parametrize(
+    ("level_db", "colour", "least"),
+    [(-10, 0, 0), (0, 0, 0), (5, 1, 0), (10, 0, 2), (10, 2, 3), (15, 1, 3), (20, 0, 3), (20, 2, 3)],
+)
+def test_a_clap_in_independent_noise_is_found_or_refused(conforms, level_db, colour, least):
+    """Starts are up to 5 s apart; at least so many of three recordings must be found."""
+    found = 0
+    for seed in range(3):
+        signals, truth = heard(seed, level_db, colour=colour)
+        with suppress(SynchronisationError):
+            delays = synchronise(signals, RATE, FPS, sound="room").delays
+            conforms.closed_form(delays, truth, atol=0.1 / FPS)
+            conforms.closed_form(delays, truth, atol=0.005 / FPS)  # what we have
+            found += 1
+    assert found >= least
+
+
+def test_a_clap_that_is_not_heard_is_refused():
+    refused(heard(0, -10)[0], "recording 1: no sound in it matches that of recording 0",
+            sound="room")  # fmt: skip
+
+
+def test_a_room_s_report_says_what_sound_in_air_does(conforms):
+    signals, truth = heard(1, 20)
+    found = synchronise(
+        signals, RATE, FPS, FREQUENCY, sound="room"
+    )  # there is no tone, nor need be
+    text = " ".join(found.describe())
+    assert found.method == "room"
+    assert not found.ambiguous
+    assert "2.9 ms per metre" in text
+    assert "a single knock" in text.lower()
+    assert "AC-coupled" not in text
+    conforms.closed_form(found.delays, truth, atol=0.005 / FPS)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_voices_are_enough(conforms, seed):
+    """Three seconds of something like speech in every recording, 6 dB above the noise."""
+    rng = np.random.default_rng(seed)
+    n, starts = 6 * RATE, rng.integers(0, 2 * RATE, 2)
+    t = np.arange(n + 2 * RATE) / RATE
+    loud = np.maximum(np.interp(t, np.arange(0, 9, 0.12), rng.standard_normal(75)), 0)
+    pulses = np.diff(np.floor(120 * t + 3 * np.sin(4 * t)), prepend=0)
+    voice = loud * (noise_of(rng, len(t), 1) + 3 * pulses)
+    voice *= ((t > 3) & (t < 6)) / voice.std()
+    signals = [0.05 * (2 * voice[s : s + n] + noise_of(rng, n, 1)) for s in starts]
+    delays = synchronise(signals, RATE, FPS, sound="room").delays
+    conforms.closed_form(delays, (starts - starts[0]) / RATE, atol=0.005 / FPS)
+
+
+def hum(t):
+    return np.sin(2 * np.pi * 50 * t) + 0.4 * np.sin(2 * np.pi * 150 * t + 1)
+
+
+def test_a_clap_is_found_through_a_louder_hum(conforms):
+    signals, truth = heard(2, 20)
+    t = np.arange(len(signals[0])) / RATE
+    signals = [x + 0.2 * hum(t + d) for x, d in zip(signals, truth, strict=True)]
+    delays = synchronise(signals, RATE, FPS, sound="room").delays
+    conforms.closed_form(delays, truth, atol=0.005 / FPS)
+
+
+def test_what_repeats_or_is_not_shared_is_refused_in_a_room():
+    rng = np.random.default_rng(0)
+    n = 8 * RATE
+    t = np.arange(n) / RATE
+    rattle = np.zeros(n + RATE)
+    knock = rng.standard_normal(300) * np.exp(-np.arange(300) / 80)
+    for k in range(0, len(rattle) - 300, round(PERIOD * RATE)):
+        rattle[k : k + 300] += knock
+    pairs = {
+        "noise": [noise_of(rng, n, 0), noise_of(rng, n, 0)],
+        "rumble": [noise_of(rng, n, 3), noise_of(rng, n, 3)],
+        "hum": [hum(t) + 0.1 * noise_of(rng, n, 1), hum(t + 0.3) + 0.1 * noise_of(rng, n, 1)],
+        "rattle": [rattle[s : s + n] + 0.1 * noise_of(rng, n, 0) for s in (0, 20000)],
+    }
+    for signals in pairs.values():
+        refused([0.05 * x for x in signals], "recording 1: no sound in it matches", sound="room")
+
+
+def test_a_recording_that_is_mostly_digital_silence_may_hold_a_clap(conforms):
+    signals, truth = heard(3, 30)
+    gated = [np.where(np.abs(x) < 0.1, 0, x) for x in signals]
+    delays = synchronise(gated, RATE, FPS, sound="room").delays
+    conforms.closed_form(delays, truth, atol=0.01 / FPS)
+
+
+# The frequency of a tone that is sought.
+
+
+@pytest.mark.parametrize("frequency", [0.7, 4.25, 29.3, 212.0])
+def test_a_tone_is_found_and_its_error_is_the_noise_s(conforms, frequency):
+    """Over draws, the error over its stated deviation scatters by 1."""
+    t = np.arange(0, max(8, 8 / frequency), 1 / 2000)
+    off = []
+    for seed in range(30):
+        noise = 0.1 * np.random.default_rng(seed).standard_normal(len(t))
+        x = 0.3 * np.sin(2 * np.pi * frequency * t + seed) + noise
+        found, seconds = find_tone(x, 2000, "A", (0.0, t[-1]))
+        conforms.closed_form(seconds, t[-1], atol=0.05 + 0.4 / frequency)
+        low, rate = decimated(x, 2000, 64 * frequency)
+        off.append((found - frequency) / frequency_deviation(low, rate, found))
+    conforms.sampled(np.sqrt(np.mean(np.square(off))), above=0.7, below=1.35)
+
+
+def test_the_strongest_line_of_a_long_signal_is_that_of_the_whole(conforms):
+    x = tone(np.arange(40000) / 200) + np.random.default_rng(0).standard_normal(40000)
+    conforms.closed_form(strongest(x, 200, 1, 50), FREQUENCY, atol=0.25 / 200)
+    conforms.closed_form(strongest(x, 200, 1, 50, most=4000), FREQUENCY, atol=0.25 / 20)
+
+
+def test_what_is_no_steady_tone_is_not_found():
+    t = np.arange(8 * 4000) / 4000
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(t))
+    for x, part in ((noise, None), (tone(t) + 0.4 * hum(t), None),
+                    (tone(t), (3.0, 3.5))):  # fmt: skip
+        with pytest.raises(SynchronisationError, match="A: no steady tone below 500 Hz") as error:
+            find_tone(x, 4000, "A", part)
+        assert "\n" not in str(error.value)

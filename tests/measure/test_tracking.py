@@ -1,0 +1,616 @@
+"""Marker centres against the projected discs, and what is hidden, cut off or not there."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from scenes.discs import camera, disc_centroids
+
+from thesis_lib.facts import setups
+from thesis_lib.laboratory.render import BeamView, Sensor
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.tracking import follow as following
+from thesis_lib.measure.tracking import tracker as tracking
+from thesis_lib.measure.tracking.centres import refine
+from thesis_lib.measure.tracking.homography import (
+    TrackingError,
+    View,
+    apply,
+    find_view,
+    homography,
+    view_of,
+)
+from thesis_lib.measure.tracking.tracker import Tracker, assign, sharpen
+from thesis_lib.vibration.motion import Component, Motion
+from thesis_lib.vision import lens
+
+BEAM = setups.beam()
+MARKERS = rows_on(BEAM)
+MOTION = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.0005)), 0.0, 0.25)
+FULL, HALF = (1920, 1080), (960, 540)
+
+
+def tracked(frames, tracker):
+    """Centres of all frames, (frames, 2, markers)."""
+    return np.array([tracker.centres(frame) for frame in frames])
+
+
+def filmed(at, times, motion=MOTION, markers=MARKERS, seed=None):
+    """Frames of a camera; without a seed they have no noise."""
+    beam = BeamView(at, markers, motion, Sensor(samples=4))
+    rng = None if seed is None else np.random.default_rng(seed)
+    return [beam.frame(t, rng) for t in times]
+
+
+def truth(at, times, motion=MOTION, markers=MARKERS):
+    """Centroids of the projected discs, averaged over the exposure, (frames, 2, markers)."""
+    within = ((np.arange(4) + 0.5) / 4 - 0.5) * Sensor().exposure
+    return np.array(
+        [
+            np.mean(
+                [disc_centroids(at, markers, lambda p, t=t + dt: motion.deflection(p, [t])[0],
+                                slice(markers.count), n=256) for dt in within], axis=0)
+            for t in times
+        ]
+    )  # fmt: skip
+
+
+def found_view(at, image, markers=MARKERS):
+    return sharpen(image, find_view(image, at, markers))
+
+
+def off(found, exact):
+    """Distances in px."""
+    return np.hypot(*(found - exact))
+
+
+@pytest.fixture(scope="module")
+def rest():
+    """Camera, its picture of the beam at rest, the view found there, and the true centres."""
+    at = camera()
+    (image,) = filmed(at, [-1.0])
+    return at, image, found_view(at, image), truth(at, [-1.0])[0]
+
+
+# Centres.
+
+
+@pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (170.0, 0.05)])
+def test_centres_are_those_of_the_projected_discs(conforms, azimuth, k1):
+    at = camera(azimuth, k1=k1)
+    times = np.arange(-1, 22) / 60
+    frames = filmed(at, times)
+    tracker = Tracker(found_view(at, frames[0]))
+    found = tracked(frames, tracker)
+    assert np.isfinite(found).all()
+    exact = truth(at, times)
+    assert np.ptp(exact[:, 1], axis=0).max() > 12  # they move
+    error = found - exact
+    conforms.closed_form(np.abs(error).max(), below=0.015)
+    conforms.closed_form(np.sqrt(np.mean(error**2)), below=0.006)
+    conforms.closed_form(np.abs(error.mean(axis=(0, 2))).max(), below=0.003)
+
+
+def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong(conforms):
+    # At 22° a twist of 7° makes the discs' images a third higher or lower.
+    motion = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.002)), 0.0, 0.25)
+    at, times = camera(), np.arange(-1, 22) / 60
+    frames = filmed(at, times, motion)
+    found = tracked(frames, Tracker(found_view(at, frames[0])))
+    error = np.hypot(*(found - truth(at, times, motion)).swapaxes(0, 1))
+    conforms.closed_form(np.nanmax(error), below=0.08)
+    assert np.mean(np.isnan(error)) < 0.05
+
+
+def test_noise_moves_centres_little_more_than_it_must(conforms, rest):
+    # Cramér and Rao: 1 / variance ≤ Σ (∂I/∂u)² / (0.05 I + 1), the slopes by differences.
+    at, clean, view, exact = rest
+    tracked = [Tracker(view).centres(image) for image in filmed(at, [-1.0] * 12, seed=5)]
+    scatter = np.std(tracked, axis=0, ddof=1)
+    for axis, step in enumerate(0.25 * np.eye(2)):
+        shifted = []
+        for sign in (-1, 1):
+            K = at.K.copy()
+            K[:2, 2] += sign * step
+            shifted += filmed(replace(at, K=K), [-1.0])
+        slope = (shifted[1].astype(float) - shifted[0]) / 0.5
+        information = slope**2 / (0.05 * clean + 1)
+        ratios = []
+        for marker in range(25, 50):  # with no edge near
+            u, v = np.floor(exact[:, marker]).astype(int)
+            bound = information[v - 4 : v + 5, u - 8 : u + 9].sum() ** -0.5
+            ratios.append(scatter[axis, marker] / bound)
+        conforms.sampled(np.sqrt(np.mean(np.square(ratios))), above=0.9, below=1.5)
+
+
+def test_reduced_frames_are_tracked_as_well(conforms):
+    at, times = camera(size=HALF), np.arange(-1, 20) / 60
+    frames = filmed(at, times)
+    found = tracked(frames, Tracker(found_view(at, frames[0])))
+    error = found - truth(at, times)
+    assert np.mean(np.isnan(error)) < 0.03
+    conforms.closed_form(np.nanmax(np.abs(error)), below=0.05)
+    conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.015)
+
+
+@pytest.mark.parametrize(("size", "most_missing"), [(FULL, 0.0), (HALF, 0.03)])
+def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(conforms, size, most_missing):
+    # On the plane at rest ±4 mm look like 9.9 mm, and the rows are 10 mm apart.
+    at, motion = camera(size=size), Motion(BEAM, (Component(),), 0.0, 0.25)
+    times = np.arange(-1, 15 + 15) / 60
+    exact = truth(at, times, motion)
+    frames = filmed(at, times, motion, seed=1)
+    view = found_view(at, frames[0])
+    seen = view.to_plane(exact[:, :, MARKERS.middle_row][:, :, -1].T)
+    assert np.ptp(seen[1]) > 0.018
+    found = tracked(frames, Tracker(view))
+    missing = np.isnan(found[:, 0])
+    assert missing.mean() <= most_missing
+    conforms.closed_form(np.hypot(*(found - exact).swapaxes(0, 1))[~missing].max(), below=0.25)
+
+
+def test_without_the_frames_before_the_row_is_not_known(rest):
+    # Else the test above would show nothing.
+    at, _, view, _ = rest
+    motion = Motion(BEAM, (Component(),), 0.0, 0.25)
+    (image,) = filmed(at, [0.294], motion)
+    alone = off(Tracker(view).centres(image), truth(at, [0.294], motion)[0])
+    assert not (alone < 0.25).all()
+
+
+# Hidden, cut off, doubtful.
+
+
+def painted(image, where, half, grey):
+    u, v = np.floor(where).astype(int)
+    image = image.copy()
+    image[v - half : v + half + 1, u - half : u + half + 1] = grey
+    return image
+
+
+@pytest.mark.parametrize("grey", [60, 120, 200])
+@pytest.mark.parametrize("marker", [0, 31, 37, 49, 74])
+def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(
+    conforms, rest, marker, grey
+):
+    _, image, view, exact = rest
+    before = Tracker(view).centres(image)
+    after = Tracker(view).centres(painted(image, exact[:, marker], 4, grey))
+    assert np.isnan(after[:, marker]).all()
+    others = np.arange(75) != marker
+    # What covers it may touch its neighbours in the same column; they are missing or unharmed.
+    near = np.abs(np.arange(75) % 25 - marker % 25) == 0
+    assert np.isfinite(after[:, others & ~near]).all()
+    conforms.invariance(np.nanmax(off(after, before)[others]), below=0.02)
+
+
+def test_several_hidden_markers_are_all_missing_in_motion(conforms):
+    at, times = camera(), np.arange(4, 12) / 60
+    exact = truth(at, times)
+    frames = filmed(at, times)
+    view = found_view(at, *filmed(at, [-1.0]))
+    whole = tracked(frames, Tracker(view))
+    hidden = [3, 30, 45, 62]
+    for k, image in enumerate(frames):
+        for marker in hidden:
+            frames[k] = image = painted(image, exact[k][:, marker], 4, 110)
+    found = tracked(frames, Tracker(view))
+    assert np.isnan(found[:, :, hidden]).all()
+    assert np.count_nonzero(np.isnan(found[:, 0])) <= 4 * len(times) + 4
+    conforms.invariance(np.nanmax(np.hypot(*(found - whole).swapaxes(0, 1))), below=0.02)
+
+
+def cropped(at, image, view, left, top, right, bottom):
+    """Part of a picture, with the camera and the view that belong to it."""
+    shift = np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1.0]])
+    small = replace(at, K=shift @ at.K, size=(right - left, bottom - top))
+    part = np.ascontiguousarray(image[top:bottom, left:right])
+    return part, replace(view, camera=small, H_image_plane=shift @ view.H_image_plane)
+
+
+@pytest.mark.parametrize("border", ["left", "top", "right", "bottom"])
+def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(conforms, rest, border):
+    at, image, view, exact = rest
+    box = {"left": 0, "top": 0, "right": 1920, "bottom": 1080}
+    axis = 0 if border in ("left", "right") else 1
+    through = exact[axis, 10 if axis == 0 else 12]  # the middle of a marker
+    box[border] = round(through)
+    part, own = cropped(at, image, view, **box)
+    found = Tracker(own).centres(part) + np.array([[box["left"]], [box["top"]]])
+    whole = Tracker(view).centres(image)
+    place = exact[axis] - box[border]
+    place = place if border in ("left", "top") else -place
+    out, clear = place < 3, place > 16
+    assert 5 < np.count_nonzero(out) < 70
+    assert np.isnan(found[:, out]).all()
+    assert np.isfinite(found[:, clear]).all()
+    conforms.invariance(np.nanmax(off(found, whole)), below=0.02)
+
+
+def test_nothing_is_found_where_the_beam_has_left_the_picture(rest):
+    at, image, view, _ = rest
+    tracker = Tracker(view)
+    tracker.centres(image)
+    assert np.isnan(tracker.centres(np.full_like(image, 60))).all()
+    # It comes back.
+    assert np.isfinite(tracker.centres(image)).all()
+    part, own = cropped(at, image, view, 0, 800, 1920, 1080)
+    assert np.isnan(Tracker(own).centres(part)).all()
+
+
+@pytest.mark.parametrize("kind", ["noise", "stripes"])
+def test_what_is_no_beam_gives_no_markers(rest, kind):
+    _, image, view, _ = rest
+    if kind == "noise":
+        image = np.random.default_rng(0).integers(0, 256, image.shape, np.uint8)
+    else:
+        image = np.broadcast_to((np.arange(1920) // 6 % 2 * 200).astype(np.uint8), image.shape)
+    assert np.mean(np.isnan(Tracker(view).centres(image)[0])) > 0.95
+
+
+def test_the_hole_is_dropped_and_takes_no_marker_s_place(rest):
+    at, image, view, exact = rest
+    hole = lens.project(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
+    found = Tracker(view).centres(image)
+    assert found.shape == (2, 75)
+    assert off(found, hole[:, None]).min() > 5
+    beside = np.argsort(off(exact, hole[:, None]))[:4]
+    hidden = image
+    for marker in beside:
+        hidden = painted(hidden, exact[:, marker], 3, 200)
+    assert np.isnan(Tracker(view).centres(hidden)[:, beside]).all()
+
+
+# Finding the beam.
+
+
+def corners(at):
+    """Undistorted images of the beam's corners, in the order of its frame."""
+    length, width = BEAM.extent
+    world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
+    seen = lens.project(at, world * np.array([[length], [width], [1]]))
+    return lens.undistorted(at, seen)
+
+
+@pytest.mark.parametrize("azimuth", [-10.0, 10.0, 170.0, 190.0])
+@pytest.mark.parametrize("upside_down", [False, True])
+def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_down):
+    at = camera(azimuth)
+    if upside_down:
+        at = replace(at, R_camera_world=np.diag([-1.0, -1, 1]) @ at.R_camera_world)
+    (image,) = filmed(at, [-1.0], seed=2)
+    view = find_view(image, at, MARKERS)
+    length, width = BEAM.extent
+    plane = np.array([[0, length, length, 0], [0, 0, width, width]])
+    conforms.closed_form(off(apply(view.H_image_plane, plane), corners(at)).max(), below=2)
+    exact = truth(at, [-1.0])[0]
+    conforms.closed_form(off(Tracker(sharpen(image, view)).centres(image), exact).max(), below=0.12)
+
+
+@pytest.mark.parametrize("width", [1920, 960])
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "k1"),
+    [(10, 22, 0.2), (45, 22, -0.08), (40, 15, 0.3), (5, 15, -0.3), (5, 60, 0.3), (80, 15, 0.3),
+     (80, 22, -0.08), (60, 30, -0.3), (25, 60, 0.0), (70, 15, -0.2)],
+)  # fmt: skip
+def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
+    conforms, azimuth, elevation, k1, width
+):
+    length, width_m = BEAM.extent
+    plane = np.array([[0, length, length, 0], [0, 0, width_m, width_m]])
+    for one in (azimuth, 180 - azimuth):
+        at = camera(one, elevation, k1=k1)
+        assert np.isfinite(corners(at)).all()
+        (image,) = filmed(at, [-1.0])
+        small = lens.resized(at, (width, width * 9 // 16))
+        view = find_view(following.reduced(image, width), small, MARKERS)
+        conforms.closed_form(off(apply(view.H_image_plane, plane), corners(small)).max(), below=2)
+
+
+def test_a_beam_that_its_markers_cut_in_two_is_found_whole(conforms):
+    at = camera(-5.0, 15.0, k1=0.0)
+    (image,) = filmed(at, [-1.0])
+    small = lens.resized(at, (640, 360))
+    length, width = BEAM.extent
+    plane = np.array([[0, length, length, 0], [0, 0, width, width]])
+    view = find_view(following.reduced(image, 640), small, MARKERS)
+    conforms.closed_form(off(apply(view.H_image_plane, plane), corners(small)).max(), below=2)
+
+
+def test_a_turned_picture_gives_turned_centres(conforms, rest):
+    at, image, view, _ = rest
+    K = at.K.copy()
+    K[:2, 2] = np.array(FULL) - at.K[:2, 2]
+    p1, p2 = at.distortion[2:4]
+    turned = replace(at, K=K, distortion=at.distortion * [1, 1, -1, -1, 1])
+    assert (p1, p2) != (0, 0)
+    again = np.ascontiguousarray(image[::-1, ::-1])
+    found = Tracker(found_view(turned, again)).centres(again)
+    conforms.invariance(np.array(FULL)[:, None] - found, Tracker(view).centres(image), atol=0.005)
+
+
+def one_line(call, *arguments):
+    with pytest.raises(TrackingError) as error:
+        call(*arguments)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_without_a_hole_the_corners_have_to_be_given(conforms):
+    markers, at = rows_on(BEAM, hole=None), camera()
+    (image,) = filmed(at, [-1.0], markers=markers)
+    message = one_line(find_view, image, at, markers)
+    assert message.startswith("camera A: ")
+    assert "corners_px" in message
+    view = sharpen(image, view_of(at, markers, corners(at)))
+    conforms.closed_form(off(Tracker(view).centres(image), truth(at, [-1.0])[0]).max(), below=0.02)
+
+
+def test_a_hidden_hole_is_said(rest):
+    at, image, _, _ = rest
+    hole = lens.project(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
+    message = one_line(find_view, painted(image, hole, 5, 200), at, MARKERS)
+    assert "the hole is not seen" in message
+    assert "corners_px" in message
+
+
+@pytest.mark.parametrize("grey", [0, 60, 255])
+def test_a_picture_without_a_beam_is_refused(grey):
+    at = camera()
+    one_line(found_view, at, np.full((1080, 1920), grey, np.uint8))
+
+
+def test_a_bright_spot_is_no_beam():
+    image = np.zeros((1080, 1920), np.uint8)
+    image[500:505, 700:703] = 250
+    assert "too small" in one_line(find_view, image, camera(), MARKERS)
+
+
+def test_a_beam_without_markers_is_refused(rest):
+    at, image, _, _ = rest
+    blank = np.where(image > 60, 200, image).astype(np.uint8)
+    message = one_line(sharpen, blank, view_of(at, MARKERS, corners(at)))
+    assert "of 76 markers" in message
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        [[5.0, 5, 5, 5], [7.0, 7, 7, 7]],
+        [[0.0, 100, 200, 300], [0.0, 100, 200, 300]],
+        [[np.nan, 1800, 1800, 100], [500, 500, np.nan, 600]],
+        [[-1e9, 1e9, 1e9, -1e9], [-1e9, -1e9, 1e9, 1e9]],
+        [[100, 1800, 100, 1800], [100, 900, 900, 100]],
+    ],
+)
+def test_absurd_corners_are_refused(rest, given):
+    at, image, _, _ = rest
+    message = one_line(lambda: sharpen(image, view_of(at, MARKERS, np.array(given))))
+    assert message.startswith("camera A: ")
+    if np.isnan(given).any():
+        assert "only 2 of 4 points" in message
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (rows_on(BEAM, rows=4), "of 101 markers"),
+        (rows_on(BEAM, rows=4, row_spacing=0.0075), "one of the rows"),
+        (rows_on(BEAM, row_spacing=0.007), "corners"),
+        (rows_on(replace(BEAM, n_markers=24)), "of 73 markers"),
+        (rows_on(replace(BEAM, marker_spacing=0.024)), "of 76 markers"),
+    ],
+)
+def test_markers_of_another_grid_are_refused(rest, wrong, said):
+    at, image, _, _ = rest
+    message = one_line(lambda: sharpen(image, view_of(at, wrong, corners(at))))
+    assert message.startswith("camera A: ")
+    assert said in message
+
+
+def test_markers_off_their_grid_are_refused(rest):
+    # Every other column stands 4 mm to the right.
+    at, _, _, _ = rest
+
+    x, y = MARKERS.centres
+    shifted = np.stack([x + 0.004 * (np.round((x - x[0]) / 0.025) % 2), y])
+    (image,) = filmed(at, [-1.0], markers=replace(MARKERS, centres=shifted))
+    message = one_line(lambda: sharpen(image, view_of(at, MARKERS, corners(at))))
+    assert "px off their grid; do rows, columns and spacing agree" in message
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+def test_given_corners_need_not_be_exact(conforms, rest, noise):
+    at, image, view, _ = rest
+    given = corners(at) + noise * np.random.default_rng(3).uniform(-1, 1, (2, 4))
+    own = sharpen(image, view_of(at, MARKERS, given))
+    conforms.invariance(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
+
+
+def test_sharpening_finds_the_spread_of_the_picture(conforms, rest):
+    at, _, view, _ = rest
+    conforms.closed_form(view.blur, above=0.5, below=0.75)
+    blurred = BeamView(at, MARKERS, MOTION, Sensor(spread=1.1)).frame(-1.0)
+    conforms.closed_form(found_view(at, blurred).blur, above=0.95, below=1.25)
+
+
+# Corners as the manifest gives them, and reduced widths.
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory):
+    """A short video of camera A: at rest, then moving."""
+    path, at = tmp_path_factory.mktemp("tracking") / "A.mkv", camera()
+    times = np.arange(-2, 6) / 60
+    media.write_video(path, filmed(at, times, seed=4), 60, np.zeros(8 * 800))
+    return path, at, times
+
+
+def test_given_corners_are_those_in_the_picture(conforms, video):
+    path, at, times = video
+    length, width = BEAM.extent
+    world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
+    px = lens.project(at, world * np.array([[length], [width], [1]]))
+    assert off(px, corners(at)).max() > 5  # the lens bends them
+    markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
+    given, *_ = following.follow(path, at, markers, [1920], [tuple(p) for p in px.T])
+    conforms.closed_form(
+        off(given[0].swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max(), below=0.1
+    )
+
+
+def test_a_video_is_followed_at_several_widths_at_once(video):
+    path, at, times = video
+    widths = [320, 640, 1280, 1920]
+    found, _, notes = following.follow(path, at, MARKERS, widths)
+    assert found.shape == (4, len(times), 2, 75)
+    exact = truth(at, times)
+    share, wrong = [], []
+    for width, own in zip(widths, found, strict=True):
+        error = np.hypot(*(own - exact * width / 1920).swapaxes(0, 1))
+        seen = np.isfinite(error)
+        share.append(seen.mean())
+        wrong.append(np.mean(error[seen] > 1) if seen.any() else 0.0)
+    assert share[3] == 1
+    assert share[2] > 0.98
+    assert share[0] < 0.6  # too few pixels, as in the thesis
+    assert max(wrong[1:]) == 0
+    assert all("320 px" in note for note in notes)
+
+
+@pytest.mark.parametrize("width", [640, 960, 1280])
+def test_reduced_frames_show_the_same_places(conforms, rest, width):
+    at, image, _, exact = rest
+    small = following.reduced(image, width)
+    assert small.shape == (width * 9 // 16, width)
+    own = lens.resized(at, (width, width * 9 // 16))
+    view = sharpen(small, find_view(small, own, MARKERS))
+    error = Tracker(view).centres(small) - exact * width / 1920
+    assert np.mean(np.isnan(error)) < 0.25
+    conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.04)
+    conforms.closed_form(np.abs(np.nanmean(error, axis=1)).max(), below=0.015)
+
+
+def test_reduced_frames_are_no_larger(rest):
+    _, image, _, _ = rest
+    assert following.reduced(image, 1920) is image
+    assert following.reduced(image, 4000) is image
+
+
+# The beam resampled on its plane.
+
+
+@pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (45.0, 0.1)])
+def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms, azimuth, k1):
+    at, times = camera(azimuth, k1=k1), np.arange(3, 9) / 60
+    view = found_view(at, *filmed(at, [-1.0]))
+    tracker, away = Tracker(view), []
+    assert np.isnan(tracker.matched).all()
+    for frame in filmed(at, times):
+        centres = tracker.centres(frame)
+        assert tracker.matched.shape == centres.shape
+        away.append(tracker.scale * (view.to_plane(tracker.matched) - view.to_plane(centres)))
+    away = np.hypot(*np.moveaxis(away, 1, 0))  # pixels of the plane
+    conforms.closed_form(np.nanmax(away), below=0.75 * np.sqrt(2))
+    assert np.nanmedian(away) > 0.15
+    tracker.centres(np.full((1080, 1920), 60, np.uint8))
+    assert np.isnan(tracker.matched).all()
+
+
+@pytest.mark.parametrize("factor", [0.1, 1.0, 1000.0])
+def test_the_resampled_beam_follows_the_markers_size(conforms, rest, factor):
+    _, image, view, exact = rest
+    beam = replace(BEAM, length=factor * BEAM.length, width=factor * BEAM.width,
+                   marker_spacing=factor * BEAM.marker_spacing)  # fmt: skip
+    x, y = MARKERS.hole
+    markers = rows_on(beam, 3, 0.01 * factor, 0.005 * factor, (x * factor, y * factor))
+    H = view.H_image_plane @ np.diag([1 / factor, 1 / factor, 1])
+    tracker = Tracker(replace(view, markers=markers, H_image_plane=H))
+    conforms.closed_form(tracker.scale, 2000 / factor, rtol=1e-6)
+    conforms.closed_form(tracker.reach, 0.025 * factor, rtol=1e-6)
+    assert abs(tracker.resampled(image).size - 160 * 1346) < 2000
+    conforms.closed_form(off(tracker.centres(image), exact).max(), below=0.02)
+
+
+def test_constants_are_those_of_the_thesis_s_markers(rest):
+    _, _, view, _ = rest
+    tracker = Tracker(view)
+    assert (tracker.scale, tracker.reach) == (tracking.SCALE, tracking.REACH)
+
+
+def test_a_beam_too_large_for_its_markers_is_refused(rest):
+    _, _, view, _ = rest
+    large = rows_on(replace(BEAM, length=100.0, width=1.0))
+    message = one_line(Tracker, replace(view, markers=large))
+    assert message.startswith("camera A: ")
+    assert "diameter" in message
+
+
+# Assignment and homographies.
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_assignment_has_the_least_sum_of_squares(conforms, seed):
+    rng = np.random.default_rng(seed)
+    predicted, found = rng.uniform(0, 1, (2, 5)), rng.uniform(0, 1, (2, 5))
+    places, spare = assign(predicted, found, gate=10.0)
+    squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
+    best = min(sum(squared[i, p[i]] for i in range(5)) for p in permutations(range(5)))
+    conforms.independent(np.sum((places - predicted) ** 2), best, rtol=1e-12)
+    assert spare == 0
+
+
+def test_what_is_too_far_is_not_assigned():
+    predicted = np.array([[0.0, 1, 2, 3], [0, 0, 0, 0]])
+    found = np.array([[0.1, 2.9, 1.5, 9.0], [0, 0, 0, 0]])
+    places, spare = assign(predicted, found, gate=0.4)
+    np.testing.assert_array_equal(places[0], [0.1, np.nan, np.nan, 2.9])
+    assert spare == 2
+    places, spare = assign(predicted, np.zeros((2, 0)), 0.4)
+    assert np.isnan(places).all()
+    assert spare == 0
+
+
+def test_a_lost_marker_does_not_shift_its_column(conforms):
+    # Nearest in the sum without a gate would give every place to the next one's match.
+    predicted = np.stack([np.arange(10.0), np.zeros(10)])
+    found = np.delete(predicted, 4, axis=1) + 0.2
+    places, spare = assign(predicted, found, gate=0.45)
+    conforms.invariance(np.delete(places, 4, axis=1), found, rtol=1e-7)
+    assert np.isnan(places[:, 4]).all()
+    assert spare == 0
+
+
+def test_a_homography_is_found_from_points_some_of_them_missing(conforms):
+    H = np.array([[800, 40, 900], [-30, 700, 500], [0.1, -0.2, 1.0]])
+    plane = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 20))
+    image = apply(H, plane)
+    image[:, 3] = np.nan
+    again = apply(homography(plane, image), plane)
+    conforms.closed_form(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
+
+
+def test_fewer_than_four_points_give_no_homography():
+    plane = np.random.default_rng(0).uniform(0, 1, (2, 5))
+    plane[0, :2] = np.nan
+    assert "only 3 of 5 points" in one_line(homography, plane, plane)
+    assert "line" in one_line(homography, np.ones((2, 6)), np.ones((2, 6)))
+
+
+def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
+    at, _, _, _ = rest
+    view = view_of(at, MARKERS, corners(at))
+    plane = np.random.default_rng(0).uniform([[0], [0]], [[0.6], [0.03]], (2, 30))
+    world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
+    conforms.independent(view.to_image(plane), lens.project(at, world), atol=1e-3)
+    conforms.invariance(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
+
+
+def test_nothing_to_refine_is_nothing(rest):
+    _, image, view, _ = rest
+    assert isinstance(view, View)
+    found, misfit = refine(image, view, np.full((2, 76), np.nan))
+    assert np.isnan(found).all()
+    assert np.isnan(misfit)

@@ -1,0 +1,143 @@
+"""Names that readers give are text in every page: never markup, never a script, never a link."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+from urllib.parse import quote
+
+import nbformat
+import pytest
+
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.tables import claims_table, error_table
+from thesis_lib.figure_sets.run import camera_cube
+from thesis_lib.notebook import show as notebook
+from thesis_lib.web import page as pages
+
+NAMES = {
+    "an end of the script": "</script><script>hit()</script>",
+    "an end and an image": "x'\"><img src=x onerror=hit()>",
+    "an equation that is a link": r"$\href{javascript:hit()}{x}$",
+    "an equation without dollars": r"\(\href{javascript:hit()}{x}\)",
+    "an equation in a block": r"\[\require{html}\href{javascript:hit()}\]",
+    "a link": "[x](javascript:hit())",
+    "an address": "<javascript:hit()>",
+    "an image": "![x](data:text/html,hit)",
+    "a reference": "[x]: javascript:hit()",
+    "a role": "{math}`\\href{javascript:hit()}`",
+    "a table": "a | b <b>c</b> | d",
+    "a heading": "# a",
+    "entities": "&lt;script&gt;hit()&lt;/script&gt;",
+    "a template": "${hit()} {{hit()}} {% x %}",
+    "a comment": "<!-- --!><script>hit()",
+    "a wide frame": "<style>*{display:none}</style>",
+    "a form": "<form action=//x><input autofocus",
+    "a figure": ":::{figure} javascript:hit()",
+}
+PLAIN = "plain"
+
+
+class Tags(HTMLParser):
+    """The tags of a page with their attributes, its scripts' beginnings and its text."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags, self.text = [], ""
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, *(name for name, _ in attrs)))
+        for name, value in attrs:
+            assert not name.startswith("on") or tag == "a", (tag, attrs)
+            assert "hit()" not in (value or "") or name in ("alt", "aria-label"), (tag, attrs)
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def cube_of(name: str):
+    layouts = {name: [[[60, 30], [-60, 30]]]}
+    given = {"trials": 1, "modes": [1], "cases": [], "layouts": layouts, "amplitude_mm": 300,
+             "distance_mm": 700}  # fmt: skip
+    return camera_cube(camera_study("beam-arrays", given))
+
+
+def page_of(name: str, folder, monkeypatch) -> str:
+    """A page with all that a notebook shows of a cube with this layout."""
+    cube, shown = cube_of(name), []
+    assert float(cube["in_view"].min()) < 1  # so that the note under the table names the layout
+    monkeypatch.setattr(notebook, "display", shown.append)
+    notebook.other_figures(cube, [], [])
+    made = [error_table(cube), claims_table(cube), *shown]
+    outputs = [{"text/markdown" if type(m).__name__ == "Markdown" else "text/html": m.data}
+               for m in made]  # fmt: skip
+    outputs.append({"text/html": notebook.viewer(cube)._repr_mimebundle_()[0]["text/html"]})
+    given = nbformat.v4.new_code_cell(f"layouts = {{{name!r}: 1}}")
+    given.metadata["tags"] = ["injected-parameters"]
+    cells = [nbformat.v4.new_markdown_cell("# Title\n\n$a$"), given]
+    for data in outputs:
+        cell = nbformat.v4.new_code_cell("1")
+        cell.outputs = [nbformat.v4.new_output("display_data", data)]
+        cells.append(cell)
+    path = folder / "n.ipynb"
+    nbformat.write(nbformat.v4.new_notebook(cells=cells), path)
+    return pages.page(path, name)
+
+
+@pytest.mark.parametrize(
+    "kind", [*list(NAMES)[:4], *(pytest.param(k, marks=pytest.mark.slow) for k in list(NAMES)[4:])]
+)
+def test_a_name_adds_no_tag_to_a_page(kind, tmp_path, monkeypatch):
+    name = NAMES[kind][:40].strip()
+    hostile = Tags(page_of(name, tmp_path, monkeypatch))
+    plain = Tags(page_of(PLAIN, tmp_path, monkeypatch))
+    ours = [tag for tag in hostile.tags if tag[0] != "span"]  # of the coloured program
+    assert ours == [tag for tag in plain.tags if tag[0] != "span"]
+    assert name in hostile.text
+
+
+def test_what_a_program_puts_out_is_no_markup():
+    said = "\n\n".join(["**bold**", *NAMES.values()])
+    found = Tags(pages._Text([]).html(said, own=False)).tags
+    assert ("strong",) in found
+    assert not {"script", "img", "form", "input", "a", "b"} & {tag[0] for tag in found}
+
+
+@pytest.mark.slow
+def test_no_name_becomes_a_script_or_a_link_in_a_browser(chromium, tmp_path, monkeypatch):
+    if not (pages.mathjax_path()).is_file():
+        pytest.skip("no build/assets: render the book first")
+    for number, name in enumerate(NAMES.values()):
+        html = page_of(name[:40].strip(), tmp_path, monkeypatch)
+        path = tmp_path / f"{number}.html"
+        path.write_text(html, encoding="utf-8")
+        page = chromium.new_page()
+        page.add_init_script("window.hits = 0; window.hit = () => { window.hits += 1; };")
+        page.goto(f"file://{quote(str(path))}")
+        page.wait_for_function("document.querySelector('mjx-container')")
+        links = page.evaluate("[...document.querySelectorAll('a')].map(a => String(a.href))")
+        links += page.evaluate(
+            "[...document.querySelectorAll('svg a')].map(a => a.getAttribute('xlink:href') || '')"
+        )
+        assert page.evaluate("window.hits") == 0, name
+        assert not [link for link in links if "javascript" in link], name
+        assert page.evaluate("document.querySelectorAll('mjx-container').length") == 1, name
+        page.close()
+
+
+@pytest.mark.slow
+def test_equations_make_no_links(chromium, tmp_path):
+    if not (pages.mathjax_path()).is_file():
+        pytest.skip("no build/assets: render the book first")
+    tex = [r"\href{javascript:hit()}{x}", r"\require{html}\href{javascript:hit()}{x}",
+           r"\class{tl-fragment}{x}", r"\cssId{main}{x}", r"\style{position:fixed}{x}"]  # fmt: skip
+    body = "".join(pages._math(one, {}) for one in [*tex, r"\frac{a}{b}"])
+    text = pages.mathjax_path().read_text(encoding="utf-8").replace("</script", "<\\/script")
+    path = tmp_path / "p.html"
+    path.write_text(pages.shell("x", body, text), encoding="utf-8")
+    page = chromium.new_page()
+    page.goto(f"file://{quote(str(path))}")
+    page.wait_for_function("document.querySelectorAll('mjx-container').length == 6")
+    assert page.evaluate("document.querySelectorAll('a, .tl-fragment, #main, [href]').length") == 1
+    assert page.evaluate("document.querySelectorAll('mjx-container [data-mml-node=mfrac]').length")
+    page.close()

@@ -1,0 +1,245 @@
+"""The notebooks: what they carry, and that nbval and papermill hold them to it."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shutil
+from pathlib import Path
+
+import nbformat
+import pytest
+import xarray as xr
+from nbval.plugin import get_sanitize_patterns
+
+from thesis_lib.figure_sets.registry import STUDIES
+
+PROJECT = Path(__file__).parents[2]
+SANITIZE = PROJECT / "tests" / "nbval_sanitize.cfg"
+MARK = "# NBVAL_CHECK_OUTPUT"
+
+
+def cells(path: Path) -> list[nbformat.NotebookNode]:
+    return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+
+
+def committed(name: str) -> list[nbformat.NotebookNode]:
+    return cells(PROJECT / "notebooks" / f"{name}.ipynb")
+
+
+def texts(cell: nbformat.NotebookNode) -> list[str]:
+    """All text that a cell's outputs carry."""
+    found = []
+    for output in cell.outputs:
+        found += [output.text] if "text" in output else list(output.get("data", {}).values())
+    return found
+
+
+# What is committed.
+
+
+def test_there_is_one_notebook_for_every_figure_set():
+    assert {path.stem for path in (PROJECT / "notebooks").glob("*.ipynb")} == set(STUDIES)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_parameters_are_literals(name):
+    tagged = [cell for cell in committed(name) if "parameters" in cell.metadata.get("tags", [])]
+    assert len(tagged) == 1
+    statements = ast.parse(tagged[0].source).body
+    assert len(statements) > 3
+    for statement in statements:
+        assert isinstance(statement, ast.AnnAssign), ast.unparse(statement)
+        ast.literal_eval(statement.value)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_outputs_to_check_are_there_and_hold_numbers(name):
+    marked = [cell for cell in committed(name) if MARK in cell.source.splitlines()]
+    for cell in marked:  # where all stated figures are met there is a count alone
+        assert any(re.search(r"\d", text) for text in texts(cell)), cell.id
+    assert sum(bool(re.search(r"\d+\.\d", "".join(texts(cell)))) for cell in marked) >= 2
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_outputs_are_text_alone(name):
+    document = nbformat.read(PROJECT / "notebooks" / f"{name}.ipynb", as_version=4)
+    nbformat.validate(document)
+    assert "widgets" not in document.metadata
+    assert "papermill" not in document.metadata
+    for cell in committed(name):
+        assert "execution" not in cell.metadata
+        for output in cell.outputs:
+            assert output.output_type in {"stream", "display_data", "execute_result"}
+            assert output.get("execution_count") in {None, cell.execution_count}
+            assert all(kind.startswith("text/") for kind in output.get("data", {}))
+        if "nbval-ignore-output" in cell.metadata.get("tags", []):
+            assert cell.outputs == []
+        for text in texts(cell):
+            assert str(PROJECT) not in text
+            assert "Traceback" not in text
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_cells_are_counted_from_top_to_bottom(name):
+    counts = [cell.execution_count for cell in committed(name)]
+    assert counts == list(range(1, len(counts) + 1))  # nbval compares nothing that has no count
+
+
+# What may differ.
+
+
+def sanitised(text: str) -> str:
+    for pattern, replacement in get_sanitize_patterns(SANITIZE.read_text(encoding="utf-8")):
+        text = re.sub(pattern, replacement, text)
+    return text
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("<Viewer at 0x7f3ab2c41d50>", "<Viewer at 0x7fe93d2b10>"),
+        ("id 6f9619ff-8b86-4011-b42d-00c04fc964ff", "id 0b9619ff-0000-4011-b42d-00c04fc964ff"),
+        ("took 12.3 s", "took 4 s"),
+        ("took 120 ms", "took 3 min"),
+        ("on 2025-01-31", "on 2026-12-01"),
+        ("at 2025-01-31T10:11:12+00:00", "at 2026-12-01T09:08:07.125Z"),
+    ],
+)
+def test_addresses_identifiers_times_and_dates_do_not_count(one, other):
+    assert one != other
+    assert sanitised(one) == sanitised(other)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_number_of_the_tables_counts(name):
+    for cell in committed(name):
+        if MARK in cell.source.splitlines():
+            assert all(sanitised(text) == text for text in texts(cell))
+
+
+# nbval.
+
+
+def nbval(checkout, folder: Path, *options: str) -> dict[str, list[str]]:
+    """Outcome of every cell of the notebooks below `folder`, by notebook."""
+    done = checkout.python(
+        "-m", "pytest", *options, "-v", "-p", "no:cacheprovider", "-p", "no:xdist", folder,
+        cwd=folder, timeout=200,
+    )  # fmt: skip
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    outcomes: dict[str, list[str]] = {}
+    for stem, outcome in re.findall(
+        r"([\w-]+)\.ipynb::Cell \d+ (PASSED|FAILED|SKIPPED|ERROR)", done.stdout
+    ):
+        outcomes.setdefault(stem, []).append(outcome)
+    assert (done.returncode == 1) == any("FAILED" in each for each in outcomes.values())
+    return outcomes
+
+
+@pytest.fixture(scope="module")
+def doctored(checkout):
+    """A folder with the start of a notebook as committed, and with one digit of it changed."""
+    shutil.copytree(PROJECT / "tests", checkout.root / "tests")
+    shutil.copy(PROJECT / "conftest.py", checkout.root)
+    folder = checkout.root / "doctored"
+    folder.mkdir()
+    document = nbformat.read(PROJECT / "notebooks" / "beam-distance.ipynb", as_version=4)
+    marked = next(cell for cell in document.cells if MARK in cell.source.splitlines())
+    document.cells = document.cells[: document.cells.index(marked) + 1]
+    nbformat.write(document, folder / "untouched.ipynb")
+    data = marked.outputs[0].data
+    before = data["text/markdown"]
+    found = re.search(r"\d+\.(\d) ·", before)
+    digit = str((int(found[1]) + 1) % 10)
+    data["text/markdown"] = before[: found.start(1)] + digit + before[found.end(1) :]
+    assert sum(a != b for a, b in zip(before, data["text/markdown"], strict=True)) == 1
+    nbformat.write(document, folder / "changed.ipynb")
+    return folder
+
+
+@pytest.mark.parametrize("option", ["--nbval", "--nbval-lax"])
+def test_one_changed_digit_fails(checkout, doctored, option):
+    outcomes = nbval(checkout, doctored, option)
+    assert set(outcomes) == {"untouched", "changed"}
+    assert set(outcomes["untouched"]) == {"PASSED"}
+    assert outcomes["changed"].count("FAILED") == 1
+    number = len(cells(doctored / "changed.ipynb"))
+    assert len(outcomes["untouched"]) == len(outcomes["changed"]) == number
+
+
+@pytest.mark.parametrize("place", [".", "tests", "doctored"])
+def test_sanitising_is_found_from_every_folder(checkout, doctored, place):
+    code = (
+        "import pytest, sys\n"
+        "class Seen:\n"
+        "    def pytest_sessionstart(self, session):\n"
+        "        print('with', session.config.option.nbval_sanitize_with)\n"
+        "sys.exit(pytest.main(['--nbval-lax', '--collect-only', '-q', sys.argv[1]], [Seen()]))\n"
+    )
+    target = doctored / "untouched.ipynb"
+    done = checkout.python("-c", code, target, cwd=checkout.root / place)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert f"with {checkout.root / 'tests' / 'nbval_sanitize.cfg'}\n" in done.stdout
+
+
+# papermill without the command.
+
+
+def papermill(checkout, cwd: Path, name: str, *parameters: str):
+    notebook = checkout.notebook(name)
+    return checkout.python(
+        "-m", "papermill", notebook, cwd / "out.ipynb", *parameters,
+        "--no-progress-bar", "--log-level", "ERROR", cwd=cwd,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory, checkout):
+    """Notebooks that end with their study: what papermill injects is checked there."""
+    for name in ("beam-distance", "beam-arrays"):
+
+        def edit(document):
+            document.cells = document.cells[:3]
+
+        checkout.change(name, edit)
+    return checkout
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "message"),
+    [
+        (
+            "beam-distance",
+            ["-p", "distance_mms", "500"],
+            "ParameterError: beam-distance: no parameter distance_mms (did you mean distances_mm?)",
+        ),
+        (
+            "beam-distance",
+            ["-p", "elevation_deg", "91"],
+            "ParameterError: beam-distance: elevation_deg: given 91, "
+            "allowed: a number above 0, at most 90, in °",
+        ),
+        (
+            "beam-arrays",
+            ["-y", "{layouts: {mine: [[[10, 20]]]}}"],
+            'ParameterError: beam-arrays: layouts["mine"][0]: given [[10, 20]], allowed: ',
+        ),
+    ],
+    ids=["misspelt", "out of bounds", "one camera"],
+)
+def test_papermill_is_refused_like_the_command(short, tmp_path, name, given, message):
+    done = papermill(short, tmp_path, name, *given, "-p", "cube", str(tmp_path / "out.nc"))
+    assert done.returncode == 1
+    assert message in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["out.ipynb"]
+
+
+def test_papermill_writes_a_relative_cube_into_the_project(short, tmp_path):
+    given = ["-p", "cube", "made/out.nc", "-p", "trials", "2", "-y", "distances_mm: [600]"]
+    done = papermill(short, tmp_path, "beam-distance", *given)
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["out.ipynb"]
+    with xr.open_dataset(short.root / "made" / "out.nc") as cube:
+        assert cube["value"].values.tolist() == [600]
+        assert cube.sizes["trial"] == 3

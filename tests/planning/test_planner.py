@@ -1,0 +1,730 @@
+"""The planner: known optima, limits that are kept, plans that cannot be, files that are whole."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import json
+import math
+import re
+import signal
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from command import thesis
+from scipy.optimize import differential_evolution
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.planning import errors, optimum, places, search, structure_file
+from thesis_lib.planning.bodies import Body, body_of
+from thesis_lib.planning.planner import ImpossibleError, pareto, plan
+from thesis_lib.planning.report import COLUMNS, FILES, write_plan
+from thesis_lib.planning.request import plan_request
+from thesis_lib.studies.request import ParameterError
+from thesis_lib.vision import rounding
+from thesis_lib.vision.pinhole import hemisphere_cameras
+from thesis_lib.vision.triangulation import covariance
+
+NONE = {"boxes": np.zeros((0, 3, 2)), "spheres": np.zeros((0, 4)), "sectors": np.zeros((0, 4))}
+QUICK = {"counts": [2, 4], "starts": 1, "step_deg": 15, "trials": 60}
+
+
+def rules(**changed):
+    """Limits that hold nothing back, but for those given."""
+    free = places.Rules(
+        (1.0, 1.0), (-np.pi, np.pi), np.radians((5.0, 90.0)), np.pi / 2, 1.0, 0.0, **NONE
+    )
+    return replace(free, **changed)
+
+
+def point_body():
+    """One marker that moves along Z."""
+    return Body("point", np.zeros((3, 1)), np.array([[0.0], [0], [1]]), np.ones((1, 1)),
+                np.array([10.0]), (1,), np.zeros((3, 0)))  # fmt: skip
+
+
+def scene_of(body, focals=(24 / 36,), peak=1e-3, **changed):
+    return places.Scene(body, (peak,) * len(body.modes), rules(**changed), focals, 9 / 16)
+
+
+def beam(modes=(1, 2, 3)):
+    return body_of(setups.beam(), "beam", list(modes))
+
+
+def plate(modes=(1, 2)):
+    return body_of(setups.plate((5, 4)), "plate", list(modes))
+
+
+def best(scene, count, objective="mean", step=15.0, starts=2):
+    grid = places.candidates(scene, np.radians(step))
+    (layout,) = search.best_layouts(scene, grid, [count], objective, starts, 0)
+    return layout
+
+
+# The quantity that is optimised.
+
+
+@pytest.mark.parametrize("body", [beam(), plate()], ids=["beam", "plate"])
+def test_variance_is_that_of_triangulation(conforms, body):
+    scene = scene_of(body)
+    layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7], [2.5, 0.2, 0.9, 0.65]])
+    rig = places.cameras(scene, layout, 640)
+    expected = covariance(rig.P, body.points)[2, 2]
+    found = optimum.variances(optimum.information(scene, layout).sum(axis=1)) / 640**2
+    conforms.independent(found, expected, rtol=1e-9)
+
+
+def test_cameras_of_a_layout_are_those_of_the_hemisphere_whatever_their_lens(conforms):
+    scene = scene_of(beam())
+    layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7]])
+    for i, row in enumerate(layout):
+        own = hemisphere_cameras(row[2], row[:1], row[1:2], 320 * row[3], (320, 180))
+        conforms.independent(places.cameras(scene, layout, 320).P[i], own.P[0], rtol=1e-12)
+
+
+def test_law_along_a_normal_is_that_of_z_in_a_turned_world(conforms):
+    rng = np.random.default_rng(1)
+    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    rig = hemisphere_cameras(1.0, np.array([0.1, 2.0, 4.0]), np.array([0.3, 0.5, 0.9]), 400.0,
+                             (640, 360))  # fmt: skip
+    rest = rng.uniform(-0.1, 0.1, (3, 7))
+    moved = rest + [[0.0], [0], [0.004]]
+    turned = rig.P.copy()
+    turned[:, :, :3] = rig.P[:, :, :3] @ turn.T
+    normals = np.repeat(turn @ [[0.0], [0], [1]], 7, axis=1)
+    expected = rounding.deflection_variance(rig.P, rest, moved)
+    found = rounding.deflection_variance(turned, turn @ rest, turn @ moved, normals=normals)
+    conforms.invariance(found, expected, rtol=1e-9)
+
+
+# Known optima.
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+def test_one_marker_is_seen_best_from_the_lowest_cone(conforms, count):
+    low = np.radians(20)
+    scene = scene_of(point_body(), elevations=(low, np.pi / 2), separation=0.05)
+    layout = best(scene, count)
+    closed = 1.0 / ((24 / 36) ** 2 * count * np.cos(low) ** 2)  # R²/(f² N sin²θ), θ from normal
+    conforms.closed_form(optimum.layout_cost(scene, layout, "mean"), closed, rtol=1e-6)
+    conforms.closed_form(layout[:, 1], low, atol=1e-6)
+
+
+@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
+    scene = scene_of(plate(), separation=0.3)
+    grid = places.candidates(scene, np.radians(40))
+    rng = np.random.default_rng(count)
+    grid = grid[rng.choice(len(grid), 14, replace=False)]
+    known, near = optimum.information(scene, grid), optimum.too_near(scene, grid)
+    sets = [c for c in itertools.combinations(range(14), count)
+            if not any(near[a, b] for a, b in itertools.combinations(c, 2))]  # fmt: skip
+    costs = [optimum.cost(optimum.variances(known[:, list(c)].sum(axis=1)), objective)
+             for c in sets]  # fmt: skip
+    starts = [[-1] * count] + [list(rng.permutation(14)[:count]) for _ in range(20)]
+    found = []
+    for start in starts:
+        layout, _ = optimum.exchange(known, near, start, objective)
+        found.append((float(optimum.cost(optimum.variances(known[:, layout].sum(axis=1)),
+                                         objective)), sorted(layout)))  # fmt: skip
+    conforms.independent(min(found)[0], min(costs), rtol=1e-9)
+    assert tuple(min(found)[1]) == sets[int(np.argmin(costs))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.slow
+def test_nothing_better_is_found_by_another_global_search(conforms, objective):
+    scene = scene_of(beam(), distances=(0.5, 1.5), tilt=np.radians(75), separation=0.1)
+    found = optimum.layout_cost(scene, best(scene, 2, objective, 10.0), objective)
+
+    def value(x):
+        layout = np.column_stack([x.reshape(2, 3), [24 / 36] * 2])
+        return optimum.layout_cost(scene, layout, objective) if optimum.allowed(scene, layout) \
+            else 10 * found  # fmt: skip
+
+    bounds = [(-np.pi, np.pi), np.radians((5, 90)), (0.5, 1.5)] * 2
+    other = differential_evolution(value, bounds, seed=1, maxiter=60, popsize=12, tol=0)
+    conforms.independent(found, below=other.fun * (1 + 1e-6))
+
+
+@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+def test_no_set_of_places_is_below_the_bound(conforms, objective):
+    scene = scene_of(plate())
+    grid = places.candidates(scene, np.radians(40))
+    known = optimum.information(scene, grid)
+    rng = np.random.default_rng(0)
+    for weights in (np.full(20, 1 / 20), rng.dirichlet(np.ones(20))):
+        bound = optimum.lower_bound(known, 3, weights)
+        for _ in range(300):
+            three = rng.integers(0, len(grid), 3)  # places may be shared
+            variance = optimum.variances(known[:, three].sum(axis=1))
+            conforms.closed_form(bound, below=weights @ variance * (1 + 1e-9))
+            conforms.closed_form(bound, below=optimum.cost(variance, "worst") * (1 + 1e-9))
+    scene = scene_of(point_body(), elevations=(np.radians(20), np.pi / 2))
+    known = optimum.information(scene, places.candidates(scene, np.radians(10)))
+    closed = 1.0 / ((24 / 36) ** 2 * 4 * np.cos(np.radians(20)) ** 2)
+    conforms.closed_form(optimum.lower_bound(known, 4, np.ones(1)), closed, rtol=1e-3)
+
+
+# Invariances.
+
+
+def test_a_mirrored_room_has_mirrored_plans_of_equal_value(conforms):
+    west = scene_of(plate(), sectors=np.radians([[30.0, 150, -90, 90]]), separation=0.2)
+    east = scene_of(plate(), sectors=np.radians([[-150.0, -30, -90, 90]]), separation=0.2)
+    one, other = best(west, 3), best(east, 3)
+    cost = optimum.layout_cost(west, one, "mean")
+    conforms.invariance(optimum.layout_cost(east, other, "mean"), cost, rtol=1e-3)
+    mirrored = one * [-1, 1, 1, 1]
+    assert optimum.allowed(east, mirrored)
+    conforms.invariance(optimum.layout_cost(east, mirrored, "mean"), cost, rtol=1e-9)
+
+
+def test_errors_in_percent_do_not_depend_on_the_size_of_the_world(conforms):
+    body = plate()
+    small = scene_of(body, separation=0.2, spheres=np.array([[0.9, 0, 0.3, 0.3]]))
+    grown = replace(
+        small, body=replace(body, points=10 * body.points), peaks=(0.01, 0.01),
+        rules=replace(small.rules, distances=(10.0, 10.0), separation=2.0,
+                      spheres=10 * small.rules.spheres),
+    )  # fmt: skip
+    one, other = best(small, 3), best(grown, 3)
+    conforms.invariance(other, one * [1, 1, 10, 1], rtol=1e-4, atol=1e-4)
+    conforms.invariance(
+        errors.predicted(grown, one * [1, 1, 10, 1], 320),
+        errors.predicted(small, one, 320),
+        rtol=1e-6,
+    )
+
+
+def test_best_places_do_not_depend_on_the_resolution_and_errors_fall_with_it(conforms):
+    made = plan(plan_request({**QUICK, "target_percent": None, "amplitude_mm": 5.5}))
+    by_count = {}
+    for one in made.options:
+        by_count.setdefault(len(one.layout), []).append(one)
+    for options in by_count.values():
+        for one in options[1:]:
+            assert np.array_equal(one.layout, options[0].layout)
+            ratio = options[0].resolution[0] / one.resolution[0]
+            conforms.invariance(one.expected, options[0].expected * ratio, rtol=1e-12)
+
+
+# Limits.
+
+LIMITS = {
+    "tilt": {"tilt": np.radians(60)},
+    "elevation": {"elevations": np.radians((30.0, 50.0))},
+    "azimuth": {"azimuths": np.radians((-100.0, 40.0))},
+    "azimuth over a turn": {"azimuths": np.radians((170.0, 250.0))},
+    "box": {"boxes": np.array([[[-2.0, 0.1], [-2, 2], [-2, 2]]])},
+    "sphere": {"spheres": np.array([[0.7, 0.0, 0.2, 0.6], [-0.7, 0, 0.2, 0.6]])},
+    "sector": {"sectors": np.radians([[60.0, 300, -90, 90]])},
+    "separation": {"separation": 0.6},
+    "distance": {"distances": (0.9, 0.95)},
+}
+
+
+@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.parametrize("limit", LIMITS)
+def test_limits_are_kept_by_an_independent_check(limit, objective):
+    scene = scene_of(plate(), **{"distances": (0.7, 1.5), "separation": 0.1, **LIMITS[limit]})
+    layout = best(scene, 4, objective, 20.0, 1)
+    r, tolerance = scene.rules, 1e-6
+    where = np.stack([layout[:, 2] * np.cos(layout[:, 1]) * np.sin(layout[:, 0]),
+                      layout[:, 2] * np.cos(layout[:, 1]) * np.cos(layout[:, 0]),
+                      layout[:, 2] * np.sin(layout[:, 1])], axis=1)  # fmt: skip
+    assert np.all(layout[:, 2] >= r.distances[0] - tolerance)
+    assert np.all(layout[:, 2] <= r.distances[1] + tolerance)
+    assert np.all(layout[:, 1] >= r.elevations[0] - tolerance)
+    assert np.all(layout[:, 1] <= r.elevations[1] + tolerance)
+    width = r.azimuths[1] - r.azimuths[0]
+    turned = np.mod(layout[:, 0] - r.azimuths[0] + tolerance, 2 * np.pi)
+    assert np.all(turned <= width + 2 * tolerance)
+    for one, other in itertools.combinations(where, 2):
+        assert np.linalg.norm(one - other) >= r.separation - tolerance
+    for box in r.boxes:
+        inside = np.all((where > box[:, 0] + tolerance) & (where < box[:, 1] - tolerance), axis=1)
+        assert not inside.any()
+    for sphere in r.spheres:
+        assert np.all(np.linalg.norm(where - sphere[:3], axis=1) >= sphere[3] - tolerance)
+    for west, east, bottom, top in r.sectors:
+        turn = np.mod(layout[:, 0] - west, 2 * np.pi)
+        inside = (turn > tolerance) & (turn < east - west - tolerance)
+        assert not np.any(inside & (layout[:, 1] > bottom) & (layout[:, 1] < top))
+    for place, row in zip(where, layout, strict=True):
+        sight = place[:, None] - scene.body.points
+        tilt = np.arccos(sight[2] / np.linalg.norm(sight, axis=0))
+        assert np.all(tilt <= r.tilt + tolerance)
+        camera = hemisphere_cameras(row[2], row[:1], row[1:2], 1600 * row[3], (1600, 900))
+        for end in np.moveaxis(scene.body.deflected(scene.peaks), 1, 0):
+            image = camera.P[0] @ np.vstack([end, np.ones(end.shape[1])])
+            u, v = image[:2] / image[2]
+            assert np.all((u > -0.01) & (u < 1600.01) & (v > -0.01) & (v < 900.01))
+
+
+def test_every_limit_costs_something_or_nothing_but_never_helps():
+    free = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
+    least = optimum.layout_cost(free, best(free, 3), "mean")
+    for changed in LIMITS.values():
+        own = replace(free, rules=replace(free.rules, **changed))
+        if changed.get("distances") is None:
+            assert optimum.layout_cost(own, best(own, 3), "mean") >= least * (1 - 1e-3)
+
+
+def test_more_cameras_are_never_worse():
+    scene = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
+    grid = places.candidates(scene, np.radians(20))
+    for objective in optimum.OBJECTIVES:
+        layouts = search.best_layouts(scene, grid, [2, 3, 4, 5, 6], objective, 1, 0)
+        costs = [optimum.layout_cost(scene, one, objective) for one in layouts]
+        assert all(b < a for a, b in itertools.pairwise(costs))
+
+
+def test_a_choice_of_lenses_is_used_where_the_structure_fits():
+    wide, both = (24 / 36,), (24 / 36, 30 / 36)
+    scene = scene_of(plate(), focals=wide, distances=(1.2, 1.2), separation=0.1)
+    more = replace(scene, focals=both)
+    one, other = best(scene, 3), best(more, 3)
+    assert np.all(other[:, 3] == 30 / 36)
+    assert optimum.layout_cost(more, other, "mean") < optimum.layout_cost(scene, one, "mean")
+
+
+# The front, the cheapest, the simulation.
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_front_is_monotone_and_beaten_by_nothing(seed):
+    rng = np.random.default_rng(seed)
+    costs, errors_ = rng.integers(1, 9, 40).astype(float), rng.integers(1, 9, 40).astype(float)
+    front = pareto(costs.tolist(), errors_.tolist())
+    assert np.all(np.diff(costs[front]) > 0)
+    assert np.all(np.diff(errors_[front]) < 0)
+    for i in range(40):
+        beaten = [(costs[j] <= costs[i]) & (errors_[j] <= errors_[i]) for j in front]
+        assert any(beaten)
+        if i in front:
+            assert not np.any((costs <= costs[i]) & (errors_ < errors_[i]))
+            assert not np.any((costs < costs[i]) & (errors_ <= errors_[i]))
+
+
+@pytest.fixture(scope="module")
+def made():
+    return plan(plan_request({**QUICK, "counts": [2, 3, 4, 6], "trials": 200}))
+
+
+def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
+    target = made.request.target_percent
+    best_, found = made.options[made.chosen], made.verified[made.chosen]
+    assert best_.error <= target
+    conforms.sampled(found.simulated.max(), below=target)
+    assert np.all(found.band[0] <= found.simulated)
+    assert np.all(found.simulated <= found.band[1])
+    for one, its in zip(made.options, made.verified, strict=True):
+        if one.cost < best_.cost:
+            assert max(one.error, its.simulated.max()) > target
+
+
+@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.parametrize("body", ["beam", "plate"])
+def test_prediction_is_what_the_studies_simulate(conforms, body, objective):
+    request = plan_request({**QUICK, "body": body, "objective": objective, "trials": 400,
+                            "target_percent": None})  # fmt: skip
+    made = plan(request)
+    ratio = np.array([found.simulated / one.predicted
+                      for one, found in zip(made.options, made.verified, strict=True)])  # fmt: skip
+    wide = 0.05 if objective == "mean" else 0.15  # one marker scatters more than their mean
+    conforms.sampled(np.abs(ratio - 1), below=wide)
+    conforms.sampled(abs(np.median(ratio) - 1), below=0.03)
+
+
+def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
+    from thesis_lib.figure_sets.parametric import compute as studies
+    from thesis_lib.planning.request import study_of
+
+    request = plan_request({**QUICK, "distances_mm": [500, 500], "target_percent": None,
+                            "resolutions_px": [[640, 360]]})  # fmt: skip
+    made = plan(request)
+    best_ = made.options[made.chosen]
+    words = study_of(request, best_.layout, best_.resolution)
+    assert words.startswith("thesis run beam-arrays")
+    import shlex
+
+    values = dict(word.partition("=")[::2] for word in shlex.split(words)[4::2])
+    cube = studies.run(validate("beam-arrays", {k: json.loads(v) for k, v in values.items()}))
+    conforms.sampled(cube["predicted_error"].values[-1], best_.predicted, rtol=2e-2)
+    assert int(cube["n_cameras"][-1]) == len(best_.layout)
+
+
+def test_prices_decide_what_is_cheap():
+    common = {**QUICK, "counts": [2, 4], "resolutions_px": [[640, 360], [1280, 720]],
+              "target_percent": 7}  # fmt: skip
+    few = plan(plan_request({**common, "prices": [100, 150]}))
+    many = plan(plan_request({**common, "prices": [100, 900]}))
+    assert len(few.options[few.chosen].layout) == 2
+    assert len(many.options[many.chosen].layout) == 4
+    assert many.options[many.chosen].cost == 400
+
+
+def test_the_same_request_gives_the_same_plan(made):
+    again = plan(made.request)
+    for one, other in zip(made.options, again.options, strict=True):
+        assert np.array_equal(one.layout, other.layout)
+        assert np.array_equal(one.point, other.point)
+
+
+# Structures from files.
+
+
+def strip(**changed):
+    """A curved strip, its normals outwards, as a structure file has it."""
+    angle = np.linspace(-0.7, 0.7, 9)
+    data = {
+        "x": ("point", 0.3 * np.sin(angle)), "y": ("point", 0 * angle),
+        "z": ("point", 0.3 * np.cos(angle)), "nx": ("point", 2 * np.sin(angle)),
+        "ny": ("point", 0 * angle), "nz": ("point", 2 * np.cos(angle)),
+        "shape": (("mode", "point"), np.stack([np.cos(2 * angle), 3 * np.sin(4 * angle)])),
+        "frequency": ("mode", np.array([20.0, 55.0])),
+    }  # fmt: skip
+    data.update(changed)
+    return xr.Dataset({name: value for name, value in data.items() if value is not None})
+
+
+def written(tmp_path, data):
+    path = tmp_path / "strip.nc"
+    data.to_netcdf(path)
+    return path
+
+
+def test_file_gives_unit_normals_and_shapes_with_a_peak_of_one(tmp_path):
+    body = structure_file.read_body(written(tmp_path, strip()), [1, 2])
+    assert np.linalg.norm(body.normals, axis=0) == pytest.approx(1.0)
+    assert np.max(np.abs(body.shapes), axis=1) == pytest.approx(1.0)
+    assert body.frequencies.tolist() == [20.0, 55.0]
+    flat = structure_file.read_body(written(tmp_path, strip(nx=None, ny=None, nz=None)), [2])
+    assert np.array_equal(flat.normals[2], np.ones(9))
+    numbered = strip().assign_coords(mode=[3, 7])
+    assert structure_file.read_body(written(tmp_path, numbered), [7]).frequencies.tolist() == [55.0]
+
+
+@pytest.mark.parametrize("kind", ["NETCDF3_CLASSIC", "NETCDF3_64BIT"])
+def test_a_file_of_the_older_format_is_the_same_structure(tmp_path, kind):
+    old = tmp_path / "old.nc"
+    strip().to_netcdf(old, engine="scipy", format=kind)
+    one, other = (
+        structure_file.read_body(path, [1, 2]) for path in (old, written(tmp_path, strip()))
+    )
+    np.testing.assert_array_equal(one.points, other.points)
+    np.testing.assert_array_equal(one.shapes, other.shapes)
+    old.write_bytes(old.read_bytes()[:-40])
+    with pytest.raises(structure_file.MeshError, match=r"^[^\n]*old\.nc[^\n]*$"):
+        structure_file.read_body(old, [1, 2])
+
+
+def test_the_pages_example_of_a_file_can_be_planned_for(tmp_path, monkeypatch):
+    page = Path(__file__).parents[2] / "book" / "planner.md"
+    (code,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    exec(code, {})
+    body = structure_file.read_body(tmp_path / "strip.nc", [1])
+    made = plan(plan_request({**QUICK, "modes": [1], "target_percent": None}), body)
+    assert len(made.options) == 8
+
+
+def test_a_file_with_the_beam_gives_the_plan_of_the_beam(conforms, tmp_path):
+    body = beam()
+    x, y, z = body.points
+    data = xr.Dataset({
+        "x": ("point", x), "y": ("point", y), "z": ("point", z),
+        "shape": (("mode", "point"), body.shapes), "frequency": ("mode", body.frequencies),
+    })  # fmt: skip
+    body = replace(body, shapes=body.shapes / np.abs(body.shapes).max(axis=1, keepdims=True))
+    request = plan_request({**QUICK, "target_percent": None})
+    one = plan(request, structure_file.read_body(written(tmp_path, data), [1, 2, 3]))
+    other = plan(request, body)
+    for a, b in zip(one.options, other.options, strict=True):
+        conforms.invariance(a.layout, b.layout, rtol=1e-6)
+        conforms.invariance(a.predicted, b.predicted, rtol=1e-6)
+
+
+def test_a_turned_structure_is_measured_as_well(conforms):
+    """The plate on its side, cameras around the whole sphere: the optimum does not change."""
+    turn = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # Z to +Y
+    body = plate()
+    lying = scene_of(body, distances=(2.0, 2.0), elevations=(-np.pi / 2, np.pi / 2),
+                     tilt=np.radians(70), separation=0.2, in_view=1.0)  # fmt: skip
+    standing = replace(
+        lying, body=replace(body, points=turn @ body.points, normals=turn @ body.normals)
+    )
+    one, other = (best(s, 4, step=10.0) for s in (lying, standing))
+    conforms.invariance(
+        optimum.layout_cost(standing, other, "mean"),
+        optimum.layout_cost(lying, one, "mean"),
+        rtol=5e-3,
+    )
+
+
+def test_cameras_that_see_parts_of_a_curved_structure_are_predicted_and_simulated(
+    conforms, tmp_path
+):
+    body = structure_file.read_body(written(tmp_path, strip()), [1, 2])
+    request = plan_request({
+        "counts": [6], "modes": [1, 2], "in_view": 0.3, "tilt_deg": 55, "target_percent": None,
+        "resolutions_px": [[640, 360]], "starts": 2, "step_deg": 15, "trials": 400,
+    })  # fmt: skip
+    made = plan(request, body)
+    one, found = made.options[0], made.verified[0]
+    seen = places.visible(one.scene, one.layout)
+    assert not seen.all()
+    assert np.all(seen.sum(axis=0) >= 2)
+    conforms.sampled(found.simulated, one.predicted, rtol=0.06)
+
+
+BROKEN = {
+    "no x": (strip(x=None), "x(point)"),
+    "no shape": (strip(shape=None), "shape(mode, point)"),
+    "no frequency": (strip(frequency=None), "frequency(mode)"),
+    "one normal": (strip(nx=None, ny=None), "none"),
+    "a normal of no length": (strip(nx=("point", np.zeros(9)), nz=("point", np.zeros(9))), "0"),
+    "NaN": (strip(x=("point", [np.nan, *range(8)])), "finite"),
+    "infinite": (strip(frequency=("mode", [1.0, np.inf])), "finite"),
+    "negative": (strip(frequency=("mode", [1.0, -2.0])), "-2"),
+    "millimetres": (strip(x=("point", np.linspace(-300, 300, 9))), "metres"),
+    "text": (strip(x=("point", list("abcdefghi"))), "real numbers"),
+    "other dimensions": (strip(frequency=("point", np.ones(9))), "frequency(mode)"),
+    "twice": (strip(x=("point", np.zeros(9)), z=("point", np.zeros(9))), "different places"),
+    "at rest": (strip(shape=(("mode", "point"), np.zeros((2, 9)))), "0 everywhere"),
+    "numbers that repeat": (strip().assign_coords(mode=[1, 1]), "mode"),
+    "empty": (strip().isel(point=slice(0, 0)), "at least one"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_a_file_that_is_no_structure_is_refused_in_one_line(tmp_path, what):
+    data, words = BROKEN[what]
+    path = written(tmp_path, data)
+    with pytest.raises(structure_file.MeshError) as refused:
+        structure_file.read_body(path, [1])
+    text = str(refused.value)
+    assert text.isprintable()
+    assert words in text
+    assert str(path) in text
+
+
+@pytest.mark.parametrize("kind", ["text", "missing", "folder", "modes"])
+def test_what_is_no_netcdf_file_is_refused_in_one_line(tmp_path, kind):
+    path = tmp_path / "a.nc"
+    if kind == "text":
+        path.write_text("solid cube\nendsolid\n")
+    if kind == "folder":
+        path.mkdir()
+    if kind == "modes":
+        path = written(tmp_path, strip())
+    with pytest.raises(ParameterError) as refused:
+        structure_file.read_body(path, [3])
+    assert str(refused.value).isprintable()
+    assert str(path) in str(refused.value)
+
+
+# Requests that are wrong, and plans that cannot be.
+
+BAD = [
+    ("body", "shell", "body"),
+    ("boddy", "beam", "did you mean body"),
+    ("counts", [], "counts"),
+    ("counts", [1], "counts[0]"),
+    ("counts", [2, 2], "counts"),
+    ("counts", [25], "counts[0]"),
+    ("target_percent", 0, "target_percent"),
+    ("target_percent", math.nan, "target_percent"),
+    ("objective", "best", "objective"),
+    ("resolutions_px", [[640, 1]], "resolutions_px"),
+    ("resolutions_px", [], "resolutions_px"),
+    ("prices", [1], "prices"),
+    ("prices", [1, 2, 3, -4], "prices[3]"),
+    ("frame_rates_hz", [10, 30], "276.9 Hz or more, since mode 3"),
+    ("focal_lengths_mm", [0], "focal_lengths_mm[0]"),
+    ("distances_mm", [300, 1500], "more than 3"),
+    ("distances_mm", [900, 800], "distances_mm"),
+    ("azimuths_deg", [-180, 181], "azimuths_deg"),
+    ("elevations_deg", [50, 40], "elevations_deg"),
+    ("elevations_deg", [0, 91], "elevations_deg[1]"),
+    ("forbidden_boxes_mm", [[1, 0, 0, 1, 0, 1]], "forbidden_boxes_mm"),
+    ("forbidden_boxes_mm", [[0, 1, 0, 1, 0]], "forbidden_boxes_mm[0]"),
+    ("forbidden_spheres_mm", [[0, 0, 0, 0]], "forbidden_spheres_mm[0]"),
+    ("forbidden_sectors_deg", [[0, 361, 0, 90]], "forbidden_sectors_deg"),
+    ("tilt_deg", 0, "tilt_deg"),
+    ("tilt_deg", math.inf, "tilt_deg"),
+    ("in_view", 1.1, "in_view"),
+    ("in_view", 0, "in_view"),
+    ("separation_mm", -1, "separation_mm"),
+    ("amplitude_mm", [1, 2], "amplitude_mm"),
+    ("amplitude_mm", "force", "amplitude_mm"),
+    ("modes", [1, 1], "modes"),
+    ("step_deg", 1, "step_deg"),
+    ("starts", -1, "starts"),
+    ("trials", -1, "trials"),
+]
+
+
+@pytest.mark.parametrize(("field", "value", "words"), BAD)
+def test_wrong_requests_are_refused_in_one_line(field, value, words):
+    with pytest.raises(ParameterError) as refused:
+        plan(plan_request({field: value}))
+    assert not isinstance(refused.value, ImpossibleError)
+    text = str(refused.value)
+    assert text.startswith("plan: ")
+    assert text.isprintable()
+    assert words in text
+
+
+IMPOSSIBLE = [
+    ({"target_percent": 0.001}, ["target_percent", "resolutions_px and counts", "px across"]),
+    ({"target_percent": 1, "resolutions_px": [[320, 180]], "elevations_deg": [75, 90]},
+     ["elevations_deg=[75.0, 90.0] costs most"]),
+    ({"tilt_deg": 5, "elevations_deg": [5, 30]}, ["binding", "tilt_deg=5.0"]),
+    ({"focal_lengths_mm": [200]}, ["distances_mm=[500.0, 1500.0]"]),
+    ({"focal_lengths_mm": [200], "distances_mm": [500, 500]}, ["focal_lengths_mm=[200.0]"]),
+    ({"forbidden_sectors_deg": [[-180, 180, -90, 90]]}, ["forbidden_sectors_deg"]),
+    ({"forbidden_spheres_mm": [[0, 0, 0, 2000]]}, ["forbidden_spheres_mm"]),
+    ({"forbidden_boxes_mm": [[-9e3, 9e3, -9e3, 9e3, -9e3, 9e3]]}, ["forbidden_boxes_mm"]),
+    ({"elevations_deg": [-90, -10]}, ["elevations_deg=[-90.0, -10.0]"]),
+    ({"separation_mm": 50_000}, ["2 cameras find no room", "separation_mm=50000.0"]),
+    ({"in_view": 0.01, "focal_lengths_mm": [400]}, ["marker 1 of 25", "two cameras must see it"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("values", "words"), IMPOSSIBLE)
+def test_impossible_plans_name_the_limit_that_binds(values, words):
+    with pytest.raises(ImpossibleError) as refused:
+        plan(plan_request({**QUICK, **values}))
+    text = str(refused.value)
+    assert text.startswith("plan: ")
+    assert text.isprintable()
+    assert all(word in text for word in words), text
+
+
+def test_the_binding_limit_is_binding():
+    """What the answer names, eased, makes the plan possible."""
+    values = {**QUICK, "focal_lengths_mm": [60], "distances_mm": [500, 800]}
+    with pytest.raises(ImpossibleError, match="distances_mm"):
+        plan(plan_request(values))
+    assert plan(plan_request({**values, "distances_mm": [500, 3000], "target_percent": None}))
+
+
+# The command.
+
+
+def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
+    words = [f"-p{key}={json.dumps(value)}" for key, value in QUICK.items()]
+    done = thesis("plan", *words, "--out", "made", cwd=tmp_path)
+    assert done.status == 0, done.err
+    folder = tmp_path / "made"
+    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
+    assert "cameras of" in done.out
+    assert "places to choose from" in done.err
+    with xr.open_dataset(folder / "plan.nc") as cube:
+        assert cube.attrs["Conventions"] == "CF-1.11"
+        assert all({"units", "long_name"} <= set(cube[name].attrs) for name in cube.variables)
+        chosen = cube.isel(option=int(cube["chosen"]))
+        text = (folder / "plan.csv").read_text(encoding="utf-8")
+        header, *rows = csv.reader(text.splitlines())
+        assert tuple(header) == COLUMNS
+        assert len(rows) == int(chosen["n_cameras"])
+        for row, place in zip(rows, chosen["camera_position"].values, strict=False):
+            x, y, z, azimuth, elevation, distance = map(float, row[1:7])
+            assert [x, y, z] == pytest.approx(1000 * place, abs=2e-3)
+            theta, phi = math.radians(azimuth), math.radians(elevation)
+            across = distance * math.cos(phi)
+            expected = [across * math.sin(theta), across * math.cos(theta)]
+            assert [x, y, z] == pytest.approx([*expected, distance * math.sin(phi)], abs=0.05)
+    page = (folder / "plan.html").read_text(encoding="utf-8")
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert page.count("<script") == 1  # of the picture that can be turned
+    assert page.count("<figure>") == 2
+
+
+def test_command_takes_a_structure_from_a_file(checkout, tmp_path):
+    path = written(tmp_path, strip())
+    words = ["-pcounts=[4]", "-ptarget_percent=null", "-pmodes=[1,2]", "-ptilt_deg=85",
+             "-pstep_deg=20", "-pstarts=0", "-ptrials=10"]  # fmt: skip
+    done = checkout.thesis("plan", "--structure", path, *words, "--out", "made", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    with xr.open_dataset(tmp_path / "made" / "plan.nc") as cube:
+        assert cube.attrs["structure_file"] == "strip.nc"
+        assert cube.sizes["point"] == 9
+        assert "--structure" in cube.attrs["command"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["-p", "nonsense=1"],
+        ["-p", "tilt_deg"],
+        ["-p", "tilt_deg=NaN"],
+        ["-p", "target_percent=0.0001", "-p", "counts=[2]", "-p", "starts=0"],
+        ["--structure", "nothing.nc"],
+        ["--structure", "nothing.nc", "-p", "body=plate"],
+        ["--out", "."],
+    ],
+    ids=lambda words: " ".join(words)[:40],
+)
+def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, words):
+    out = [] if "--out" in words else ["--out", "made"]
+    done = thesis("plan", *words, *out, cwd=tmp_path)
+    assert (done.status, done.out) == (2, "")
+    *progress, refusal = done.err.splitlines()
+    assert refusal.startswith("thesis: ")
+    assert all("camera" in line for line in progress)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(params=[signal.default_int_handler, signal.SIG_IGN], ids=["heeded", "ignored"])
+def interrupts(request):
+    """Whether the tests themselves can be interrupted; in a background shell they cannot."""
+    before = signal.signal(signal.SIGINT, request.param)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("interrupts")
+def test_interrupted_command_leaves_nothing_half_written(checkout, start, tmp_path):
+    words = ["-p", "counts=[2,12,24]", "-p", "starts=50", "-p", "body=plate"]
+    log = tmp_path / "log.txt"
+    command = start(checkout, log, "plan", *words, "--out", str(tmp_path / "made"))
+    command.wait_for(lambda: "2 cameras placed" in command.said())
+    command.process.send_signal(signal.SIGINT)
+    command.process.wait(timeout=60)
+    assert command.process.returncode == 130
+    assert not (tmp_path / "made").exists()
+
+
+def test_a_plan_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
+    from thesis_lib.planning import report
+
+    request = plan_request({**QUICK, "counts": [2], "starts": 0, "trials": 5,
+                            "target_percent": None})  # fmt: skip
+    folder = tmp_path / "made"
+    write_plan(request, folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+
+    def fail(*_):
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(report, "page", fail)
+    with pytest.raises(OSError, match="no space"):
+        write_plan(request, folder)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_default_plan_is_quick():
+    start = time.process_time()
+    plan(plan_request({}))
+    assert time.process_time() - start < 30

@@ -1,0 +1,252 @@
+"""Whatever is given, the command ends with its result or with one line: thousands of inputs."""
+
+import copy
+import json
+import resource
+import subprocess
+import sys
+from contextlib import suppress
+
+import pytest
+import yaml
+from command import thesis
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.figure_sets.run import camera_cube
+from thesis_lib.laboratory.example import example_rig
+from thesis_lib.laboratory.film import manifest_of
+from thesis_lib.planning.request import PlanRequest, plan_request
+from thesis_lib.runs.requested import Refused, assigned_values, requests_of
+from thesis_lib.studies import storage
+from thesis_lib.studies.request import ParameterError
+
+pytestmark = pytest.mark.slow
+
+
+def many(examples):
+    return settings(max_examples=examples, derandomize=True, deadline=None, database=None,
+                    suppress_health_check=list(HealthCheck))  # fmt: skip
+
+
+TEXT = st.text(max_size=30) | st.sampled_from(
+    [
+        "",
+        "null",
+        "NaN",
+        "1e999",
+        "[[]]",
+        '{"a":1,"a":2}',
+        "[" * 3000,
+        "9" * 5000,
+        "\u202e",
+        "\x1b[2J",
+    ]
+)
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | TEXT
+JUNK = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXT, inner, max_size=3),
+    max_leaves=10,
+)
+NAMES = st.sampled_from([*STUDIES, "ch3", "ch6"]) | TEXT
+FIELDS = sorted({field for model in STUDIES.values() for field in model.model_fields} - {"cube"})
+PLANNED = sorted(PlanRequest.model_fields)
+
+
+def as_given(field, value):
+    """A parameter as on the command line."""
+    with suppress(ValueError, RecursionError):
+        return f"{field}={value if isinstance(value, str) else json.dumps(value)}"
+    return f"{field}="
+
+
+GIVEN = st.builds(as_given, st.sampled_from(FIELDS) | TEXT, JUNK)
+TO_PLAN = st.builds(as_given, st.sampled_from(PLANNED) | TEXT, JUNK)
+
+
+def assert_one_line(status, out, err, words):
+    assert status in (1, 2), (words, out[:300], err[:300])
+    lines = err.splitlines()
+    assert len(lines) == 1, (words, err[:1000])
+    assert len(lines[0]) <= 400, (words, err)
+    assert lines[0].isprintable(), (words, err)
+    assert out == "", (words, out[:300])
+
+
+def refused(place, *words):
+    """Hold one command to what every refusal is; those that are allowed do not run."""
+    before = sorted(place.rglob("*"))
+    done = thesis(*words, cwd=place)
+    assert done.warned == ()
+    assert_one_line(done.status, done.out, done.err, words)
+    assert sorted(place.rglob("*")) == before
+
+
+def is_allowed(name, given):
+    """Whether the command would run this, which takes its time."""
+    try:
+        requests_of([name], assigned_values(given))
+    except (ParameterError, Refused):
+        return False
+    return True
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    return tmp_path_factory.mktemp("place")
+
+
+@many(900)
+@given(NAMES, st.lists(GIVEN, min_size=1, max_size=3))
+def test_requests(place, name, given):
+    if name.startswith("-") or is_allowed(name, given):
+        return
+    refused(place, "run", name, *(word for one in given for word in ("-p", one)))
+
+
+@many(300)
+@given(TO_PLAN)
+def test_plans(place, given):
+    try:
+        plan_request(assigned_values([given]))
+    except (ParameterError, Refused):
+        refused(place, "plan", "-p", given)
+
+
+# Cubes.
+
+
+@pytest.fixture(scope="module")
+def cube():
+    given = {"distances_mm": [600], "trials": 2, "modes": [1]}
+    return camera_cube(camera_study("beam-distance", given)).load()
+
+
+def compared(path, cube, content):
+    """Compare what may be a cube: with a table, or one line."""
+    path.write_bytes(content)
+    done = thesis("compare", path.name, "whole.nc", cwd=path.parent)
+    if done.status:
+        assert_one_line(done.status, done.out, done.err, path)
+    assert sorted(one.name for one in path.parent.iterdir()) == ["any.nc", "whole.nc"]
+
+
+@many(250)
+@given(st.data())
+def test_damaged_files_of_cubes(tmp_path_factory, cube, data):
+    path = _beside_a_whole_one(tmp_path_factory, cube)
+    content = bytearray(path.with_name("whole.nc").read_bytes())
+    places = st.integers(0, len(content) - 1)
+    how = data.draw(st.sampled_from(["cut", "flip", "insert", "junk"]))
+    if how == "cut":
+        del content[data.draw(places) :]
+    elif how == "insert":
+        content[data.draw(places) : 0] = data.draw(st.binary(min_size=1, max_size=300))
+    elif how == "junk":
+        content = bytearray(data.draw(st.binary(max_size=600)))
+    else:
+        for _ in range(data.draw(st.integers(1, 8))):
+            content[data.draw(places)] ^= data.draw(st.integers(1, 255))
+    compared(path, cube, bytes(content))
+
+
+def _beside_a_whole_one(tmp_path_factory, cube):
+    folder = tmp_path_factory.getbasetemp() / "cubes"
+    if not folder.exists():
+        folder.mkdir()
+        storage.write(cube, folder / "whole.nc")
+    return folder / "any.nc"
+
+
+@many(100)
+@given(st.data())
+def test_other_cubes(tmp_path_factory, cube, data):
+    path = _beside_a_whole_one(tmp_path_factory, cube)
+    name = data.draw(st.sampled_from(sorted(map(str, cube.variables))))
+    attribute = st.sampled_from(sorted(cube.attrs))
+    values = st.integers(-5, 5) | st.floats() | TEXT.filter(lambda text: "\0" not in text)
+    other = [
+        lambda: cube.drop_vars(name),
+        lambda: cube.drop_attrs(),
+        lambda: cube.assign_attrs({data.draw(attribute): data.draw(values)}),
+        lambda: cube.assign({name: cube[name].astype(data.draw(st.sampled_from("Ufi")))}),
+        lambda: cube.isel({dim: slice(0, data.draw(st.integers(0, 2))) for dim in cube[name].dims}),
+        lambda: cube.assign({name: ("other", data.draw(st.lists(st.floats(), max_size=5)))}),
+        lambda: cube.expand_dims(more=data.draw(st.integers(1, 3))),
+    ]  # fmt: skip
+    with suppress(ValueError, TypeError, OverflowError):  # what xarray itself does not write
+        changed = data.draw(st.sampled_from(other))()
+        changed.drop_encoding().to_netcdf(path, engine="h5netcdf")
+        compared(path, cube, path.read_bytes())
+
+
+# Manifests.
+
+
+@pytest.fixture(scope="module")
+def manifest(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recording")
+    return yaml.safe_load(
+        yaml.safe_dump(manifest_of(example_rig()).model_dump(mode="json"))
+    ), folder
+
+
+def places_in(values, path=()):
+    """All places in nested values."""
+    yield path
+    inside = values.items() if isinstance(values, dict) else enumerate(
+        values if isinstance(values, list) else [])  # fmt: skip
+    for key, value in inside:
+        yield from places_in(value, (*path, key))
+
+
+@many(500)
+@given(st.data())
+def test_manifests(manifest, data):
+    """No video is there, so whatever is written in it, none is measured."""
+    whole, folder = manifest
+    changed = copy.deepcopy(whole)
+    for _ in range(data.draw(st.integers(1, 2))):
+        *path, last = data.draw(st.sampled_from([one for one in places_in(changed) if one]))
+        where = changed
+        for key in path:
+            where = where[key]
+        if data.draw(st.booleans()):
+            where[last] = data.draw(JUNK)
+        elif isinstance(where, dict):
+            where[data.draw(TEXT)] = where.pop(last)
+    try:
+        text = yaml.safe_dump(changed)
+        if data.draw(st.integers(0, 4)) == 0:
+            at = data.draw(st.integers(0, len(text)))
+            text = text[:at] + data.draw(TEXT) + text[at + data.draw(st.integers(0, 9)) :]
+        (folder / "m.yaml").write_text(text, encoding="utf-8")
+    except (RecursionError, UnicodeEncodeError):
+        return
+    refused(folder, "measure", "m.yaml")
+
+
+# A hundred of them as a shell gives them.
+
+
+@pytest.mark.nightly
+@many(100)
+@given(NAMES, GIVEN)
+def test_the_command_itself(place, name, given):
+    words = [name, "-p", given]
+    try:
+        for word in words:
+            word.encode()
+        subprocess.list2cmdline(words)
+    except UnicodeEncodeError:
+        return
+    if "\0" in "".join(words) or name.startswith("-") or is_allowed(name, [given]):
+        return
+    done = subprocess.run([sys.executable, "-m", "thesis_lib", "run", *words], cwd=place,
+                          capture_output=True, text=True, encoding="utf-8")  # fmt: skip
+    assert_one_line(done.returncode, done.stdout, done.stderr, words)
+    assert list(place.iterdir()) == []
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 <= 1e9

@@ -1,0 +1,139 @@
+"""Nothing of the reader's machine enters a result, and nothing of it is said on the screen."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from thesis_lib.runs import kernel_main
+from thesis_lib.studies.attributes import RUN_DEPENDENT
+
+NAME = "beam-distance"
+RUN = ["run", NAME, "-p", "trials=2", "-p", "modes=[1]", "--out"]
+FALSIFIES = "import numpy\nnumpy.rint = numpy.floor\n"
+
+
+def write(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def hostile(folder: Path) -> dict[str, str]:
+    """A home, a working directory and an environment that interfere wherever one can."""
+    home, cwd, evil = folder / "home", folder / "cwd", folder / "evil"
+    said = f"open({str(folder / 'ran')!r}, 'a').write(__file__ + '\\n')\n"
+    for profile in (home / ".ipython", folder / "ipython"):
+        write(profile / "profile_default" / "startup" / "00.py", said + FALSIFIES)
+        config = f"c.InteractiveShellApp.exec_lines = [{FALSIFIES!r}]\n"
+        write(profile / "profile_default" / "ipython_config.py", said + config)
+        write(profile / "profile_default" / "ipython_kernel_config.py", said + config)
+    for place in (home / ".jupyter", folder / "jupyter"):
+        for name in ("jupyter_config", "jupyter_client_config", "jupyter_nbclient_config"):
+            write(place / f"{name}.py", said + "c.KernelManager.transport = 'bogus'\n")
+    spec = {"argv": ["/bin/false"], "display_name": "x", "language": "python"}
+    for place in (home / ".local/share/jupyter", folder / "data"):
+        write(place / "kernels" / "python3" / "kernel.json", json.dumps(spec))
+    for module in ("numpy", "thesis_lib/__init__", "matplotlib", "json", "sitecustomize"):
+        write(cwd / f"{module}.py", said + "raise ImportError('not this one')\n")
+    write(evil / "usercustomize.py", said + FALSIFIES)
+    for place in (cwd / "matplotlibrc", home / ".config" / "matplotlib" / "matplotlibrc"):
+        write(place, "text.usetex: True\nfont.size: 33\nno.such.key: 1\n")
+    write(home / ".ncrc", "HTTP.VERBOSE=1\n")
+    write(home / ".config" / "dask" / "dask.yaml", "array: {chunk-size: 1B}\n")
+    return {
+        "HOME": str(home),
+        "IPYTHONDIR": str(folder / "ipython"),
+        "JUPYTER_PATH": str(folder / "data"),
+        "JUPYTER_CONFIG_DIR": str(folder / "jupyter"),
+        "JUPYTER_CONFIG_PATH": str(folder / "jupyter"),
+        "JUPYTER_DEFAULT_PROVISIONER_NAME": "no-such-provisioner",
+        "PYTHONSTARTUP": str(write(folder / "startup.py", said + FALSIFIES)),
+        "PYTHONHASHSEED": "17",
+        "PYTHONOPTIMIZE": "2",
+        "PYTHONWARNINGS": "always",
+        "PYTHONINSPECT": "",
+        "MPLBACKEND": "no-such-backend",
+        "OMP_NUM_THREADS": "2",
+        "OPENBLAS_NUM_THREADS": "2",
+        "MPLCONFIGDIR": "/dev/null/nowhere",
+        "NUMEXPR_MAX_THREADS": "x",
+        "HDF5_DISABLE_VERSION_CHECK": "0",
+        "PAGER": "false",
+        "LC_ALL": "tr_TR.UTF-8",
+        "TZ": "Asia/Kathmandu",
+    }
+
+
+def same(one: Path, other: Path) -> bool:
+    with xr.open_dataset(one) as a, xr.open_dataset(other) as b:
+        a, b = a.load(), b.load()
+    for name in RUN_DEPENDENT:
+        del a.attrs[name], b.attrs[name]
+    return a.identical(b)
+
+
+def progress_alone(text: str) -> bool:
+    return all(line.startswith("[") for line in text.splitlines())
+
+
+@pytest.fixture(scope="module")
+def plain(checkout, tmp_path_factory):
+    """A run in peace."""
+
+    def short(document):
+        document.cells = document.cells[:3]
+
+    checkout.change(NAME, short)
+    cwd = tmp_path_factory.mktemp("peace")
+    done = checkout.thesis(*RUN, cwd / "out", cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return checkout, cwd / "out"
+
+
+def test_a_hostile_machine_gives_the_same_cube_and_says_nothing(plain, tmp_path):
+    checkout, out = plain
+    extra = hostile(tmp_path)
+    path = f"{checkout.root / 'src'}{os.pathsep}{tmp_path / 'evil'}"
+    script = write(tmp_path / "bin" / "thesis", "from thesis_lib.cli import main\nmain()\n")
+    cwd = tmp_path / "cwd"
+    done = checkout.python(script, *RUN, tmp_path / "out", cwd=cwd, **extra, PYTHONPATH=path)
+    assert done.returncode == 0, done.stderr
+    assert progress_alone(done.stderr)
+    ran = tmp_path / "ran"
+    assert not ran.exists() or set(ran.read_text().split()) <= {
+        str(tmp_path / "evil" / "usercustomize.py")  # of the command's own process
+    }
+    assert same(out / f"{NAME}.nc", tmp_path / "out" / f"{NAME}.nc")
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        {"HOME": "/dev/null", "IPYTHONDIR": "/dev/null/x", "XDG_CACHE_HOME": "/dev/null/y"},
+        {"HOME": "/nonexistent", "TMPDIR": "/nonexistent", "JUPYTER_RUNTIME_DIR": "/proc/1/x"},
+    ],
+    ids=["home is no folder", "nothing is there"],
+)
+def test_no_home_is_no_matter(plain, tmp_path, extra):
+    checkout, out = plain
+    done = checkout.python("-m", "thesis_lib", *RUN, tmp_path / "out", cwd=tmp_path, **extra)
+    assert done.returncode == 0, done.stderr
+    assert progress_alone(done.stderr)
+    assert same(out / f"{NAME}.nc", tmp_path / "out" / f"{NAME}.nc")
+
+
+def test_of_the_environment_only_what_is_named_is_left(tmp_path):
+    emulation = {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": "X86_V4",
+                 "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2"}  # fmt: skip
+    given = {"PATH": "/bin", "OMP_NUM_THREADS": "4", "PYTHONPATH": "x", "HOME": "/root"}
+    left = kernel_main.environment(given | emulation, tmp_path)
+    assert left.items() >= emulation.items()
+    assert left["HOME"] == str(tmp_path)
+    assert left["PATH"] == "/bin"
+    assert "PYTHONPATH" not in left
+    assert {value for name, value in left.items() if name.endswith("_NUM_THREADS")} == {"1"}

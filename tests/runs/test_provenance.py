@@ -1,0 +1,256 @@
+"""Fold-outs, tables behind figures and efforts: complete, true to the cube, and only text."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+import urllib.parse
+from html.parser import HTMLParser
+
+import nbformat
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.notebook import show as notebook
+from thesis_lib.plotting import numbers as plotted
+from thesis_lib.runs import provenance
+from thesis_lib.studies import cache, commands, cubes, effort, storage
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.cache import cached
+from thesis_lib.studies.effort import Effort
+
+EVIL = "<script>alert(\"1\")</script> &amp; '*y*'"
+COST = Effort(7.4, 312.0, 1.25)
+
+
+def made(name, **values):
+    request = validate(name, {"trials": 4, **values})
+    return request, with_provenance(studies.run(request), request, 1.5)
+
+
+@pytest.fixture(scope="module")
+def beam():
+    return made("beam-distance")
+
+
+@pytest.fixture(scope="module")
+def evil():
+    layouts = {
+        EVIL: [[[80, 10], [-80, 10]], [[80, 10], [-80, 10], [0, 30]]],
+        EVIL + "!": [[[1, 9], [9, 9]]],
+    }
+    return made("beam-arrays", layouts=layouts, cases=[], modes=[1])
+
+
+class Parsed(HTMLParser):
+    """Elements, links and text of a piece of HTML."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.links, self.text, self.attributes = [], [], "", []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += [name for name, _ in attrs]
+        if tag == "a":
+            self.links.append(dict(attrs))
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def executed(cube, modes=(1,)):
+    """A notebook that has shown the figures of all cases."""
+    cells = [nbformat.v4.new_markdown_cell("# Page")]
+    for case in dict.fromkeys(cube["case"].values.tolist()):
+        for mode in modes:
+            data, metadata = notebook.figure(cube, case, mode)._repr_svg_()
+            output = nbformat.v4.new_output(
+                "display_data", {"image/svg+xml": data}, metadata={"image/svg+xml": metadata}
+            )
+            cells.append(nbformat.v4.new_code_cell("figure", outputs=[output]))
+    return nbformat.v4.new_notebook(cells=cells)
+
+
+def record(request, cube, tmp_path):
+    file = tmp_path / "cube.nc"
+    storage.write(cube, file, compact=True)
+    return provenance.record(request, cube, file, COST)
+
+
+# Tables.
+
+
+def test_errors_table_has_every_setting_mode_and_error_once(beam):
+    _, cube = beam
+    table = plotted.errors_table(cube)
+    assert len(table) == cube.sizes["setting"] * cube.sizes["mode"] * 2
+    assert not table.duplicated(["case", "setting", "mode", "error"]).any()
+    row = table[(table["value"] == 750) & (table["mode"] == 2) & (table["error"] == "mean_error")]
+    s = cube["value"].values.tolist().index(750)
+    drawn = cube["mean_error"].sel(mode=2).values[s]
+    assert row["trial_0"].item() == drawn[0]
+    assert row["median"].item() == np.median(drawn[1:])
+    assert row["high_95"].item() == np.quantile(drawn[1:], 0.95)
+    assert row["predicted"].item() == cube["predicted_error"].sel(mode=2).values[s]
+
+
+def test_errors_table_holds_what_the_thesis_states(beam):
+    table = plotted.errors_table(beam[1]).set_index(["value", "mode", "error"])
+    first = table.loc[(500, 1, "mean_error")]
+    assert (first["stated_low"], first["stated_high"], first["stated"]) == (10, 10, "10 %")
+    bound = table.loc[(500, 1, "max_point_error")]
+    assert np.isnan(bound["stated_low"])
+    assert bound["stated_high"] == 30
+    assert pd.isna(table.loc[(750, 1, "mean_error")]["stated"])
+    assert np.isnan(table.loc[(500, 1, "max_point_error")]["predicted"])
+
+
+def test_figure_table_is_what_is_drawn(beam):
+    _, cube = beam
+    errors = plotted.errors_table(cube)
+    text = plotted.as_csv(plotted.figure_table(cube, errors, "1", 3))
+    table = pd.read_csv(io.StringIO(text))
+    part = cube.sel(mode=3)
+    bars = table[(table["quantity"] == "mean_error") & (table["statistic"] == "trial_0")]
+    np.testing.assert_allclose(bars["value"], part["mean_error"].values[:, 0], rtol=1e-5)
+    best = int(np.argmin(part["mean_error"].values[:, 0]))
+    label = part["label"].values[best]
+    shape = table[(table["quantity"] == "measured_deflection") & (table["setting"] == label)]
+    np.testing.assert_allclose(
+        shape["value"], part["measured_deflection"].values[best, 0], rtol=1e-5
+    )
+    np.testing.assert_allclose(shape["x_mm"], part["x"].values * 1000, rtol=1e-5)
+    assert set(shape["unit"]) == {"m"}
+    assert len(table[table["quantity"] == "reference_deflection"]) == cube.sizes["point"]
+
+
+def test_every_figure_has_a_plain_file_name_of_its_own(evil):
+    names = plotted.figure_names(evil[1])
+    assert len(set(names.values())) == len(names) == 2
+    assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in names.values())
+
+
+# The fold-out.
+
+
+@pytest.mark.parametrize("in_book", [True, False])
+def test_strings_of_the_reader_are_text(evil, tmp_path, in_book):
+    request, cube = evil
+    page = executed(cube)
+    provenance.add(page, record(request, cube, tmp_path), cube, in_book)
+    added = [cell for cell in page.cells if "tl-" in cell.source]
+    assert len(added) == 3
+    for cell in added:
+        assert "<script" not in cell.source
+        block = cell.source.partition("\n\n")[2] or cell.source
+        assert "\n\n" not in block  # an empty line would end the block of HTML
+        parsed = Parsed(cell.source)
+        assert set(parsed.tags) <= {"p", "a", "details", "summary", "dl", "dt", "dd", "code"}
+        assert "onerror" not in parsed.attributes
+    assert json.dumps(EVIL)[1:-1] in Parsed(added[-1].source).text
+    assert commands.command(request) in Parsed(added[-1].source).text
+
+
+def test_fold_out_tells_all_and_is_closed(beam, tmp_path):
+    request, cube = beam
+    about = record(request, cube, tmp_path)
+    parsed = Parsed(provenance.fold_out(about, "../data/x.nc", "../data/x.csv"))
+    for words in (
+        "beam-distance", request.digest, about.sha256, cube.attrs["commit"].strip(),
+        "thesis run beam-distance -p trials=4", "trials = 4", "7 s", "310 MB",
+    ):  # fmt: skip
+        assert words in parsed.text
+    assert "open" not in parsed.attributes
+    assert [link["href"] for link in parsed.links] == ["../data/x.nc", "../data/x.csv"]
+    assert all("download" in link for link in parsed.links)
+    standard = validate("beam-distance", {})
+    about = provenance.record(standard, cube, tmp_path / "cube.nc", COST)
+    assert "defaults" in provenance.fold_out(about, "", "")
+
+
+def test_downloads_of_a_page_of_its_own_are_in_it(beam, tmp_path):
+    request, cube = beam
+    page = executed(cube, (1, 2))
+    provenance.add(page, record(request, cube, tmp_path), cube, in_book=False)
+    links = [link for cell in page.cells for link in Parsed(cell.source).links]
+    inside = [link for link in links if link["href"].startswith("data:text/csv")]
+    assert len(inside) == 3
+    texts = [base64.b64decode(link["href"].partition("base64,")[2]).decode() for link in inside]
+    assert texts[-1] == plotted.as_csv(plotted.errors_table(cube))
+    assert [link["href"] for link in links if link not in inside] == [
+        "#provenance-beam-distance", "#provenance-beam-distance", "beam-distance.nc",
+    ]  # fmt: skip
+
+
+def test_links_of_a_page_of_the_book_name_the_files_of_its_folder(beam, tmp_path):
+    request, cube = beam
+    page = executed(cube, (1, 3))
+    provenance.add(page, record(request, cube, tmp_path), cube, in_book=True)
+    links = [link["href"] for cell in page.cells for link in Parsed(cell.source).links]
+    files = [urllib.parse.unquote(link) for link in links if not link.startswith("#")]
+    assert files == [
+        "../data/beam-distance/1-mode-1.csv", "../data/beam-distance/1-mode-3.csv",
+        "../data/beam-distance.nc", "../data/beam-distance.csv",
+    ]  # fmt: skip
+
+
+# Cubes and what they cost.
+
+
+def test_compact_cube_keeps_errors_exactly_and_shapes_to_thirteen_bits(tmp_path):
+    _, cube = made("beam-distance", trials=100)
+    storage.write(cube, tmp_path / "plain.nc")
+    storage.write(cube, tmp_path / "compact.nc", compact=True)
+    plain, compact = (cubes.read(tmp_path / f"{n}.nc") for n in ("plain", "compact"))
+    for name, values in plain.variables.items():
+        if values.dtype == np.float32:
+            np.testing.assert_allclose(compact[name], values, rtol=2.0**-14)
+        else:
+            np.testing.assert_array_equal(compact[name], values)
+    assert (tmp_path / "compact.nc").stat().st_size < (tmp_path / "plain.nc").stat().st_size
+    storage.write(cube, tmp_path / "again.nc", compact=True)
+    assert (tmp_path / "again.nc").read_bytes() == (tmp_path / "compact.nc").read_bytes()
+
+
+def test_what_a_cache_spares_is_counted(monkeypatch, tmp_path):
+    monkeypatch.setattr(cache, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(effort, "_loaded", effort._Loaded())
+    request = validate("plate-distance", {"trials": 1})
+    calls = []
+
+    def compute(study):
+        calls.append(study)
+        return studies.run(study)
+
+    first = cached(request, compute)
+    assert effort.loaded_seconds() == 0
+    second = cached(request, compute)
+    assert len(calls) == 1
+    assert effort.loaded_seconds() == second.attrs["run_time_s"] == first.attrs["run_time_s"] > 0
+    said = json.loads(effort.told())
+    assert said["loaded_s"] == effort.loaded_seconds()
+    assert said["peak_memory_mb"] > 50
+
+
+def test_efforts_are_kept_and_read(tmp_path):
+    costs = {"beam-distance": Effort(4.0, 201.4, 0.2), "lab-plate": Effort(150.2, 900.0, 7.15)}
+    path = effort.write(costs.items(), tmp_path / "effort.csv")
+    read = effort.read(path)
+    assert list(read) == list(costs)
+    assert (read["beam-distance"].kind, read["beam-distance"].time) == ("seconds", "4 s")
+    assert (read["lab-plate"].kind, read["lab-plate"].time) == ("minutes", "3 min")
+    assert read["lab-plate"].memory == "900 MB"
+    assert effort.read(tmp_path / "none.csv") == {}
+
+
+def test_every_figure_set_has_a_published_effort():
+    known = effort.read()
+    assert list(known) == list(STUDIES)
+    assert all(one.seconds > 0 and one.peak_memory_mb > 50 for one in known.values())

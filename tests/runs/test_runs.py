@@ -1,0 +1,438 @@
+"""Runs: nothing twice, nothing half-written, and on from where it stopped."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+import xarray as xr
+
+from thesis_lib import files
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.runs import execute as runs
+from thesis_lib.runs import tasks
+from thesis_lib.studies import published
+
+GOOD, SLOW = "beam-resolution", "beam-distance"
+BOTH = ["run", GOOD, SLOW, "-p", "trials=1", "--out", "out"]
+ONE = ["run", SLOW, "-p", "trials=1", "--out", "out"]
+WAITS = """
+import time
+from pathlib import Path
+
+Path(cube).with_name("begun").touch()
+for _ in range(600):
+    if Path({go!r}).exists():
+        break
+    time.sleep(0.1)
+else:
+    raise TimeoutError
+"""
+
+
+def shorten(checkout, name: str, last: str = "") -> None:
+    """Leave a notebook its parameters and its study, and give it one more cell."""
+
+    def edit(document):
+        document.cells = document.cells[:3]
+        if last:
+            document.cells.append(nbformat.v4.new_code_cell(last, id="last"))
+
+    checkout.change(name, edit)
+
+
+def made(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+
+
+def targets(*names: str) -> list[str]:
+    return sorted(f"{name}.{kind}" for name in names for kind in ("html", "ipynb", "nc"))
+
+
+def left_over(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if path.name.startswith(".staging-")]
+
+
+# Stopped in mid-run.
+
+
+@pytest.fixture
+def stopped(own_checkout, tmp_path, start):
+    """Run two sets, and stop the command while the second is at work and the first is done."""
+    out, go = tmp_path / "out", tmp_path / "go"
+    shorten(own_checkout, GOOD)
+    shorten(own_checkout, SLOW, WAITS.format(go=str(go)))
+
+    def stop(by: signal.Signals):
+        running = start(own_checkout, tmp_path / "log.txt", *BOTH)
+        running.wait_for(
+            lambda: (
+                f"{GOOD}: done in" in running.said()
+                and any(any(path.rglob("begun")) for path in left_over(out))
+            )
+        )
+        os.killpg(running.process.pid, by)
+        running.process.wait(timeout=60)
+        go.touch()
+        return running
+
+    return stop
+
+
+@pytest.mark.slow
+def test_kill_leaves_nothing_half_written_and_the_next_call_goes_on(
+    stopped, own_checkout, tmp_path
+):
+    running = stopped(signal.SIGKILL)
+    out = tmp_path / "out"
+    assert running.process.returncode == -signal.SIGKILL
+    assert made(out) == targets(GOOD)
+    left = left_over(out)
+    assert len(left) == 1
+    done = {path: path.stat().st_mtime_ns for path in out.glob(f"{GOOD}.*")}
+    again = own_checkout.thesis(*BOTH, cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert f"{GOOD}: up to date" in again.stderr
+    assert f"{SLOW}: done in" in again.stderr
+    assert made(out) == sorted([*targets(GOOD, SLOW), "index.html"])
+    assert left_over(out) == []
+    assert {path: path.stat().st_mtime_ns for path in out.glob(f"{GOOD}.*")} == done
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("politely", [signal.SIGINT, signal.SIGTERM])
+def test_interrupt_says_so_and_leaves_nothing_behind(stopped, tmp_path, politely):
+    running = stopped(politely)
+    assert running.process.returncode == 130
+    assert "interrupted; the same command goes on where this one stopped" in running.said()
+    assert "Traceback" not in running.said()
+    assert made(tmp_path / "out") == targets(GOOD)
+    assert left_over(tmp_path / "out") == []
+
+
+def test_folder_of_another_process_stays_while_it_lives(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from thesis_lib import files\n"
+        "with files.staging(Path(sys.argv[1])) as folder:\n"
+        "    print(folder, flush=True); sys.stdin.read()\n"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    with subprocess.Popen(command, stdin=-1, stdout=-1, text=True) as other:
+        theirs = Path(other.stdout.readline().strip())
+        assert theirs.parents[1] == tmp_path
+        with files.staging(tmp_path) as folder:
+            assert folder.parents[1] == tmp_path
+            assert theirs.is_dir()
+        assert not folder.exists()
+        other.kill()
+    with files.staging(tmp_path):
+        assert not theirs.exists()
+
+
+# Failed.
+
+
+def test_what_was_done_beside_a_failure_is_not_done_again(own_checkout, tmp_path):
+    shorten(own_checkout, GOOD)
+    shorten(own_checkout, SLOW, "1 / 0")
+    failed = own_checkout.thesis(*BOTH, cwd=tmp_path)
+    assert failed.returncode == 1
+    assert failed.stderr.splitlines()[-1].startswith(f"thesis: {SLOW}: ")
+    assert "ZeroDivisionError" in failed.stderr
+    assert made(tmp_path / "out") == targets(GOOD)
+    shorten(own_checkout, SLOW)
+    mended = own_checkout.thesis(*BOTH, cwd=tmp_path)
+    assert mended.returncode == 0, mended.stderr
+    assert f"{GOOD}: up to date" in mended.stderr
+    assert f"{SLOW}: done in" in mended.stderr
+    assert made(tmp_path / "out") == sorted([*targets(GOOD, SLOW), "index.html"])
+
+
+@pytest.mark.slow
+def test_a_failure_keeps_the_files_of_the_run_before(own_checkout, tmp_path):
+    shorten(own_checkout, SLOW)
+    assert own_checkout.thesis(*ONE, cwd=tmp_path).returncode == 0
+    before = {path: path.read_bytes() for path in (tmp_path / "out").glob(f"{SLOW}.*")}
+    shorten(own_checkout, SLOW, "1 / 0")
+    assert own_checkout.thesis(*ONE, cwd=tmp_path).returncode == 1
+    assert {path: path.read_bytes() for path in (tmp_path / "out").glob(f"{SLOW}.*")} == before
+
+
+# Stale, or not.
+
+
+@pytest.fixture
+def root(own_checkout, monkeypatch):
+    for module in (runs, published, files, tasks):
+        monkeypatch.setattr(module, "project_root", lambda: own_checkout.root)
+    monkeypatch.setattr(files, "__file__", str(library(own_checkout.root) / "files.py"))
+    return own_checkout.root
+
+
+def notebook(root: Path) -> Path:
+    return root / "notebooks" / f"{SLOW}.ipynb"
+
+
+def edit_notebook(root: Path, edit) -> None:
+    document = json.loads(notebook(root).read_text(encoding="utf-8"))
+    edit(document["cells"], document)
+    notebook(root).write_text(json.dumps(document), encoding="utf-8")
+
+
+def append(path: Path, text: str = "\n") -> None:
+    with path.open("a", encoding="utf-8") as stream:
+        stream.write(text)
+
+
+def library(root: Path) -> Path:
+    return root / "src" / "thesis_lib"
+
+
+STALE = {
+    "library": lambda root: append(library(root) / "vision" / "triangulation.py"),
+    "new library file": lambda root: append(library(root) / "new.py"),
+    "asset": lambda root: append(next((library(root) / "web" / "assets").iterdir())),
+    "data": lambda root: append(root / "data" / "thesis" / "setups.toml"),
+    "lock": lambda root: append(root / "requirements" / "book.txt"),
+    "cell": lambda root: edit_notebook(
+        root, lambda cells, _: cells[2].update(source="".join(cells[2]["source"]) + "\n")
+    ),
+    "prose": lambda root: edit_notebook(root, lambda cells, _: cells[0].update(source="# New")),
+    "tags": lambda root: edit_notebook(root, lambda cells, _: cells[2].update(metadata={})),
+    "order": lambda root: edit_notebook(root, lambda cells, _: cells.reverse()),
+}
+FRESH = {
+    "outputs": lambda root: edit_notebook(
+        root,
+        lambda cells, _: cells[2].update(
+            outputs=[{"output_type": "stream", "name": "stdout", "text": ["7"]}]
+        ),
+    ),
+    "execution count": lambda root: edit_notebook(
+        root, lambda cells, _: cells[2].update(execution_count=7)
+    ),
+    "kernel": lambda root: edit_notebook(root, lambda _, all_: all_["metadata"].update(x=1)),
+    "one string for lines": lambda root: edit_notebook(
+        root, lambda cells, _: [c.update(source="".join(c["source"])) for c in cells]
+    ),
+    "compiled library": lambda root: append(library(root) / "triangulation.pyc"),
+    "published figures": lambda root: append(
+        root / "data" / "published" / f"{SLOW}.csv", "published anew\n"
+    ),
+    "other notebook": lambda root: append(root / "notebooks" / f"{GOOD}.ipynb"),
+}
+
+
+def job(out: Path, **values: object) -> runs.Job:
+    return runs.Job(validate(SLOW, values), out / "a.ipynb", out / "a.nc")
+
+
+@pytest.mark.parametrize("edit", STALE)
+def test_what_determines_a_result_makes_it_stale(root, tmp_path, edit):
+    before = runs.digest(job(tmp_path))
+    STALE[edit](root)
+    assert runs.digest(job(tmp_path)) != before
+
+
+@pytest.mark.parametrize("edit", FRESH)
+def test_what_does_not_determine_a_result_does_not(root, tmp_path, edit):
+    before = runs.digest(job(tmp_path))
+    files = {path: path.read_bytes() for path in root.rglob("*") if path.is_file()}
+    FRESH[edit](root)
+    assert files != {path: path.read_bytes() for path in root.rglob("*") if path.is_file()}
+    assert runs.digest(job(tmp_path)) == before
+
+
+def test_parameters_make_stale_but_not_the_place(root, tmp_path):
+    digest = runs.digest(job(tmp_path))
+    assert runs.digest(job(tmp_path, trials=7)) != digest
+    assert runs.digest(job(tmp_path / "elsewhere", cube="x.nc")) == digest
+
+
+def test_published_figures_make_a_page_stale(root, tmp_path):
+    with_page = dataclasses.replace(job(tmp_path), page=tmp_path / "a.html")
+    before = runs.digest(with_page)
+    FRESH["published figures"](root)
+    assert runs.digest(with_page) != before
+
+
+@pytest.mark.slow
+def test_edited_library_runs_again_and_new_outputs_do_not(own_checkout, tmp_path):
+    shorten(own_checkout, SLOW)
+    first = own_checkout.thesis(*ONE, cwd=tmp_path)
+    assert first.returncode == 0, first.stderr
+    edit_notebook(
+        own_checkout.root,
+        lambda cells, _: cells[2].update(
+            outputs=[{"output_type": "stream", "name": "stdout", "text": ["7"]}]
+        ),
+    )
+    second = own_checkout.thesis(*ONE, cwd=tmp_path)
+    assert second.returncode == 0, second.stderr
+    assert f"{SLOW}: up to date" in second.stderr
+    append(library(own_checkout.root) / "vision" / "rounding.py", "# changed\n")
+    (tmp_path / "out" / f"{SLOW}.html").write_text("old")
+    third = own_checkout.thesis(*ONE, cwd=tmp_path)
+    assert third.returncode == 0, third.stderr
+    assert f"{SLOW}: done in" in third.stderr
+    assert "<html" in (tmp_path / "out" / f"{SLOW}.html").read_text(encoding="utf-8")
+
+
+# Tasks of any kind.
+
+
+@pytest.fixture
+def task(tmp_path, monkeypatch):
+    """A task whose record is in a folder of this test."""
+    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path / "project")
+    return tasks.task
+
+
+def writer(path: Path, log: list[str]):
+    def write() -> None:
+        log.append(path.name)
+        path.write_text("x")
+
+    return write
+
+
+def test_task_runs_once_until_its_key_or_its_file_changes(tmp_path, task):
+    log: list[str] = []
+    target = tmp_path / "made"
+
+    def run(key: str) -> None:
+        tasks.run([task("t", writer(target, log), [], [target], key)])
+
+    run("one")
+    run("one")
+    assert len(log) == 1
+    run("two")
+    assert len(log) == 2
+    target.unlink()
+    run("two")
+    assert len(log) == 3
+
+
+def test_failing_task_is_told_and_the_others_are_done(tmp_path, task):
+    log: list[str] = []
+
+    def fails() -> None:
+        raise ValueError("no ink left")
+
+    jobs = [
+        task("bad", fails, [], [tmp_path / "bad"], "key"),
+        task("good", writer(tmp_path / "good", log), [], [tmp_path / "good"], "key"),
+    ]
+    for _ in range(2):
+        with pytest.raises(
+            tasks.RunError, match=r"^bad: ValueError: no ink left; the traceback is"
+        ):
+            tasks.run(jobs)
+    assert log == ["good"]
+
+
+def test_tasks_run_in_the_order_of_their_files(tmp_path, task):
+    log: list[str] = []
+    first, second = tmp_path / "first", tmp_path / "second"
+    jobs = [
+        task("b", writer(second, log), [first], [second]),
+        task("a", writer(first, log), [], [first], "key"),
+    ]
+    tasks.run(jobs)
+    assert log == ["first", "second"]
+
+
+# Whole files.
+
+
+def test_whole_file_replaces_and_is_readable_by_all(tmp_path):
+    place = tmp_path / "new" / "file.txt"
+    for text in ("one", "two"):
+        files.whole_file(place, lambda part, text=text: part.write_text(text))
+        assert place.read_text() == text
+    assert stat.S_IMODE(place.stat().st_mode) == 0o644
+    assert [path.name for path in place.parent.iterdir()] == ["file.txt"]
+
+
+@pytest.mark.parametrize("error", [OSError("disk full"), KeyboardInterrupt()])
+def test_whole_file_leaves_the_old_one_if_writing_fails(tmp_path, error):
+    place = tmp_path / "file.txt"
+    place.write_text("old")
+
+    def write(part: Path) -> None:
+        part.write_text("half")
+        raise error
+
+    with pytest.raises(type(error)):
+        files.whole_file(place, write)
+    assert place.read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["file.txt"]
+
+
+def test_damaged_cube_is_made_anew(tmp_path, task):
+    cube, log = tmp_path / "cube.nc", []
+
+    def make() -> None:
+        log.append("made")
+        xr.Dataset({"a": ("x", [1.0] * 3000)}).to_netcdf(cube, engine="h5netcdf")
+
+    jobs = [task("cube", make, [], [cube], "key")]
+    tasks.run(jobs)
+    tasks.run(jobs)
+    assert log == ["made"]
+    cube.write_bytes(cube.read_bytes()[:2000])
+    tasks.run(jobs)
+    assert log == ["made", "made"]
+
+
+def test_two_requests_at_once_into_one_folder_are_not_mixed_up(own_checkout, tmp_path, start):
+    go = tmp_path / "go"
+    shorten(own_checkout, SLOW, WAITS.format(go=str(go)))
+    both = [
+        start(own_checkout, tmp_path / f"{seed}.txt", *ONE, "-p", f"seed={seed}") for seed in (1, 2)
+    ]
+    for running in both:
+        running.wait_for(
+            lambda: (
+                sum(any(path.rglob("begun")) for path in left_over(tmp_path / "out")) == 2
+                if (tmp_path / "out").is_dir()
+                else False
+            )
+        )
+    go.touch()
+    status = sorted(running.process.wait(timeout=300) for running in both)
+    assert status in ([0, 0], [0, 1])  # the first may see what the second has put there
+    for running in both:
+        if running.process.returncode == 1:
+            assert "another run has meanwhile been written there" in running.said()
+    assert made(tmp_path / "out") == targets(SLOW)
+    assert left_over(tmp_path / "out") == []
+    with xr.open_dataset(tmp_path / "out" / f"{SLOW}.nc") as cube:
+        seed = int(cube.attrs["seed"])
+    again = own_checkout.thesis(*ONE, "-p", f"seed={seed}", cwd=tmp_path)
+    assert f"{SLOW}: up to date" in again.stderr  # all three files are of one of them
+
+
+def test_a_kernel_that_is_killed_is_told_in_one_line(own_checkout, tmp_path):
+    shorten(own_checkout, SLOW, "import os\n\nos.kill(os.getpid(), 9)")
+    done = own_checkout.thesis(*ONE, cwd=tmp_path)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"thesis: {SLOW}: the process that executes its notebook has ended")
+    assert len(done.stderr.splitlines()) == 3
+    assert made(tmp_path / "out") == left_over(tmp_path / "out") == []
+
+
+def test_hanging_up_is_an_interrupt(stopped, tmp_path):
+    running = stopped(signal.SIGHUP)
+    assert running.process.returncode == 130
+    assert "Traceback" not in running.said()
+    assert left_over(tmp_path / "out") == []

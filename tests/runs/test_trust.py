@@ -1,0 +1,401 @@
+"""Nothing is believed that is not what was made: damage, other requests, kills and crashes."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from killing import NAME, REQUESTS, hand_out, job, wrong
+
+from thesis_lib import files, records, text
+from thesis_lib.runs import ending, tasks
+from thesis_lib.runs import execute as runs
+from thesis_lib.studies import cache as kept
+from thesis_lib.studies import storage
+from thesis_lib.web import page as pages
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
+
+
+@pytest.fixture(scope="module")
+def canned(tmp_path_factory):
+    """What kernels make of two requests."""
+    folder = tmp_path_factory.mktemp("canned")
+    for which in REQUESTS:
+        place = folder / which
+        place.mkdir()
+        runs._in_kernel(job(which, place), place, place / f"{NAME}.ipynb", place / f"{NAME}.nc")
+    return folder
+
+
+# Killed.
+
+
+def killed(canned: Path, every: int) -> dict[str, object]:
+    script = Path(__file__).parents[1] / "killing.py"
+    command = [sys.executable, script, str(canned), str(every)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_killed_at_some_changes_of_files(canned):
+    found = killed(canned, 9)
+    assert found["bad"] == []
+    assert min(found["points"]) >= 9
+
+
+@pytest.mark.nightly
+def test_killed_at_every_change_of_a_file(canned):
+    found = killed(canned, 1)
+    assert found["bad"] == []
+    assert min(found["points"]) >= 20
+
+
+# Damaged.
+
+
+@pytest.fixture(scope="module")
+def made(canned, tmp_path_factory):
+    """A finished run of A."""
+    kernel, page = runs._in_kernel, pages.page
+    out = tmp_path_factory.mktemp("made") / "out"
+    hand_out(canned, "A")
+    tasks.run(runs.job_tasks([job("A", out)]))
+    yield out
+    runs._in_kernel, pages.page = kernel, page
+
+
+@pytest.fixture
+def again(canned, made, tmp_path, capsys):
+    """Run A where a finished run of it has been tampered with; what is said of it."""
+    out = tmp_path / "out"
+    shutil.copytree(made, out)
+
+    def run(tamper=lambda out: None, which="A", wanted="A") -> str:
+        tamper(out)
+        hand_out(canned, which)
+        capsys.readouterr()
+        tasks.run(runs.job_tasks([job(wanted, out)]))
+        assert wrong(canned, out, wanted) == ""
+        return capsys.readouterr().err
+
+    return run
+
+
+def cut(name: str):
+    return lambda out: os.truncate(out / name, (out / name).stat().st_size // 2)
+
+
+def flip(name: str, keep_time: bool = False):
+    """Change one byte in the middle of a file, its time of change too or not."""
+
+    def change(out: Path) -> None:
+        path = out / name
+        before, content = path.stat(), bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 1
+        path.write_bytes(content)
+        if keep_time:
+            os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+    return change
+
+
+def falsify(out: Path) -> None:
+    """Another number in an output of the notebook."""
+    path = out / f"{NAME}.ipynb"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    outputs = [o for cell in document["cells"] for o in cell.get("outputs", []) if "data" in o]
+    outputs[0]["data"]["text/plain"] = ["the error is 0.1 %"]
+    path.write_text(json.dumps(document), encoding="utf-8")
+
+
+def unrecorded(out: Path) -> None:
+    path = out / f"{NAME}.ipynb"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    del document["metadata"]["thesis_lib"]["record"]
+    path.write_text(json.dumps(document), encoding="utf-8")
+
+
+def swapped(name: str, text: str):
+    def change(out: Path) -> None:
+        (out / name).unlink()
+        (out / name).symlink_to(os.devnull) if text == "link" else (out / name).write_text(text)
+
+    return change
+
+
+DAMAGES = {
+    f"{kind} {how}": (damage(f"{NAME}.{kind}"), f"{NAME}.{kind}")
+    for kind in ("nc", "html", "ipynb")
+    for how, damage in {
+        "cut": cut,
+        "one bit": flip,
+        "one bit, same time": lambda name: flip(name, keep_time=True),
+        "emptied": lambda name: swapped(name, ""),
+        "of nothing": lambda name: swapped(name, "link"),
+        "JSON of another kind": lambda name: swapped(name, "[[[1]]]"),
+    }.items()
+} | {
+    "number in an output": (falsify, f"{NAME}.ipynb"),
+    "no record": (unrecorded, f"{NAME}.ipynb"),
+    "cube gone": (lambda out: (out / f"{NAME}.nc").unlink(), f"{NAME}.nc"),
+    "page gone": (lambda out: (out / f"{NAME}.html").unlink(), f"{NAME}.html"),
+    "page and cube swapped": (
+        lambda out: (out / f"{NAME}.nc").rename(out / f"{NAME}.html"), NAME,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_what_is_damaged_is_named_and_made_anew(again, damage):
+    tamper, name = DAMAGES[damage]
+    lines = again(tamper).splitlines()
+    assert len(lines) == 2
+    assert name in lines[0]
+    assert lines[0].endswith("; it is made anew")
+    assert "done in" in lines[1]
+
+
+def test_undamaged_is_up_to_date_wherever_it_is_put(again):
+    assert again().splitlines()[0].endswith(f"{NAME}: up to date")
+
+
+def test_files_of_another_request_are_not_taken_for_this_one(again, canned):
+    assert "done in" in again(which="B", wanted="B")
+    assert "done in" in again(which="A")
+
+
+def test_a_cube_of_another_request_beside_this_notebook_is_noticed(again, canned):
+    def put(out: Path) -> None:
+        shutil.copy(canned / "B" / f"{NAME}.nc", out / f"{NAME}.nc")
+
+    assert f"{NAME}.nc is not what was made; it is made anew" in again(put)
+
+
+def test_a_former_state_of_a_task_runner_does_not_matter(canned, made, tmp_path, capsys):
+    out = shutil.copytree(made, tmp_path / "out")
+    (out / ".state.sqlite").write_text("garbage")
+    hand_out(canned, "A")
+    tasks.run(runs.job_tasks([job("A", out)]))
+    assert "up to date" in capsys.readouterr().err
+    assert (out / ".state.sqlite").read_text() == "garbage"
+
+
+# Staging folders.
+
+
+def test_names_that_are_not_ours_stay(tmp_path):
+    precious = tmp_path / "precious"
+    precious.mkdir()
+    (precious / "photo").write_text("mine")
+    (tmp_path / ".staging-abc").mkdir()
+    (tmp_path / ".staging-").mkdir()
+    (tmp_path / ".staging-99999-abcdefgh").mkdir()
+    (tmp_path / ".staging-abcdefgh").symlink_to(precious)
+    (tmp_path / ".staging-abcdefg_").write_text("a file")
+    before = sorted(tmp_path.rglob("*"))
+    files.sweep(tmp_path, tmp_path / "nowhere", precious / "photo")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_what_dead_processes_left_is_removed_locked_or_not_yet(tmp_path):
+    for name in ("abcdefgh", "12345678"):
+        (tmp_path / f".staging-{name}" / "kernel").mkdir(parents=True)
+    (tmp_path / ".staging-12345678" / ".lock").touch()
+    files.sweep(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folders_made_by_many_at_once_are_never_swept_while_they_live(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from thesis_lib import files\n"
+        "for _ in range(200):\n"
+        "    with files.staging(Path(sys.argv[1])) as folder:\n"
+        "        (folder / 'x').write_text('x'); files.sweep(folder.parents[1])\n"
+        "        assert (folder / 'x').read_text() == 'x'\n"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    at_once = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(4)]
+    for one in at_once:
+        assert one.communicate()[1] == ""
+        assert one.returncode == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+# What is kept.
+
+
+@pytest.fixture
+def cube(tmp_path):
+    path = tmp_path / "cache" / "cube.nc"
+    storage.write(xr.Dataset({"a": ("x", [1.0, 2.0])}), path)
+    kept.keep(path)
+    return path
+
+
+def test_what_is_kept_is_read_and_told_of_only_if_damaged(cube, capsys):
+    assert kept.read(cube)["a"].values.tolist() == [1.0, 2.0]
+    assert kept.read(cube.with_name("none.nc")) is None
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "tamper",
+    [
+        lambda path: storage.write(xr.Dataset({"a": ("x", [1.0, 3.0])}), path),
+        lambda path: os.truncate(path, 100),
+        lambda path: os.truncate(path, 0),
+        lambda path: kept._digest(path).unlink(),
+        lambda path: kept._digest(path).write_bytes(b"\xff\xfe"),
+        lambda path: (path.unlink(), path.mkdir()),
+        lambda path: (path.write_text("no cube"), kept.keep(path)),
+    ],
+    ids=["edited", "cut", "empty", "no digest", "odd digest", "folder", "vouched for, no cube"],
+)
+def test_a_kept_cube_that_is_damaged_is_named_and_not_used(cube, tamper, capsys):
+    tamper(cube)
+    assert kept.read(cube) is None
+    (line,) = capsys.readouterr().err.splitlines()
+    assert str(cube) in line
+
+
+# Records.
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "null", "[]", "7", '"x"', "{}", '{"made": 3, "made_from": "x"}', '{"cells": []}',
+     '{"cells": [], "metadata": {"thesis_lib": []}}', "[" * 100_000, "\ud800", '{"made": {}}',
+     '{"cells": [], "metadata": null}'],
+)  # fmt: skip
+def test_a_record_that_is_none_is_none(tmp_path, content):
+    path = tmp_path / "record"
+    path.write_text(content, encoding="utf-8", errors="surrogatepass")
+    assert records.read(path) is None
+    assert records.damage(path, []) != ""
+
+
+def test_a_record_that_cannot_be_read_is_none(tmp_path):
+    assert records.read(tmp_path / "none") is None
+    assert records.read(tmp_path) is None
+    assert records.damage(tmp_path / "none", []) == ""
+
+
+def test_a_page_of_a_folder_counts(tmp_path):
+    book, record = tmp_path / "html", tmp_path / "record.json"
+    (book / "deep").mkdir(parents=True)
+    (book / "deep" / "script.js").write_text("1")
+    records.write(record, "x", [book])
+    assert records.damage(record, [book]) == ""
+    (book / "deep" / "script.js").unlink()
+    assert records.damage(record, [book]) == f"{book}/deep/script.js is missing"
+    (book / "deep" / "script.js").write_text("")
+    assert records.damage(record, [book]) == f"{book}/deep/script.js is not what was made"
+    (book / "deep" / "script.js").write_text("1")
+    (book / "another.html").write_text("")
+    assert records.damage(record, [book]) == f"{book}/another.html is not what was made"
+    shutil.rmtree(book)
+    assert records.damage(record, [book]) == f"{book} is missing"
+
+
+# Messages.
+
+
+def test_a_message_is_one_printable_line():
+    line = text.message("a\nb\x1b[31m\u202e\u200b\x00" + 5000 * "é")
+    assert line.isprintable()
+    assert text.LONGEST - 5 <= len(line) <= text.LONGEST
+    assert line.startswith(r"a\nb\x1b[31m\u202e\u200b\x00é")
+
+
+def test_logs_that_cannot_be_written_are_said(tmp_path, monkeypatch):
+    (tmp_path / "build").write_text("a file")
+    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+
+    def fails() -> None:
+        raise ValueError("no\nink\x1b left")
+
+    record = tmp_path / "made" / "bad.json"
+    with pytest.raises(tasks.RunError) as error:
+        tasks.run([tasks.task("bad", fails, [], [], record=record)])
+    (line,) = str(error.value).splitlines()
+    assert line.startswith("bad: ValueError: no ink")
+    assert "the traceback could not be kept" in line
+    assert line.isprintable()
+
+
+def test_texts_beyond_ascii_come_back(tmp_path):
+    storage.write(xr.Dataset({"a": ("x", ["320×180", "ψ"])}), tmp_path / "a.nc", compact=True)
+    assert storage.opened(tmp_path / "a.nc")["a"].values.tolist() == ["320×180", "ψ"]
+
+
+def test_bytecode_of_an_edit_that_keeps_size_and_time_is_not_used(tmp_path):
+    source = tmp_path / "module.py"
+
+    def value() -> str:
+        code = "import sys; sys.path.insert(0, sys.argv[1]); import module; print(module.value)"
+        command = [sys.executable, "-I", "-c", code, str(tmp_path)]
+        return subprocess.check_output(command, text=True).strip()
+
+    source.write_text("value = 1")
+    assert value() == "1"
+    before = source.stat()
+    source.write_text("value = 2")
+    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert value() == "1"  # as Python is
+    ending.forget_old_bytecode(tmp_path)
+    assert value() == "2"
+
+
+def test_a_full_disk_is_called_so(tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)._replace(free=4096)
+    monkeypatch.setattr(tasks.shutil, "disk_usage", lambda _: usage)
+    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+
+    def fails() -> None:
+        raise RuntimeError("NetCDF: HDF error")
+
+    with pytest.raises(tasks.RunError, match=r"^bad: the disk of .* is full; make room, and run"):
+        tasks.run([tasks.task("bad", fails, [], [])])
+
+
+def test_nobody_listening_is_no_failure(tmp_path, monkeypatch):
+    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(sys, "stderr", open(os.devnull))  # noqa: PTH123, SIM115
+    made = tmp_path / "made"
+    tasks.run([tasks.task("good", made.touch, [], [made])])
+    assert made.exists()
+
+
+def test_a_damaged_library_of_the_pages_is_installed_anew(tmp_path, monkeypatch):
+    book = pytest.importorskip("thesis_lib.book.site")
+    installed = []
+
+    def npm(work: Path, *_: str) -> None:
+        installed.append(work)
+        (work / "node_modules" / "mathjax" / "es5").mkdir(parents=True)
+        for name in (f"es5/{Path(book.MATHJAX).name}", "LICENSE"):
+            (work / "node_modules" / "mathjax" / name).write_text("x = 1")
+
+    monkeypatch.setattr(book, "npm_ci", npm)
+    for name in ("package.json", "package-lock.json"):
+        (tmp_path / name).write_text("{}")
+    for wanted in (1, 1):
+        assets = book.install_assets(tmp_path)
+        assert len(installed) == wanted
+    os.truncate(assets / book.MATHJAX, 2)
+    book.install_assets(tmp_path)
+    (assets / book.MATHJAX).unlink()
+    book.install_assets(tmp_path)
+    (tmp_path / "package-lock.json").write_text("[]")
+    book.install_assets(tmp_path)
+    assert len(installed) == 4
+    assert (assets / book.MATHJAX).read_text() == "x = 1"
+    assert sorted(p.name for p in (tmp_path / "build").iterdir()) == ["assets"]

@@ -1,0 +1,224 @@
+"""A small laboratory filmed by the ray caster and written by Pillow and PyAV.
+
+The truth is OpenCV's: `cv2.projectPoints` says where everything is in the pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+from PIL import Image
+from scenes.foreign.rays import Chessboard, Eye, Film, Optics, Sensor, Strip, looking
+
+from thesis_lib.measure.recordings.manifest_model import (
+    BoardSpec,
+    CameraFiles,
+    Excitation,
+    Manifest,
+)
+
+RATE, SOUND_RATE = 60, 48000  # frames and samples a second
+FREQUENCY, TIP = 11.3, 0.004  # Hz, m
+EXPOSURE = 1 / 250  # s
+REST, START, RAMP, LENGTH = 0.2, 0.25, 0.1, 0.8  # s
+
+
+def envelope(t):
+    """From 0 at START to 1, without a jump of the second derivative."""
+    s = np.clip((t - START) / RAMP, 0, 1)
+    return s**3 * (10 - 15 * s + 6 * s * s)
+
+
+def tip(t):
+    """Deflection of the beam's tip in m."""
+    return TIP * envelope(t) * np.sin(2 * np.pi * FREQUENCY * (t - START))
+
+
+def force(t):
+    """What the cameras hear: in phase with the tip's velocity."""
+    return 0.4 * envelope(t) * np.cos(2 * np.pi * FREQUENCY * (t - START))
+
+
+def eyes(size=(960, 540)) -> list[Eye]:
+    """Three cameras above the beam that are alike, but not the same."""
+    k = size[0] / 960
+    return [
+        looking("A", (0.05, -0.60, 0.68), 2.0, size, (1150 * k, 1152 * k), (6 * k, -4 * k),
+                (-0.120, 0.05, 0.0008, -0.0005, 0)),
+        looking("B", (0.42, 0.42, 0.66), -13.0, size, (1141 * k, 1140 * k), (-5 * k, 3 * k),
+                (-0.105, 0.03, -0.0006, 0.0007, 0)),
+        looking("C", (-0.45, -0.15, 0.76), -8.0, size, (1163 * k, 1161 * k), (3 * k, 7 * k),
+                (-0.135, 0.06, 0.0004, 0.0003, 0)),
+    ]  # fmt: skip
+
+
+def poses(shots=8):
+    """Rotations (shots, 3, 3) and places (shots, 3) of the board, tilted to all sides."""
+    k = np.arange(shots)
+    tilt, turn = np.radians(np.where(k == 0, 4, 20 + 5.0 * (k % 3))), 2.4 * k
+    axes = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1) * tilt[:, None]
+    rolls = np.radians(7.0 + 9 * (k % 4))
+    R = np.array([cv2.Rodrigues(a)[0] @ cv2.Rodrigues(np.array([0, 0, r]))[0]
+                  for a, r in zip(axes, rolls, strict=True)])  # fmt: skip
+    t = np.stack([0.15 * np.cos(3.9 * k), 0.05 * np.sin(2.3 * k), 0.03 * np.cos(1.7 * k)], axis=1)
+    t[0] = 0
+    return R, t
+
+
+@dataclass(frozen=True)
+class Take:
+    """How the recording is coded and written.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it is written.
+    sensor : Sensor
+        Noise and coding.
+    shots : str
+        Ending of the pictures of the board.
+    quality : int
+        Of JPEG pictures.
+    video : str
+        ``ffv1`` gray, lossless; or ``h264`` in colour at half the chroma's resolution.
+    crf, preset : int, str
+        Rate factor of H.264, and how much is computed for it.
+    sound : str
+        ``pcm`` or ``aac``.
+    """
+
+    folder: Path
+    sensor: Sensor = field(default_factory=Sensor)
+    shots: str = "png"
+    quality: int = 90
+    video: str = "ffv1"
+    crf: int = 20
+    preset: str = "veryfast"
+    sound: str = "pcm"
+
+    @property
+    def ending(self):
+        return "mkv" if self.video == "ffv1" else "mp4"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that is filmed."""
+
+    eyes: Sequence[Eye] = field(default_factory=eyes)
+    optics: Optics = field(default_factory=Optics)
+    strip: Strip = field(default_factory=Strip)
+    board: Chessboard = field(default_factory=lambda: Chessboard(9, 9, 0.028, 0.020))
+    poses: tuple = field(default_factory=poses)
+    starts: Sequence[float] = (0.0, 0.0137, 0.0291)
+    noise_db: float = 25.0  # power of the force over that of the noise in the sound
+    length: float = LENGTH
+    seed: int = 0
+
+    def tracks(self, camera):
+        """Where the markers are, (frames, 2, markers), from the sensor's corner in px."""
+        times = self.starts[camera] + np.arange(int(self.length * RATE)) / RATE
+        return np.array([self.eyes[camera].project(self.strip.world(tip(t))) for t in times])
+
+    def corners(self, camera):
+        """Where the board's corners are, (shots, 2, corners), px."""
+        return np.array([self.eyes[camera].project(R @ self.board.corners + t[:, None])
+                         for R, t in zip(*self.poses, strict=True)])  # fmt: skip
+
+    def film(self, takes: Sequence[Take], shots: bool = True) -> None:
+        """Write the same light as several takes, with pictures of the board or without."""
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(lambda i: self._film(i, takes, shots), range(len(self.eyes))))
+
+    def _film(self, index, takes, shots):
+        eye = self.eyes[index]
+        rng = [np.random.default_rng([self.seed, index, k]) for k in range(len(takes))]
+        for take in takes:
+            (take.folder / eye.name).mkdir(parents=True, exist_ok=True)
+        for shot, (R, t) in enumerate(zip(*self.poses, strict=True) if shots else ()):
+            light = self.board.shot(eye, R, t, self.optics)
+            for take, own in zip(takes, rng, strict=True):
+                picture = Image.fromarray(take.sensor.grey(light, own))
+                path = take.folder / eye.name / f"{shot:02d}.{take.shots}"
+                if take.shots == "jpg":
+                    picture.convert("RGB").save(path, quality=take.quality)
+                else:
+                    picture.save(path)
+        view = Film(eye, self.strip, tip, 1.3 * TIP, EXPOSURE, self.optics, self.seed)
+        times = self.starts[index] + np.arange(int(self.length * SOUND_RATE)) / SOUND_RATE
+        clean = force(times)
+        spread = 0.4 / np.sqrt(2) * 10 ** (-self.noise_db / 20)
+        sound = clean + spread * np.random.default_rng([self.seed, index, 99]).standard_normal(
+            len(clean)
+        )
+        writers = [_Writer(take, eye, sound) for take in takes]
+        for k in range(int(self.length * RATE)):
+            light = view.picture(self.starts[index] + k / RATE)
+            for take, own, writer in zip(takes, rng, writers, strict=True):
+                writer.add(take.sensor.grey(light, own))
+        for writer in writers:
+            writer.close()
+
+    def manifest(self, take: Take) -> Manifest:
+        """What a take's files are; the structure is the thesis's beam."""
+        return Manifest(
+            cameras=tuple(
+                CameraFiles(
+                    name=eye.name, video=f"{eye.name}.{take.ending}", width_px=eye.size[0],
+                    height_px=eye.size[1], frame_rate_hz=RATE, exposure_s=EXPOSURE,
+                    readout_s=(eye.size[1] - 1) * self.optics.row_time,
+                    shots=f"{eye.name}/*.{take.shots}",
+                )
+                for eye in self.eyes
+            ),
+            board=BoardSpec(
+                columns=self.board.columns, rows=self.board.rows, tile_mm=1e3 * self.board.tile,
+                margin_mm=1e3 * self.board.margin, two_sided=False,
+            ),
+            excitation=Excitation(frequency_hz=FREQUENCY, rest_s=REST),
+        )  # fmt: skip
+
+
+class _Writer:
+    """One video with its sound."""
+
+    def __init__(self, take, eye, sound):
+        self.take = take
+        self.file = av.open(str(take.folder / f"{eye.name}.{take.ending}"), "w")
+        colour = take.video == "h264"
+        self.video = self.file.add_stream("libx264" if colour else "ffv1", rate=RATE)
+        self.video.width, self.video.height = eye.size
+        self.video.pix_fmt = "yuv420p" if colour else "gray"
+        if colour:
+            self.video.options = {"crf": str(take.crf), "preset": take.preset}
+        pcm = take.sound == "pcm"
+        self.track = self.file.add_stream("pcm_s16le" if pcm else "aac", rate=SOUND_RATE,
+                                          layout="mono")  # fmt: skip
+        self.samples = np.rint(32767 * np.clip(sound, -1, 1)).astype(np.int16)
+        self.count = 0
+
+    def add(self, image):
+        if self.take.video == "h264":  # paper that is not quite white, a lamp that is not either
+            image = np.stack([image, image * 0.98, image * 0.93], axis=-1)
+            frame = av.VideoFrame.from_ndarray(np.rint(image).astype(np.uint8), format="rgb24")
+        else:
+            frame = av.VideoFrame.from_ndarray(image, format="gray")
+        frame.pts, frame.time_base = self.count, Fraction(1, RATE)
+        self.file.mux(self.video.encode(frame))
+        first, last = (round(k * SOUND_RATE / RATE) for k in (self.count, self.count + 1))
+        block = av.AudioFrame.from_ndarray(self.samples[None, first:last], "s16", "mono")
+        block.sample_rate, block.pts, block.time_base = SOUND_RATE, first, Fraction(1, SOUND_RATE)
+        self.file.mux(self.track.encode(block))
+        self.count += 1
+
+    def close(self):
+        self.file.mux(self.video.encode(None))
+        self.file.mux(self.track.encode(None))
+        self.file.close()

@@ -1,0 +1,58 @@
+"""A laboratory without rendering: the dataset that measuring without any error would give."""
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.figure_sets.experiment.recordings import rig_of, true_tracks
+from thesis_lib.laboratory.parameters import NAMES
+from thesis_lib.laboratory.rig import REST
+
+MATCH = 0.5  # px to which matched centres are rounded
+
+
+def recordings(request, sigma=0.0, seed=0, starts=None):
+    """The dataset that measuring without any error would give, with noise of the centres."""
+    rig = rig_of(request)
+    if starts is not None:
+        for station, start in zip(rig.stations, starts, strict=True):
+            object.__setattr__(station, "start", start)
+    first = rig.stations[0].start
+    rng = np.random.default_rng(seed)
+    frames = int(rig.duration * request.frame_rate_hz)
+    tracks = np.stack([true_tracks(rig, frames, width) for width in request.widths_px], axis=1)
+    tracks += sigma * rng.standard_normal(tracks.shape)
+    delays = np.array([station.start - first for station in rig.stations])
+    begin, end = rig.motion.steady - first, rig.duration + delays.min()
+    period = first + begin + np.arange(4096) / 4096 / request.frequency_hz
+    angle = 2 * np.pi * request.frequency_hz * (period - first)
+    force = 2 * np.mean(rig.motion.force(period) * np.exp(-1j * angle)) / rig.full_scale
+    both = ("calibration", "camera")
+    text = {"units": "1", "long_name": "for the cube"}
+    return xr.Dataset(
+        {
+            "tracks": (("camera", "width", "frame", "axis", "marker"), tracks),
+            "matches": (
+                ("camera", "width", "frame", "axis", "marker"),
+                np.rint(tracks / MATCH) * MATCH,
+            ),
+            "rest": ((), REST),
+            "frame_rate": ("camera", [request.frame_rate_hz] * 4),
+            "delay": ("camera", delays),
+            "delay_frames": ("camera", np.rint(delays * request.frame_rate_hz).astype(int)),
+            "frequency": ((), request.frequency_hz),
+            "force": ("part", [force.real, force.imag]),
+            "steady": ("end", [begin, end]),
+            "K": ((*both, "i", "j"), [[c.K for c in rig.cameras]] * 2),
+            "distortion": ((*both, "k"), [[c.distortion for c in rig.cameras]] * 2),
+            "R_camera_world": ((*both, "i", "j"), [[c.R_camera_world for c in rig.cameras]] * 2),
+            "centre": ((*both, "i"), [[c.centre for c in rig.cameras]] * 2),
+            "size": (("camera", "axis"), [c.size for c in rig.cameras]),
+            "full_scale": ((), rig.full_scale),
+            "exposure": ("camera", np.zeros(4)),
+            "missing_share": ("width", np.zeros(len(request.widths_px)), text),
+            "wrong_share": ("width", np.zeros(len(request.widths_px)), text),
+            "centre_error": ("width", np.full(len(request.widths_px), sigma), text),
+        },
+        coords={"camera": list(NAMES), "width": request.widths_px,
+                "calibration": ["literal", "full"]},
+    )  # fmt: skip

@@ -1,0 +1,64 @@
+"""What the ledger is judged by, with few trials and, for sound, few points."""
+
+from functools import cache
+
+from scenes.laboratory import recordings
+from scenes.layouts import layouts
+
+from thesis_lib.facts import claims, trends
+from thesis_lib.figure_sets.claims import own_runs as ledger_runs
+from thesis_lib.figure_sets.claims.parameters import OwnRuns
+from thesis_lib.figure_sets.experiment import compute as study
+from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.ledger import entries as ledger
+from thesis_lib.studies.attributes import with_provenance
+
+TRIALS = 12
+
+
+@cache
+def sets():
+    """Figure sets that claims or trends speak of, plates before their sounds."""
+    named = {claim.figure_set for claim in claims.read_claims()}
+    named |= {name for trend in trends.read_trends() for name in trend.source}
+    return [name for name in STUDIES if name in named]
+
+
+@cache
+def cube_of(name):
+    """The cube of a figure set."""
+    request = validate(name, {"trials": TRIALS})
+    if request.subject == "experiment":
+        cube = study.run(request, recordings(request.recordings, sigma=0.02))
+    elif request.subject == "lab":
+        cube = lab_layout_study.run(request, layouts(request, sigma=0.02))
+    elif request.subject == "sound":
+        request = validate(name, {"trials": TRIALS, "plane_shape": [9, 7]})
+        cube = sound.run(request, cube_of(name.replace("sound", "plate")))
+    else:
+        cube = studies.run(request)
+    return with_provenance(cube, request, 0.0)
+
+
+@cache
+def own_cube():
+    """The ledger's own runs."""
+    return ledger_runs.run(OwnRuns(trials=TRIALS))
+
+
+@cache
+def own():
+    """Their series."""
+    return ledger_runs.read_own(own_cube())
+
+
+def entries(own_series=None, **instead):
+    """The ledger; `instead` holds other cubes, or reasons, by figure set with underscores."""
+
+    def open_cube(request):
+        return instead.get(request.name.replace("-", "_"), cube_of(request.name))
+
+    return ledger.entries(open_cube, own() if own_series is None else own_series)

@@ -1,0 +1,47 @@
+"""Recordings of fast vibrations without pictures: exact projections, and noise of a known size."""
+
+import numpy as np
+
+from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
+from thesis_lib.figure_sets.lab_plate.recordings import plate_rigs
+from thesis_lib.laboratory import recordings as lab_films
+from thesis_lib.laboratory.direct import Seen
+from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.vision import lens
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # of an exposure, from −1 to 1
+
+
+def look(sigma=0.0, seed=0):
+    """What films a rig: markers where they are in the mean of the exposure, with noise in px."""
+
+    def one(rig):
+        found = []
+        for number, station in enumerate(rig.stations):
+            times = station.start + np.arange(int(rig.duration * station.frame_rate)) / (
+                station.frame_rate
+            )
+            exposure = station.sensor.exposure * np.sqrt(1 - 1 / lab_films.SAMPLES**2)
+            points = rig.markers.centres
+
+            def images(at, points=points, camera=station.camera, rig=rig):
+                world = on_surface(
+                    rig.markers.extent, points[:, None], rig.motion.deflection(points, at)
+                )
+                return lens.project(camera, world).swapaxes(0, 1)
+
+            truth = images(times)
+            seen = [images(times + node * exposure / 2) for node in NODES]
+            centres = np.tensordot(WEIGHTS / 2, seen, axes=1)
+            rng = np.random.default_rng([seed, rig.seed, number])
+            found.append(Seen(times, centres + sigma * rng.standard_normal(truth.shape), truth))
+        return found
+
+    return one
+
+
+def films(study, sigma=0.0, seed=0):
+    """The recordings that a study of ``lab-modes`` or ``lab-plate`` needs."""
+    request = study.recordings
+    make = beam_rigs if study.study == "modes" else plate_rigs
+    return lab_films.record(make(request, request.seed), request.frames, look(sigma, seed))

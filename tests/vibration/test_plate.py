@@ -1,0 +1,328 @@
+"""Simply supported plate: order of the modes, shapes and response against closed forms."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.vibration.structure import (
+    deflection_shape,
+    drive_point_mobility,
+    full_response,
+    modal_coordinates,
+    peak_deflection,
+    resonance,
+    single_mode_distance,
+)
+
+PLATE = setups.plate()
+SQUARE = replace(PLATE, length=0.5, width=0.5, force_position=(0.25, 0.25))
+THESIS_ORDER = [(1, 1), (2, 1), (1, 2), (3, 1), (2, 2), (3, 2), (4, 1), (1, 3)]
+
+
+def orders(errors):
+    """Convergence orders of errors at halved steps or doubled numbers."""
+    return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+
+
+def slope(x, y):
+    """Exponent of the power law through the points."""
+    return np.polyfit(np.log(x), np.log(y), 1)[0]
+
+
+def plate_of(aspect):
+    return replace(PLATE, length=aspect * PLATE.width)
+
+
+# Frequencies and the order of the modes.
+
+
+def test_natural_frequencies_of_the_thesis_plate(conforms):
+    hertz = PLATE.angular_frequencies(3) / (2 * pi)
+    conforms.closed_form(hertz, [305.5, 585.5, 942.1], atol=0.05)
+
+
+def test_frequencies_are_those_of_the_closed_form(conforms):
+    D = 1.4e11 * 0.0198**3 / (12 * (1 - 0.31**2))
+    m, n = np.transpose(THESIS_ORDER)
+    omega = pi**2 * np.sqrt(D / (7200 * 0.0198)) * ((m / 0.668) ** 2 + (n / 0.443) ** 2)
+    conforms.closed_form(PLATE.angular_frequencies(8), omega, rtol=1e-13)
+
+
+def test_order_of_the_thesis_plate():
+    assert [tuple(pair) for pair in PLATE.mode_indices(8)] == THESIS_ORDER
+
+
+def test_the_printed_order_is_not_that_of_the_frequencies():
+    # Table 4.2 goes on with (2, 2) and (1, 4), which is the fifteenth.
+    indices = [tuple(pair) for pair in PLATE.mode_indices(15)]
+    assert indices.index((2, 2)) == 4
+    assert indices.index((1, 4)) == 14
+
+
+@given(st.floats(0.02, 50), st.integers(1, 80))
+def test_order_is_ascending_and_no_lower_mode_is_missing(conforms, aspect, n):
+    plate = plate_of(aspect)
+    pairs = plate.mode_indices(n)
+    omega = plate.angular_frequencies(n)
+    assert pairs.shape == (n, 2)
+    assert np.all(pairs >= 1)
+    assert len({tuple(pair) for pair in pairs}) == n
+    assert np.all(np.diff(omega) >= -1e-12 * omega[1:])
+    # Any of the first n modes has indices up to n, or n lower ones would stand in its row.
+    m1, m2 = np.meshgrid(np.arange(1, n + 1), np.arange(1, n + 1))
+    waves = (m1 * pi / plate.length) ** 2 + (m2 * pi / plate.width) ** 2
+    lowest = np.sort(waves.ravel())[:n] * np.sqrt(plate.bending_stiffness / plate.mass_per_area)
+    conforms.independent(omega, lowest, rtol=1e-12)
+
+
+@given(st.floats(0.1, 10), st.integers(1, 40))
+def test_turning_the_plate_by_a_right_angle_keeps_its_frequencies(conforms, aspect, n):
+    plate = plate_of(aspect)
+    turned = replace(plate, length=plate.width, width=plate.length)
+    conforms.invariance(plate.angular_frequencies(n), turned.angular_frequencies(n), rtol=1e-12)
+
+
+def test_more_modes_leave_the_first_ones_as_they_are(conforms):
+    conforms.invariance(PLATE.mode_indices(200)[:31], PLATE.mode_indices(31), atol=0)
+
+
+def test_frequency_scales_with_thickness_over_length_squared(conforms):
+    other = replace(
+        PLATE, thickness=2 * PLATE.thickness, length=3 * PLATE.length, width=3 * PLATE.width
+    )
+    ratio = other.angular_frequencies(20) / PLATE.angular_frequencies(20)
+    conforms.invariance(ratio, 2 / 9, rtol=1e-13)
+
+
+def test_no_mode_is_refused():
+    with pytest.raises(ValueError, match="n_modes: given 0"):
+        PLATE.mode_indices(0)
+
+
+@pytest.mark.parametrize("mode", [1, 2, 3, 6])
+def test_shapes_and_frequencies_solve_the_plates_equation_with_order_2(conforms, mode):
+    # D ∇⁴φ = m ω² φ, with the thirteen-point biharmonic operator.
+    centre = np.array([0.2, 0.15])
+    exact = PLATE.mass_per_area * PLATE.angular_frequencies(mode)[-1] ** 2
+    exact = exact * PLATE.mode_shapes([mode], centre[:, None])[0, 0]
+    errors = []
+    for h in (0.04, 0.02, 0.01):
+        offset = h * np.arange(-2, 3)
+        x, y = np.meshgrid(centre[0] + offset, centre[1] + offset, indexing="ij")
+        w = PLATE.mode_shapes([mode], np.stack([x, y]))[0]
+        laplacian = w[:-2, 1:-1] + w[2:, 1:-1] + w[1:-1, :-2] + w[1:-1, 2:] - 4 * w[1:-1, 1:-1]
+        twice = laplacian[0, 1] + laplacian[2, 1] + laplacian[1, 0] + laplacian[1, 2]
+        biharmonic = (twice - 4 * laplacian[1, 1]) / h**4
+        errors.append(abs(PLATE.bending_stiffness * biharmonic - exact))
+    conforms.order(orders(errors), 2, atol=0.05)
+
+
+# Shapes.
+
+
+def test_shapes_are_orthogonal_with_mean_square_one(conforms):
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    x, y = np.meshgrid((nodes + 1) / 2 * PLATE.length, (nodes + 1) / 2 * PLATE.width)
+    shapes = PLATE.mode_shapes(range(1, 41), np.stack([x, y])).reshape(40, -1)
+    weight = np.outer(weights, weights).ravel() / 4
+    conforms.closed_form(shapes @ (weight * shapes).T, np.eye(40), atol=1e-12)
+
+
+def test_edges_are_at_rest(conforms):
+    s = np.linspace(0, 1, 33)
+    along, across = s * PLATE.length, s * PLATE.width
+    for edge in (
+        np.stack([along, 0 * s]),
+        np.stack([along, 0 * s + PLATE.width]),
+        np.stack([0 * s, across]),
+        np.stack([0 * s + PLATE.length, across]),
+    ):
+        conforms.closed_form(PLATE.mode_shapes(range(1, 31), edge), 0, atol=1e-13)
+
+
+def test_peak_of_every_mode_is_the_peak_of_the_shapes(conforms):
+    for mode, (m1, m2) in enumerate(PLATE.mode_indices(20), start=1):
+        antinode = np.array([[PLATE.length / (2 * m1)], [PLATE.width / (2 * m2)]])
+        conforms.closed_form(
+            PLATE.mode_shapes([mode], antinode)[0, 0], PLATE.shape_peak(mode), rtol=1e-6
+        )
+    x, y = np.meshgrid(np.linspace(0, PLATE.length, 101), np.linspace(0, PLATE.width, 101))
+    shapes = PLATE.mode_shapes(range(1, 21), np.stack([x, y]))
+    assert np.max(np.abs(shapes)) <= PLATE.shape_peak(1) * (1 + 1e-15)
+
+
+def test_deflection_shape_has_the_given_peak_at_an_antinode(conforms):
+    middle = [[PLATE.length / 2], [PLATE.width / 2]]
+    quarter = [[PLATE.length / 4], [PLATE.width / 2]]
+    conforms.closed_form(deflection_shape(PLATE, 1, middle, peak=0.01)[0], 0.01, rtol=1e-14)
+    conforms.closed_form(deflection_shape(PLATE, 2, quarter, peak=0.01)[0], 0.01, rtol=1e-14)
+    conforms.closed_form(deflection_shape(PLATE, 2, middle, peak=0.01)[0], 0, atol=1e-17)
+
+
+@pytest.mark.parametrize("grid", [(15, 10), (4, 7), (1, 1)])
+def test_markers_are_cell_centres_and_x_runs_fastest(conforms, grid):
+    plate = setups.plate(grid)
+    expected = [
+        ((i + 0.5) * 0.668 / grid[0], (j + 0.5) * 0.443 / grid[1])
+        for j in range(grid[1])
+        for i in range(grid[0])
+    ]
+    conforms.closed_form(plate.markers.T, expected, rtol=1e-14)
+
+
+def test_grid_is_the_printed_one_unless_another_is_given():
+    assert PLATE.grid == (15, 10)
+    assert PLATE.markers.shape == (2, 150)
+    assert camera_study("plate-distance").structure == PLATE
+    other = setups.plate((7, 3))
+    assert other.grid == (7, 3)
+    assert replace(other, grid=PLATE.grid) == PLATE
+
+
+# Static deflection of a square plate: Timoshenko and Woinowsky-Krieger, tables 8 and 23.
+
+
+def levy_point_load():
+    """Deflection at the centre under a load there, in P a²/D: Lévy's single series."""
+    m = np.arange(1.0, 20_000, 2)
+    alpha = m * pi / 2
+    decay = np.exp(-2 * alpha)
+    terms = (1 - decay) / (1 + decay) - 4 * alpha * decay / (1 + decay) ** 2
+    return np.sum(terms / m**3) / (2 * pi**3)
+
+
+def levy_uniform_load():
+    """Deflection at the centre under a uniform load, in q a⁴/D: Lévy's single series."""
+    m = np.arange(1, 2000, 2)
+    alpha = m * pi / 2
+    decay = np.exp(-alpha)  # tanh and cosh by it, lest they overflow
+    tanh = (1 - decay**2) / (1 + decay**2)
+    terms = 1 - (alpha * tanh + 2) * decay / (1 + decay**2)
+    return 4 / pi**5 * np.sum((-1.0) ** ((m - 1) // 2) * terms / m**5)
+
+
+def test_point_load_at_the_centre_with_order_1_in_the_number_of_modes(conforms):
+    exact = levy_point_load()
+    conforms.closed_form(exact, 0.01160, atol=5e-6)
+    unit = 3.5 * SQUARE.length**2 / SQUARE.bending_stiffness
+    numbers = 400 * 2 ** np.arange(6)
+    sums = [full_response(SQUARE, SQUARE.force_point, 0.0, n, 3.5)[0] / unit for n in numbers]
+    assert not np.any(np.imag(sums))
+    errors = exact - np.real(sums)
+    # Modes within a circle fall as r⁻⁴: what is left out is 1/(16π² N).
+    conforms.closed_form(errors * numbers * 16 * pi**2, 1, atol=0.08)
+    conforms.order(slope(numbers, errors), -1, atol=0.03)
+    conforms.closed_form(np.real(sums[-1]), 0.01160, rtol=5e-4)
+
+
+def uniform_mean():
+    """Mean deflection under a uniform load, in q a⁴/D: Navier's series summed over one index."""
+    m = np.arange(1.0, 2000, 2)
+    decay = np.exp(-pi * m)
+    tanh, sech2 = (1 - decay) / (1 + decay), 4 * decay / (1 + decay) ** 2
+    once = pi * tanh / (4 * m)  # Σ 1/(n² + m²) over odd n
+    twice = pi * tanh / (8 * m**3) - pi**2 * sech2 / (16 * m**2)  # Σ 1/(n² + m²)²
+    return 64 / pi**8 * np.sum(((pi**2 / 8 - once) / m**4 - twice / m**2) / m**2)
+
+
+def shape_means(n_modes):
+    """Means of the mode shapes over the plate: 2 (2/π)² / m₁m₂ for odd indices, else 0."""
+    m1, m2 = SQUARE.mode_indices(n_modes).T
+    return 8 / pi**2 * (m1 % 2) * (m2 % 2) / (m1 * m2)
+
+
+def test_uniform_load_deflects_the_centre_as_in_the_table(conforms):
+    exact = levy_uniform_load()
+    conforms.closed_form(exact, 0.00406, atol=5e-6)
+    # By reciprocity: the deflection under a load at the centre, integrated over the plate.
+    terms = modal_coordinates(SQUARE, 0.0, 12_800) * shape_means(12_800)
+    total = np.sum(terms) * SQUARE.bending_stiffness / SQUARE.length**2
+    conforms.closed_form(total, exact, rtol=1e-7)
+
+
+def test_uniform_load_with_order_5_halves_in_the_number_of_modes(conforms):
+    numbers = 400 * 2 ** np.arange(7)
+    omega = SQUARE.angular_frequencies(numbers[-1])
+    sums = np.cumsum(shape_means(numbers[-1]) ** 2 / (SQUARE.mass * omega**2))
+    errors = uniform_mean() - sums[numbers - 1] * SQUARE.bending_stiffness / SQUARE.length**2
+    conforms.order(slope(numbers, errors), -2.5, atol=0.05)
+
+
+# Response to a force.
+
+
+@pytest.mark.parametrize(("mode", "nanometres"), [(1, 62.6), (2, 32.9), (3, 12.2)])
+def test_peak_for_one_newton_is_that_of_a_damped_oscillator(conforms, mode, nanometres):
+    m, n = THESIS_ORDER[mode - 1]
+    mass = 7200 * 0.668 * 0.443 * 0.0198
+    D = 1.4e11 * 0.0198**3 / (12 * (1 - 0.31**2))
+    omega_n = pi**2 * ((m / 0.668) ** 2 + (n / 0.443) ** 2) * np.sqrt(D / (7200 * 0.0198))
+    drive = 2 * np.sin(m * pi * 0.055 / 0.668) * np.sin(n * pi * 0.055 / 0.443)
+    closed = 2 * drive / (mass * 2 * 0.02 * omega_n**2 * np.sqrt(1 - 0.02**2))
+    conforms.closed_form(peak_deflection(PLATE, mode), closed, rtol=1e-12)
+    conforms.closed_form(1e9 * closed, nanometres, atol=0.06)
+
+
+def test_response_is_reciprocal_between_force_and_receiver(conforms):
+    one, other = (0.055, 0.055), (0.51, 0.2)
+    omega = np.sqrt(np.prod(PLATE.angular_frequencies(2)))
+    there = full_response(replace(PLATE, force_position=one), np.array(other)[:, None], omega, 60)
+    back = full_response(replace(PLATE, force_position=other), np.array(one)[:, None], omega, 60)
+    conforms.invariance(there, back, rtol=1e-12)
+
+
+def test_a_passive_plate_takes_power_at_every_frequency(conforms):
+    omega = np.geomspace(1, 1e6, 2000)
+    conforms.invariance(drive_point_mobility(PLATE, omega, 100).real, above=0)
+
+
+def test_mobility_tends_to_that_of_an_infinite_plate(conforms):
+    # Cremer and Heckl: 1 / (8 √(D m)), as the mean over frequency and over the force's position.
+    infinite = 1 / (8 * np.sqrt(PLATE.bending_stiffness * PLATE.mass_per_area))
+    x, y = np.meshgrid((np.arange(8) + 0.5) / 8, (np.arange(8) + 0.5) / 8)
+    points = np.stack([x.ravel() * PLATE.length, y.ravel() * PLATE.width]).T
+    band = np.linspace(*PLATE.angular_frequencies(400)[[199, 399]], 400)
+    mean = np.mean(
+        [
+            drive_point_mobility(replace(PLATE, force_position=tuple(point)), band, 800).real
+            for point in points
+        ]
+    )
+    conforms.closed_form(mean, infinite, rtol=0.05)
+
+
+def test_one_mode_is_all_of_the_response_at_its_resonance_as_damping_falls(conforms):
+    # Without losses the resonance is all there is: the distance falls as ξ.
+    less = [single_mode_distance(replace(PLATE, damping=xi), 1) for xi in (0.01, 0.005, 0.0025)]
+    conforms.order(orders(less), 1, atol=0.05)
+
+
+def test_resonance_is_just_below_the_natural_frequency(conforms):
+    for mode in (1, 2, 3):
+        natural = PLATE.angular_frequencies(mode)[-1]
+        conforms.closed_form(resonance(PLATE, mode), natural * np.sqrt(1 - 2 * 0.02**2), rtol=1e-6)
+
+
+def test_modal_density_counts_the_modes(conforms):
+    numbers = 250 * 2 ** np.arange(7)
+    omega = PLATE.angular_frequencies(numbers[-1])[numbers - 1]
+    first = PLATE.modal_density(omega) * omega
+    k = np.sqrt(omega * np.sqrt(PLATE.mass_per_area / PLATE.bending_stiffness))
+    # Lattice points in a quarter ellipse: its area, less half of those on the axes.
+    second = first - (PLATE.length + PLATE.width) * k / (2 * pi) + 1 / 4
+    conforms.independent(second, numbers, atol=8, rtol=2e-3)
+    # Alone, the asymptotic density is too high by the axes' share, which falls as N^-½.
+    conforms.order(slope(numbers, first / numbers - 1), -0.5, atol=0.03)
+
+
+def test_modal_density_does_not_depend_on_frequency(conforms):
+    density = PLATE.modal_density(np.array([1.0, 1e3, 1e6]))
+    closed = PLATE.length * PLATE.width / (4 * pi)
+    closed *= np.sqrt(PLATE.mass_per_area / PLATE.bending_stiffness)
+    conforms.closed_form(density, closed, rtol=1e-13)

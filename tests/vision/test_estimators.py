@@ -1,0 +1,125 @@
+"""The measurement of estimators: refinement at equal and unequal distances, laws, repeatability."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.vision.estimators import (
+    ESTIMATORS,
+    SIZE,
+    deflection_errors,
+    exponent,
+    linear_gain,
+    moved_markers,
+    over_layouts,
+    random_hemisphere,
+)
+from thesis_lib.vision.pinhole import hemisphere_cameras, project
+from thesis_lib.vision.triangulation import gain, triangulate
+
+LINEAR, REFINED = (ESTIMATORS.index(name) for name in ("linear", "least-squares"))
+
+
+def cameras(distances, seed=0):
+    return random_hemisphere(np.random.default_rng(seed), distances)
+
+
+def test_directions_are_even_over_the_hemisphere_at_the_distances_asked_for(conforms):
+    rig = cameras(np.linspace(0.5, 3, 20_000))
+    distance = np.linalg.norm(rig.centres, axis=1)
+    conforms.closed_form(distance, np.linspace(0.5, 3, 20_000), rtol=1e-7)
+    height = rig.centres[:, 2] / distance
+    conforms.closed_form(np.quantile(height, [0.25, 0.5, 0.75]), [0.25, 0.5, 0.75], atol=0.02)
+    conforms.closed_form(np.mean(rig.centres[:, :2] / distance[:, None], axis=0), 0, atol=0.02)
+
+
+def test_linear_gain_is_the_derivative_of_the_linear_estimate(conforms):
+    P, points, h = cameras([0.5, 1.5, 1.5, 3]).P, moved_markers(np.random.default_rng(1), 3), 1e-3
+    exact, G = project(P, points), linear_gain(P, points)
+    assert G.shape == (3, 4, 2, 2, 3)
+    for camera in range(4):
+        for axis in range(2):
+            step = np.zeros_like(exact)
+            step[camera, axis] = h
+            both = [triangulate(P, exact + s, steps=0) for s in (step, -step)]
+            numerical = (both[0] - both[1]) / (2 * h)
+            conforms.independent(numerical, G[:, camera, axis], atol=1e-5 * np.max(np.abs(G)))
+
+
+def test_linear_gain_is_that_of_least_squares_at_equal_depths(conforms):
+    origin = np.zeros(3)
+    equal, unequal = cameras([0.75] * 6).P, cameras([0.5, 1, 1, 2, 2, 3]).P
+    conforms.invariance(linear_gain(equal, origin), gain(equal, origin), atol=1e-15)
+    assert not np.allclose(linear_gain(unequal, origin), gain(unequal, origin), rtol=0.1)
+    scaled = unequal * np.arange(1.0, 7)[:, None, None]  # the matrix's own scale is no depth
+    conforms.invariance(linear_gain(scaled, origin), linear_gain(unequal, origin), rtol=1e-7)
+
+
+# Micrometres of an independent prototype: linear, refined; nothing at equal distances. It did not
+# state its pixels; those of 1920×1080 px give its figures, as medians over the layouts.
+@pytest.mark.parametrize(
+    ("distances", "linear", "refined"),
+    [([0.5, 1.5, 1.5, 3], 320, 203), ([0.3, 0.3, 3, 3], 369, 89.5)],
+)
+def test_refinement_pays_where_distances_differ(conforms, distances, linear, refined):
+    errors = deflection_errors(distances, 400, focal_px=1280, size=(1920, 1080))
+    found = 1e6 * np.median(errors, axis=0)
+    conforms.independent(found[LINEAR], linear, rtol=0.15)
+    conforms.independent(found[REFINED], refined, rtol=0.15)
+    conforms.independent(found[REFINED] / found[LINEAR], refined / linear, atol=0.08)
+
+
+def test_refinement_gains_nothing_at_equal_distances(conforms):
+    errors = np.median(deflection_errors([0.75] * 4, layouts=200), axis=0)
+    conforms.sampled(errors[REFINED] / errors[LINEAR], 1, atol=0.01)
+
+
+@pytest.mark.parametrize("distances", [[0.75] * 4, [0.5, 1.5, 1.5, 3], [0.3, 0.3, 3, 3]])
+def test_both_gains_predict_the_scatter_by_noise(conforms, distances):
+    P, sigma = cameras(distances).P, 0.05
+    exact = project(P, np.zeros(3))[:, :, None]
+    noisy = exact + np.random.default_rng(3).normal(0, sigma, (4, 2, 100_000))
+    for found, G in ((triangulate(P, noisy, steps=0), linear_gain(P, np.zeros(3))),
+                     (triangulate(P, noisy), gain(P, np.zeros(3)))):  # fmt: skip
+        expected = sigma * np.sqrt(np.sum(G**2, axis=(1, 2)))
+        conforms.sampled(np.std(found, axis=1), expected, rtol=0.02)
+
+
+@pytest.mark.slow
+def test_refinement_is_worth_the_more_the_more_distances_differ(conforms):
+    ratios = []
+    for spread in (1.0, 1.5, 2.0, 4.0, 8.0):
+        distances = 0.75 * np.array([spread**-0.5, spread**-0.5, spread**0.5, spread**0.5])
+        found = np.median(deflection_errors(distances, layouts=100), axis=0)
+        ratios.append(found[REFINED] / found[LINEAR])
+    assert np.all(np.diff(ratios) < 0)
+    conforms.sampled(ratios[0], above=0.99)
+
+
+def test_layouts_do_not_depend_on_how_many_there_are_or_on_noise(conforms):
+    few, many = deflection_errors([0.75] * 4, 2), deflection_errors([0.75] * 4, 5)
+    conforms.invariance(few, many[:2], atol=0)
+    again, other = deflection_errors([0.75] * 4, 2), deflection_errors([0.75] * 4, 2, seed=1)
+    conforms.invariance(few, again, atol=0)
+    assert not np.allclose(few, other)
+    slightly = deflection_errors([0.75] * 4, 2, noise_px=1e-12)
+    conforms.invariance(few, slightly, atol=0)
+
+
+def test_errors_shrink_with_the_pixels(conforms):
+    coarse = over_layouts(deflection_errors([0.75] * 8, 40))
+    size = (4 * SIZE[0], 4 * SIZE[1])
+    fine = over_layouts(deflection_errors([0.75] * 8, 40, focal_px=4 * 24 / 36 * 320, size=size))
+    conforms.order(coarse / fine, 4, rtol=0.1)
+
+
+def test_exponent_of_powers_is_the_power(conforms):
+    n = np.array([2.0, 5, 9])
+    conforms.closed_form(exponent(n, np.stack([3 / n, 7 * n**0.5], axis=1)), [-1, 0.5], rtol=1e-7)
+
+
+def test_cameras_may_stand_at_several_distances(conforms):
+    angles = [0.1, 1.0, 2.0], [0.3, 0.4, 0.5]
+    rig = hemisphere_cameras([0.5, 1, 2], *angles, 200, SIZE)
+    for i, distance in enumerate([0.5, 1, 2]):
+        one = hemisphere_cameras(distance, *angles, 200, SIZE)
+        conforms.invariance(rig.P[i], one.P[i], atol=0)

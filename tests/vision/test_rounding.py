@@ -1,0 +1,128 @@
+"""The law of rounding against enumeration and simulation."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.vibration.structure import world_points
+from thesis_lib.vision import rounding
+from thesis_lib.vision.pinhole import CameraArray, hemisphere_rotations, intrinsics, project
+from thesis_lib.vision.simulation import measure
+from thesis_lib.vision.triangulation import gain
+
+STUDIES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
+
+
+@given(st.floats(-5, 5))
+def test_difference_variance_is_that_of_all_shifts(conforms, displacement):
+    n = 20_000
+    shift = (np.arange(n) + 0.5) / n - 0.5  # every position of the grid, evenly
+    error = np.rint(displacement + shift) - np.rint(shift) - displacement
+    conforms.closed_form(abs(np.mean(error)), below=1.5 / n)
+    conforms.closed_form(rounding.difference_variance(displacement), np.var(error), atol=2 / n)
+
+
+def test_difference_variance_is_zero_for_whole_pixels_and_a_quarter_at_most(conforms):
+    whole = np.arange(-4, 5)
+    conforms.closed_form(rounding.difference_variance(whole), 0, atol=0)
+    conforms.closed_form(rounding.difference_variance(whole + 0.5), 0.25, rtol=1e-7)
+    displacements = np.linspace(-3, 3, 1001)
+    variance = rounding.difference_variance(displacements)
+    conforms.invariance(variance, rounding.difference_variance(-displacements), rtol=1e-7)
+    conforms.invariance(variance, rounding.difference_variance(displacements + 7), rtol=1e-7)
+    conforms.closed_form(np.mean(variance[:-1]), 1 / 6, rtol=1e-3)  # two independent roundings
+
+
+def test_shifts_belong_to_seed_trial_and_camera_alone(conforms):
+    many = rounding.grid_shifts(7, 20, 12)
+    conforms.invariance(rounding.grid_shifts(7, 8, 12), many[:9], atol=0)
+    conforms.invariance(rounding.grid_shifts(7, 20, 3), many[:, :3], atol=0)
+    assert not np.any(rounding.grid_shifts(8, 20, 12)[1:] == many[1:])
+    assert len(np.unique(many[1:])) == 20 * 12 * 2
+
+
+def test_literal_run_has_no_shift():
+    shifts = rounding.grid_shifts(3, 5, 4)
+    assert shifts.shape == (6, 4, 2)
+    assert not shifts[0].any()
+    assert rounding.grid_shifts(3, 0, 4).shape == (1, 4, 2)
+
+
+def test_shifts_are_uniform_over_a_pixel_and_independent(conforms):
+    shifts = rounding.grid_shifts(0, 4000, 2)[1:].reshape(4000, 4)
+    assert np.max(np.abs(shifts)) <= 0.5
+    for column in shifts.T:
+        counts = np.histogram(column, bins=10, range=(-0.5, 0.5))[0]
+        conforms.sampled(
+            np.sum((counts - 400) ** 2 / 400), below=33.7
+        )  # χ², 9 degrees of freedom, p = 1e-4
+    correlation = np.corrcoef(shifts.T) - np.eye(4)
+    conforms.sampled(np.max(np.abs(correlation)), below=0.07)
+
+
+@pytest.mark.parametrize("rest", ["rebuilt", "known"])
+@pytest.mark.parametrize("name", STUDIES)
+def test_predicted_error_is_the_rms_over_trials(conforms, name, rest):
+    cube = studies.run(validate(name, {"trials": 2000, "rest": rest}))
+    simulated = np.sqrt(np.mean(cube["mean_error"].values[:, :, 1:] ** 2, axis=2))
+    conforms.sampled(cube["predicted_error"] / simulated, 1, atol=0.03)
+
+
+def level_pair():
+    """Two parallel cameras looking along −Y: whole pixels of height and of disparity exist."""
+    K = np.stack([intrinsics(200, (320, 180))] * 2)
+    centres = np.array([[0.1, 0.5, 0], [-0.1, 0.5, 0]])
+    return CameraArray(K, hemisphere_rotations([0, 0], [0, 0]), centres, (320, 180))
+
+
+@pytest.mark.parametrize("pixels", [1, 3])
+def test_motion_by_whole_pixels_is_measured_without_error(conforms, pixels):
+    rig, step = level_pair(), 0.5 / 200  # metres per pixel at the origin
+    x = np.linspace(-0.1, 0.1, 9)
+    shifts = np.repeat(rounding.grid_shifts(0, 50, 1), 2, axis=1)  # the same in both cameras
+    for moved, exact in ((pixels, True), (pixels + 0.5, False)):
+        points = np.zeros((3, 2, 9))
+        points[0] = x
+        points[2, 1] = moved * step
+        error = measure(rig, points, shifts) - moved * step
+        if exact:
+            conforms.closed_form(error, 0, atol=1e-12)
+        else:  # one or the other whole pixel, never the half between them
+            conforms.closed_form(np.abs(error), step / 2, rtol=1e-9)
+
+
+def test_two_independent_roundings_would_be_far_too_many_for_small_motion(conforms):
+    study = validate("beam-distance", {"amplitude_mm": 0.05, "trials": 2000, "modes": [1]})
+    cube = studies.run(study)
+    for s, setting in enumerate(study.settings()):
+        P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
+        rest = world_points(study.structure, np.zeros((1, 25)))
+        naive = np.sqrt(np.mean(np.sum(gain(P, rest)[2] ** 2, axis=(0, 1))) * 2 / 12)
+        naive *= 100 / np.max(cube["reference_deflection"].values)
+        simulated = np.sqrt(np.mean(cube["mean_error"].values[s, 0, 1:] ** 2))
+        conforms.sampled(cube["predicted_error"].values[s, 0], simulated, rtol=0.1)
+        conforms.sampled(naive, above=2 * simulated)
+
+
+@pytest.mark.parametrize("height", [0.004, 0.15])  # so high that the gains differ from rest
+def test_variance_is_that_of_the_linearised_measurement(conforms, height):
+    # The law itself, without the non-linearity of triangulation: gains times sampled roundings.
+    rng = np.random.default_rng(5)
+    study = validate("beam-aperture", {})
+    P = study.settings()[2].cameras(24, 36).P
+    rest = np.array([0.2, 0.01, 0.0])
+    deflected = rest + [0, 0, height]
+    shift = rng.uniform(-0.5, 0.5, (2, 2, 400_000))
+
+    def rounding_error(point):
+        uv = project(P, point)[:, :, None] + shift
+        return np.rint(uv) - uv
+
+    after = np.einsum("nc,nct->t", gain(P, deflected)[2], rounding_error(deflected))
+    before = np.einsum("nc,nct->t", gain(P, rest)[2], rounding_error(rest))
+    for known, sampled in ((False, after - before), (True, after)):
+        law = rounding.deflection_variance(P, rest, deflected, known)
+        conforms.sampled(law, np.var(sampled), rtol=0.01)
