@@ -267,6 +267,7 @@ def claims(as_json: bool) -> None:
 
     Exits 0 whatever the verdicts.
     """
+    from thesis_lib.figure_sets.claims import compute
     from thesis_lib.figure_sets.claims import own_runs as ledger_runs
     from thesis_lib.figure_sets.claims.parameters import Claims
     from thesis_lib.ledger import entries as ledger
@@ -274,7 +275,7 @@ def claims(as_json: bool) -> None:
     from thesis_lib.studies.cache import cached
 
     own = cached(Claims().own_runs, ledger_runs.run)
-    found = ledger.entries(ledger.built, ledger_runs.read_own(own))
+    found = compute.judged(ledger.built, ledger_runs.read_own(own))
     if as_json:
         click.echo(json.dumps([entry.record for entry in found], ensure_ascii=False, indent=1))
     else:

@@ -15,6 +15,7 @@ from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
+from thesis_lib.figure_sets.claims.compute import judged
 from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.experiment.walk import numbers
@@ -28,7 +29,6 @@ from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.planner import compute as planner_study
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.ledger import cube as ledger_cube
-from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import verdicts
 from thesis_lib.studies.attributes import with_provenance
 
@@ -37,7 +37,7 @@ def ledgered(made):
     """The ledger of some cubes, with few draws of its own."""
     request = validate("claims", {"trials": 3, "readings": ["rest known"]})
     own = ledger_runs.read_own(ledger_runs.run(request.own_runs))
-    found = ledger.entries(lambda study: made[study.name], own)
+    found = judged(lambda study: made[study.name], own)
     return ledger_cube.as_cube(found, readings.run(request.other_readings))
 
 

@@ -15,11 +15,13 @@ from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study
 from thesis_lib.figure_sets.lab_modes import figures as lab_figures
 from thesis_lib.figure_sets.lab_modes import methods as lab_modes
+from thesis_lib.figure_sets.lab_modes import recordings as beam_films
 from thesis_lib.figure_sets.lab_modes import spectra
 from thesis_lib.figure_sets.lab_modes import tables as lab_tables
 from thesis_lib.figure_sets.lab_modes.parameters import MARKER, ROWS
 from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate_study
+from thesis_lib.figure_sets.lab_plate import recordings as plate_films
 from thesis_lib.figure_sets.lab_plate.parameters import stands_of
 from thesis_lib.figure_sets.lab_plate.recordings import plate_rig
 from thesis_lib.figure_sets.lab_plate.tables import (
@@ -490,7 +492,7 @@ def test_the_same_request_gives_the_same_bytes(tmp_path):
 def filmed():
     """The beam in mode 3, small pictures, 60 and 480 frames a second, a long exposure."""
     study = modes_study(**QUICK, frame_rates_hz=[60.0, 480.0], exposure_ms=2.0, torsion_mm=0.05)
-    return study, lab_modes_study.run(study, lab_films.run(study.recordings))
+    return study, lab_modes_study.run(study, beam_films.run(study.recordings))
 
 
 @pytest.mark.slow
@@ -543,7 +545,7 @@ def test_the_prediction_is_the_scatter_of_renders_with_other_noise(conforms):
 def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms):
     study = plate_study(cases=["cameras"], camera_counts=[2], modes=[3], trials=0, shot_noise=0,
                         read_noise=0, frames=8)  # fmt: skip
-    cube = lab_plate_study.run(study, lab_films.run(study.recordings))
+    cube = lab_plate_study.run(study, plate_films.run(study.recordings))
     shape = cube["reference_deflection"].values[0]
     measured = cube["measured_deflection"].values[0, 0, 0]
     lost = 1 - measured @ shape / (shape @ shape)

@@ -15,6 +15,7 @@ from thesis_lib.facts.numbers import read_numbers
 from thesis_lib.facts.readings import READINGS
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
+from thesis_lib.figure_sets.claims.compute import judged
 from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
 from thesis_lib.figure_sets.claims.widget import LedgerTable
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -446,7 +447,7 @@ def test_without_a_cube_its_entries_are_undefined_for_that_reason(found):
 
 
 def test_without_any_cube_only_the_numbers_are_judged(found):
-    made = ledger.entries(lambda study: f"cube {study.name}.nc is missing: run `thesis book`", {})
+    made = judged(lambda study: f"cube {study.name}.nc is missing: run `thesis book`", {})
     assert [entry.id for entry in made] == [entry.id for entry in found]
     for entry in made:
         assert (entry.verdict == "undefined") == (entry.kind != "number")
@@ -587,7 +588,7 @@ def test_entries_come_back_from_their_cube(found, cube, tmp_path):
 
 
 def test_undefined_entries_come_back_too(other_readings):
-    made = ledger.entries(lambda study: "no cube", {})
+    made = judged(lambda study: "no cube", {})
     back = ledger_cube.from_cube(ledger_cube.as_cube(made, other_readings))
     assert [entry.record for entry in back] == [entry.record for entry in made]
 

@@ -527,3 +527,7 @@ def test_every_source_is_a_figure_set_or_an_own_run():
     named = {name for one in TRENDS for name in one.source}
     assert set(own()) == {*ledger_runs.own(), ledger_runs.ASKEW_PLATE}
     assert named - set(STUDIES) <= set(own())
+
+
+def test_every_word_has_a_test_and_no_test_is_without_a_word():
+    assert list(TESTS) == list(trends.WORDS)

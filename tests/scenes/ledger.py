@@ -7,13 +7,13 @@ from scenes.layouts import layouts
 
 from thesis_lib.facts import claims, trends
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
+from thesis_lib.figure_sets.claims.compute import judged
 from thesis_lib.figure_sets.claims.parameters import OwnRuns
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import STUDIES, validate
-from thesis_lib.ledger import entries as ledger
 from thesis_lib.studies.attributes import with_provenance
 
 TRIALS = 12
@@ -61,4 +61,4 @@ def entries(own_series=None, **instead):
     def open_cube(request):
         return instead.get(request.name.replace("-", "_"), cube_of(request.name))
 
-    return ledger.entries(open_cube, own() if own_series is None else own_series)
+    return judged(open_cube, own() if own_series is None else own_series)

@@ -23,10 +23,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thesis_lib.facts.setups import data_folder
-from thesis_lib.ledger.trend_tests import ARGUMENTS, TESTS
 
 Array = NDArray[np.float64]
 LISTS = ("cases", "modes", "quantities", "source")
+_NUMBER = r"\d+(\.\d+)?"
+_INTERVALS = rf"{_NUMBER} {_NUMBER}(?: {_NUMBER} {_NUMBER})*"
+_ONE_SIDED = rf"{_NUMBER}( first| last)?"
+WORDS = {  # what is stated, and what has to be said with it
+    "falls": "", "rises": "", "falls_steadily": "", "falls_irregularly": "",
+    "flat": rf"({_INTERVALS})?", "within": _INTERVALS,
+    "no_trend": "", "mostly_no_trend": "", "same_pattern": "",
+    "below": _ONE_SIDED, "at_most": _ONE_SIDED, "above": rf"{_NUMBER} first",
+    "peaks": _NUMBER, "highest_last": "", "modes_alike": "",
+    "worst_mode": r"\d+", "best_mode": r"\d+", "planes_alike": r"((XZ|YZ) \d \d)?",
+    "like_case": r"\S+( last)?", "below_case": r"\S+ (first|common)", "gentler": r"\S+",
+    "best_case": r".+", "unrelated": r"\w+",
+}  # fmt: skip
 NEEDED = ("id", "section", "modes", "quantities", "words", "source")
 
 
@@ -47,7 +59,7 @@ class Trend:
     source : tuple of str
         Figure sets, or runs of the ledger's own, that it is judged by.
     test : str
-        Name of one of ``TESTS``, and its argument.
+        One of ``WORDS``, and its argument.
     """
 
     id: str
@@ -106,6 +118,6 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 def _known(text: str) -> str:
     name, _, argument = text.partition(" ")
-    if name not in TESTS or not re.fullmatch(ARGUMENTS.get(name, ""), argument):
+    if name not in WORDS or not re.fullmatch(WORDS[name], argument):
         raise ValueError(text)
     return text

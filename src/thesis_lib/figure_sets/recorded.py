@@ -78,7 +78,9 @@ def laboratory(request: Study) -> Recordings:
     from thesis_lib.figure_sets.experiment.parameters import Experiment
     from thesis_lib.figure_sets.lab_layout import recordings as lab_layout_film
     from thesis_lib.figure_sets.lab_layout.parameters import Layouts
+    from thesis_lib.figure_sets.lab_modes import recordings as beam_films
     from thesis_lib.figure_sets.lab_modes.parameters import LabModes
+    from thesis_lib.figure_sets.lab_plate import recordings as plate_films
     from thesis_lib.figure_sets.lab_plate.parameters import LabPlate
     from thesis_lib.laboratory import recordings as lab_films
 
@@ -87,7 +89,8 @@ def laboratory(request: Study) -> Recordings:
     if isinstance(request, Layouts):
         return Recordings(request.film_request, lab_layout_film.run, lab_layout_film.sources())
     assert isinstance(request, LabModes | LabPlate)
-    return Recordings(request.recordings, lab_films.run, lab_films.sources())
+    film = beam_films.run if isinstance(request, LabModes) else plate_films.run
+    return Recordings(request.recordings, film, lab_films.sources())
 
 
 def every() -> list[Recordings]:

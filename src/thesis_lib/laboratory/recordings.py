@@ -16,8 +16,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.lab_modes.parameters import BeamRecordings
-from thesis_lib.figure_sets.lab_plate.parameters import PlateRecordings
 from thesis_lib.laboratory import direct
 from thesis_lib.laboratory.direct import Seen
 from thesis_lib.laboratory.filming import Film
@@ -93,16 +91,6 @@ def film_rig(
         size=(width, round(width * 9 / 16)), sensor=sensor(film), frame_rate=rate,
         components=components, lens_k1=film.lens_k1, seed=seed,
     )  # fmt: skip
-
-
-def run(request: BeamRecordings | PlateRecordings) -> xr.Dataset:
-    """Film and track everything, see :func:`record`."""
-    from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
-    from thesis_lib.figure_sets.lab_plate.recordings import plate_rigs
-
-    if isinstance(request, BeamRecordings):
-        return record(beam_rigs(request, request.seed), request.frames)
-    return record(plate_rigs(request, request.seed), request.frames)
 
 
 def record(

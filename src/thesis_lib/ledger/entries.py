@@ -19,8 +19,6 @@ from thesis_lib.facts import claims, setups, trends
 from thesis_lib.facts.claims import Claim
 from thesis_lib.facts.numbers import StatedNumber, read_numbers
 from thesis_lib.facts.trends import Trend
-from thesis_lib.figure_sets.claims import own_runs as ledger_runs
-from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import library_digest, project_root
 from thesis_lib.ledger import series as ledger_series
 from thesis_lib.ledger import trends as ledger_trends
@@ -137,7 +135,12 @@ def usable(path: Path, study: Study) -> xr.Dataset | str:
     return cube
 
 
-def entries(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry]:
+def entries(
+    open_cube: Opener,
+    own: Mapping[str, Sequence[Series]],
+    studies: Mapping[str, type[Study]],
+    commands: Mapping[str, Sequence[str]],
+) -> list[Entry]:
     """The whole ledger, in the order of the thesis.
 
     Parameters
@@ -145,42 +148,49 @@ def entries(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entr
     open_cube : callable
         Gives the cube of a study, or in one line why there is none.
     own : mapping
-        Series of the own runs, by name (:func:`~thesis_lib.figure_sets.claims.own_runs.read_own`).
+        Series of the ledger's own runs, by name.
+    studies : mapping
+        All figure sets, by name.
+    commands : mapping
+        The commands that make the own runs, by name.
     """
     opened: dict[str, xr.Dataset | str] = {}
 
     def cube_of(name: str) -> xr.Dataset | str:
         if name not in opened:
-            opened[name] = open_cube(STUDIES[name]())
+            opened[name] = open_cube(studies[name]())
         return opened[name]
 
     series: dict[str, Sequence[Series] | str] = dict(own)
-    commands = {name: source.commands for name, source in ledger_runs.own().items()}
 
     def series_of(name: str) -> Sequence[Series] | str:
         if name not in series:
-            if name not in STUDIES:
+            if name not in studies:
                 return f"run {name} of the ledger is missing: run `thesis book`"
             cube = cube_of(name)
             series[name] = cube if isinstance(cube, str) else ledger_series.series_of(cube)
         return series[name]
 
-    found = [_figure(claim, cube_of(claim.figure_set)) for claim in claims.read_claims()]
+    found = [
+        _figure(claim, cube_of(claim.figure_set), studies[claim.figure_set].varied)
+        for claim in claims.read_claims()
+    ]
     for trend in trends.read_trends():
         made = [command for name in trend.source for command in commands.get(name, [])]
-        made += [command(STUDIES[name]()) for name in trend.source if name in STUDIES]
-        found.append(_trend(trend, [series_of(name) for name in trend.source], made))
+        sets = [name for name in trend.source if name in studies]
+        made += [command(studies[name]()) for name in sets]
+        found.append(_trend(trend, [series_of(name) for name in trend.source], sets, made))
     found += [_number(number) for number in read_numbers()]
     order = {"figure": 0, "trend": 1, "number": 2}
     return sorted(found, key=lambda entry: (entry.chapter, order[entry.kind]))
 
 
-def _figure(claim: Claim, cube: xr.Dataset | str) -> Entry:
-    """A stated figure beside a cube."""
+def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
+    """A stated figure beside a cube, in which a parameter is varied."""
     subject, _, study = claim.figure_set.partition("-")
     found = cube if isinstance(cube, str) else verdicts.judge(cube, claim)
     check = None if isinstance(found, str) else found
-    setting = _setting_words(claim)
+    setting = _setting_words(claim, varied)
     excepted = " but one" if claim.excepted else ""
     note = found if isinstance(found, str) else ""
     if claim.conflicts:
@@ -216,21 +226,22 @@ def _numbers(found: Check | Finding | None, *names: str) -> dict[str, float]:
     return {} if found is None else {name: getattr(found, name) for name in names}
 
 
-def _setting_words(claim: Claim) -> str:
+def _setting_words(claim: Claim, varied: str) -> str:
     """The settings that a claim speaks of, such as ``d = 500 mm`` or ``all settings``."""
-    study = STUDIES[claim.figure_set]
     unit = {"distance_mm": "d = {:g} mm", "aperture_deg": "α = {:g}°", "width_px": "{:g} px wide",
-            "n_cameras": "{:g} cameras"}[study.varied]  # fmt: skip
+            "n_cameras": "{:g} cameras"}[varied]  # fmt: skip
     order = f", pairs {claim.pair_order}" if claim.pair_order else ""
     return (", ".join(unit.format(value) for value in claim.values) or "all settings") + order
 
 
-def _trend(trend: Trend, found: Sequence[Sequence[Series] | str], commands: list[str]) -> Entry:
-    """A stated trend beside the errors that it speaks of."""
+def _trend(
+    trend: Trend, found: Sequence[Sequence[Series] | str], sets: list[str], commands: list[str]
+) -> Entry:
+    """A stated trend beside the errors of the figure sets and own runs that it speaks of."""
     reasons = [part for part in found if isinstance(part, str)]
     every = [one for part in found if not isinstance(part, str) for one in part]
     finding = None if reasons else ledger_trends.judge(trend, every)
-    first = next((name for name in trend.source if name in STUDIES), "")
+    first = next(iter(sets), "")
     subject, _, study = first.partition("-")
     number = ""
     if trend.cases and first:

@@ -312,22 +312,3 @@ TESTS: dict[str, Callable[[Evidence, str], Holds]] = {
     "best_case": _best_case,
     "unrelated": _unrelated,
 }
-
-_NUMBER = r"\d+(\.\d+)?"
-_INTERVALS = rf"{_NUMBER} {_NUMBER}(?: {_NUMBER} {_NUMBER})*"
-ARGUMENTS = {  # what a test needs to know; the others need nothing
-    "flat": rf"({_INTERVALS})?",
-    "within": _INTERVALS,
-    "below": rf"{_NUMBER}( first| last)?",
-    "at_most": rf"{_NUMBER}( first| last)?",
-    "above": rf"{_NUMBER} first",
-    "peaks": _NUMBER,
-    "worst_mode": r"\d+",
-    "best_mode": r"\d+",
-    "planes_alike": r"((XZ|YZ) \d \d)?",
-    "like_case": r"\S+( last)?",
-    "below_case": r"\S+ (first|common)",
-    "gentler": r"\S+",
-    "best_case": r".+",
-    "unrelated": r"\w+",
-}

@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError, from_json
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
-from thesis_lib.studies.vocabulary import allowed_text, field, trials, unit
+from thesis_lib.studies.vocabulary import SHARED, allowed_text, field, trials, unit
 from thesis_lib.text import first_hidden, listed, one_line
 from thesis_lib.vibration.structure import Structure
 
@@ -133,8 +133,6 @@ def validated(model: type[Study], values: Mapping[str, Any]) -> Study:
 
 def describe(model: type[Study]) -> list[dict[str, str]]:
     """One row per parameter: name, default, unit, allowed, meaning."""
-    from thesis_lib.figure_sets.parametric.parameters import CameraStudy
-
     defaults = model().model_dump(mode="json")
     return [
         {
@@ -146,7 +144,7 @@ def describe(model: type[Study]) -> list[dict[str, str]]:
         }
         for name, info in sorted(
             model.model_fields.items(),
-            key=lambda item: (item[0] in Study.model_fields, item[0] in CameraStudy.model_fields),
+            key=lambda item: (item[0] in Study.model_fields, item[0] in SHARED),
         )
     ]
 

@@ -14,6 +14,10 @@ Resolution = tuple[Width, Width]
 Mode = Annotated[int, Field(ge=1, le=30)]
 Name = Annotated[str, Field(pattern=r"^\S(.{0,38}\S)?$")]
 
+SHARED = ("focal_length_mm", "sensor_width_mm", "amplitude_mm", "rest", "azimuth_zero",
+          "principal_offset_px", "estimator", "modes")  # fmt: skip
+"""Parameters that mean the same in all figure sets: they are told after a set's own."""
+
 
 def field(default: Any, what: str, allowed: str, **bounds: Any) -> Any:
     """A parameter: default (or a function that makes it), meaning, and what is allowed in words."""

@@ -38,7 +38,7 @@ def run(study: LabModes, data: xr.Dataset) -> xr.Dataset:
     study : LabModes
         Validated parameters.
     data : xarray.Dataset
-        The recordings, as :func:`~thesis_lib.laboratory.recordings.run` gives them.
+        The recordings, as :func:`~thesis_lib.figure_sets.lab_modes.recordings.run` gives them.
     """
     films = recordings(study, data)  # mode after mode, rate after rate
     settings = study.settings()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.lab_modes.parameters import BeamMotions
-from thesis_lib.laboratory.recordings import film_rig, film_seed, settled
+from thesis_lib.figure_sets.lab_modes.parameters import BeamMotions, BeamRecordings
+from thesis_lib.laboratory.recordings import film_rig, film_seed, record, settled
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import resonance
@@ -41,3 +42,8 @@ def beam_rig(film: BeamMotions, seed: int, mode: int, rate: float) -> Rig:
 def beam_rigs(film: BeamMotions, seed: int) -> list[Rig]:
     """All recordings of the beam: mode after mode, rate after rate."""
     return [beam_rig(film, seed, mode, rate) for mode in film.modes for rate in film.frame_rates_hz]
+
+
+def run(request: BeamRecordings) -> xr.Dataset:
+    """Film and track everything, see :func:`~thesis_lib.laboratory.recordings.record`."""
+    return record(beam_rigs(request, request.seed), request.frames)

@@ -54,7 +54,7 @@ def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
     study : LabPlate
         Validated parameters.
     data : xarray.Dataset
-        The recordings, as :func:`~thesis_lib.laboratory.recordings.run` gives them.
+        The recordings, as :func:`~thesis_lib.figure_sets.lab_plate.recordings.run` gives them.
     """
     plate, settings = study.plate, study.settings()
     with warnings.catch_warnings():

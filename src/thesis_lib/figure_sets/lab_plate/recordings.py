@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import xarray as xr
 
-from thesis_lib.figure_sets.lab_plate.parameters import Plates, Stand
-from thesis_lib.laboratory.recordings import film_rig, film_seed, settled
+from thesis_lib.figure_sets.lab_plate.parameters import PlateRecordings, Plates, Stand
+from thesis_lib.laboratory.recordings import film_rig, film_seed, record, settled
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import resonance
@@ -34,3 +35,8 @@ def plate_rig(film: Plates, seed: int, mode: int, stands: Sequence[Stand]) -> Ri
 def plate_rigs(film: Plates, seed: int) -> list[Rig]:
     """All recordings of the plate, one camera each: mode after mode, stand after stand."""
     return [plate_rig(film, seed, mode, [stand]) for mode in film.modes for stand in film.stands]
+
+
+def run(request: PlateRecordings) -> xr.Dataset:
+    """Film and track everything, see :func:`~thesis_lib.laboratory.recordings.record`."""
+    return record(plate_rigs(request, request.seed), request.frames)
