@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.files import project_root
 from thesis_lib.laboratory.render import BeamView
@@ -22,7 +23,6 @@ from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.calibration.bundle_adjustment import adjust
 from thesis_lib.measure.tracking.homography import find_view
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
-from thesis_lib.studies import cubes
 from thesis_lib.vision import lens
 
 
@@ -111,7 +111,7 @@ def chapter(*parameters: str) -> tuple[float, float, float]:
         subprocess.run([*command, "--out", str(Path(folder) / "ch5")], check=True,
                        capture_output=True)  # fmt: skip
         seconds = time.perf_counter() - start
-        cube = cubes.read(Path(folder) / "ch5" / "experiment-cameras.nc")
+        cube = cube_file.read(Path(folder) / "ch5" / "experiment-cameras.nc")
     for left in set(cache.glob("laboratory-*")) - before:
         left.unlink()
     chosen = (cube["case"].values == "harmonic") & (cube["n_cameras"].values == 4)

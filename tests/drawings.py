@@ -19,13 +19,12 @@ import matplotlib
 import xarray as xr
 
 from thesis_lib.book.conclusions import figure as conclusions_figure
-from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets import cube_file, recorded
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.figure_sets.experiment.walk import pictures
 from thesis_lib.files import project_root
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting.style import svg
-from thesis_lib.studies import cubes
 
 _DRAWS = re.compile(r"[\w.]*(?:figure|figures|picture|aliases)\(result\b.*\)", re.DOTALL)
 _THREAD = threading.local()
@@ -56,7 +55,7 @@ def of_cube(cube: xr.Dataset) -> Iterator[tuple[str, bytes]]:
 
 def of_conclusions(results: Path) -> bytes:
     """The figure of the conclusions, from the cubes of a folder."""
-    opened = {path.stem: cubes.read(path) for path in sorted(results.glob("*.nc"))}
+    opened = {path.stem: cube_file.read(path) for path in sorted(results.glob("*.nc"))}
     return str(svg(conclusions_figure.draw(opened))).encode()
 
 
@@ -71,7 +70,7 @@ def all_of_them(results: Path) -> dict[str, str]:
     """SHA-256 of every figure of the book, by name, two drawn at a time as in a book."""
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as threads:
         jobs = [
-            threads.submit(lambda path=path: dict(of_cube(cubes.read(path))))
+            threads.submit(lambda path=path: dict(of_cube(cube_file.read(path))))
             for path in sorted(results.glob("*.nc"))
         ]
         jobs.append(threads.submit(lambda: {"conclusions": of_conclusions(results)}))

@@ -140,9 +140,9 @@ def run(
 
 def _own_cube(job: Job) -> Dataset:
     """The cube of a job that has run, unless another run has taken its place since."""
-    from thesis_lib.studies import cubes
+    from thesis_lib.figure_sets import cube_file
 
-    cube = cubes.read(job.cube)
+    cube = cube_file.read(job.cube)
     if cube.attrs.get("parameters_hash") != job.study.digest:
         raise click.ClickException(
             f"{job.cube}: another run has meanwhile been written there; "
@@ -270,12 +270,12 @@ def claims(as_json: bool) -> None:
     from thesis_lib.figure_sets.claims import compute
     from thesis_lib.figure_sets.claims import own_runs as ledger_runs
     from thesis_lib.figure_sets.claims.parameters import Claims
-    from thesis_lib.ledger import entries as ledger
+    from thesis_lib.figure_sets.cube_file import built
     from thesis_lib.ledger import report as ledger_report
     from thesis_lib.studies.cache import cached
 
     own = cached(Claims().own_runs, ledger_runs.run)
-    found = compute.judged(ledger.built, ledger_runs.read_own(own))
+    found = compute.judged(built, ledger_runs.read_own(own))
     if as_json:
         click.echo(json.dumps([entry.record for entry in found], ensure_ascii=False, indent=1))
     else:
@@ -364,11 +364,12 @@ def _one_line(place: Path) -> Iterator[None]:
 @click.argument("old", type=click.Path(path_type=Path), required=False, metavar="[B.nc]")
 def compare(new: Path, old: Path | None) -> None:
     """Show how cube A differs from B, in everything, or from the published run, in errors."""
-    from thesis_lib.studies import comparison, cubes, storage
+    from thesis_lib.figure_sets import cube_file
+    from thesis_lib.studies import comparison, storage
 
     try:
-        first = cubes.read(new)
-        second = cubes.read(old) if old else None
+        first = cube_file.read(new)
+        second = cube_file.read(old) if old else None
     except storage.CubeError as error:
         raise Refused(str(error)) from None
     sets = [cube.attrs["figure_set"] for cube in (first, second) if cube is not None]

@@ -14,9 +14,10 @@ from thesis_lib.book.conclusions import strengths as conclusions
 from thesis_lib.book.conclusions import tables as conclusions_tables
 from thesis_lib.book.conclusions.strengths import KNOBS
 from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.studies import cubes, storage
+from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_provenance
 
 
@@ -126,7 +127,7 @@ def small(tmp_path_factory):
 
 def test_the_figure_draws_what_there_is_and_is_the_same_each_time(small, tmp_path):
     paths = list(small.values())
-    opened = {path.stem: cubes.read(path) for path in paths}
+    opened = {path.stem: cube_file.read(path) for path in paths}
     axes = conclusions_figure.draw(opened).axes
     assert [panel.get_xscale() for panel in axes] == ["log"] * 5
     lines = [[line for line in panel.lines if line.get_linestyle() != "None"] for panel in axes]

@@ -20,9 +20,9 @@ from rocrate.rocrate import ROCrate
 from conftest import PROJECT
 from thesis_lib import files
 from thesis_lib.book import crate, downloads, missing
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.files import sha256
-from thesis_lib.studies import cubes
 
 GOOD, BAD = "beam-resolution", "beam-distance"
 ASSETS = PROJECT / "build" / "assets"
@@ -101,7 +101,7 @@ def test_every_download_is_there_and_is_what_the_page_says(whole):
         assert all((whole / link).stat().st_size > 100 for link in links)
         digest = sha256(whole / "data" / f"{name}.nc")
         assert digest in text
-        cube = cubes.read(whole / "data" / f"{name}.nc")
+        cube = cube_file.read(whole / "data" / f"{name}.nc")
         assert cube.attrs["figure_set"] == name
         assert f'id="provenance-{name}"' in text
         assert text.count(f'href="#provenance-{name}"') == 3
@@ -169,7 +169,7 @@ def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
 @pytest.mark.book
 def test_damaged_cube_is_made_anew(whole, small):
     cube = small.root / "data" / "results" / f"{GOOD}.nc"
-    before = cubes.read(cube)
+    before = cube_file.read(cube)
     damaged = bytearray(cube.read_bytes())
     damaged[-1000] ^= 255  # a file that may well open
     cube.write_bytes(damaged)
@@ -177,7 +177,7 @@ def test_damaged_cube_is_made_anew(whole, small):
     assert done.returncode == 0, done.stdout + done.stderr
     assert f"{GOOD}: done in" in done.stderr
     assert f"{BAD}: up to date" in done.stderr
-    assert cubes.read(cube).equals(before)
+    assert cube_file.read(cube).equals(before)
 
 
 @pytest.mark.book

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.run import camera_cube
 from thesis_lib.files import project_root
-from thesis_lib.studies import comparison, cubes, published
+from thesis_lib.studies import comparison, published
 from thesis_lib.studies.storage import CubeError
 
 
@@ -77,7 +78,7 @@ def test_what_is_no_cube_of_its_set_is_refused_in_one_line(cube, tmp_path, kind)
     path = tmp_path / "doctored.nc"
     DOCTORED[kind](cube).to_netcdf(path)
     with pytest.raises(CubeError, match=r"not a cube of this project") as refused:
-        cubes.read(path)
+        cube_file.read(path)
     assert str(refused.value).startswith(str(path))
     assert str(refused.value).isprintable()
 
@@ -85,8 +86,8 @@ def test_what_is_no_cube_of_its_set_is_refused_in_one_line(cube, tmp_path, kind)
 def test_part_of_a_cube_is_a_cube(cube, tmp_path):
     path = tmp_path / "part.nc"
     cube.isel(setting=[1], mode=[0], trial=[0, 1]).to_netcdf(path)
-    assert comparison.all_difference_lines(cubes.read(path), cube, "whole")[-1].startswith(
-        "no difference from whole in 25"
+    assert comparison.all_difference_lines(cube_file.read(path), cube, "whole")[-1].startswith(
+        "no difference from whole in 28"
     )
 
 
@@ -101,7 +102,7 @@ def test_every_variable_and_coordinate_is_compared(cube):
         changed[name] = (cube[name].dims, flat.reshape(values.shape))
         lines = comparison.all_difference_lines(changed, cube, "old")
         assert sum(line.startswith(f"{name}(") and "1 of" in line for line in lines) == 1
-        assert lines[-1].startswith("no difference from old in 24 variables")
+        assert lines[-1].startswith("no difference from old in 27 variables")
 
 
 def test_only_what_both_have_is_compared_and_the_rest_is_told(cube, other):

@@ -13,6 +13,7 @@ from scipy.special import zeta
 from scipy.stats import qmc
 
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.design_law import dither, share_tables
 from thesis_lib.figure_sets.design_law import figures as design_figures
@@ -529,7 +530,7 @@ def test_cube_says_what_everything_is(cube):
 def test_cube_reads_back_and_is_compared_by_its_quantities(cube, tmp_path):
     path = tmp_path / "design-law.nc"
     storage.write(cube, path, compact=True)
-    table = cubes.summary(cubes.read(path))
+    table = cubes.summary(cube_file.read(path))
     assert list(table) == ["quantity", "value", "unit"]
     assert table["quantity"].is_unique
     assert np.isfinite(table["value"]).all()
@@ -541,7 +542,7 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(cube, tmp_path):
     assert len(lines) == len(table)
     storage.write(cube.drop_vars("quantity"), path)
     with pytest.raises(storage.CubeError, match="it lacks quantity"):
-        cubes.read(path)
+        cube_file.read(path)
 
 
 def test_same_request_gives_the_same_cube(cube, study):

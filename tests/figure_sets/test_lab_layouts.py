@@ -26,6 +26,7 @@ from thesis_lib.measure.fitting.harmonics import amplitude
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.measure.tracking.homography import view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
+from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vibration.motion import amplitudes
 from thesis_lib.vision import lens
@@ -202,7 +203,7 @@ def flat():
     """Cameras so low that no marker is found, and ones that find them, filmed."""
     study = elevation(elevations_deg=[3.0, 40.0], cases=["middle-row"], width_px=800, trials=5)
     data = film.run(study)
-    return study, data, ls.run(study, data).assign_attrs(figure_set=study.name)
+    return study, data, with_provenance(ls.run(study, data), study, 0.0)
 
 
 def test_lost_markers_are_said_and_not_hidden(flat):
@@ -221,8 +222,8 @@ def test_lost_markers_are_said_and_not_hidden(flat):
     assert "| middle-row | 3° | — | — |" in tables.errors(cube)
     assert "| 100% |" in tables.errors(cube)
     figure_sets_display.figure(cube, "middle-row", 1)
-    again = ls.run(study, data)
-    xr.testing.assert_identical(again, cube.drop_attrs(deep=False))
+    again = with_provenance(ls.run(study, data), study, 0.0)
+    xr.testing.assert_identical(again.drop_attrs(deep=False), cube.drop_attrs(deep=False))
 
 
 @pytest.mark.parametrize("name", ["lab-elevation", "lab-layout"])
@@ -261,7 +262,7 @@ SIGMA = 0.02
 def sets():
     study = layout(cases=["subsets"], trials=40)
     data = layouts(study, SIGMA)
-    return study, data, ls.run(study, data).assign_attrs(figure_set=study.name)
+    return study, data, with_provenance(ls.run(study, data), study, 0.0)
 
 
 def test_exact_centres_give_exact_shapes(conforms):
@@ -399,7 +400,7 @@ def test_tables_and_figures_show_every_case(sets):
     assert few.sizes["setting"] == 13  # best and worst of two to seven, and all eight
     figure_sets_display.figure(cube, "subsets", 1)
     other = layout(cases=["distance", "aperture"], trials=0)
-    sweeps = ls.run(other, layouts(other, SIGMA)).assign_attrs(figure_set=other.name)
+    sweeps = with_provenance(ls.run(other, layouts(other, SIGMA)), other, 0.0)
     for case in ("distance", "aperture"):
         first = as_svg(sweeps, case, 1)
         assert first == as_svg(sweeps, case, 1)
@@ -412,7 +413,7 @@ def test_tables_and_figures_show_every_case(sets):
 
 def test_no_markers_at_all_draw_and_tell_all_the_same():
     study = layout(trials=3, directions_deg=LabLayout().directions_deg[:3])
-    cube = ls.run(study, layouts(study, SIGMA, lost=range(9))).assign_attrs(figure_set=study.name)
+    cube = with_provenance(ls.run(study, layouts(study, SIGMA, lost=range(9))), study, 0.0)
     for case in study.cases:
         figure_sets_display.figure(cube, case, 1)
     for name in tables.TABLES:
@@ -511,4 +512,4 @@ def test_what_filming_depends_on_is_there():
     for path in film.sources():
         assert path.is_file(), path
     names = {path.stem for path in film.sources()}
-    assert {"render", "tracking", "centres", "lab_layouts", "direct"} <= names
+    assert {"render", "tracker", "centres", "recordings", "direct"} <= names

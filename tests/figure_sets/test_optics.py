@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.optics import figures as optics_figures
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
@@ -362,7 +363,7 @@ def test_variables_have_units_and_names_and_come_back_from_a_file(cube, tmp_path
         assert variable.attrs["long_name"], name
     path = tmp_path / "cameras.nc"
     storage.write(cube, path)
-    assert cubes.read(path).identical(cube)
+    assert cube_file.read(path).identical(cube)
 
 
 def test_the_asked_distances_are_among_those_of_the_curves(cube):

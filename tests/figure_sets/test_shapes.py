@@ -14,8 +14,8 @@ from thesis_lib.figure_sets.parametric import symmetry as shape_tables
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.planning.bodies import body_of
 from thesis_lib.planning.structure_file import modes_of, read_body, write_modes
-from thesis_lib.plotting import outlines
 from thesis_lib.plotting.viewer_data import viewer_data
+from thesis_lib.studies import outlines
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vibration.meshing import Circle, area
@@ -95,7 +95,7 @@ def test_shapes_that_cannot_be_computed_are_refused_in_one_line(values, words):
 @pytest.mark.parametrize("name", NAMES)
 def test_cube_is_that_of_a_camera_study_with_the_markers_on_the_panel(opened, name):
     cube, panel = opened[name], validate(name, QUICK).structure
-    assert set(cube.dims) == {"setting", "mode", "trial", "point", "camera"}
+    assert set(cube.dims) == {"setting", "mode", "trial", "point", "camera", "corner", "xy"}
     assert cube.sizes["setting"] == opened[shape_tables.PLATE].sizes["setting"]
     np.testing.assert_allclose([cube["x"], cube["y"]], panel.markers)
     hertz = panel.angular_frequencies(3) / (2 * np.pi)
@@ -149,7 +149,7 @@ def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(c
     outline = [[0, 0], [500, 0], [300, 400], [0, 400]]
     values = {"outline_mm": outline, "circles_mm": [[150, 200, 60]], "cases": ["4c"], "trials": 1}
     cube = made("shape-holes", cutouts_mm=[], **values)
-    curves = outlines.contours(outlines.structure_of(cube))
+    curves = outlines.contours(cube)
     np.testing.assert_allclose(curves[0] + [0.25, 0.2], np.array(outline) / 1000)
     assert area(curves[0]) > 0 > area(curves[1])
     conforms.closed_form(abs(area(curves[1])), np.pi * 0.06**2, rtol=0.02)

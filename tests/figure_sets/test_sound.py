@@ -12,13 +12,14 @@ from thesis_lib import files
 from thesis_lib.acoustics.planes import full_factor, operator, pistons
 from thesis_lib.acoustics.radiation import rayleigh
 from thesis_lib.facts import claims, setups
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.ledger import verdicts
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import cache as studies_cache
-from thesis_lib.studies import cubes, storage
+from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.vibration.structure import deflection_shape, resonance, world_points
 from thesis_lib.vision import rounding
@@ -172,7 +173,7 @@ def test_file_opens_without_options_and_holds_the_cube(tmp_path, study):
         assert len(opened.attrs["deflections_sha256"]) == 64
         assert "6.2" in opened.attrs["references"]
     assert [p.name for p in path.parent.iterdir()] == ["cube.nc"]
-    xr.testing.assert_identical(cubes.read(path), cube)
+    xr.testing.assert_identical(cube_file.read(path), cube)
 
 
 @pytest.mark.parametrize("amplitude", [10.0, "force"])

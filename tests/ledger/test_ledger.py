@@ -13,6 +13,7 @@ from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
 from thesis_lib.facts import claims, setups, trends
 from thesis_lib.facts.numbers import read_numbers
 from thesis_lib.facts.readings import READINGS
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
 from thesis_lib.figure_sets.claims.compute import judged
@@ -482,7 +483,7 @@ def filed(tmp_path):
 
 def test_the_right_file_is_taken(filed):
     request, path = filed
-    xr.testing.assert_identical(ledger.usable(path, request), cube_of("beam-distance"))
+    xr.testing.assert_identical(cube_file.usable(path, request), cube_of("beam-distance"))
 
 
 @pytest.mark.parametrize(
@@ -508,14 +509,14 @@ def test_the_right_file_is_taken(filed):
 def test_any_other_file_is_refused_in_one_line(filed, damage, words):
     request, path = filed
     damage(path)
-    reason = ledger.usable(path, request)
+    reason = cube_file.usable(path, request)
     assert reason == f"cube beam-distance.nc {words}: run `thesis book`"
 
 
 def test_a_file_of_other_parameters_is_refused(filed):
     _, path = filed
     for values in ({"trials": TRIALS + 1}, {"seed": 1}, {"focal_length_mm": 25}):
-        reason = ledger.usable(path, request_of("beam-distance", **values))
+        reason = cube_file.usable(path, request_of("beam-distance", **values))
         assert reason == ("cube beam-distance.nc was run with other parameters: run `thesis book`")
 
 
@@ -524,7 +525,7 @@ def test_a_cube_of_before_the_digest_is_outdated(filed):
     cube = cube_of("beam-distance").copy()
     del cube.attrs["library_sha256"]
     storage.write(cube, path)
-    assert "is outdated" in ledger.usable(path, request)
+    assert "is outdated" in cube_file.usable(path, request)
 
 
 # -- The report --
@@ -580,7 +581,7 @@ def cube(found, other_readings):
 
 def test_entries_come_back_from_their_cube(found, cube, tmp_path):
     storage.write(cube, tmp_path / "claims.nc")
-    for made in (cube, cubes.read(tmp_path / "claims.nc")):
+    for made in (cube, cube_file.read(tmp_path / "claims.nc")):
         back = ledger_cube.from_cube(made)
         assert [entry.record for entry in back] == [entry.record for entry in found]
         for one, other in zip(back, found, strict=True):

@@ -14,12 +14,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting import numbers as plotted
 from thesis_lib.runs import provenance
-from thesis_lib.studies import cache, commands, cubes, effort, storage
+from thesis_lib.studies import cache, commands, effort, storage
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.cache import cached
 from thesis_lib.studies.effort import Effort
@@ -208,7 +209,7 @@ def test_compact_cube_keeps_errors_exactly_and_shapes_to_thirteen_bits(tmp_path)
     _, cube = made("beam-distance", trials=100)
     storage.write(cube, tmp_path / "plain.nc")
     storage.write(cube, tmp_path / "compact.nc", compact=True)
-    plain, compact = (cubes.read(tmp_path / f"{n}.nc") for n in ("plain", "compact"))
+    plain, compact = (cube_file.read(tmp_path / f"{n}.nc") for n in ("plain", "compact"))
     for name, values in plain.variables.items():
         if values.dtype == np.float32:
             np.testing.assert_allclose(compact[name], values, rtol=2.0**-14)

@@ -22,6 +22,7 @@ import xarray as xr
 from command import refusal, thesis
 
 from thesis_lib import files
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import validate
@@ -181,7 +182,7 @@ def test_a_cube_on_disk_is_the_one_in_memory(tmp_path, small_blocks, monkeypatch
     with_attributes = replace(outline, cube=with_provenance(outline.cube, study, 0.0))
     storage.fill_in(with_attributes, tmp_path / "disk.nc", lambda: 1.5)
     assert [path.name for path in tmp_path.iterdir()] == ["disk.nc"]
-    found = cubes.read(tmp_path / "disk.nc")
+    found = cube_file.read(tmp_path / "disk.nc")
     assert found.attrs["run_time_s"] == 1.5
     xr.testing.assert_equal(found, held)
     for name, values in held.variables.items():
@@ -190,14 +191,16 @@ def test_a_cube_on_disk_is_the_one_in_memory(tmp_path, small_blocks, monkeypatch
     storage.write(held, tmp_path / "small.nc", compact=True)
     monkeypatch.setattr(storage, "HELD_BYTES", 2**16)
     monkeypatch.setattr(storage, "_LOADED_BYTES", 2**12)
-    lazy = cubes.read(tmp_path / "disk.nc")
+    lazy = cube_file.read(tmp_path / "disk.nc")
     assert not lazy["measured_deflection"].variable._in_memory
     xr.testing.assert_equal(lazy, held)
     assert not lazy["measured_deflection"].variable._in_memory  # nor after it was read
     storage.write(lazy, tmp_path / "large.nc", compact=True)
-    xr.testing.assert_equal(cubes.read(tmp_path / "large.nc"), cubes.read(tmp_path / "small.nc"))
+    xr.testing.assert_equal(
+        cube_file.read(tmp_path / "large.nc"), cube_file.read(tmp_path / "small.nc")
+    )
     storage.write(lazy, tmp_path / "plain.nc")
-    xr.testing.assert_equal(cubes.read(tmp_path / "plain.nc"), held)
+    xr.testing.assert_equal(cube_file.read(tmp_path / "plain.nc"), held)
     assert cubes.summary(lazy).equals(cubes.summary(held))
 
 
@@ -430,7 +433,7 @@ def test_command_with_a_cluster_makes_the_same_cube(checkout, cluster, tmp_path)
         "--scheduler", cluster.scheduler_address, "--out", tmp_path / "out", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    found = cubes.read(tmp_path / "out" / "beam-distance.nc")
+    found = cube_file.read(tmp_path / "out" / "beam-distance.nc")
     study = validate("beam-distance", values)
     alone = studies.run(study)
     xr.testing.assert_equal(found["mean_error"], alone["mean_error"])

@@ -17,7 +17,7 @@ from thesis_lib.book.pieces import assumptions, thesis_index
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
-from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets import cube_file, recorded
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.figure_sets.experiment.walk import numbers as walk_numbers
@@ -26,7 +26,7 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import project_root
 from thesis_lib.runs import execute as runs
 from thesis_lib.runs import tasks
-from thesis_lib.studies import cubes, effort, published
+from thesis_lib.studies import effort, published
 from thesis_lib.web.page import MATHJAX
 
 PAGES: dict[str, Callable[[], str]] = {
@@ -270,12 +270,12 @@ def _publish(jobs: Sequence[runs.Job], picture: Path, measured: Path) -> None:
     if measured.is_file():  # first, for what failed in it publishes nothing
         conformance.publish(measured)
     for job in jobs:
-        published.publish(cubes.read(job.cube))
+        published.publish(cube_file.read(job.cube))
         keep_outputs(runs.source(job.study.name), job.notebook)
     costs = {job.study.name: effort.of(job.notebook) for job in jobs}
     effort.write((name, costs[name]) for name in STUDIES)
     arrays = next(job for job in jobs if job.study.name == "beam-arrays")
-    text = as_svg(cubes.read(arrays.cube), "4a", 3)
+    text = as_svg(cube_file.read(arrays.cube), "4a", 3)
     files.whole_text(picture, text)
 
 

@@ -15,9 +15,9 @@ from rocrate.model.contextentity import ContextEntity
 from rocrate.rocrate import ROCrate
 
 from thesis_lib import __version__
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.runs.provenance import FOLDER
-from thesis_lib.studies import cubes
 from thesis_lib.studies.commands import command
 
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
@@ -76,7 +76,7 @@ def _entity(crate: ROCrate, id_: str, kind: str, **said: Any) -> Any:
 
 def _action(crate: ROCrate, book: Path, notebook: Path, file: Path) -> Any:
     """The run of one figure set."""
-    cube = cubes.read(file)
+    cube = cube_file.read(file)
     ran = nbformat.read(notebook, as_version=4).metadata
     name = str(cube.attrs["figure_set"])
     study = validate(name, json.loads(cube.attrs["parameters"]))

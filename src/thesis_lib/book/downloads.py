@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.files import whole_file
 from thesis_lib.plotting import numbers as plotted
 from thesis_lib.runs.provenance import FOLDER
-from thesis_lib.studies import cubes
 
 ARCHIVE = "vibration-by-many-cameras"
 _DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip can hold
@@ -30,7 +30,7 @@ def fill(book: Path, made: Iterable[Path]) -> None:
         Cubes of figure sets that ran.
     """
     for path in made:
-        cube = cubes.read(path)
+        cube = cube_file.read(path)
         folder = book / FOLDER
         folder.mkdir(exist_ok=True)
         shutil.copyfile(path, folder / path.name)

@@ -116,7 +116,7 @@ def figure_number(structure: str, study: str, case: str, mode: int) -> str:
     >>> figure_number("beam", "aperture", "2b", 3)
     '3.12'
     """
-    first = table(structure, study)["figures"].get(case)
+    first = _of_cases(structure, study, "figures").get(case)
     if first is None or mode not in (1, 2, 3):
         return ""
     chapter, number = first.split(".")
@@ -125,7 +125,13 @@ def figure_number(structure: str, study: str, case: str, mode: int) -> str:
 
 def case_title(structure: str, study: str, case: str) -> str:
     """What a case of the thesis is, in a few words; empty for a reader's own layout."""
-    return str(table(structure, study)["titles"].get(case, ""))
+    return _of_cases(structure, study, "titles").get(case, "")
+
+
+def _of_cases(structure: str, study: str, what: str) -> dict[str, str]:
+    """What the tables say of each case; nothing of a study that is not the thesis's."""
+    entry: dict[str, str] = read_toml("setups.toml").get(structure, {}).get(study, {}).get(what, {})
+    return entry
 
 
 def distance_settings(

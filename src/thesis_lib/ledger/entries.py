@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -19,13 +18,12 @@ from thesis_lib.facts import claims, setups, trends
 from thesis_lib.facts.claims import Claim
 from thesis_lib.facts.numbers import StatedNumber, read_numbers
 from thesis_lib.facts.trends import Trend
-from thesis_lib.files import library_digest, project_root
 from thesis_lib.ledger import series as ledger_series
 from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.trends import Finding, Series
 from thesis_lib.ledger.verdicts import VERDICTS, Check
-from thesis_lib.studies import cubes, storage
+from thesis_lib.studies import cubes
 from thesis_lib.studies.commands import command
 from thesis_lib.studies.request import Study
 
@@ -112,27 +110,6 @@ class Entry:
         numbers = {name: getattr(self, name) for name in NUMBERS}
         given = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
         return self.row | given
-
-
-def built(study: Study) -> xr.Dataset | str:
-    """The cube of the last ``thesis book``, or in one line why there is none to judge by."""
-    return usable(project_root() / "data" / "results" / f"{study.name}.nc", study)
-
-
-def usable(path: Path, study: Study) -> xr.Dataset | str:
-    """A cube of exactly this study by this library, or in one line why the file is not that."""
-    try:
-        cube = cubes.read(path)
-    except storage.CubeError:
-        state = "is not readable" if path.exists() else "is missing"
-        return f"cube {path.name} {state}: run `thesis book`"
-    if cube.attrs["figure_set"] != study.name:
-        return f"cube {path.name} is of {cube.attrs['figure_set']}: run `thesis book`"
-    if cube.attrs.get("parameters_hash") != study.digest:
-        return f"cube {path.name} was run with other parameters: run `thesis book`"
-    if cube.attrs.get("library_sha256") != library_digest():
-        return f"cube {path.name} is outdated, the library has changed since: run `thesis book`"
-    return cube
 
 
 def entries(

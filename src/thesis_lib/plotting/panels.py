@@ -17,11 +17,9 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.plotting import outlines
 from thesis_lib.plotting.selection import Bars
 from thesis_lib.plotting.style import HIGHLIGHT, color
-from thesis_lib.studies import cubes
+from thesis_lib.studies import outlines
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
 Array = NDArray[np.float64]
@@ -30,7 +28,6 @@ Array = NDArray[np.float64]
 def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     """Bars of each setting, one or more side by side."""
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
-    study = STUDIES[part.attrs["figure_set"]]
     colors = [color(index) for index in range(n_settings)]
     top = 0.1
     for g, bars in enumerate(groups):
@@ -42,7 +39,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             continue
         low, median, high = bars.band
         axes.bar(position, bars.literal, 0.9 * width, color=colors, alpha=0.75 if first else 0.4,
-                 label=bars.name or study.first)  # fmt: skip
+                 label=bars.name or part.attrs["trial_0"])  # fmt: skip
         if np.isfinite(median).all():  # there were trials
             axes.vlines(position, low, high, color="#222222", linewidth=1.2)
             axes.plot([], [], "|", color="#222222", markersize=10, markeredgewidth=1.2,
@@ -50,7 +47,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             axes.plot(position, median, "o", color="#222222", markersize=4,
                       label=hidden + "median")  # fmt: skip
         axes.plot(position, bars.predicted, "_", color="#222222", markersize=18 / len(groups),
-                  label=hidden + cubes.predicts(part))  # fmt: skip
+                  label=hidden + part.attrs["predicts"])  # fmt: skip
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
         for number, (i, claim) in enumerate(given):
             at, name = position[i] + 0.54 * width, "thesis" if first and not number else None
@@ -83,8 +80,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
 
 def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     """Cameras on their hemispheres, seen from a corner, with the varied parameter marked."""
-    study = STUDIES[cube.attrs["figure_set"]]
-    axes.set_title(f"(a) setups: {study.varied_label} varied")
+    axes.set_title(f"(a) setups: {cube.attrs['varied_label']} varied")
     cameras = [_positions(part.isel(setting=index)) for index in range(part.sizes["setting"])]
     radius = max(np.linalg.norm(c, axis=1).max() for c in cameras)
     turn = np.linspace(0, 2 * np.pi, 181)
@@ -94,9 +90,8 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     across = overhead[:, [1, 0, 2]]
     for curve in (circle, overhead, across):
         _draw(axes, radius * curve, color="#d0d0d0", linewidth=0.7)
-    structure = outlines.structure_of(cube)
-    half = structure.extent[0] / 2
-    seen_curves = [_view(np.insert(c, 2, 0, axis=1)) for c in outlines.contours(structure)]
+    half = outlines.extent(cube)[0] / 2
+    seen_curves = [_view(np.insert(c, 2, 0, axis=1)) for c in outlines.contours(cube)]
     closed = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in seen_curves))
     axes.add_patch(PathPatch(closed, color="#9a9a9a", linewidth=1, zorder=3))
     seen: set[tuple[float, ...]] = set()

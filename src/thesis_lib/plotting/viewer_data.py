@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Callable
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from thesis_lib.facts import setups
-from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.plotting import outlines
 from thesis_lib.plotting.maps import DIVERGING
 from thesis_lib.plotting.selection import Bars, error_bars, select
 from thesis_lib.plotting.style import COLORS
-from thesis_lib.studies import cubes
-from thesis_lib.vibration.panel import Panel
-from thesis_lib.vibration.plate import Plate
+from thesis_lib.studies import cubes, outlines
 
 Array = NDArray[np.float64]
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
@@ -27,46 +22,40 @@ FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     """The literal run and the statistics of a cube (the format is in `web.viewer.Viewer`)."""
-    study = STUDIES[cube.attrs["figure_set"]]
-    kind = "plate" if study.subject == "shape" else study.subject
-    structure = outlines.structure_of(cube)
+    said, structure = cube.attrs, outlines.kind(cube)
+    kind = "sound" if "plane_error" in cube else "beam" if structure == "beam" else "plate"
     if "measured_deflection" in cube:  # of many trials only the literal run is drawn
         literal = cube["measured_deflection"].isel(trial=0, drop=True)
         cube = cube.assign(measured_deflection=literal)
-    if kind in ("experiment", "lab"):  # of what is filmed
-        kind = "plate" if isinstance(structure, Plate) else "beam"
     if kind == "beam":
         cube = _middle_row(cube)
-    length, width = structure.extent
-    cases = list(dict.fromkeys(cube["case"].values.tolist()))
+    length, width = outlines.extent(cube)
+    cases = dict(zip(cube["case"].values.tolist(), cube["case_title"].values, strict=True))
     modes = cube["mode"].values.tolist()
-    number = setups.figure_number if as_in_the_thesis(cube) else (lambda *_: "")
-    unit = {"distance_mm": "mm", "aperture_deg": "°", "width_px": "px"}.get(study.varied, "")
+    unit = {"distance_mm": "mm", "aperture_deg": "°", "width_px": "px"}.get(said["varied"], "")
     size: dict[str, Any] = {
         "length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)
     }  # fmt: skip
-    if isinstance(structure, Panel):
+    if structure == "panel":
         cube = _in_cells(cube)
-        size["contours_mm"] = [_rounded(1000 * c) for c in outlines.contours(structure)]
+        size["contours_mm"] = [_rounded(1000 * c) for c in outlines.contours(cube)]
     data: dict[str, Any] = {
         "structure": {"kind": kind, **size},
-        "parameter": {"name": study.varied, "label": study.varied_label, "unit": unit},
+        "parameter": {"name": said["varied"], "label": said["varied_label"], "unit": unit},
         "modes": [
             {"mode": mode, "frequency_hz": round(float(cube["frequency"].sel(mode=mode)), 3)}
             for mode in modes
         ],
-        "words": {"draws": study.draws, "predicts": cubes.predicts(cube)},
+        "words": {"draws": said["draws"], "predicts": said["predicts"]},
         "colors": list(COLORS),
         "cases": [
             {
                 "name": case,
-                "title": setups.case_title(study.subject, study.study, case) or "own layout",
-                "figures": {
-                    str(mode): number(study.subject, study.study, case, mode) for mode in modes
-                },
+                "title": str(title) or "own layout",
+                "figures": _figures(cube, case),
                 "settings": _settings(cube, case, modes, _planes if kind == "sound" else _shape),
             }
-            for case in cases
+            for case, title in cases.items()
         ],
     }
     if kind == "sound":
@@ -96,12 +85,12 @@ def _middle_row(cube: xr.Dataset) -> xr.Dataset:
     return cube.isel(point=np.flatnonzero(cube["y"].values == rows[len(rows) // 2]))
 
 
-def as_in_the_thesis(cube: xr.Dataset) -> bool:
-    """Whether a cube's parameters are the thesis's, apart from what only chooses or draws."""
-    chooses = {"trials", "seed", "modes", "cases", "layouts"}
-    given = json.loads(cube.attrs["parameters"])
-    default = STUDIES[cube.attrs["figure_set"]]().request
-    return all(given[key] == value for key, value in default.items() if key not in chooses)
+def _figures(cube: xr.Dataset, case: str) -> dict[str, str]:
+    """Numbers of the thesis's figures of a case by mode; empty if the parameters are others."""
+    row = cube["case"].values.tolist().index(case)
+    numbers = cube["thesis_figure"].values[row] if cube.attrs["in_the_thesis"] else []
+    modes = map(str, cube["mode"].values.tolist())
+    return dict(zip_longest(modes, map(str, numbers), fillvalue=""))
 
 
 def _settings(

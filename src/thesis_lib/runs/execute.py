@@ -19,12 +19,12 @@ from typing import Any
 
 from thesis_lib import files, records
 from thesis_lib.asides import aside
-from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets import cube_file, recorded
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import digest_of, library_files, project_root, staging
 from thesis_lib.runs import edits as executed_notebook
 from thesis_lib.runs.tasks import RunError, Task, full_disk, log
-from thesis_lib.studies import comparison, cubes, effort
+from thesis_lib.studies import comparison, effort
 from thesis_lib.studies.commands import given
 from thesis_lib.studies.published import published_path
 from thesis_lib.studies.request import Study
@@ -99,7 +99,7 @@ def execute(job: Job, made_from: str) -> None:
         for told in json.loads(said)["asides"]:
             aside(f"{name}: {told}")
         cost = effort.heard(said, notebook.metadata["papermill"]["duration"], cube)
-        result = cubes.read(cube)
+        result = cube_file.read(cube)
         about = provenance.record(job.study, result, cube, cost)
         notebook.metadata["thesis_lib"] = {"cube_sha256": about.sha256, **asdict(cost)}
         provenance.add(notebook, about, result, in_book=job.page is None)
@@ -166,13 +166,11 @@ def _stand_alone(notebook: Any, study: Study, result: Any) -> None:
     """What only a page of its own says: how its numbers differ from the published ones."""
     import nbformat
 
-    from thesis_lib.plotting.viewer_data import as_in_the_thesis
-
     text = "\n".join(comparison.difference_lines(result))
     text = f"## Difference from the published run\n\n```text\n{text}\n```"
     cell = nbformat.v4.new_markdown_cell(text, id=f"{study.name}-difference")
     notebook.cells.insert(-1, cell)
-    if study.subject != "claims" and not as_in_the_thesis(result):
+    if study.subject != "claims" and not result.attrs["in_the_thesis"]:
         executed_notebook.disown_captions(notebook)
     if study.subject == "claims":
         executed_notebook.cut_links(notebook)

@@ -13,8 +13,9 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib import __version__
+from thesis_lib.facts import setups
 from thesis_lib.files import library_digest
-from thesis_lib.studies import effort
+from thesis_lib.studies import effort, outlines
 from thesis_lib.studies.request import Study
 
 SECTIONS = {"cameras": "chapter 2, appendices A, B", "beam": "section 3.3", "plate": "section 4.2",
@@ -42,7 +43,7 @@ def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Datase
     `commit`, `created`, `run_time_s` and `peak_memory_mb` differ from run to run; all else is a
     function of the parameters, the library and the versions of the packages it computes with.
     """
-    cube = cube.assign_attrs(
+    cube = described(cube, study).assign_attrs(
         title=study.title,
         references="thesis on flexural vibration measurement with multiple cameras, "
         + SECTIONS[study.subject],
@@ -56,6 +57,31 @@ def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Datase
         library_sha256=library_digest(),
     )
     return with_origin(cube, f"simulation by thesis_lib {__version__}, figure set {study.name}")
+
+
+def described(cube: xr.Dataset, study: Study) -> xr.Dataset:
+    """The cube with words of its study, and of settings: titles, numbers in the thesis, outline."""
+    cube = cube.assign_attrs(
+        varied=study.varied,
+        varied_label=study.varied_label,
+        trial_0=study.first,
+        predicts=study.predicted_by,
+        draws=study.draws,
+        in_the_thesis=np.int8(study.is_of_the_thesis),
+    )
+    if "case" not in cube.coords or cube["case"].dims != ("setting",) or "mode" not in cube.coords:
+        return cube
+    kind = study.subject, study.study
+    cases, modes = cube["case"].values.tolist(), cube["mode"].values.tolist()
+    titles = [setups.case_title(*kind, case) for case in cases]
+    numbers = [[setups.figure_number(*kind, case, mode) for mode in modes] for case in cases]
+    words = {"long_name": "what the case is", "units": "1"}
+    figure = {"long_name": "number of the thesis's figure, where it has one", "units": "1"}
+    return cube.assign_coords(
+        case_title=("setting", titles, words),
+        thesis_figure=(("setting", "mode"), np.array(numbers, dtype=object), figure),
+        outline=outlines.outline(study.structure),
+    )
 
 
 def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:

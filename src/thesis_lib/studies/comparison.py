@@ -13,10 +13,11 @@ import xarray as xr
 from thesis_lib.studies.cubes import (
     ERRORS,
     KEYS,
-    OWN,
+    LISTS,
     SHORT,
     STATISTICS,
     band_text,
+    listed_by,
     percent_text,
     summary,
 )
@@ -109,7 +110,7 @@ def all_difference_lines(
     lines = difference_lines(cube, other, name)
     if other is None:
         known = {*KEYS, *(name for name, _ in ERRORS.values())}
-        known |= set(OWN.get(str(cube.attrs["figure_set"]), ()))
+        known |= set(LISTS.get(listed_by(cube), ()))
         here = sorted({str(variable) for variable in cube.variables} - known)
         return [*lines, f"not compared, since only errors are published: {_names(here)}"]
     found = _Found()

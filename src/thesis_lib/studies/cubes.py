@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-
-from thesis_lib.figure_sets.cube_check import check
-from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.studies.storage import opened
-from thesis_lib.vision.simulation import LEAST_SQUARES
 
 ERRORS = {  # name in the tables: variable, and plane if it has one
     "mean_error": ("mean_error", None),
@@ -24,38 +17,17 @@ ERRORS = {  # name in the tables: variable, and plane if it has one
 }
 SHORT = {"mean_error": "mean", "max_point_error": "peak",
          "plane_error_xz": "XZ", "plane_error_yz": "YZ", "power_error": "power"}  # fmt: skip
-_QUANTITIES = ("quantity", "value", "unit")
-OWN = {  # what is compared of figure sets without settings of the thesis
-    "claims": ("claim", "verdict"), "cameras": _QUANTITIES, "design-law": _QUANTITIES,
-    "planner": _QUANTITIES,
+LISTS = {  # by its dimension, what is compared of a cube whose results are a list
+    "claim": ("claim", "verdict"), "quantity": ("quantity", "value", "unit"),
 }  # fmt: skip
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
 BAND = (0.05, 0.5, 0.95)  # quantiles of the trials
 
 
-def predicts(cube: xr.Dataset) -> str:
-    """What `predicted_error` stands for, as legends say it."""
-    words = STUDIES[cube.attrs["figure_set"]].predicts
-    estimator = json.loads(cube.attrs["parameters"]).get("estimator", LEAST_SQUARES)
-    return words if estimator == LEAST_SQUARES else f"{words} of least squares"
-
-
-def read(path: Path) -> xr.Dataset:
-    """Open one of our cubes.
-
-    Raises
-    ------
-    CubeError
-        In one line: the file, and what is wrong with it.
-    """
-    cube = opened(path)
-    name = str(cube.attrs.get("figure_set"))
-    if name in OWN:
-        check(cube, path, set(OWN[name]), set())
-    else:
-        check(cube, path, set(KEYS), {variable for variable, _ in ERRORS.values()})
-    return cube
+def listed_by(cube: xr.Dataset) -> str:
+    """Along which dimension a cube lists its results; empty if it holds errors of settings."""
+    return next((name for name in LISTS if cube.coords.get(name, cube).dims == (name,)), "")
 
 
 def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
@@ -79,10 +51,10 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
     """Each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
 
     Without other trials the latter three are NaN. Of the ledger: the verdict on every claim; of
-    ``cameras``, ``design-law`` and ``planner``: every quantity with its value and unit.
+    a cube that lists quantities: each with its value and unit.
     """
-    if (name := cube.attrs["figure_set"]) in OWN:
-        return pd.DataFrame({column: cube[column].values for column in OWN[name]})
+    if name := listed_by(cube):
+        return pd.DataFrame({column: cube[column].values for column in LISTS[name]})
     rows: list[dict[str, Any]] = []
     for quantity, values in errors(cube).items():
         literal = values.isel(trial=0).transpose("setting", "mode").values

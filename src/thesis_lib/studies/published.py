@@ -32,9 +32,9 @@ ERRORS: Columns = {
     **dict.fromkeys(("case", "pair_order", "label", "error"), _text), "mode": _count,
     **dict.fromkeys(("value", *cubes.STATISTICS), float),
 }  # fmt: skip
-COLUMNS: dict[str, Columns] = {
+COLUMNS: dict[str, Columns] = {  # by what a list is of
     name: dict.fromkeys(columns, _text) | ({"value": float} if "value" in columns else {})
-    for name, columns in cubes.OWN.items()
+    for name, columns in cubes.LISTS.items()
 }
 KEYS = (*cubes.KEYS, "error"), ("quantity",), ("claim",)
 
@@ -65,11 +65,16 @@ def read_published(name: str) -> pd.DataFrame | None:
     path = published_path(name)
     if not path.is_file():
         return None
-    table = pd.DataFrame(read_table(path, COLUMNS.get(name, ERRORS)))
+    table = pd.DataFrame(read_table(path, COLUMNS.get(_first_column(path), ERRORS)))
     key = next(list(keys) for keys in KEYS if set(keys) <= set(table.columns))
     if (twice := table.duplicated(key)).any():
         raise damaged(path, int(twice.idxmax()) + 2, "is there twice")
     return table
+
+
+def _first_column(path: Path) -> str:
+    with path.open("rb") as stream:
+        return stream.readline(99).decode(errors="replace").split(",")[0]
 
 
 def read_table(path: Path, columns: Columns) -> dict[str, list[Any]]:

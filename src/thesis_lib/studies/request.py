@@ -17,6 +17,9 @@ from thesis_lib.studies.vocabulary import SHARED, allowed_text, field, trials, u
 from thesis_lib.text import first_hidden, listed, one_line
 from thesis_lib.vibration.structure import Structure
 
+CHOOSES = {"cube", "trials", "seed", "modes", "cases", "layouts"}
+"""Parameters that only choose of what the thesis has, or draw."""
+
 
 class ParameterError(ValueError):
     """A request that cannot be run; the message is one line for the person who made it."""
@@ -57,6 +60,18 @@ class Study(BaseModel):
     def structure(self) -> Structure:
         """What is measured."""
         return setups.beam()
+
+    @property
+    def predicted_by(self) -> str:
+        """What `predicted_error` stands for, as legends say it."""
+        return self.predicts
+
+    @property
+    def is_of_the_thesis(self) -> bool:
+        """Whether the parameters are the thesis's, apart from what only chooses or draws."""
+        printed = type(self)()
+        fields = set(type(self).model_fields) - CHOOSES
+        return all(getattr(self, name) == getattr(printed, name) for name in fields)
 
     @property
     def request(self) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from thesis_lib import files
 from thesis_lib.book.conclusions.strengths import KNOBS, Cubes, Curve, Knob, curves
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.plotting.style import COLORS, in_style, subplots, svg
-from thesis_lib.studies import cubes
 
 NAME = "conclusions.svg"
 GROUPS = dict(zip(("beam", "plate", "sound", "experiment"), COLORS[:2] + COLORS[2:3] + COLORS[4:5],
@@ -81,6 +81,6 @@ def _legend() -> list[Line2D]:
 def write(made: Sequence[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
     used = {name for knob in KNOBS.values() for _, name, _, _ in knob.sources}
-    opened: Mapping[str, xr.Dataset] = {p.stem: cubes.read(p) for p in made if p.stem in used}
+    opened: Mapping[str, xr.Dataset] = {p.stem: cube_file.read(p) for p in made if p.stem in used}
     text = svg(draw(opened))
     files.whole_text(folder / NAME, text)

@@ -29,13 +29,13 @@ from thesis_lib.book.pieces.chapters import (
 )
 from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.optics import tables as optics_tables
 from thesis_lib.figure_sets.parametric import sound_sum
 from thesis_lib.figure_sets.parametric import symmetry as shape_tables
 from thesis_lib.figure_sets.planner import tables as planner_tables
 from thesis_lib.planning.request import PlanRequest
-from thesis_lib.studies import cubes
 
 
 def write(made: Sequence[Path], folder: Path, without: Iterable[str] = ()) -> None:
@@ -43,7 +43,7 @@ def write(made: Sequence[Path], folder: Path, without: Iterable[str] = ()) -> No
 
     Pieces that need the figure sets `without` a cube say that these are missing.
     """
-    read = {path.stem: cubes.read(path) for path in made}
+    read = {path.stem: cube_file.read(path) for path in made}
     for name, piece in PIECES.items():
         opened = Opened(read, without)
         try:

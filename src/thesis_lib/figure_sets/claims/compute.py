@@ -8,9 +8,10 @@ import xarray as xr
 
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims.parameters import Claims
+from thesis_lib.figure_sets.cube_file import built
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.figure_sets.run import computed
-from thesis_lib.ledger.entries import Entry, Opener, built, entries
+from thesis_lib.ledger.entries import Entry, Opener, entries
 from thesis_lib.ledger.trends import Series
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.cache import cached

@@ -8,12 +8,11 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from thesis_lib.plotting import outlines
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.maps import draw_map
 from thesis_lib.plotting.selection import best_and_worst, error_bars, select
 from thesis_lib.plotting.style import mosaic
-from thesis_lib.vibration.panel import Panel
+from thesis_lib.studies import outlines
 
 
 def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
@@ -34,13 +33,12 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     limit = max(float(np.max(np.abs(values))) for _, values in shapes)
     picture: Any = None
     x, y, place = outlines.cells(cube)
-    x, y, structure = 1000 * x, 1000 * y, outlines.structure_of(cube)
-    middle = np.array(structure.extent) / 2
+    x, y, middle = 1000 * x, 1000 * y, np.array(outlines.extent(cube)) / 2
     for name, (title, values) in zip("cde", shapes, strict=True):
         placed = outlines.spread(values, place, len(x) * len(y))
         picture = draw_map(axes[name], placed.reshape(len(y), len(x)), x, y, limit)
-        if isinstance(structure, Panel):
-            for curve in outlines.contours(structure):
+        if outlines.kind(cube) == "panel":
+            for curve in outlines.contours(cube):
                 axes[name].fill(*(1000 * (curve + middle)).T, fill=False, edgecolor="#444444")
         axes[name].plot(part["x"] * 1000, part["y"] * 1000, ".", color="#444444", markersize=1.2)
         axes[name].set(title=title, xlabel="x in mm")

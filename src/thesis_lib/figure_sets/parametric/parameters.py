@@ -96,6 +96,12 @@ class CameraStudy(Study):
         return law if self.estimator == LEAST_SQUARES else f"{law}, of least squares"
 
     @property
+    def predicted_by(self) -> str:
+        """What `predicted_error` stands for, as legends say it."""
+        least = self.estimator == LEAST_SQUARES
+        return self.predicts if least else f"{self.predicts} of least squares"
+
+    @property
     def peaks_m(self) -> list[float]:
         """Peak deflection of each mode in m."""
         if self.amplitude_mm == "force":

@@ -7,6 +7,7 @@ half as many errors as there are markers. Random shifts of the pixel grids undo 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,7 +17,8 @@ from IPython.display import Markdown
 from numpy.typing import NDArray
 
 from thesis_lib.facts import setups
-from thesis_lib.plotting.outlines import structure_of
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.studies import outlines
 from thesis_lib.vibration.finite_elements import plate_modes
 from thesis_lib.vibration.meshing import triangulated
 from thesis_lib.web.markdown import markdown_table, table
@@ -31,7 +33,8 @@ SIZES_MM = (40.0, 20.0, 10.0)
 
 def modes(cube: xr.Dataset) -> Markdown:
     """Frequencies beside those of the thesis's plate, and how evenly the markers move."""
-    structure, plate = structure_of(cube), setups.plate()
+    asked = camera_study(cube.attrs["figure_set"], json.loads(cube.attrs["parameters"]))
+    structure, plate = asked.structure, setups.plate()
     highest = max(cube["mode"].values.tolist())
     rectangle = plate.angular_frequencies(highest) / (2 * np.pi)
     reference = np.abs(cube["reference_deflection"].values)
@@ -94,7 +97,7 @@ def symmetry(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symme
 
 def _partners(cube: xr.Dataset) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Numbers of the markers at x < 0 and at −x, of those that have both; x from the middle."""
-    half = np.array(structure_of(cube).extent) / 2
+    half = np.array(outlines.extent(cube)) / 2
     x, y = (cube[axis].values - h for axis, h in zip(("x", "y"), half, strict=True))
     one, other = np.nonzero(
         (np.abs(x[:, None] + x) < 1e-9) & (np.abs(y[:, None] - y) < 1e-9) & (x[:, None] < -1e-9)

@@ -7,7 +7,6 @@ import xarray as xr
 from IPython.display import Markdown
 
 from thesis_lib.facts import claims
-from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import verdicts
 from thesis_lib.studies import cubes
 from thesis_lib.web.markdown import escape, markdown_table
@@ -33,10 +32,10 @@ def error_table(cube: xr.Dataset) -> Markdown:
     cases, labels = cube["case"].values.tolist(), cube["label"].values.tolist()
     shares = [f"{share:.0%}" for share in cube["in_view"].values]
     rows_ = [list(row) for row in zip(cases, labels, *columns.values(), shares, strict=True)]
-    study = STUDIES[cube.attrs["figure_set"]]
+    said = cube.attrs
     reference = "pressure of the plane" if "plane_error" in cube else "deflection"
     notes = [
-        f"Each cell: {study.first} · median (5–95 %) of the trials · {cubes.predicts(cube)}, in % "
+        f"Each cell: {said['trial_0']} · median (5–95 %) of the trials · {said['predicts']}, in % "
         f"of the largest reference {reference}."
     ]
     if "plane_error" in cube:

@@ -1,4 +1,4 @@
-"""Whether a file holds a cube of its figure set: what its own request asks for, no more."""
+"""Cubes in files: read only if they are what their own request asks for, no more and no less."""
 
 from __future__ import annotations
 
@@ -13,12 +13,50 @@ import xarray as xr
 
 from thesis_lib.figure_sets.parametric.parameters import CameraStudy
 from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.files import library_digest, project_root
+from thesis_lib.studies import cubes
 from thesis_lib.studies.request import ParameterError, Study
-from thesis_lib.studies.storage import CubeError
+from thesis_lib.studies.storage import CubeError, opened
 from thesis_lib.text import one_line
 
 KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
 FAR = 1e-9  # m that markers may be off
+
+
+def read(path: Path) -> xr.Dataset:
+    """Open one of our cubes.
+
+    Raises
+    ------
+    CubeError
+        In one line: the file, and what is wrong with it.
+    """
+    cube = opened(path)
+    listed = cubes.listed_by(cube)
+    errors = set() if listed else {variable for variable, _ in cubes.ERRORS.values()}
+    check(cube, path, set(cubes.LISTS[listed] if listed else cubes.KEYS), errors)
+    return cube
+
+
+def built(study: Study) -> xr.Dataset | str:
+    """The cube of the last ``thesis book``, or in one line why there is none to judge by."""
+    return usable(project_root() / "data" / "results" / f"{study.name}.nc", study)
+
+
+def usable(path: Path, study: Study) -> xr.Dataset | str:
+    """A cube of exactly this study by this library, or in one line why the file is not that."""
+    try:
+        cube = read(path)
+    except CubeError:
+        state = "is not readable" if path.exists() else "is missing"
+        return f"cube {path.name} {state}: run `thesis book`"
+    if cube.attrs["figure_set"] != study.name:
+        return f"cube {path.name} is of {cube.attrs['figure_set']}: run `thesis book`"
+    if cube.attrs.get("parameters_hash") != study.digest:
+        return f"cube {path.name} was run with other parameters: run `thesis book`"
+    if cube.attrs.get("library_sha256") != library_digest():
+        return f"cube {path.name} is outdated, the library has changed since: run `thesis book`"
+    return cube
 
 
 def check(cube: xr.Dataset, path: Path, needed: set[str], errors: set[str]) -> None:
