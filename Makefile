@@ -35,9 +35,10 @@ test-nightly: $(ALL)  ## what takes an hour: thousands of inputs, kills at every
 test-cpus: $(ALL)  ## tests, notebooks and all cubes as on other processors; takes hours
 	$(BIN)/python tests/cpus.py
 
-check: $(ALL)  ## lint, format, types
+check: $(ALL)  ## lint, format, rooms, types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
 	$(BIN)/mypy
 
 photographs: build/photographs/left01.jpg  ## real pictures of a board, for tests that are else skipped
