@@ -61,7 +61,7 @@ def of_conclusions(results: Path) -> bytes:
 
 def of_recordings(folder: Path) -> Iterator[tuple[str, bytes]]:
     """The pictures of the walk through chapter 5, from the measured recordings in the cache."""
-    data = recorded.measured(recorded.laboratory(ExperimentResolution()))
+    data = recorded.measured(*recorded.behind(ExperimentResolution()))
     for path in pictures.write(data, folder):
         yield path.name, path.read_bytes()
 

@@ -104,7 +104,7 @@ def run(
     Writes notebook, cube and one self-contained page of each set, and prints what changed against
     the published run.
     """
-    from thesis_lib.figure_sets.registry import CHAPTERS, chapter_title
+    from thesis_lib.figure_sets.registry import CHAPTERS, TITLES
 
     studies = requests_of(names, assigned_values(assignments))
     folder = output_folder(names, studies, out)
@@ -127,7 +127,7 @@ def run(
         entries = [(job.study.title, f"{job.study.name}.html") for job in jobs]
         title = "Runs"
         if names[0] in CHAPTERS and len(names) == 1:
-            title = chapter_title(names[0])
+            title = TITLES[names[0]]
         html = index_page(title, entries)
         files.whole_text(folder / "index.html", html)
     for job in jobs:
@@ -269,12 +269,13 @@ def claims(as_json: bool) -> None:
     """
     from thesis_lib.figure_sets.claims import compute
     from thesis_lib.figure_sets.claims import own_runs as ledger_runs
+    from thesis_lib.figure_sets.claims.figure_set import OWN_RUNS
     from thesis_lib.figure_sets.claims.parameters import Claims
     from thesis_lib.figure_sets.cube_file import built
+    from thesis_lib.figure_sets.run import made
     from thesis_lib.ledger import report as ledger_report
-    from thesis_lib.studies.cache import cached
 
-    own = cached(Claims().own_runs, ledger_runs.run)
+    own = made(OWN_RUNS, Claims().own_runs)
     found = compute.judged(built, ledger_runs.read_own(own))
     if as_json:
         click.echo(json.dumps([entry.record for entry in found], ensure_ascii=False, indent=1))

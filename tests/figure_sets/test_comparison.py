@@ -10,7 +10,7 @@ import xarray as xr
 
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.run import camera_cube
+from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.files import project_root
 from thesis_lib.studies import comparison, published
 from thesis_lib.studies.storage import CubeError
@@ -19,13 +19,13 @@ from thesis_lib.studies.storage import CubeError
 @pytest.fixture(scope="module")
 def cube():
     given = {"trials": 2, "modes": [1, 2], "distances_mm": [500, 800]}
-    return camera_cube(camera_study("beam-distance", given))
+    return cube_of(camera_study("beam-distance", given))
 
 
 @pytest.fixture(scope="module")
 def other():
     given = {"trials": 4, "modes": [2, 3], "distances_mm": [800, 1000], "seed": 1}
-    return camera_cube(camera_study("beam-distance", given))
+    return cube_of(camera_study("beam-distance", given))
 
 
 def twice(dim):

@@ -17,7 +17,7 @@ import pytest
 from conftest import PROJECT
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.run import camera_cube
+from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.plotting import style
 
 TESTS = Path(__file__).parents[1]
@@ -27,7 +27,7 @@ LAYOUTS = {"$\\frac$": [[[20, 30], [-20, 30]]], "a$b$_c^d\\": [[[20, 30], [-20, 
 
 @pytest.fixture(scope="module")
 def cube():
-    return camera_cube(camera_study("beam-distance", {"trials": 2, "modes": [1]}))
+    return cube_of(camera_study("beam-distance", {"trials": 2, "modes": [1]}))
 
 
 def drawn(cube) -> str:
@@ -72,7 +72,7 @@ def test_a_drawing_that_fails_leaves_nothing_behind(cube):
 
 def test_dollars_in_a_name_are_drawn_as_they_are():
     given = {"trials": 1, "modes": [1], "cases": [], "layouts": LAYOUTS}
-    cube = camera_cube(camera_study("beam-arrays", given))
+    cube = cube_of(camera_study("beam-arrays", given))
     for name in LAYOUTS:
         assert as_svg(cube, name, 1).startswith("<?xml")
 
@@ -105,9 +105,9 @@ def test_foreign_configuration_changes_no_byte(cube, places, tmp_path, kind):
     path.write_text(text)
     code = (
         "import hashlib; from thesis_lib.figure_sets.display import as_svg;"
-        "from thesis_lib.figure_sets.run import camera_cube;"
+        "from thesis_lib.figure_sets.run import cube_of;"
         "from thesis_lib.figure_sets.parametric.parameters import camera_study;"
-        "cube = camera_cube(camera_study('beam-distance', {'trials': 2, 'modes': [1]}));"
+        "cube = cube_of(camera_study('beam-distance', {'trials': 2, 'modes': [1]}));"
         "print(hashlib.sha256(as_svg(cube, '1', 1).encode()).hexdigest())"
     )
     home = {"HOME": str(places["home"]), "PYTHONPATH": str(PROJECT / "src")}

@@ -25,7 +25,7 @@ SOURCES = {str(path.relative_to(LIBRARY)) for path in filmed.sources() if LIBRAR
 @pytest.fixture(scope="module")
 def data():
     """What was measured on the default recordings."""
-    return recorded.measured(recorded.laboratory(validate("experiment-resolution", {})))
+    return recorded.measured(*recorded.behind(validate("experiment-resolution", {})))
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.parametric.tables import claims_table, error_table
-from thesis_lib.figure_sets.run import camera_cube
+from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.notebook import show as notebook
 from thesis_lib.web import page as pages
 
@@ -55,16 +55,16 @@ class Tags(HTMLParser):
         self.text += data
 
 
-def cube_of(name: str):
+def hostile(name: str):
     layouts = {name: [[[60, 30], [-60, 30]]]}
     given = {"trials": 1, "modes": [1], "cases": [], "layouts": layouts, "amplitude_mm": 300,
              "distance_mm": 700}  # fmt: skip
-    return camera_cube(camera_study("beam-arrays", given))
+    return cube_of(camera_study("beam-arrays", given))
 
 
 def page_of(name: str, folder, monkeypatch) -> str:
     """A page with all that a notebook shows of a cube with this layout."""
-    cube, shown = cube_of(name), []
+    cube, shown = hostile(name), []
     assert float(cube["in_view"].min()) < 1  # so that the note under the table names the layout
     monkeypatch.setattr(notebook, "display", shown.append)
     notebook.other_figures(cube, [], [])

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.figure_sets.run import camera_cube
+from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.laboratory.example import example_rig
 from thesis_lib.laboratory.film import manifest_of
 from thesis_lib.planning.request import PlanRequest, plan_request
@@ -122,7 +122,7 @@ def test_plans(place, given):
 @pytest.fixture(scope="module")
 def cube():
     given = {"distances_mm": [600], "trials": 2, "modes": [1]}
-    return camera_cube(camera_study("beam-distance", given)).load()
+    return cube_of(camera_study("beam-distance", given)).load()
 
 
 def compared(path, cube, content):

@@ -111,7 +111,7 @@ def test_settings_of_the_thesis_are_one_block_each():
 
 
 @pytest.mark.parametrize("piece_bytes", [1, 2**19, 2**30])
-def test_camera_cubes_are_the_same_bit_for_bit_by_workers(cluster, small_blocks, piece_bytes):
+def test_cube_ofs_are_the_same_bit_for_bit_by_workers(cluster, small_blocks, piece_bytes):
     study = validate("beam-arrays", ARRAYS)
     alone = studies.run(study)
     address = cluster.scheduler_address

@@ -260,7 +260,7 @@ def _tell(executed: Path) -> None:
 
 def _walk_through(executed: Path) -> None:
     """Pictures and numbers of the laboratory's page, from the recordings of chapter 5."""
-    data = recorded.measured(recorded.laboratory(ExperimentResolution()))
+    data = recorded.measured(*recorded.behind(ExperimentResolution()))
     pictures.write(data, executed)
     for name, piece in walk_numbers.PIECES.items():
         files.whole_text(executed / f"{name}.md", piece(data))

@@ -10,7 +10,7 @@ import json
 from collections import Counter
 from typing import Any
 
-from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, chapter_title
+from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, TITLES
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import Study, describe, permitted, whole_numbers
 from thesis_lib.web.fragment import ASSETS, static_html
@@ -90,7 +90,7 @@ def _chapter(
     numbers = sorted(held, key=lambda number: held[number] < len(members))
     names = [fields[number]["name"] for number in numbers]
     return {
-        "title": chapter_title(name),
+        "title": TITLES[name],
         "sets": members,
         "shown": [n for n in numbers if names.count(fields[n]["name"]) == 1],
         "differ": [one for one in dict.fromkeys(names) if names.count(one) > 1],

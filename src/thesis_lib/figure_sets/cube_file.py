@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.figure_sets.parametric.parameters import CameraStudy
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
 from thesis_lib.files import library_digest, project_root
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import ParameterError, Study
@@ -100,7 +99,7 @@ def _refusal(path: Path, problem: str) -> CubeError:
 def _request(cube: xr.Dataset, path: Path) -> Study:
     """What a cube says it was made for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
-    if name not in STUDIES:
+    if name not in FIGURE_SETS:
         raise _refusal(path, "it lacks a known figure set")
     try:
         values = json.loads(given)
@@ -140,7 +139,7 @@ def _problems(
             yield f"its {name} is not a number for each setting, mode and trial"
     if "plane" in cube.dims and set(cube["plane"].values.tolist()) != {"XZ", "YZ"}:
         yield "its planes are not XZ and YZ"
-    if isinstance(request, CameraStudy) and "point" in cube.dims:
+    if FIGURE_SETS[request.name].in_pieces and "point" in cube.dims:
         markers = np.stack(list(request.structure.markers))
         places = [cube[axis].values if axis in cube else np.array([]) for axis in ("x", "y")]
         if any((p.shape, p.dtype.kind) != (markers[0].shape, "f") for p in places) or not np.all(

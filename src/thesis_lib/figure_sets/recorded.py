@@ -13,6 +13,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ import xarray as xr
 
 from thesis_lib import records
 from thesis_lib.asides import aside
-from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.figure_sets.figure_set import Product
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
 from thesis_lib.files import code, project_root
 from thesis_lib.studies import effort
 from thesis_lib.studies.attributes import with_provenance
@@ -29,8 +31,6 @@ from thesis_lib.studies.cache import cached
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.storage import opened, write
 
-SUBJECTS = ("experiment", "lab")
-"""Of the figure sets that are computed from recordings."""
 STEP = 1e-4
 """Image coordinates are kept to this, in px: a hundredth of what noise does to them."""
 
@@ -72,31 +72,21 @@ def folder() -> Path:
     return project_root() / "data" / "recordings"
 
 
-def laboratory(request: Study) -> Recordings:
-    """The recordings that a figure set of chapter 5 is computed from, whatever its parameters."""
-    from thesis_lib.figure_sets.experiment import recordings as filmed
-    from thesis_lib.figure_sets.experiment.parameters import Experiment
-    from thesis_lib.figure_sets.lab_layout import recordings as lab_layout_film
-    from thesis_lib.figure_sets.lab_layout.parameters import Layouts
-    from thesis_lib.figure_sets.lab_modes import recordings as beam_films
-    from thesis_lib.figure_sets.lab_modes.parameters import LabModes
-    from thesis_lib.figure_sets.lab_plate import recordings as plate_films
-    from thesis_lib.figure_sets.lab_plate.parameters import LabPlate
-    from thesis_lib.laboratory import recordings as lab_films
+def recordings_of(product: Product, request: Study) -> Recordings:
+    """The recordings of a request."""
+    module = import_module(product.module)
+    return Recordings(request, module.run, module.sources())
 
-    if isinstance(request, Experiment):
-        return Recordings(request.recordings, filmed.run, filmed.sources())
-    if isinstance(request, Layouts):
-        return Recordings(request.film_request, lab_layout_film.run, lab_layout_film.sources())
-    assert isinstance(request, LabModes | LabPlate)
-    film = beam_films.run if isinstance(request, LabModes) else plate_films.run
-    return Recordings(request.recordings, film, lab_films.sources())
+
+def behind(request: Study) -> list[Recordings]:
+    """The recordings that a figure set is computed from, whatever its parameters."""
+    needs = FIGURE_SETS[request.name].needs(request).values()
+    return [recordings_of(product, asked) for product, asked in needs if product.recorded]
 
 
 def every() -> list[Recordings]:
     """All recordings that there are data of."""
-    asked = [study() for study in STUDIES.values() if study.subject in SUBJECTS]
-    found = {of.request.name: of for of in map(laboratory, asked)}
+    found = {one.request.name: one for study in STUDIES.values() for one in behind(study())}
     return list(found.values())
 
 

@@ -27,7 +27,6 @@ from thesis_lib.studies.request import ParameterError, Study, describe, whole_nu
 WIDE = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
 EXACT = 2**53  # largest whole number that a browser keeps
 SLIDER = 720  # widest range that a slider can set
-WITHOUT_VIEWER = ("cameras", "claims")  # subjects whose cubes hold no settings
 
 
 @dataclass(frozen=True)
@@ -229,7 +228,7 @@ def _run(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -
         seconds = time.perf_counter() - start
         made.output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
         made.output.append_stdout("\n".join(comparison.difference_lines(cube)) + "\n")
-        for shown in _results(request, cube):
+        for shown in _results(cube):
             made.output.append_display_data(shown)
     except Exception as error:  # a kernel shows nothing of what a button raises
         made.output.append_stderr(f"{type(error).__name__}: {error}\n")
@@ -237,7 +236,7 @@ def _run(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -
         made.button.disabled = False
 
 
-def _results(request: Study, cube: xr.Dataset) -> list[Any]:
-    if request.subject in WITHOUT_VIEWER:
+def _results(cube: xr.Dataset) -> list[Any]:
+    if cubes.listed_by(cube):
         return [cubes.summary(cube)]
     return [View(notebook.viewer(cube)), error_table(cube)]

@@ -14,13 +14,11 @@ from IPython.display import HTML, SVG, Markdown, display
 
 from thesis_lib import files
 from thesis_lib.figure_sets.display import as_svg
-from thesis_lib.figure_sets.parametric.parameters import CameraStudy
-from thesis_lib.figure_sets.registry import STUDIES, validate
-from thesis_lib.figure_sets.run import camera_cube, computed
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
+from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.plotting.selection import has
 from thesis_lib.plotting.viewer_data import viewer_data
-from thesis_lib.studies import effort, schedulers, storage
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies import schedulers, storage
 from thesis_lib.studies.request import ParameterError, Study
 from thesis_lib.web.markdown import escape
 from thesis_lib.web.viewer import Viewer
@@ -51,13 +49,7 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
         if variable not in fields:
             validate(name, {variable: None})  # which says what is wrong with the name
     request = validate(name, {field: namespace[field] for field in fields if field in namespace})
-    scheduler = _scheduler(request)
-    if isinstance(request, CameraStudy):
-        result = camera_cube(request, scheduler)
-    else:
-        seconds = effort.stopwatch()
-        result = computed(request)
-        result = with_provenance(result, request, seconds())
+    result = cube_of(request, _scheduler(request))
     if request.cube:  # an absolute path stands
         storage.write(result, files.project_root() / request.cube, compact=True)
     return result
@@ -82,7 +74,7 @@ def _scheduler(request: Study) -> str:
         scheduler = schedulers.from_environment()
     except ValueError as error:
         raise ParameterError(str(error)) from None
-    if scheduler and not isinstance(request, CameraStudy):
+    if scheduler and not FIGURE_SETS[request.name].in_pieces:
         print(schedulers.alone(request.name), file=sys.stderr)
         return ""
     return scheduler

@@ -20,7 +20,7 @@ from typing import Any
 from thesis_lib import files, records
 from thesis_lib.asides import aside
 from thesis_lib.figure_sets import cube_file, recorded
-from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import digest_of, library_files, project_root, staging
 from thesis_lib.runs import edits as executed_notebook
 from thesis_lib.runs.tasks import RunError, Task, full_disk, log
@@ -72,7 +72,7 @@ def digest(job: Job) -> str:
     total = hashlib.sha256(json.dumps(cells, sort_keys=True).encode())
     total.update(json.dumps([job.study.name, job.study.request]).encode())
     inputs = [published_path(job.study.name)] if job.page else []
-    if job.study.subject in recorded.SUBJECTS:
+    if recorded.behind(job.study):
         inputs.append(recorded.folder())
     return f"{total.hexdigest()}{digest_of([*library_files(), *inputs])}"
 
@@ -170,31 +170,33 @@ def _stand_alone(notebook: Any, study: Study, result: Any) -> None:
     text = f"## Difference from the published run\n\n```text\n{text}\n```"
     cell = nbformat.v4.new_markdown_cell(text, id=f"{study.name}-difference")
     notebook.cells.insert(-1, cell)
-    if study.subject != "claims" and not result.attrs["in_the_thesis"]:
-        executed_notebook.disown_captions(notebook)
-    if study.subject == "claims":
+    if FIGURE_SETS[study.name].judges:
         executed_notebook.cut_links(notebook)
+    elif not result.attrs["in_the_thesis"]:
+        executed_notebook.disown_captions(notebook)
 
 
 def job_tasks(jobs: Sequence[Job]) -> list[Task]:
-    """The jobs as tasks; what uses another's results, or the same recordings, waits for it."""
+    """The jobs as tasks; what needs another's cube, or the same recordings, waits for it."""
     names = {job.study.name for job in jobs}
+    first = {job.study.digest: job.study.name for job in jobs}  # to make what others need, too
     tasks = []
     for job in jobs:
-        name, needs = job.study.name, list[Path]()
-        after = {name.replace("sound-", "plate-")}
-        after |= {name.replace("experiment-cameras", "experiment-resolution")}
-        if job.study.subject == "claims":
-            needs, after = _judged(jobs), names
+        name, files = job.study.name, list[Path]()
+        figure_set = FIGURE_SETS[name]
+        needed = [asked.digest for _, asked in figure_set.needs(job.study).values()]
+        after = {first.setdefault(each, name) for each in needed}
+        if figure_set.judges:
+            files, after = _judged(jobs), names
         act, rest = partial(execute, job), frozenset(after - {name})
-        tasks.append(Task(name, act, job.targets, job.notebook, needs, digest(job), rest))
+        tasks.append(Task(name, act, job.targets, job.notebook, files, digest(job), rest))
     return tasks
 
 
 def _judged(jobs: Sequence[Job]) -> list[Path]:
     """Cubes that the ledger is made from: those of this run, else those of the last book."""
-    made = {job.cube.name: job.cube for job in jobs if job.study.subject != "claims"}
+    others = {name for name, one in FIGURE_SETS.items() if not one.judges}
+    made = {job.cube.name: job.cube for job in jobs if job.study.name in others}
     results = project_root() / "data" / "results"
-    there = {path.name: path for path in results.glob("*.nc") if path.stem in STUDIES}
-    there.pop("claims.nc", None)
+    there = {path.name: path for path in results.glob("*.nc") if path.stem in others}
     return sorted({**there, **{n: p for n, p in made.items() if p.parent == results}}.values())

@@ -84,14 +84,14 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
 
 def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
     """Check that a scheduler can be used, and have the notebooks' kernels use it."""
-    from thesis_lib.figure_sets.parametric.parameters import CameraStudy
+    from thesis_lib.figure_sets.registry import FIGURE_SETS
     from thesis_lib.studies import schedulers
 
     try:
         schedulers.checked(scheduler)
     except ValueError as error:
         raise Refused(f"--scheduler: {error}") from None
-    others = [study.name for study in studies if not isinstance(study, CameraStudy)]
+    others = [study.name for study in studies if not FIGURE_SETS[study.name].in_pieces]
     if len(others) == len(studies):
         raise Refused(
             f"--scheduler: given with {', '.join(others)}, allowed with camera and sound studies "

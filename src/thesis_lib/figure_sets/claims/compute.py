@@ -10,11 +10,9 @@ from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims.parameters import Claims
 from thesis_lib.figure_sets.cube_file import built
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.figure_sets.run import computed
+from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.ledger.entries import Entry, Opener, entries
 from thesis_lib.ledger.trends import Series
-from thesis_lib.studies.attributes import with_provenance
-from thesis_lib.studies.cache import cached
 from thesis_lib.studies.request import Study
 
 
@@ -26,10 +24,17 @@ def judged(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry
     return entries(open_cube, own, STUDIES, commands)
 
 
-def ledger_of(request: Claims) -> xr.Dataset:
-    """The ledger's cube, from the book's cubes; one that is missing or outdated is made here."""
-    from thesis_lib.figure_sets.claims import own_runs as ledger_runs
-    from thesis_lib.figure_sets.claims import power, readings
+def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
+    """The ledger's cube, from the book's cubes; one that is missing or outdated is made here.
+
+    Parameters
+    ----------
+    request : Claims
+        Validated parameters.
+    own, other : xarray.Dataset
+        The ledger's own runs, and the other readings.
+    """
+    from thesis_lib.figure_sets.claims import own_runs, power
     from thesis_lib.ledger import cube as ledger_cube
 
     opened: dict[str, xr.Dataset] = {}
@@ -37,13 +42,9 @@ def ledger_of(request: Claims) -> xr.Dataset:
     def open_cube(study: Study) -> xr.Dataset:
         if study.name not in opened:
             made = built(study)
-            if isinstance(made, str):
-                made = with_provenance(computed(study), study, 0.0)
-            opened[study.name] = made
+            opened[study.name] = cube_of(study) if isinstance(made, str) else made
         return opened[study.name]
 
-    own = cached(request.own_runs, ledger_runs.run)
-    other = cached(request.other_readings, readings.run)
-    found = judged(open_cube, ledger_runs.read_own(own))
+    found = judged(open_cube, own_runs.read_own(own))
     tested = power.power(lambda name: open_cube(STUDIES[name]()), claims.read_claims())
     return ledger_cube.as_cube(found, other.merge(tested))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from thesis_lib.figure_sets.lab_plate.figures import filmed_plate_figure
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, select
 from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, in_style, subplots
@@ -120,9 +118,3 @@ def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
     top = float(np.nanmax(part["misfit"].values))
     axes.set_ylim(0.5, 20 * max(top, MANY))
     axes.legend(ncols=2, columnspacing=1, handlelength=1, loc="upper right")
-
-
-FIGURES: dict[str, Callable[[xr.Dataset, str, int], Figure]] = {
-    "lab-modes": modes_figure,
-    "lab-plate": filmed_plate_figure,
-}

@@ -18,8 +18,8 @@ from pydantic import BaseModel, Field, create_model, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
-from thesis_lib.figure_sets.parametric.shapes import CONTOURS
-from thesis_lib.studies.request import Study, refuse, shown
+from thesis_lib.figure_sets.parametric.shapes import CONTOURS, ShapeMarkers
+from thesis_lib.studies.request import Study, refuse, shown, validated
 from thesis_lib.studies.shared_fields import PlateMarkers, SoundPlanes
 from thesis_lib.studies.vocabulary import (
     Azimuth,
@@ -397,11 +397,13 @@ CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     for study in (figure_set(subject, kind, *extra) for kind in _KINDS)
 }
 
+SHAPES: dict[str, type[CameraStudy]] = {
+    study.name: study for study in (figure_set("shape", k, ShapeMarkers) for k in (OfL, Perforated))
+}
+
 
 def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraStudy:
-    """Parameters of one of the camera studies, of chapters 3, 4 and 6."""
-    from thesis_lib.figure_sets.registry import validate
-
-    study = validate(name, values or {})
+    """Parameters of one of the camera studies, of chapters 3, 4 and 6 or of a shape."""
+    study = validated({**CAMERA_STUDIES, **SHAPES}[name], values or {})
     assert isinstance(study, CameraStudy)
     return study

@@ -1,0 +1,92 @@
+"""What a figure set is: a request, what it is computed from, its cube, figures and page.
+
+Each folder beside this file holds one figure set, or a family of them, and tells in its module
+``figure_set`` what they are: a list ``FIGURE_SETS``. What takes long to import is named there by
+its module, and imported when it is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from thesis_lib.studies.blocks import Outline
+from thesis_lib.studies.request import Study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Inputs = Mapping[str, "tuple[Product, Any]"]
+
+
+def _nothing(_: Any) -> Inputs:
+    return {}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Product:
+    """Something that is computed once for a request.
+
+    Parameters
+    ----------
+    module : str
+        The module that computes it: ``run(request, **inputs)`` gives a dataset or, of what is cut
+        into pieces, ``outline(request, **inputs, scheduler=...)`` a cube to be filled in.
+    needs : callable
+        What it is computed from: the request to a product and its request, by parameter of ``run``.
+    kept : bool
+        Whether ``build/cache`` keeps it, for what takes long or serves others, too.
+    recorded : bool
+        Whether it is filmed, and kept as data (:mod:`thesis_lib.figure_sets.recorded`).
+    in_pieces : bool
+        Whether workers can compute it together, piece by piece.
+    """
+
+    module: str
+    needs: Callable[[Any], Inputs] = field(default=_nothing)
+    kept: bool = False
+    recorded: bool = False
+    in_pieces: bool = False
+
+    def compute(
+        self, asked: Study, inputs: Mapping[str, xr.Dataset], scheduler: str = ""
+    ) -> xr.Dataset | Outline:
+        """The result for a request, from what it needs."""
+        module = import_module(self.module)
+        if self.in_pieces:
+            outline: Outline = module.outline(asked, **inputs, scheduler=scheduler)
+            return outline
+        cube: xr.Dataset = module.run(asked, **inputs)
+        return cube
+
+
+@dataclass(frozen=True, kw_only=True)
+class FigureSet(Product):
+    """A product with a notebook and a page.
+
+    Parameters
+    ----------
+    request : type of Study
+        Its parameters, whose name is its name.
+    chapter : str
+        Where it belongs: a key of :data:`thesis_lib.figure_sets.registry.TITLES`, or empty.
+    figure : str
+        ``module:function`` that draws one case and mode of its cube, if it has cases.
+    judges : bool
+        Whether it is made from the cubes of all others, after them.
+    """
+
+    request: type[Study]
+    chapter: str
+    figure: str = ""
+    judges: bool = False
+
+    def draw(self, cube: xr.Dataset, case: str, mode: int) -> Figure:
+        """The figure of one case and mode of a cube."""
+        module, function = self.figure.split(":")
+        drawing: Figure = getattr(import_module(module), function)(cube, case, mode)
+        return drawing

@@ -1,0 +1,47 @@
+"""Chapters 3, 4 and 6, and shapes without symmetry: one parameter is varied at a time."""
+
+from typing import Any
+
+from thesis_lib.figure_sets.figure_set import FigureSet, Inputs
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, SHAPES, camera_study
+
+CHAPTERS = {"beam": "ch3", "plate": "ch4", "shape": "shapes", "sound": "ch6"}
+FIGURES = {
+    "beam": "thesis_lib.plotting.curves:beam_figure",
+    "plate": f"{__package__}.maps:plate_figure",
+    "shape": f"{__package__}.maps:plate_figure",
+    "sound": f"{__package__}.maps:sound_figure",
+}
+
+
+def deflections(asked: Any) -> Inputs:
+    """What sound is made of: the plate's study with the same cameras."""
+    plate = camera_study(f"plate-{asked.study}", asked.plate_request)
+    return {"plate_cube": (SIMULATED[plate.name], plate)}
+
+
+SIMULATED = {
+    name: FigureSet(
+        request=request,
+        chapter=CHAPTERS[request.subject],
+        module=f"{__package__}.compute",
+        figure=FIGURES[request.subject],
+        kept=request.subject == "plate",
+        in_pieces=True,
+    )
+    for name, request in {**CAMERA_STUDIES, **SHAPES}.items()
+    if request.subject != "sound"
+}
+RADIATED = [
+    FigureSet(
+        request=request,
+        chapter=CHAPTERS["sound"],
+        module=f"{__package__}.sound",
+        needs=deflections,
+        figure=FIGURES["sound"],
+        in_pieces=True,
+    )
+    for request in CAMERA_STUDIES.values()
+    if request.subject == "sound"
+]
+FIGURE_SETS = [*SIMULATED.values(), *RADIATED]
