@@ -339,7 +339,7 @@ def test_cube_compared_with_itself_has_no_difference(ran):
     assert (done.status, done.err) == (0, "")
     assert done.out.splitlines() == [
         "no difference from beam-distance.nc (12 errors compared)",  # 2 settings × 3 modes × 2
-        "no difference from beam-distance.nc in 25 variables and coordinates",
+        "no difference from beam-distance.nc in 28 variables and coordinates",
     ]
 
 

@@ -506,10 +506,3 @@ def test_what_is_filmed_does_not_depend_on_the_trials():
     assert len(LabLayout().recordings()) == 9
     assert len(LabLayout().settings()) == 255
     assert len(LabElevation().recordings()) == len(LabElevation().settings()) == 27
-
-
-def test_what_filming_depends_on_is_there():
-    for path in film.sources():
-        assert path.is_file(), path
-    names = {path.stem for path in film.sources()}
-    assert {"render", "tracker", "centres", "recordings", "direct"} <= names

@@ -56,6 +56,14 @@ def test_a_sample_filmed_now_is_the_data():
     np.testing.assert_allclose(kept["centres"][0], now["centres"][0], rtol=0, atol=1.6 * STEP)
 
 
+@pytest.mark.parametrize("name", EVERY)
+def test_recordings_rest_on_what_films_and_follows_and_on_nothing_that_only_asks(name):
+    files = {f"{path.parent.name}/{path.name}" for path in EVERY[name].sources}
+    assert {"laboratory/render.py", "tracking/tracker.py", "vision/pinhole.py",
+            "thesis/structures.toml"} <= files  # fmt: skip
+    assert not any(one.startswith(("studies/", "web/", "plotting/", "ledger/")) for one in files)
+
+
 @pytest.fixture
 def own(tmp_path, monkeypatch):
     """Recordings of which the film is quickly made, in a project of their own."""

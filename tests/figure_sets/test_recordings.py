@@ -1,15 +1,12 @@
 """The book's own recordings of chapter 5, which are data: held to their bounds."""
 
-import ast
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from thesis_lib.figure_sets import recorded
 from thesis_lib.figure_sets.experiment import compute as study
-from thesis_lib.figure_sets.experiment import recordings as filmed
 from thesis_lib.figure_sets.experiment.tables import harmonic_table, tracking_table
 from thesis_lib.figure_sets.experiment.walk import numbers, pictures
 from thesis_lib.figure_sets.parametric.tables import error_table
@@ -17,9 +14,6 @@ from thesis_lib.figure_sets.registry import validate
 from thesis_lib.studies.attributes import with_provenance
 
 pytestmark = pytest.mark.slow  # a fresh clone films first
-
-LIBRARY = Path(filmed.__file__).parents[2]
-SOURCES = {str(path.relative_to(LIBRARY)) for path in filmed.sources() if LIBRARY in path.parents}
 
 
 @pytest.fixture(scope="module")
@@ -156,38 +150,3 @@ def test_pictures_are_drawn_alike_each_time(data, tmp_path):
 
 
 # What the cache depends on.
-
-
-def imported(path: Path) -> set[str]:
-    """Files of the library that a module imports."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("thesis_lib"):
-            base = LIBRARY.joinpath(*node.module.split(".")[1:])
-            files = [base / f"{alias.name}.py" for alias in node.names] + [base.with_suffix(".py")]
-            found |= {str(file) for file in files if file.is_file()}
-    return found
-
-
-def test_recordings_are_made_anew_when_what_they_depend_on_changes():
-    known, todo = set(), {filmed.__file__}
-    # These choose, check, store and speak; what they choose is in the request.
-    harmless = {
-        "studies/request.py",
-        "figure_sets/registry.py",
-        "figure_sets/experiment/parameters.py",
-        "laboratory/parameters.py",
-        "facts/setups.py",
-        "files.py",
-        "parallel.py",
-        "text.py",
-    }
-    while todo:
-        path = Path(todo.pop())
-        name = str(path.relative_to(LIBRARY))
-        known.add(name)
-        if name not in harmless:
-            todo |= {
-                file for file in imported(path) if str(Path(file).relative_to(LIBRARY)) not in known
-            }
-    assert known - harmless <= SOURCES

@@ -16,10 +16,12 @@ import pytest
 import xarray as xr
 
 from thesis_lib import files
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.runs import execute as runs
 from thesis_lib.runs import tasks
-from thesis_lib.studies import published
+from thesis_lib.studies import published, reach
 
 GOOD, SLOW = "beam-resolution", "beam-distance"
 BOTH = ["run", GOOD, SLOW, "-p", "trials=1", "--out", "out"]
@@ -171,9 +173,14 @@ def test_a_failure_keeps_the_files_of_the_run_before(own_checkout, tmp_path):
 
 @pytest.fixture
 def root(own_checkout, monkeypatch):
-    for module in (runs, published, files, tasks):
+    for module in (runs, published, files, tasks, reach, keys):
         monkeypatch.setattr(module, "project_root", lambda: own_checkout.root)
-    monkeypatch.setattr(files, "__file__", str(library(own_checkout.root) / "files.py"))
+    for module, place in (
+        (files, "files.py"),
+        (reach, "studies/reach.py"),
+        (setups, "facts/setups.py"),
+    ):
+        monkeypatch.setattr(module, "__file__", str(library(own_checkout.root) / place))
     return own_checkout.root
 
 
@@ -197,9 +204,13 @@ def library(root: Path) -> Path:
 
 
 STALE = {
-    "library": lambda root: append(library(root) / "vision" / "triangulation.py"),
-    "new library file": lambda root: append(library(root) / "new.py"),
-    "asset": lambda root: append(next((library(root) / "web" / "assets").iterdir())),
+    "what computes": lambda root: append(library(root) / "vision" / "triangulation.py", "a = 1\n"),
+    "what draws": lambda root: append(library(root) / "plotting" / "curves.py", "a = 1\n"),
+    "what it imports": lambda root: append(
+        library(root) / "vision" / "pinhole.py", "import vision\n"
+    ),
+    "asset": lambda root: append(library(root) / "web" / "assets" / "viewer.css"),
+    "imported asset": lambda root: append(library(root) / "web" / "assets" / "parts.js"),
     "data": lambda root: append(root / "data" / "thesis" / "setups.toml"),
     "lock": lambda root: append(root / "requirements" / "book.txt"),
     "cell": lambda root: edit_notebook(
@@ -227,6 +238,15 @@ FRESH = {
     "published figures": lambda root: append(
         root / "data" / "published" / f"{SLOW}.csv", "published anew\n"
     ),
+    "words about code": lambda root: append(library(root) / "vision" / "pinhole.py", "# told\n"),
+    "new library file": lambda root: append(library(root) / "new.py"),
+    "what makes the book": lambda root: append(library(root) / "book" / "build.py", "a = 1\n"),
+    "what measures": lambda root: append(library(root) / "measure" / "pipeline.py", "a = 1\n"),
+    "another figure set": lambda root: append(
+        library(root) / "figure_sets" / "planner" / "compute.py", "a = 1\n"
+    ),
+    "asset of another page": lambda root: append(library(root) / "web" / "assets" / "explorer.css"),
+    "the ledger's facts": lambda root: append(root / "data" / "thesis" / "trends.csv"),
     "other notebook": lambda root: append(root / "notebooks" / f"{GOOD}.ipynb"),
 }
 
@@ -278,7 +298,7 @@ def test_edited_library_runs_again_and_new_outputs_do_not(own_checkout, tmp_path
     second = own_checkout.thesis(*ONE, cwd=tmp_path)
     assert second.returncode == 0, second.stderr
     assert f"{SLOW}: up to date" in second.stderr
-    append(library(own_checkout.root) / "vision" / "rounding.py", "# changed\n")
+    append(library(own_checkout.root) / "vision" / "rounding.py", "changed = 1\n")
     (tmp_path / "out" / f"{SLOW}.html").write_text("old")
     third = own_checkout.thesis(*ONE, cwd=tmp_path)
     assert third.returncode == 0, third.stderr

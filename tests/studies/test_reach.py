@@ -39,14 +39,10 @@ def project(tmp_path, monkeypatch):
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    cached = (reach.imported, reach._imports, reach._file)
-    for one in cached:
-        one.cache_clear()
     for module in (reach, quick):
         monkeypatch.setattr(module, "project_root", lambda: tmp_path)
-    yield tmp_path
-    for one in cached:
-        one.cache_clear()
+    monkeypatch.setattr(reach, "__file__", str(tmp_path / "src" / "lib" / "studies" / "reach.py"))
+    return tmp_path
 
 
 def names(root: Path, test: str) -> dict[str, int]:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
-from thesis_lib.files import library_digest, project_root
+from thesis_lib.files import project_root
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import ParameterError, Study
 from thesis_lib.studies.storage import CubeError, opened
@@ -53,7 +54,7 @@ def usable(path: Path, study: Study) -> xr.Dataset | str:
         return f"cube {path.name} is of {cube.attrs['figure_set']}: run `thesis book`"
     if cube.attrs.get("parameters_hash") != study.digest:
         return f"cube {path.name} was run with other parameters: run `thesis book`"
-    if cube.attrs.get("library_sha256") != library_digest():
+    if cube.attrs.get("library_sha256") != keys.library(FIGURE_SETS[study.name]):
         return f"cube {path.name} is outdated, the library has changed since: run `thesis book`"
     return cube
 

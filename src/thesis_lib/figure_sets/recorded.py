@@ -9,7 +9,6 @@ made, is named, and its recordings are filmed anew; so are those of another requ
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -22,15 +21,18 @@ import xarray as xr
 
 from thesis_lib import records
 from thesis_lib.asides import aside
+from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.figure_set import Product
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
-from thesis_lib.files import code, project_root
+from thesis_lib.files import project_root
 from thesis_lib.studies import effort
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.cache import cached
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.storage import opened, write
 
+ASKING = ("studies", "thesis_lib")
+"""Folders of modules that declare and refuse requests, which count by their values alone."""
 STEP = 1e-4
 """Image coordinates are kept to this, in px: a hundredth of what noise does to them."""
 
@@ -61,10 +63,7 @@ class Recordings:
     @property
     def made_from(self) -> str:
         """Digests of the request and of the code, in which comments do not count."""
-        total = hashlib.sha256()
-        for path in sorted(self.sources, key=lambda path: path.name):
-            total.update(code(path))
-        return f"{self.request.digest} {total.hexdigest()}"
+        return f"{self.request.digest} {keys.digest(self.sources)}"
 
 
 def folder() -> Path:
@@ -74,8 +73,9 @@ def folder() -> Path:
 
 def recordings_of(product: Product, request: Study) -> Recordings:
     """The recordings of a request."""
-    module = import_module(product.module)
-    return Recordings(request, module.run, module.sources())
+    film = import_module(product.module).run
+    files = [file for file in keys.code_of(product.module) if file.parent.name not in ASKING]
+    return Recordings(request, film, [*files, *keys.facts_of(files)])
 
 
 def behind(request: Study) -> list[Recordings]:
@@ -93,7 +93,7 @@ def every() -> list[Recordings]:
 def measured(of: Recordings) -> xr.Dataset:
     """What was measured on recordings: from the data, the cache, or filmed now."""
     data = _kept(of)
-    return cached(of.request, partial(_filmed, of.film), of.sources) if data is None else data
+    return cached(of.request, partial(_filmed, of.film), of.made_from) if data is None else data
 
 
 def record(of: Recordings) -> Path:

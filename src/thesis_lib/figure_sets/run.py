@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
-from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets import keys, recorded
 from thesis_lib.figure_sets.figure_set import Product
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.studies import effort
@@ -38,12 +38,13 @@ def made(product: Product, asked: Study, scheduler: str = "") -> xr.Dataset:
 
     if product.recorded:
         return recorded.measured(recorded.recordings_of(product, asked))
+    library = keys.library(product)
     if product.kept:
-        return cached(asked, compute)
+        return cached(asked, compute, keys.key(product, asked), library)
     seconds = effort.stopwatch()
     result = compute()
     if isinstance(result, Outline):
         if not result.is_held:
-            return cached(asked, lambda _: result)
+            return cached(asked, lambda _: result, keys.key(product, asked), library)
         result = result.in_memory()
-    return with_provenance(result, asked, seconds())
+    return with_provenance(result, asked, seconds(), library)

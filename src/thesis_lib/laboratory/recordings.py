@@ -9,13 +9,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from thesis_lib.facts import setups
 from thesis_lib.laboratory import direct
 from thesis_lib.laboratory.direct import Seen
 from thesis_lib.laboratory.filming import Film
@@ -30,22 +28,6 @@ Array = NDArray[np.float64]
 REST = 4  # frames at rest
 RAMP = 0.5  # periods in which the vibration takes up
 SAMPLES = 3  # of the motion within an exposure
-
-
-def sources() -> list[Path]:
-    """The files that the recordings depend on."""
-    library = Path(__file__).parents[1]
-    names = """
-        figure_sets/lab_modes/parameters figure_sets/lab_modes/recordings
-        figure_sets/lab_plate/parameters figure_sets/lab_plate/recordings laboratory/direct
-        laboratory/film laboratory/filming laboratory/recordings laboratory/render laboratory/rig
-        measure/fitting/harmonics measure/fitting/reconstruction measure/recordings/markers
-        measure/tracking/centres measure/tracking/homography measure/tracking/tracker vibration/beam
-        vibration/motion vibration/plate vibration/structure vision/lens vision/pinhole
-        vision/triangulation
-    """
-    files = [library / f"{name}.py" for name in names.split()]
-    return [*files, setups.data_folder() / "structures.toml"]
 
 
 def sensor(film: Film) -> Sensor:

@@ -19,9 +19,9 @@ from typing import Any
 
 from thesis_lib import files, records
 from thesis_lib.asides import aside
-from thesis_lib.figure_sets import cube_file, recorded
+from thesis_lib.figure_sets import cube_file, keys, recorded
 from thesis_lib.figure_sets.registry import FIGURE_SETS
-from thesis_lib.files import digest_of, library_files, project_root, staging
+from thesis_lib.files import digest_of, project_root, staging
 from thesis_lib.runs import edits as executed_notebook
 from thesis_lib.runs.tasks import RunError, Task, full_disk, log
 from thesis_lib.studies import comparison, effort
@@ -63,18 +63,25 @@ def source(name: str) -> Path:
 
 
 def digest(job: Job) -> str:
-    """Digest of all that determines a job's files: cells, request, library, facts, lock.
+    """Digest of all that determines a job's files: cells, request, code, facts, data, lock.
 
     The page shows the difference from the published run, so that counts for it, too.
     """
-    notebook = json.loads(source(job.study.name).read_text(encoding="utf-8"))
+    name, figure_set = job.study.name, FIGURE_SETS[job.study.name]
+    notebook = json.loads(source(name).read_text(encoding="utf-8"))
     cells = [[c["cell_type"], "".join(c["source"]), c["metadata"]] for c in notebook["cells"]]
-    total = hashlib.sha256(json.dumps(cells, sort_keys=True).encode())
-    total.update(json.dumps([job.study.name, job.study.request]).encode())
-    inputs = [published_path(job.study.name)] if job.page else []
-    if recorded.behind(job.study):
-        inputs.append(recorded.folder())
-    return f"{total.hexdigest()}{digest_of([*library_files(), *inputs])}"
+    drawing = figure_set.figure.partition(":")[0] or __name__
+    shown = keys.together([source(name), *keys.code_of(__name__, drawing)])
+    shown.remove(source(name))  # of which the cells count
+    inputs = [of.path for of in recorded.behind(job.study)]
+    inputs += [published_path(name)] if job.page else []
+    parts = [
+        keys.key(figure_set, job.study),
+        keys.digest([*shown, *keys.facts_of(shown)]),
+        digest_of([*keys.assets_of(shown), *inputs]),
+    ]
+    text = json.dumps([cells, name, job.study.request, *parts], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def execute(job: Job, made_from: str) -> None:

@@ -37,11 +37,14 @@ def _commit() -> str:
     return done.stdout.strip() or "unknown"
 
 
-def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Dataset:
+def with_provenance(
+    cube: xr.Dataset, study: Study, seconds: float, library: str = ""
+) -> xr.Dataset:
     """The cube with attributes that say what it is and how it was made.
 
     `commit`, `created`, `run_time_s` and `peak_memory_mb` differ from run to run; all else is a
     function of the parameters, the library and the versions of the packages it computes with.
+    `library` is the digest of the code that the cube rests on; without it the whole library counts.
     """
     cube = described(cube, study).assign_attrs(
         title=study.title,
@@ -54,7 +57,7 @@ def with_provenance(cube: xr.Dataset, study: Study, seconds: float) -> xr.Datase
         run_dependent=" ".join(RUN_DEPENDENT),
         run_time_s=np.float64(seconds),
         peak_memory_mb=np.float64(effort.peak_memory_mb()),
-        library_sha256=library_digest(),
+        library_sha256=library or library_digest(),
     )
     return with_origin(cube, f"simulation by thesis_lib {__version__}, figure set {study.name}")
 

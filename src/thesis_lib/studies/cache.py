@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,14 @@ from typing import Any
 import xarray as xr
 
 from thesis_lib.asides import aside
-from thesis_lib.files import library_digest, library_files, project_root, sha256, whole_text
+from thesis_lib.files import (
+    digest_of,
+    library_digest,
+    library_files,
+    project_root,
+    sha256,
+    whole_text,
+)
 from thesis_lib.studies import effort, storage
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.blocks import Outline
@@ -47,34 +54,44 @@ def keep(path: Path) -> None:
 
 
 def cached(
-    study: Study, compute: Callable[[Any], xr.Dataset | Outline], sources: Sequence[Path] = ()
+    study: Study,
+    compute: Callable[[Any], xr.Dataset | Outline],
+    key: str = "",
+    library: str = "",
 ) -> xr.Dataset:
-    """A study's cube, computed once for its parameters and the library as it is.
+    """A study's cube, computed once for its parameters and the code that it rests on.
 
-    Notebooks that need the same cube share it through ``build/cache``. What takes long names the
-    `sources` that it depends on; without them it depends on the whole library. An outline that is
-    too large to be held is filled in on disk, and read from there as it is needed.
+    Notebooks that need the same cube share it through ``build/cache``. An outline that is too large
+    to be held is filled in on disk, and read from there as it is needed.
+
+    Parameters
+    ----------
+    study : Study
+        What is asked for.
+    compute : callable
+        Makes it, from the study.
+    key, library : str
+        Digests of all that determines it besides the request, and of the code alone; empty if that
+        is the whole library.
     """
-    total = hashlib.sha256(f"{study.name} {study.digest}".encode())
-    lock = project_root() / "requirements" / "book.txt"
-    for file in [*sorted(sources), lock] if sources else library_files():
-        total.update(file.read_bytes())
-    path = project_root() / "build" / "cache" / f"{study.name}-{total.hexdigest()[:16]}.nc"
+    key = key or digest_of(library_files())
+    name = hashlib.sha256(f"{study.name} {study.digest} {key}".encode()).hexdigest()[:16]
+    path = project_root() / "build" / "cache" / f"{study.name}-{name}.nc"
     if (cube := read(path)) is not None:
         spared = float(cube.attrs["run_time_s"])
         effort.note_loaded(spared, float(cube.attrs.get("peak_memory_mb", 0)))
-        return with_provenance(cube, study, spared)  # of today's commit
+        return with_provenance(cube, study, spared, library)  # of today's commit
     seconds = effort.stopwatch()
     made = compute(study)
     if isinstance(made, Outline) and not made.is_held:
-        frame = replace(made, cube=with_provenance(made.cube, study, 0.0))
+        frame = replace(made, cube=with_provenance(made.cube, study, 0.0, library))
         fill_in(frame, path, seconds)
     else:
         cube = made.in_memory() if isinstance(made, Outline) else made
-        write(with_provenance(cube, study, seconds()), path)
+        write(with_provenance(cube, study, seconds(), library), path)
     keep(path)
     cube = opened(path)
-    return with_provenance(cube, study, float(cube.attrs["run_time_s"]))
+    return with_provenance(cube, study, float(cube.attrs["run_time_s"]), library)
 
 
 def key_of(values: Any, files: Iterable[Path] = ()) -> str:

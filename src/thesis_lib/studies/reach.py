@@ -4,17 +4,44 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import json
 from collections.abc import Iterable, Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from thesis_lib.files import project_root
 
 
+def library() -> Path:
+    """The folder of the library."""
+    return Path(__file__).parents[1]
+
+
 def folders() -> list[Path]:
     """Where modules of the project are: the library, its tests with their scenes, benchmarks."""
-    root = project_root()
-    return [root / "src", root / "tests", root]
+    try:
+        root = project_root()
+    except FileNotFoundError:
+        return [library().parent]
+    return [library().parent, root / "tests", root]
+
+
+def file_of(module: str) -> Path:
+    """The file of a module of the library, or of another that can be imported.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If there is none.
+    """
+    found = _file(module)
+    if found is None:
+        spec = find_spec(module)
+        if spec is None or spec.origin is None:
+            raise ModuleNotFoundError(module)
+        found = Path(spec.origin)
+    return found
 
 
 def reached(file: Path) -> dict[Path, int]:
@@ -26,7 +53,7 @@ def reached(file: Path) -> dict[Path, int]:
     Parameters
     ----------
     file : pathlib.Path
-        A module, a test, or a script of the project.
+        A module, a test, a script or a notebook of the project.
 
     Returns
     -------
@@ -46,18 +73,22 @@ def digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
-@cache
 def imported(file: Path) -> frozenset[Path]:
     """The files of this project that a Python file itself imports from."""
     found = {_defining(module, name) for module, name, _ in _imports(file)}
     return frozenset(found - {None, file})  # type: ignore[arg-type]
 
 
-@cache
 def _imports(file: Path) -> tuple[tuple[str, str, str], ...]:
     """Module, name in it and name here of every import of a file; names may be empty."""
+    now = file.stat()
+    return _imports_of(file, (now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns))
+
+
+@cache
+def _imports_of(file: Path, _as_it_is: tuple[int, ...]) -> tuple[tuple[str, str, str], ...]:
     found = []
-    for node in _statements(ast.parse(file.read_bytes()).body):
+    for node in _statements(ast.parse(_source(file)).body):
         if isinstance(node, ast.Import):
             found += [(alias.name, "", alias.asname or alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -67,6 +98,15 @@ def _imports(file: Path) -> tuple[tuple[str, str, str], ...]:
                 module = ".".join([*package.parts, *filter(None, [module])])
             found += [(module, alias.name, alias.asname or alias.name) for alias in node.names]
     return tuple(found)
+
+
+def _source(file: Path) -> bytes:
+    """The Python of a module or, of a notebook, of its cells of code."""
+    if file.suffix != ".ipynb":
+        return file.read_bytes()
+    cells = json.loads(file.read_bytes())["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    return "\n".join(code).encode()
 
 
 def _statements(nodes: Iterable[ast.AST]) -> Iterator[ast.AST]:
@@ -92,12 +132,17 @@ def _defining(module: str, name: str) -> Path | None:
     return file
 
 
-@cache
 def _file(module: str) -> Path | None:
     """The file of a module by its name, if it is one of this project's."""
-    for folder in folders():
-        place = folder.joinpath(*module.rstrip(".").split("."))
-        for file in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
-            if file.is_file():
-                return file
+    own = module.partition(".")[0] == library().name
+    for folder in folders()[:1] if own else folders()[1:]:
+        if found := _below(folder, module):
+            return found
     return None
+
+
+@cache
+def _below(folder: Path, module: str) -> Path | None:
+    place = folder.joinpath(*module.rstrip(".").split("."))
+    files = (place.with_name(f"{place.name}.py"), place / "__init__.py")
+    return next((file for file in files if file.is_file()), None)

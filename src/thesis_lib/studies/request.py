@@ -69,8 +69,10 @@ class Study(BaseModel):
     @property
     def is_of_the_thesis(self) -> bool:
         """Whether the parameters are the thesis's, apart from what only chooses or draws."""
-        printed = type(self)()
-        fields = set(type(self).model_fields) - CHOOSES
+        model = type(self)
+        if any(info.is_required() for info in model.model_fields.values()):
+            return False
+        printed, fields = model(), set(model.model_fields) - CHOOSES
         return all(getattr(self, name) == getattr(printed, name) for name in fields)
 
     @property

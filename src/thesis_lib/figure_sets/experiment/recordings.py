@@ -33,30 +33,6 @@ from thesis_lib.vision import lens
 Array = NDArray[np.float64]
 
 
-def sources() -> list[Path]:
-    """The files that the recordings and what is measured on them depend on."""
-    library = Path(__file__).parents[2]
-    names = """
-        figure_sets/experiment/chain figure_sets/experiment/recordings laboratory/direct
-        laboratory/film laboratory/localisation laboratory/poses laboratory/render laboratory/rig
-        measure/calibration/alignment measure/calibration/bundle_adjustment
-        measure/calibration/corners measure/calibration/reprojection measure/calibration/rig
-        measure/calibration/symmetry measure/calibration/zhang measure/fitting/harmonics
-        measure/fitting/reconstruction measure/recordings/board measure/recordings/check
-        measure/recordings/manifest measure/recordings/manifest_model measure/recordings/markers
-        measure/recordings/media measure/recordings/media_info measure/synchronisation/audio
-        measure/synchronisation/checks measure/synchronisation/correlation
-        measure/synchronisation/decimation measure/synchronisation/delays
-        measure/synchronisation/listen measure/synchronisation/synchronise
-        measure/synchronisation/tones measure/synchronisation/transients measure/tracking/centres
-        measure/tracking/follow measure/tracking/homography measure/tracking/tracker vibration/beam
-        vibration/motion vibration/plate vibration/structure vision/compiled vision/lens
-        vision/pinhole vision/triangulation
-    """
-    files = [library / f"{name}.py" for name in names.split()]
-    return [*files, setups.data_folder() / "structures.toml"]
-
-
 def rig_of(request: Laboratory) -> Rig:
     """The rig that the parameters describe."""
     return default_rig(

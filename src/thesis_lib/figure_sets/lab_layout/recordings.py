@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -35,22 +34,6 @@ Array = NDArray[np.float64]
 REST, RAMP = 2, 1.0  # frames at rest, periods in which the motion grows
 MARGIN = 24  # px of the sensor that are read beside the beam
 UNEVEN = 1e-5  # of the amplitude, by which few positions may miss the mean over an exposure
-
-
-def sources() -> list[Path]:
-    """The files that the recordings depend on."""
-    library = Path(__file__).parents[2]
-    names = """
-        figure_sets/experiment/parameters figure_sets/lab_layout/parameters
-        figure_sets/lab_layout/recordings laboratory/direct laboratory/film laboratory/filming
-        laboratory/parameters laboratory/render laboratory/rig measure/fitting/harmonics
-        measure/fitting/reconstruction measure/recordings/markers measure/tracking/centres
-        measure/tracking/homography measure/tracking/tracker vibration/beam vibration/motion
-        vibration/plate vibration/structure vision/compiled vision/lens vision/pinhole
-        vision/triangulation
-    """
-    files = [library / f"{name}.py" for name in names.split()]
-    return [*files, setups.data_folder() / "structures.toml"]
 
 
 def markers_of(beam: Beam, case: str) -> Markers:

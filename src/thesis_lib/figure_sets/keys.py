@@ -1,0 +1,83 @@
+"""What results rest on: the code they reach by imports, facts, the lock; and their digests.
+
+An edit makes stale what rests on it and nothing else. Comments, docstrings and blank lines do not
+count, parameters count by their values.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from thesis_lib.facts.setups import data_folder
+from thesis_lib.figure_sets.figure_set import Product
+from thesis_lib.figure_sets.registry import FIGURE_SETS
+from thesis_lib.files import code, project_root
+from thesis_lib.studies import reach
+from thesis_lib.studies.request import Study
+
+
+def library(product: Product) -> str:
+    """Digest of the code and facts that a product rests on, and of the lock."""
+    files = code_of(product.module)
+    return digest([*files, *facts_of(files), *_lock()])
+
+
+def key(product: Product, asked: Study) -> str:
+    """Digest of all that determines a product for a request, of what it needs, too."""
+    needed = [key(*each) for each in product.needs(asked).values()]
+    if getattr(product, "judges", False):
+        others = (one for one in FIGURE_SETS.values() if not one.judges)
+        needed += [key(one, one.request()) for one in others]
+    text = json.dumps([asked.name, asked.digest, library(product), *needed])
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def code_of(*modules: str) -> list[Path]:
+    """The files that modules reach by imports, themselves included."""
+    return together(map(reach.file_of, modules))
+
+
+def together(files: Iterable[Path]) -> list[Path]:
+    """All files that some files rest on, themselves included, in a fixed order."""
+    return sorted({each for file in files for each in reach.reached(file)})
+
+
+def facts_of(files: Iterable[Path]) -> list[Path]:
+    """The files of the thesis's facts that some modules name."""
+    words = _words(files)
+    return sorted(one for one in data_folder().iterdir() if one.name in words)
+
+
+def assets_of(files: Iterable[Path]) -> list[Path]:
+    """The styles and scripts that some modules name, with all that these scripts import."""
+    words, every = _words(files), sorted((reach.library() / "web" / "assets").iterdir())
+    found = [one for one in every if {one.name, one.stem} & words]
+    for one in found:
+        needed = {Path(name).name for name in re.findall(r'"(\./\w+\.js)"', one.read_text("utf-8"))}
+        found += [other for other in every if other.name in needed and other not in found]
+    return sorted(found)
+
+
+def digest(files: Iterable[Path]) -> str:
+    """Digest of what of some files can change a result, with their names."""
+    total = hashlib.sha256()
+    for file in files:
+        total.update(f"{file.parent.name}/{file.name}\n".encode() + code(file))
+    return total.hexdigest()
+
+
+def _words(files: Iterable[Path]) -> set[str]:
+    """What stands between quotation marks in some modules, if it could name a file."""
+    return {word for file in files for word in re.findall(r'"([\w.-]+)"', code(file).decode())}
+
+
+def _lock() -> list[Path]:
+    """The versions that the book computes with; of an installed package there is no lock."""
+    try:
+        return [project_root() / "requirements" / "book.txt"]
+    except FileNotFoundError:
+        return []
