@@ -18,6 +18,7 @@ from thesis_lib.runs.requested import (
     INTERRUPTED,
     Refused,
     assigned_values,
+    is_folder,
     new_folder,
     output_folder,
     requests_of,
@@ -48,7 +49,8 @@ def cli() -> None:
 @cli.command("list")
 @click.argument("name", required=False)
 def list_(name: str | None) -> None:
-    """List the figure sets, or the parameters of the set or chapter NAME."""
+    """List the figure sets, or the parameters of the set, chapter or folder NAME."""
+    from thesis_lib.figure_sets import outside
     from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
     from thesis_lib.studies import effort
     from thesis_lib.studies.request import ParameterError, describe
@@ -71,7 +73,8 @@ def list_(name: str | None) -> None:
         click.echo("`thesis list NAME` shows a set's parameters, `thesis run NAME` runs it.")
         return
     try:
-        chosen = [type(validate(set_, {})) for set_ in CHAPTERS.get(name, [name])]
+        sets = outside.load(Path(name)) if is_folder(name) else CHAPTERS.get(name, [name])
+        chosen = [type(validate(set_, {})) for set_ in sets]
     except ParameterError as error:
         raise Refused(str(error)) from None
     for study in chosen:
@@ -99,7 +102,7 @@ def list_(name: str | None) -> None:
 def run(
     names: Sequence[str], assignments: Sequence[str], out: Path | None, scheduler: str | None
 ) -> None:
-    """Run figure sets or chapters (ch3) with your parameters.
+    """Run figure sets, chapters (ch3) or a folder of your own with your parameters.
 
     Writes notebook, cube and one self-contained page of each set, and prints what changed against
     the published run.

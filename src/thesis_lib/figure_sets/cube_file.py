@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.figure_sets import keys
+from thesis_lib.figure_sets import keys, outside
 from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
 from thesis_lib.files import project_root
 from thesis_lib.studies import cubes
@@ -54,7 +54,7 @@ def usable(path: Path, study: Study) -> xr.Dataset | str:
         return f"cube {path.name} is of {cube.attrs['figure_set']}: run `thesis book`"
     if cube.attrs.get("parameters_hash") != study.digest:
         return f"cube {path.name} was run with other parameters: run `thesis book`"
-    if cube.attrs.get("library_sha256") != keys.library(FIGURE_SETS[study.name]):
+    if cube.attrs.get("library_sha256") != keys.library(FIGURE_SETS[study.name], study):
         return f"cube {path.name} is outdated, the library has changed since: run `thesis book`"
     return cube
 
@@ -100,6 +100,8 @@ def _refusal(path: Path, problem: str) -> CubeError:
 def _request(cube: xr.Dataset, path: Path) -> Study:
     """What a cube says it was made for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
+    if name not in FIGURE_SETS:
+        outside.load_all()
     if name not in FIGURE_SETS:
         raise _refusal(path, "it lacks a known figure set")
     try:

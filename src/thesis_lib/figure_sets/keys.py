@@ -20,9 +20,9 @@ from thesis_lib.studies import reach
 from thesis_lib.studies.request import Study
 
 
-def library(product: Product) -> str:
+def library(product: Product, asked: Study) -> str:
     """Digest of the code and facts that a product rests on, and of the lock."""
-    files = code_of(product.module)
+    files = code_of(product.module, type(asked).__module__)
     return digest([*files, *facts_of(files), *_lock()])
 
 
@@ -32,7 +32,7 @@ def key(product: Product, asked: Study) -> str:
     if getattr(product, "judges", False):
         others = (one for one in FIGURE_SETS.values() if not one.judges)
         needed += [key(one, one.request()) for one in others]
-    text = json.dumps([asked.name, asked.digest, library(product), *needed])
+    text = json.dumps([asked.name, asked.digest, library(product, asked), *needed])
     return hashlib.sha256(text.encode()).hexdigest()
 
 

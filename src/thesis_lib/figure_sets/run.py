@@ -38,7 +38,7 @@ def made(product: Product, asked: Study, scheduler: str = "") -> xr.Dataset:
 
     if product.recorded:
         return recorded.measured(recorded.recordings_of(product, asked))
-    library = keys.library(product)
+    library = keys.library(product, asked)
     if product.kept:
         return cached(asked, compute, keys.key(product, asked), library)
     seconds = effort.stopwatch()

@@ -77,6 +77,7 @@ class LabStudy(Study):
     """What the studies beyond chapter 5 have in common."""
 
     subject = "lab"
+    section = "section 5.3"
     first = "as filmed"
     predicts = "noise of the centres"
 

@@ -7,16 +7,19 @@ import base64
 import html
 import sys
 from collections.abc import Iterable, Mapping
+from importlib import import_module
 from typing import Any
 
 import xarray as xr
 from IPython.display import HTML, SVG, Markdown, display
 
 from thesis_lib import files
+from thesis_lib.figure_sets import outside
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.plotting.selection import has
+from thesis_lib.plotting.style import in_style, svg
 from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import schedulers, storage
 from thesis_lib.studies.request import ParameterError, Study
@@ -44,6 +47,9 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
     ParameterError
         If a value is refused, or papermill has injected a parameter that there is not.
     """
+    if name not in STUDIES:
+        outside.load_all()
+        validate(name, {})
     fields = STUDIES[name].model_fields
     for variable in _injected(namespace.get("In", [])):
         if variable not in fields:
@@ -91,6 +97,22 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> SVG | None:
     if not has(cube, case, mode):
         return None
     return SVG(as_svg(cube, case, mode), metadata={"case": case, "mode": mode})
+
+
+def picture(cube: xr.Dataset, name: str) -> SVG:
+    """What a function of the module `figures` of a cube's figure set draws of it.
+
+    Parameters
+    ----------
+    cube : xarray.Dataset
+        Cube of the figure set.
+    name : str
+        Name of the function, from cube to figure.
+    """
+    package = FIGURE_SETS[cube.attrs["figure_set"]].module.rpartition(".")[0]
+    with in_style():
+        drawing = getattr(import_module(f"{package}.figures"), name)(cube)
+    return SVG(svg(drawing))
 
 
 def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] = (1, 2, 3)) -> None:

@@ -34,6 +34,7 @@ class PlanRequest(Study):
     name = "plan"
     title = "Where cameras should stand"
     subject = "design"
+    section = "sections 1.2, 3.4, 4.3"
     study = "plan"
     varied = "n_cameras"
     varied_label = "cameras"

@@ -23,7 +23,7 @@ FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     """The literal run and the statistics of a cube (the format is in `web.viewer.Viewer`)."""
     said, structure = cube.attrs, outlines.kind(cube)
-    kind = "sound" if "plane_error" in cube else "beam" if structure == "beam" else "plate"
+    kind = "beam" if structure == "beam" else "plate" if "mean_error" in cube else "sound"
     if "measured_deflection" in cube:  # of many trials only the literal run is drawn
         literal = cube["measured_deflection"].isel(trial=0, drop=True)
         cube = cube.assign(measured_deflection=literal)

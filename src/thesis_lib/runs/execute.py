@@ -19,12 +19,12 @@ from typing import Any
 
 from thesis_lib import files, records
 from thesis_lib.asides import aside
-from thesis_lib.figure_sets import cube_file, keys, recorded
+from thesis_lib.figure_sets import cube_file, keys, outside, recorded
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import digest_of, project_root, staging
 from thesis_lib.runs import edits as executed_notebook
 from thesis_lib.runs.tasks import RunError, Task, full_disk, log
-from thesis_lib.studies import comparison, effort
+from thesis_lib.studies import comparison, effort, reach
 from thesis_lib.studies.commands import given
 from thesis_lib.studies.published import published_path
 from thesis_lib.studies.request import Study
@@ -59,7 +59,7 @@ class Job:
 
 def source(name: str) -> Path:
     """The parameterised notebook of a figure set."""
-    return project_root() / "notebooks" / f"{name}.ipynb"
+    return outside.notebook(name) or project_root() / "notebooks" / f"{name}.ipynb"
 
 
 def digest(job: Job) -> str:
@@ -71,7 +71,8 @@ def digest(job: Job) -> str:
     notebook = json.loads(source(name).read_text(encoding="utf-8"))
     cells = [[c["cell_type"], "".join(c["source"]), c["metadata"]] for c in notebook["cells"]]
     drawing = figure_set.figure.partition(":")[0] or __name__
-    shown = keys.together([source(name), *keys.code_of(__name__, drawing)])
+    beside = reach.file_of(figure_set.module).parent.glob("*.py")
+    shown = keys.together([source(name), *beside, *keys.code_of(__name__, drawing)])
     shown.remove(source(name))  # of which the cells count
     inputs = [of.path for of in recorded.behind(job.study)]
     inputs += [published_path(name)] if job.page else []

@@ -45,6 +45,11 @@ def assigned_values(assignments: Sequence[str]) -> dict[str, Any]:
     return values
 
 
+def is_folder(name: str) -> bool:
+    """Whether what is asked for is a folder of figure sets, there or not."""
+    return os.sep in name or name in (".", "..")
+
+
 def _once(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """An object of JSON, in which no key may stand twice: nobody knows which was meant."""
     found: dict[str, Any] = {}
@@ -56,14 +61,22 @@ def _once(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
-    """Validated studies of sets and chapters; each set takes the parameters that it has."""
+    """Validated studies of sets and chapters; each set takes the parameters that it has.
+
+    A name that is a folder's stands for the figure sets in it.
+    """
+    from thesis_lib.figure_sets import outside
     from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
     from thesis_lib.studies.request import ParameterError
 
-    expanded = [set_ for name in names for set_ in CHAPTERS.get(name, [name])]
-    wanted = list(dict.fromkeys(expanded))
     studies, notes = [], []
     try:
+        expanded = [
+            one
+            for name in names
+            for one in (outside.load(Path(name)) if is_folder(name) else CHAPTERS.get(name, [name]))
+        ]
+        wanted = list(dict.fromkeys(expanded))
         for name in wanted:
             validate(name, {})
         for key, value in values.items():
@@ -110,11 +123,12 @@ def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | No
     from thesis_lib.files import project_root
 
     if out is None:
+        words = [Path(name).resolve().name if is_folder(name) else name for name in names]
         digest = studies[0].digest
         if len(studies) > 1:
             joined = " ".join(study.digest for study in studies)
             digest = hashlib.sha256(joined.encode()).hexdigest()[:10]
-        out = project_root() / "runs" / f"{'+'.join(dict.fromkeys(names))}-{digest}"
+        out = project_root() / "runs" / f"{'+'.join(dict.fromkeys(words))}-{digest}"
     return new_folder(out)
 
 

@@ -18,10 +18,7 @@ from thesis_lib.files import library_digest
 from thesis_lib.studies import effort, outlines
 from thesis_lib.studies.request import Study
 
-SECTIONS = {"cameras": "chapter 2, appendices A, B", "beam": "section 3.3", "plate": "section 4.2",
-            "experiment": "section 5.2", "lab": "section 5.3", "sound": "section 6.2",
-            "design": "sections 1.2, 3.4, 4.3", "shape": "section 7.1",
-            "claims": "all chapters"}  # fmt: skip
+THESIS = "thesis on flexural vibration measurement with multiple cameras"
 RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
 
 
@@ -48,8 +45,7 @@ def with_provenance(
     """
     cube = described(cube, study).assign_attrs(
         title=study.title,
-        references="thesis on flexural vibration measurement with multiple cameras, "
-        + SECTIONS[study.subject],
+        **({"references": f"{THESIS}, {study.section}"} if study.section else {}),
         figure_set=study.name,
         parameters=json.dumps(study.request),
         parameters_hash=study.digest,

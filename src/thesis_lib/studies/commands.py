@@ -35,4 +35,4 @@ def command(study: Study) -> str:
         f"-p {shlex.quote(f'{key}={value if isinstance(value, str) else json.dumps(value)}')}"
         for key, value in given(study).items()
     ]
-    return " ".join(["thesis run", study.name, *words])
+    return " ".join(["thesis run", shlex.quote(study.folder or study.name), *words])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.util import find_spec
@@ -94,8 +95,15 @@ def _imports_of(file: Path, _as_it_is: tuple[int, ...]) -> tuple[tuple[str, str,
         elif isinstance(node, ast.ImportFrom):
             module = node.module or ""
             if node.level:
-                package = file.parents[node.level - 1].relative_to(_home(file))
-                module = ".".join([*package.parts, *filter(None, [module])])
+                folder = file.parents[node.level - 1]
+                home = next((one for one in folders() if file.is_relative_to(one)), None)
+                if home is None:  # a reader's own folder
+                    found += [
+                        (str(folder / module.replace(".", os.sep)), alias.name, "")
+                        for alias in node.names
+                    ]
+                    continue
+                module = ".".join([*folder.relative_to(home).parts, *filter(None, [module])])
             found += [(module, alias.name, alias.asname or alias.name) for alias in node.names]
     return tuple(found)
 
@@ -117,13 +125,11 @@ def _statements(nodes: Iterable[ast.AST]) -> Iterator[ast.AST]:
             yield from _statements(getattr(node, part, ()))
 
 
-def _home(file: Path) -> Path:
-    """The folder from which a file is imported."""
-    return next(folder for folder in folders() if file.is_relative_to(folder))
-
-
 def _defining(module: str, name: str) -> Path | None:
     """The file where a name of a module is defined; None if that is not of this project."""
+    if os.sep in module:
+        places = (Path(module, f"{name}.py"), Path(f"{module}.py"))
+        return next((one for one in places if one.is_file()), None)
     file = _file(f"{module}.{name}") or _file(module)
     if file and file.name == "__init__.py" and name:
         for source, inner, here in _imports(file):

@@ -35,6 +35,8 @@ class Study(BaseModel):
     name: ClassVar[str]
     title: ClassVar[str]
     subject: ClassVar[str]  # beam, plate, sound or experiment
+    section: ClassVar[str] = ""  # of the thesis, if it is about one
+    folder: ClassVar[str] = ""  # where it is found, if that is not the library
     study: ClassVar[str]  # what is varied: distance, aperture, resolution, arrays, cameras
     varied: ClassVar[str]  # name of the varied parameter
     varied_label: ClassVar[str]
@@ -53,8 +55,8 @@ class Study(BaseModel):
     )
 
     def settings(self) -> list[Setting]:
-        """The study's settings in the order of the thesis's tables."""
-        raise NotImplementedError
+        """The study's settings in the order of the thesis's tables; none if nothing is varied."""
+        return []
 
     @property
     def structure(self) -> Structure:

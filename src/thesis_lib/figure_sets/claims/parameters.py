@@ -5,7 +5,6 @@ from __future__ import annotations
 from pydantic import model_validator
 
 from thesis_lib.facts.readings import ADOPTED, READINGS
-from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.request import Study, refuse
 from thesis_lib.studies.vocabulary import field
 
@@ -14,6 +13,7 @@ class Ledger(Study):
     """What the ledger's runs have in common."""
 
     subject = "claims"
+    section = "all chapters"
     study = "claims"
     varied = "claim"
     varied_label = "claim"
@@ -28,10 +28,6 @@ class Ledger(Study):
     seed: int = field(
         0, "seed of the ledger's own runs", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63
     )
-
-    def settings(self) -> list[Setting]:
-        """Nothing is varied."""
-        return []
 
 
 class OwnRuns(Ledger):

@@ -29,6 +29,7 @@ class DesignLaw(Study):
     name = "design-law"
     title = "The law of rounding, for design"
     subject = "design"
+    section = "sections 1.2, 3.4, 4.3"
     study = "law"
     varied = "n_cameras"
     varied_label = "cameras"

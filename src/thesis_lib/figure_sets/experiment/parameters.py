@@ -25,21 +25,19 @@ class Laboratory(Rig, Study):
     name = "laboratory"
     title = "Experiment: the recordings"
     subject = "experiment"
+    section = "section 5.2"
     study = "laboratory"
     varied = "width_px"
     varied_label = "resolution"
 
     widths_px: list[Width]
 
-    def settings(self) -> list[Setting]:
-        """Nothing is varied."""
-        return []
-
 
 class Experiment(Rig, Study):
     """Parameters that the studies of chapter 5 share."""
 
     subject = "experiment"
+    section = "section 5.2"
     first = "the chain's result"
     predicts = "noise of the centres"
     draws = "starts, clocks and noise"

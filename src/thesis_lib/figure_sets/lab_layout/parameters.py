@@ -36,6 +36,7 @@ class Layouts(Study):
     """What both studies film, and with what."""
 
     subject = "lab"
+    section = "section 5.3"
     varied_label = "layout"
     first = "rendered run"
     predicts = "law, centres equally exact"

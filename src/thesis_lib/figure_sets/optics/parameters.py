@@ -32,6 +32,7 @@ class Cameras(Study):
     name = "cameras"
     title = "Cameras and lenses"
     subject = "cameras"
+    section = "chapter 2, appendices A, B"
     study = "optics"
     varied = "distance_mm"
     varied_label = "distance d"

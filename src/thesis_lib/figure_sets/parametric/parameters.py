@@ -351,6 +351,10 @@ class PlateSound(SoundPlanes):
         return {key: value for key, value in self.model_dump().items() if key in model.model_fields}
 
 
+SECTIONS = {"beam": "section 3.3", "plate": "section 4.2", "sound": "section 6.2",
+            "shape": "section 7.1"}  # fmt: skip
+
+
 def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
     """A study of one structure: its fields default to what the structure's tables say."""
     grid = {"grid": setups.plate().grid}
@@ -373,6 +377,7 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
     )
     model.subject, model.name = subject, f"{subject}-{kind.study}"
     model.title = f"{subject.title()}: {kind.title}"
+    model.section = SECTIONS[subject]
     return model
 
 

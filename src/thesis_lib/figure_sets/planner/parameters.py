@@ -42,6 +42,7 @@ class Planner(Study):
     name = "planner"
     title = "Planned cameras"
     subject = "design"
+    section = "sections 1.2, 3.4, 4.3"
     study = "planner"
     varied = "n_cameras"
     varied_label = "cameras"

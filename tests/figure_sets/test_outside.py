@@ -1,0 +1,185 @@
+"""A figure set of a reader's own: the page that tells how to add one, word by word."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+import xarray as xr
+from command import refusal, thesis
+
+from conftest import PROJECT
+from thesis_lib.figure_sets import keys, outside, registry
+from thesis_lib.notebook import controls as live
+from thesis_lib.notebook import show
+
+PAGE = (PROJECT / "book" / "own-figure-set.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```\{code-block\} python\n:caption: (.+)\n((?:.*\n)*?)```", PAGE)
+
+
+@pytest.fixture
+def footprint(tmp_path, monkeypatch):
+    """The folder that the page makes; nothing of it stays known."""
+    monkeypatch.setenv(outside.ENVIRONMENT, "")
+    known = dict(registry.FIGURE_SETS), dict(registry.STUDIES)
+    folder = tmp_path / "footprint"
+    folder.mkdir()
+    cells = []
+    for place, text in BLOCKS:
+        if place.startswith("cell"):
+            tags = {"tags": ["parameters"]} if "parameters" in place else {}
+            cells.append(nbformat.v4.new_code_cell(text, metadata=tags))
+        else:
+            (tmp_path / place).write_text(text, encoding="utf-8")
+    document = nbformat.v4.new_notebook(cells=cells)
+    document.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}
+    document.metadata["language_info"] = {"name": "python"}
+    nbformat.write(document, folder / "footprint.ipynb")
+    yield folder
+    for now, before in zip((registry.FIGURE_SETS, registry.STUDIES), known, strict=True):
+        now.clear()
+        now.update(before)
+    outside._PLACES.clear()
+    for name in [name for name in sys.modules if name.startswith("figure_set_")]:
+        del sys.modules[name]
+
+
+def test_the_page_makes_six_pieces_in_few_lines():
+    assert len(BLOCKS) == 6
+    assert sum(len(text.splitlines()) for _, text in BLOCKS) <= 75
+
+
+def test_it_is_listed_run_drawn_and_compared(footprint, tmp_path):
+    out = tmp_path / "out"
+    listed = thesis("list", footprint)
+    assert (listed.status, listed.err) == (0, "")
+    assert "focal_length_mm" in listed.out
+    assert "Footprint of a pixel" in listed.out
+    done = thesis("run", footprint, "-p", "focal_length_mm=50", "--out", out)
+    assert done.status == 0, done.err
+    assert "nothing is published yet" in done.out
+    cube = xr.open_dataset(out / "footprint.nc")
+    assert cube["value"].values.tolist() == pytest.approx(
+        [d * 36 / 50 / 1920 for d in (500, 1000, 2000)], rel=1e-12
+    )
+    page = (out / "footprint.html").read_text(encoding="utf-8")
+    assert "image/svg+xml" in page
+    assert f"thesis run {footprint} -p focal_length_mm=50" in page
+    again = thesis("run", footprint, "-p", "focal_length_mm=50", "--out", out)
+    assert "footprint: up to date" in again.err
+    assert thesis("compare", out / "footprint.nc").status == 0
+    other = thesis("run", footprint, "--out", tmp_path / "other")
+    assert other.status == 0, other.err
+    differs = thesis("compare", out / "footprint.nc", tmp_path / "other" / "footprint.nc")
+    assert "pixel at 500 mm" in differs.out
+
+
+def test_it_is_refused_as_others_are(footprint, tmp_path):
+    said = refusal(thesis("run", footprint, "-p", "focal_length_mm=-1", "--out", tmp_path / "out"))
+    assert said == ("thesis: footprint: focal_length_mm: given -1, allowed: a number above 0, "
+                    "at most 100000, in mm")  # fmt: skip
+    assert "did you mean focal_length_mm" in refusal(
+        thesis("run", footprint, "-p", "focal_lenght_mm=1", "--out", tmp_path / "out")
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_its_controls_rerun_it(footprint):
+    outside.load(footprint)
+    found = []
+    made = live.controls(registry.validate("footprint", {}), found.append)
+    made.inputs["focal_length_mm"].value = 36.0
+    made.button.click()
+    assert not any(one["output_type"] == "error" for one in made.output.outputs), (
+        made.output.outputs
+    )
+    assert found[0]["value"].values[0] == pytest.approx(500 / 1920)
+
+
+def test_it_is_stale_when_what_it_rests_on_changes(footprint):
+    (name,) = outside.load(footprint)
+    one = registry.FIGURE_SETS[name]
+    before = keys.key(one, one.request())
+    for file, changes in (("figures.py", False), ("parameters.py", True), ("compute.py", True)):
+        with (footprint / file).open("a") as stream:
+            stream.write("another = 1\n")
+        now = keys.key(one, one.request())
+        assert (now != before) == changes
+        before = now
+
+
+def test_a_notebook_beside_it_finds_it_without_the_command(footprint, monkeypatch):
+    monkeypatch.chdir(footprint)
+    cube = show.study("footprint", {"distances_mm": [100.0]})
+    assert cube["quantity"].values.tolist() == ["pixel at 100 mm"]
+    assert "<svg" in show.picture(cube, "line").data
+
+
+def rewrite(file: Path, old: str, new: str) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+BROKEN = {
+    "no folder": (lambda f: shutil.rmtree(f), "figure_set.py is missing"),
+    "no figure_set.py": (lambda f: (f / "figure_set.py").unlink(), "figure_set.py is missing"),
+    "no compute.py": (lambda f: (f / "compute.py").unlink(), "compute.py is missing"),
+    "no notebook": (lambda f: (f / "footprint.ipynb").unlink(), "footprint.ipynb is missing"),
+    "no module": (lambda f: (f / "parameters.py").unlink(), "cannot be imported"),
+    "syntax": (lambda f: (f / "parameters.py").write_text("def"), "SyntaxError"),
+    "no list": (lambda f: rewrite(f / "figure_set.py", "FIGURE_SETS", "SETS"), "FIGURE_SETS"),
+    "another list": (
+        lambda f: (f / "figure_set.py").write_text("FIGURE_SETS = [1]"), "FIGURE_SETS is [1]"),
+    "name": (lambda f: rewrite(f / "parameters.py", '"footprint"', '"Foot print"'), "'Foot print'"),
+    "name taken": (lambda f: rewrite(f / "parameters.py", '"footprint"', '"planner"'), "is taken"),
+    "no tag": (lambda f: rewrite(f / "footprint.ipynb", '"parameters"', '"other"'), "has 0 cells"),
+    "undeclared": (
+        lambda f: rewrite(f / "footprint.ipynb", "sensor_width_mm", "sensor_with_mm"),
+        "sets sensor_with_mm, which footprint does not declare (did you mean sensor_width_mm?)"),
+    "missing parameter": (
+        lambda f: rewrite(f / "footprint.ipynb", "seed: int = 0\\n", "\\n"), "does not set seed"),
+    "another default": (
+        lambda f: rewrite(f / "footprint.ipynb", "float = 24", "float = 25"),
+        "gives focal_length_mm = 25; wanted: 24.0, as declared"),
+    "no JSON": (lambda f: (f / "footprint.ipynb").write_text("{"), "is no notebook"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("how", BROKEN)
+def test_what_is_wrong_with_it_is_said_in_one_line_and_nothing_written(footprint, how):
+    damage, words = BROKEN[how]
+    damage(footprint)
+    said = refusal(thesis("run", footprint, "--out", footprint.parent / "out"))
+    assert words in said
+    assert str(footprint) in said
+    assert len(said) <= 400
+    assert not (footprint.parent / "out").exists()
+
+
+@pytest.mark.parametrize("name", registry.STUDIES)
+def test_the_notebooks_of_the_book_set_what_their_figure_sets_declare(name):
+    notebook = PROJECT / "notebooks" / f"{name}.ipynb"
+    assert list(outside.notebook_problems(registry.STUDIES[name], notebook)) == []
+
+
+@pytest.mark.slow
+def test_in_the_library_it_is_one_of_the_book(own_checkout, footprint, tmp_path):
+    home = own_checkout.root / "src" / "thesis_lib" / "figure_sets" / "footprint"
+    shutil.move(footprint, home)
+    shutil.move(home / "footprint.ipynb", own_checkout.root / "notebooks" / "footprint.ipynb")
+    assert "footprint" in own_checkout.thesis("list", cwd=tmp_path).stdout
+    publish = (
+        "from thesis_lib.figure_sets import cube_file; from pathlib import Path;"
+        "from thesis_lib.studies.published import publish;"
+        "publish(cube_file.read(Path('out/footprint.nc')))"
+    )
+    for said in ("nothing is published yet", "no difference from published (3 quantities"):
+        done = own_checkout.thesis("run", "footprint", "--out", "out", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert said in done.stdout
+        assert own_checkout.python("-c", publish, cwd=tmp_path).returncode == 0
