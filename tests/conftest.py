@@ -24,6 +24,12 @@ PROJECT = Path(__file__).parents[1]
 PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml"]
 
 
+def until_study(document: nbformat.NotebookNode) -> None:
+    """Leave a notebook its parameters and what comes until it has its cube."""
+    last = next(i for i, cell in enumerate(document.cells) if cell.id.endswith("-02"))
+    document.cells = document.cells[: last + 1]
+
+
 class Checkout:
     """A copy of the library, the notebooks and the data; Python started here imports the copy."""
 

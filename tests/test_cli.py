@@ -17,6 +17,7 @@ import pytest
 import xarray as xr
 from command import Done, refusal, thesis
 
+from conftest import until_study
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import describe
@@ -246,10 +247,7 @@ def test_second_call_does_nothing_and_a_changed_parameter_runs_again(ran, checko
 
 @pytest.mark.slow
 def test_without_out_the_folder_is_named_by_set_and_hash(own_checkout, tmp_path):
-    def short(document):
-        document.cells = document.cells[:3]
-
-    own_checkout.change("beam-distance", short)
+    own_checkout.change("beam-distance", until_study)
     done = own_checkout.thesis(*RUN, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     study = validate("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
@@ -295,11 +293,8 @@ def test_own_layout_runs_and_its_name_is_text(checkout, tmp_path):
 
 @pytest.mark.slow
 def test_sets_run_without_what_they_do_not_have(checkout, tmp_path, own_checkout):
-    def short(document):
-        document.cells = document.cells[:3]
-
     for name in ("beam-distance", "beam-resolution"):
-        own_checkout.change(name, short)
+        own_checkout.change(name, until_study)
     several = ["run", "beam-distance", "beam-resolution", "-p", "widths_px=[320]"]
     done = own_checkout.thesis(*several, "-p", "trials=1", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 from nbval.plugin import get_sanitize_patterns
 
+from conftest import until_study
 from thesis_lib.figure_sets.registry import STUDIES
 
 PROJECT = Path(__file__).parents[2]
@@ -118,6 +119,35 @@ def test_every_number_of_the_tables_counts(name):
             assert all(sanitised(text) == text for text in texts(cell))
 
 
+# Steps.
+
+
+OTHERWISE = [{}, {"rest": "known"}, {"estimator": "analytic-centre"}, {"principal_offset_px": 0.2},
+             {"azimuth_zero": "X"}, {"amplitude_mm": "force"}, {"trials": 0}]  # fmt: skip
+
+
+@pytest.mark.parametrize("values", OTHERWISE, ids=str)
+@pytest.mark.parametrize("name", ["beam-distance", "plate-distance"])
+def test_the_steps_are_the_first_row_of_the_cube_whatever_is_asked(name, values, capsys):
+    namespace = {}
+    for cell in committed(name):
+        if cell.cell_type == "code":
+            exec(compile(cell.source, cell.id, "exec"), namespace)
+            if "parameters" in cell.metadata.get("tags", []):
+                namespace.update({"trials": 5, **values})
+        if cell.id == f"{name}-02":  # which asserts it
+            break
+    assert len(namespace["errors"]) == namespace["asked"].trials + 1
+    assert "mean error" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_no_cell_is_cut_from_a_page_but_the_live_one(name):
+    cut = {"remove-input", "remove_input", "remove-cell", "remove_cell"}
+    cells = [cell for cell in committed(name) if cut & set(cell.metadata.get("tags", []))]
+    assert [cell.id for cell in cells] in ([], [f"{name}-live"])
+
+
 # nbval.
 
 
@@ -145,7 +175,8 @@ def doctored(checkout):
     folder = checkout.root / "doctored"
     folder.mkdir()
     document = nbformat.read(PROJECT / "notebooks" / "beam-distance.ipynb", as_version=4)
-    marked = next(cell for cell in document.cells if MARK in cell.source.splitlines())
+    marked = next(cell for cell in document.cells if cell.id == "beam-distance-06")
+    assert MARK in marked.source.splitlines()
     document.cells = document.cells[: document.cells.index(marked) + 1]
     nbformat.write(document, folder / "untouched.ipynb")
     data = marked.outputs[0].data
@@ -198,11 +229,7 @@ def papermill(checkout, cwd: Path, name: str, *parameters: str):
 def short(tmp_path_factory, checkout):
     """Notebooks that end with their study: what papermill injects is checked there."""
     for name in ("beam-distance", "beam-arrays"):
-
-        def edit(document):
-            document.cells = document.cells[:3]
-
-        checkout.change(name, edit)
+        checkout.change(name, until_study)
     return checkout
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
+from conftest import until_study
 from thesis_lib.runs import kernel_main
 from thesis_lib.studies.attributes import RUN_DEPENDENT
 
@@ -84,11 +85,7 @@ def progress_alone(text: str) -> bool:
 @pytest.fixture(scope="module")
 def plain(checkout, tmp_path_factory):
     """A run in peace."""
-
-    def short(document):
-        document.cells = document.cells[:3]
-
-    checkout.change(NAME, short)
+    checkout.change(NAME, until_study)
     cwd = tmp_path_factory.mktemp("peace")
     done = checkout.thesis(*RUN, cwd / "out", cwd=cwd)
     assert done.returncode == 0, done.stderr

@@ -15,6 +15,7 @@ import nbformat
 import pytest
 import xarray as xr
 
+from conftest import until_study
 from thesis_lib import files
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import keys
@@ -44,7 +45,7 @@ def shorten(checkout, name: str, last: str = "") -> None:
     """Leave a notebook its parameters and its study, and give it one more cell."""
 
     def edit(document):
-        document.cells = document.cells[:3]
+        until_study(document)
         if last:
             document.cells.append(nbformat.v4.new_code_cell(last, id="last"))
 
@@ -214,21 +215,21 @@ STALE = {
     "data": lambda root: append(root / "data" / "thesis" / "setups.toml"),
     "lock": lambda root: append(root / "requirements" / "book.txt"),
     "cell": lambda root: edit_notebook(
-        root, lambda cells, _: cells[2].update(source="".join(cells[2]["source"]) + "\n")
+        root, lambda cells, _: cells[1].update(source="".join(cells[1]["source"]) + "\n")
     ),
     "prose": lambda root: edit_notebook(root, lambda cells, _: cells[0].update(source="# New")),
-    "tags": lambda root: edit_notebook(root, lambda cells, _: cells[2].update(metadata={})),
+    "tags": lambda root: edit_notebook(root, lambda cells, _: cells[1].update(metadata={})),
     "order": lambda root: edit_notebook(root, lambda cells, _: cells.reverse()),
 }
 FRESH = {
     "outputs": lambda root: edit_notebook(
         root,
-        lambda cells, _: cells[2].update(
+        lambda cells, _: cells[1].update(
             outputs=[{"output_type": "stream", "name": "stdout", "text": ["7"]}]
         ),
     ),
     "execution count": lambda root: edit_notebook(
-        root, lambda cells, _: cells[2].update(execution_count=7)
+        root, lambda cells, _: cells[1].update(execution_count=7)
     ),
     "kernel": lambda root: edit_notebook(root, lambda _, all_: all_["metadata"].update(x=1)),
     "one string for lines": lambda root: edit_notebook(
@@ -291,7 +292,7 @@ def test_edited_library_runs_again_and_new_outputs_do_not(own_checkout, tmp_path
     assert first.returncode == 0, first.stderr
     edit_notebook(
         own_checkout.root,
-        lambda cells, _: cells[2].update(
+        lambda cells, _: cells[1].update(
             outputs=[{"output_type": "stream", "name": "stdout", "text": ["7"]}]
         ),
     )

@@ -14,10 +14,9 @@ import xarray as xr
 from IPython.display import HTML, SVG, Markdown, display
 
 from thesis_lib import files
-from thesis_lib.figure_sets import outside
+from thesis_lib.figure_sets import outside, run
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
-from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.plotting.selection import has
 from thesis_lib.plotting.style import in_style, svg
 from thesis_lib.plotting.viewer_data import viewer_data
@@ -27,8 +26,8 @@ from thesis_lib.web.markdown import escape
 from thesis_lib.web.viewer import Viewer
 
 
-def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
-    """Run a figure set with the parameters found in a notebook's namespace.
+def checked(name: str, namespace: Mapping[str, Any]) -> Any:
+    """The request that a notebook's variables make, checked.
 
     Parameters
     ----------
@@ -36,11 +35,6 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
         Name of the figure set.
     namespace : mapping
         The notebook's ``globals()``.
-
-    Returns
-    -------
-    xarray.Dataset
-        The cube; also written to the file that the parameter `cube` names, if any.
 
     Raises
     ------
@@ -54,11 +48,20 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
     for variable in _injected(namespace.get("In", [])):
         if variable not in fields:
             validate(name, {variable: None})  # which says what is wrong with the name
-    request = validate(name, {field: namespace[field] for field in fields if field in namespace})
-    result = cube_of(request, _scheduler(request))
-    if request.cube:  # an absolute path stands
-        storage.write(result, files.project_root() / request.cube, compact=True)
+    return validate(name, {field: namespace[field] for field in fields if field in namespace})
+
+
+def cube_of(asked: Study) -> xr.Dataset:
+    """The cube of a request; also written to the file that its parameter `cube` names, if any."""
+    result = run.cube_of(asked, _scheduler(asked))
+    if asked.cube:  # an absolute path stands
+        storage.write(result, files.project_root() / asked.cube, compact=True)
     return result
+
+
+def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
+    """The cube for a notebook's variables: :func:`checked`, then :func:`cube_of`."""
+    return cube_of(checked(name, namespace))
 
 
 def _injected(inputs: Iterable[str]) -> list[str]:

@@ -245,7 +245,8 @@ def _cell(cell: Mapping[str, Any], text: _Text) -> str:
     parts = []
     if cell["source"].strip() and not tags & {"remove-input", "remove_input"}:
         summary = next((_SUMMARY[tag] for tag in sorted(tags) if tag in _SUMMARY), "Program")
-        state = " open" if "injected-parameters" in tags else ""
+        folded = tags & {"hide-input", "hide_input", "hide-cell", "hide_cell"}
+        state = "" if folded and "injected-parameters" not in tags else " open"
         code = highlight(cell["source"], PythonLexer(), HtmlFormatter())
         parts.append(f"<details{state}><summary>{summary}</summary>{code}</details>")
     if not tags & {"remove-output", "remove_output"}:
