@@ -19,7 +19,7 @@ from thesis_lib.planning import lattice, optimum, places, search
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.planner import plan
 from thesis_lib.planning.request import plan_request
-from thesis_lib.vision import pinhole, triangulation
+from thesis_lib.vision.pinhole import project
 
 NONE = {"boxes": np.zeros((0, 3, 2)), "spheres": np.zeros((0, 4)), "sectors": np.zeros((0, 4))}
 FREE = places.Rules((0.7, 1.5), (-np.pi, np.pi), np.radians((5.0, 90.0)), np.radians(75), 1.0, 0.1,
@@ -78,7 +78,7 @@ ODD = {  # limits between what places are rounded to
 
 @pytest.fixture
 def digits(monkeypatch):
-    """Give images and their derivatives other last digits, a thousand times what they differ."""
+    """Give views and derivatives other last digits, a thousand times what they differ."""
 
     def change(seed):
         rng = np.random.default_rng(seed)
@@ -91,12 +91,12 @@ def digits(monkeypatch):
             return call
 
         monkeypatch.setattr(optimum, "jacobian", noisy(JACOBIAN))
-        monkeypatch.setattr(places, "project", noisy(PROJECT))
+        monkeypatch.setattr(places, "hemisphere_rotations", noisy(ROTATIONS))
 
     return change
 
 
-JACOBIAN, PROJECT = triangulation.jacobian, pinhole.project
+JACOBIAN, ROTATIONS = optimum.jacobian, places.hemisphere_rotations
 
 
 def layouts(scene, objective="mean", counts=(2, 5), step=20.0):
@@ -187,6 +187,30 @@ def test_a_gap_narrower_than_a_step_is_used_where_it_is_asked_for():
     elevation, distance = np.degrees(one.layout[:, 1]), 1000 * one.layout[:, 2]
     assert set(np.round(elevation, 9)) <= {40.01, 40.04}
     assert set(np.round(distance, 9)) <= {600.2, 600.9}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_is_forgotten_is_found_again(monkeypatch, name):
+    expected = layouts(SCENES[name], counts=(3,))
+    monkeypatch.setattr(search, "_KEPT", 0)
+    assert same(layouts(SCENES[name], counts=(3,)), expected)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_markers_are_visible_whose_images_are_in_the_picture_and_read(name):
+    scene, rng = SCENES[name], np.random.default_rng(0)
+    grid = np.column_stack([rng.uniform(-np.pi, np.pi, 500), rng.uniform(0.1, 1.5, 500)])
+    some = places.at(grid, rng.uniform(0.4, 1.5, 500), scene.focals[0])
+    rig = places.cameras(scene, some)
+    ends = scene.body.extremes(scene.peaks)
+    u, v = np.moveaxis(project(rig.P, ends), 1, 0)
+    inside = np.all((u >= 0) & (u <= 1) & (v >= 0) & (v <= scene.aspect), axis=1)
+    sight = rig.centres[:, :, None] - scene.body.points
+    across = np.linalg.norm(np.cross(sight, scene.body.normals[None], axis=1), axis=1)
+    tilt = np.arctan2(across, np.sum(sight * scene.body.normals, axis=1))
+    expected = inside & (tilt <= scene.rules.tilt)
+    assert np.array_equal(places.visible(scene, some), expected)
+    assert 0 < expected.mean() < 1
 
 
 def test_half_a_step_is_rounded_in_one_way_whatever_the_last_digit():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ class Body:
     modes: tuple[int, ...]
     outline: Array
 
-    @property
+    @cached_property
     def centre(self) -> Array:
         """Middle of the box around the markers, shape (3,): what all cameras look at."""
         return (self.points.max(axis=1) + self.points.min(axis=1)) / 2

@@ -20,7 +20,7 @@ from thesis_lib.vision.pinhole import (
     CameraArray,
     hemisphere_cameras,
     hemisphere_directions,
-    project,
+    hemisphere_rotations,
 )
 
 Array = NDArray[np.float64]
@@ -107,23 +107,49 @@ def cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArray:
     return replace(rig, K=K, centres=centres(scene, places))
 
 
-def margins(scene: Scene, places: Array) -> Array:
-    """How far inside the limits each place has each marker, shape (5, places, markers).
+@dataclass(frozen=True)
+class Sights:
+    """What is seen in some directions from the centre, whatever the distance.
 
-    To the left, right, top and bottom edge of the sensor, in its widths, the least over both ends
-    of the marker's motion; and the cosine of the marker's tilt less that of the limit. Not below 0
-    where the marker is seen and can be read.
+    Parameters
+    ----------
+    inside : ndarray, shape (directions, markers)
+        Distance in m from which on a marker's whole motion is in the picture.
+    towards : ndarray, shape (directions, markers)
+        How far a marker is from the centre along the direction, in m.
+    facing : ndarray, shape (directions, markers)
+        Cosine between its normal and the direction.
     """
-    rig, ends = cameras(scene, places), scene.body.extremes(scene.peaks)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = np.moveaxis(project(rig.P, ends), 1, 0)
-    depth = np.einsum("nk,nkem->nem", rig.R_camera_world[:, 2],
-                      ends - rig.centres[:, :, None, None])  # fmt: skip
-    edges = np.stack([u, 1 - u, v, scene.aspect - v])
-    edges = np.where((depth > 0) & np.isfinite(edges), edges, -1.0).min(axis=2)
-    sight = rig.centres[:, :, None] - scene.body.points
-    cosine = np.einsum("nkm,km->nm", sight, scene.body.normals) / np.linalg.norm(sight, axis=1)
-    return np.concatenate([edges, (cosine - np.cos(scene.rules.tilt))[None]])
+
+    inside: Array
+    towards: Array
+    facing: Array
+
+
+def sights(scene: Scene, grid: Array, focal: Array) -> Sights:
+    """Sights in directions (directions, 2) through lenses (directions,)."""
+    body, R = scene.body, hemisphere_rotations(grid[:, 0], grid[:, 1])
+    ends = body.extremes(scene.peaks) - body.centre[:, None, None]
+    across, down, beyond = np.moveaxis(np.tensordot(R, ends, 1), 1, 0)
+    # an image is focal × across / (distance + beyond) from the middle of the picture
+    aside = np.maximum(np.abs(across) / (1 / 2 + SLACK), np.abs(down) / (scene.aspect / 2 + SLACK))
+    inside = np.max(focal[:, None, None] * aside - beyond, axis=1)
+    towards = -R[:, 2] @ (body.points - body.centre[:, None])
+    return Sights(inside, towards, -R[:, 2] @ body.normals)
+
+
+def margins(scene: Scene, seen: Sights, distance: Array) -> Array:
+    """How far inside the limits each place has each marker, shape (2, places, markers).
+
+    How much farther the place is than it must be for the marker's whole motion to be in the
+    picture, in m; and the cosine of the marker's tilt less that of the limit. Not below 0 where
+    the marker is seen and can be read.
+    """
+    rest = scene.body.points - scene.body.centre[:, None]
+    d = distance[:, None]
+    away = np.sqrt(d * (d - 2 * seen.towards) + np.sum(rest**2, axis=0))
+    cosine = (d * seen.facing - np.sum(rest * scene.body.normals, axis=0)) / away
+    return np.stack([d - seen.inside, cosine - np.cos(scene.rules.tilt) + SLACK])
 
 
 def clearances(scene: Scene, places: Array) -> Array:
@@ -147,17 +173,28 @@ def clearances(scene: Scene, places: Array) -> Array:
 
 def visible(scene: Scene, places: Array) -> Mask:
     """Which markers each place sees and can read, shape (places, markers)."""
+    seen = np.zeros((len(places), scene.body.points.shape[1]), bool)
+    for part in _parts(scene, len(places)):
+        grid, distance, focal = np.split(places[part], [2, 3], axis=1)
+        found = margins(scene, sights(scene, grid, focal[:, 0]), distance[:, 0])
+        seen[part] = np.all(found >= 0, axis=0)
+    return seen
+
+
+def _parts(scene: Scene, count: int) -> list[slice]:
+    """So many places in parts that fit into memory."""
     step = max(1, _VALUES // (2 * scene.body.points.shape[1]))
-    parts = [
-        np.all(margins(scene, places[i : i + step]) >= -SLACK, axis=0)
-        for i in range(0, len(places), step)
-    ]
-    return np.concatenate(parts) if parts else np.zeros((0, scene.body.points.shape[1]), bool)
+    return [slice(i, i + step) for i in range(0, count, step)]
 
 
 def sees_enough(scene: Scene, places: Array) -> Mask:
     """Whether places see the share of the markers that they must, shape (places,)."""
-    return visible(scene, places).mean(axis=1) >= scene.rules.in_view - SLACK
+    return enough(scene, visible(scene, places))
+
+
+def enough(scene: Scene, seen: Mask) -> Mask:
+    """Whether what places see (places, markers) is the share that they must, shape (places,)."""
+    return seen.mean(axis=1) >= scene.rules.in_view - SLACK
 
 
 def free(scene: Scene, places: Array) -> Mask:
@@ -231,14 +268,19 @@ def at(grid: Array, distance: Array, focal: Array | float) -> Array:
 
 def nearest(scene: Scene, grid: Array, focal: Array | float) -> Array:
     """Least allowed distance in each direction that sees enough, by halving; else the largest."""
-    limits = scene.rules.distances
+    limits, focal = scene.rules.distances, np.broadcast_to(focal, len(grid))
     last = lattice.count_lengths(limits) - 1
-    low, high = np.full(len(grid), -1), np.full(len(grid), last)
-    for _ in range(last.bit_length()):
-        middle = np.maximum((low + high) // 2, 0)
-        seen = sees_enough(scene, at(grid, lattice.length_at(middle, limits), focal))
-        high, low = np.where(seen, np.minimum(middle, high), high), np.where(seen, low, middle)
-    return lattice.length_at(high, limits)
+    found = np.full(len(grid), last)
+    for part in _parts(scene, len(grid)) if last else []:
+        seen, high = sights(scene, grid[part], focal[part]), found[part]
+        low = np.full(len(high), -1)
+        for _ in range(last.bit_length()):
+            middle = np.maximum((low + high) // 2, 0)
+            inside = np.all(margins(scene, seen, lattice.length_at(middle, limits)) >= 0, axis=0)
+            good = enough(scene, inside)
+            high, low = np.where(good, np.minimum(middle, high), high), np.where(good, low, middle)
+        found[part] = high
+    return lattice.length_at(found, limits)
 
 
 FIELDS = ("tilt_deg", "in_view", "elevations_deg", "azimuths_deg", "distances_mm",

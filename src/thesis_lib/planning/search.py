@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from thesis_lib.planning.optimum import (
     exchange,
     information,
     layout_cost,
+    spaced,
     too_near,
     variances,
 )
@@ -32,6 +34,8 @@ Mask = NDArray[np.bool_]
 
 STEPS = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
 _ROUNDS = 50  # of one step; ends long before
+_KEPT = 10_000_000  # numbers, which bounds the memory
+_KEY = 20  # numbers that the key of a row takes
 _SHORT, _LONG = (-1, 0, 1), (-10, 10)
 _WAYS = np.array([  # steps in azimuth and elevation, along slanted limits, too
     *itertools.product(_SHORT, _SHORT),
@@ -39,7 +43,55 @@ _WAYS = np.array([  # steps in azimuth and elevation, along slanted limits, too
 ])  # fmt: skip
 
 
-def neighbours(scene: Scene, layout: Array, step: float) -> tuple[Array, Mask]:
+class Once:
+    """A function of rows that is computed once for each of them.
+
+    Parameters
+    ----------
+    function : callable
+        Of an array (rows, columns), with one value or array for every row, whatever the others.
+    """
+
+    def __init__(self, function: Callable[[Array], NDArray[Any]]) -> None:
+        self.function = function
+        self.known: dict[bytes, Any] = {}
+        self.numbers = 0
+
+    def __call__(self, rows: Array) -> NDArray[Any]:
+        """What the function gives for rows."""
+        if self.numbers > _KEPT:
+            self.known, self.numbers = {}, 0
+        keys = rows.copy().view(f"V{rows.itemsize * rows.shape[1]}")[:, 0].tolist()
+        new = {key: row for row, key in enumerate(keys) if key not in self.known}
+        if new:
+            values = self.function(rows[list(new.values())])
+            self.known.update(zip(new, values, strict=True))
+            self.numbers += values.size + _KEY * len(new)
+        return np.array([self.known[key] for key in keys])
+
+
+class Surroundings:
+    """What cameras of a scene find about them: small steps lead to the same places over and over.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is measured, and the rules.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.nearest = Once(lambda rows: nearest(scene, rows[:, :2], rows[:, 2]))
+        self.permitted = Once(lambda places: permitted(scene, places))
+        self._information = Once(lambda places: np.moveaxis(information(scene, places), 1, 0))
+
+    def information(self, places: Array) -> Array:
+        """As :func:`~thesis_lib.planning.optimum.information`, shape (6, places, markers)."""
+        # sums of what does not lie together take ten times as long
+        return np.ascontiguousarray(np.moveaxis(self._information(places), 0, 1))
+
+
+def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, Mask]:
     """Allowed places about a `step` (rad) from those of a layout, and which camera may take which.
 
     A few steps in azimuth and elevation or none, and from there as far as the camera is, a step
@@ -51,7 +103,7 @@ def neighbours(scene: Scene, layout: Array, step: float) -> tuple[Array, Mask]:
         Places (places, 4), those of the layout first; and for every camera (cameras, places)
         whether a place is about its own.
     """
-    rules, n = scene.rules, len(layout)
+    rules, n = about.scene.rules, len(layout)
     aside, up = np.tile(_WAYS, (n, 1)).T
     azimuth, elevation, distance, focal = np.repeat(layout, len(_WAYS), axis=0).T
     turn = step / np.maximum(np.cos(elevation), step)  # less of an angle near the pole
@@ -60,13 +112,16 @@ def neighbours(scene: Scene, layout: Array, step: float) -> tuple[Array, Mask]:
         lattice.angles(elevation + step * up, rules.elevations),
     ])  # fmt: skip
     by = np.maximum(step * distance, 1 / lattice.PER_METRE)
-    far = [nearest(scene, grid, focal), distance - by, distance, distance + by]
+    far = [distance]
+    if rules.distances[0] < rules.distances[1]:
+        near = about.nearest(np.column_stack([grid, focal]))
+        far = [near, distance - by, distance, distance + by]
     every = np.concatenate([at(grid, lattice.lengths(d, rules.distances), focal) for d in far])
     camera = np.tile(np.repeat(np.arange(n), len(_WAYS)), len(far))
     _, first = np.unique(np.column_stack([camera, every]), axis=0, return_index=True)
-    first = first[permitted(scene, every[first])]
+    first = first[about.permitted(every[first])]
     whose = np.concatenate([np.arange(n), camera[first]]) == np.arange(n)[:, None]
-    whose[:, :n] &= permitted(scene, layout)
+    whose[:, :n] &= about.permitted(layout)
     return np.concatenate([layout, every[first]]), whose
 
 
@@ -86,30 +141,34 @@ def turned(scene: Scene, layout: Array, angle: float) -> Array:
     return out
 
 
-def settle(scene: Scene, layout: Array, objective: str) -> Array:
+def settle(about: Surroundings, layout: Array, objective: str) -> Array:
     """Move cameras by ever smaller steps, one by one and all together, while that helps."""
-    best = layout_cost(scene, layout, objective)
+    best = _cost(about, layout, objective)
     for step in STEPS:
         # one by one they do not leave an arrangement that is better only if all are turned
         for turn, reach in ((0.0, step), (step, STEPS[-1]), (-step, STEPS[-1])):
             for _ in range(_ROUNDS):
-                start = turned(scene, layout, turn) if turn else layout
-                moved = _moved(scene, start, reach, objective)
-                value = np.inf if moved is None else layout_cost(scene, moved, objective)
+                start = turned(about.scene, layout, turn) if turn else layout
+                moved = _moved(about, start, reach, objective)
+                value = np.inf if moved is None else _cost(about, moved, objective)
                 if moved is None or not value < best * (1 - TIE):
                     break
                 layout, best = moved, value
     return layout
 
 
-def _moved(scene: Scene, layout: Array, step: float, objective: str) -> Array | None:
+def _cost(about: Surroundings, layout: Array, objective: str) -> float:
+    return float(cost(variances(about.information(layout).sum(axis=1)), objective))
+
+
+def _moved(about: Surroundings, layout: Array, step: float, objective: str) -> Array | None:
     """The best about a layout, whose own places may be forbidden; None if there is no room."""
-    around, whose = neighbours(scene, layout, step)
+    around, whose = neighbours(about, layout, step)
     start = [i if whose[i, i] else -1 for i in range(len(layout))]
-    near = too_near(scene, around)
-    chosen, _ = exchange(information(scene, around), near, start, objective, whose)
+    near = too_near(about.scene, around)
+    chosen, _ = exchange(about.information(around), near, start, objective, whose)
     found = around[chosen]
-    return found if -1 not in chosen and allowed(scene, found) else None
+    return found if -1 not in chosen and spaced(about.scene, found) else None
 
 
 def images(scene: Scene, layout: Array) -> list[Array]:
@@ -164,6 +223,7 @@ def best_layouts(
     """
     known = information(scene, grid)
     near = too_near(scene, grid)
+    about = Surroundings(scene)
     rng = np.random.default_rng(seed)
     found: list[Array | None] = []
     smaller: list[int] = []
@@ -193,7 +253,7 @@ def best_layouts(
                 added = np.concatenate([added, grid[rest[[first_least(costs)]]]])
             if len(added) == count:
                 layouts.append(added)
-        settled = [settle(scene, one, objective) for one in layouts
+        settled = [settle(about, one, objective) for one in layouts
                    if np.isfinite(layout_cost(scene, one, objective))]  # fmt: skip
         found.append(chosen_of(scene, settled, objective))
         tell(count)
