@@ -40,8 +40,8 @@ def of_cube(cube: xr.Dataset) -> Iterator[tuple[str, bytes]]:
     notebook.display = lambda one: _THREAD.shown.append(one)
     try:
         space: dict[str, Any] = {"result": cube}
-        setup = next(source for source in cells if "result = " in source)
-        exec("\n".join(line for line in setup.splitlines() if "import" in line), space)
+        lines = [line for source in cells for line in source.splitlines()]
+        exec("\n".join(line for line in lines if line.startswith(("import ", "from "))), space)
         for source in cells:
             if _DRAWS.fullmatch(source.strip()):
                 made = eval(source.strip(), space)
