@@ -6,6 +6,7 @@ from scenes.laboratory import recordings
 from scenes.layouts import layouts
 
 from thesis_lib.facts import claims, trends
+from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims.compute import judged
 from thesis_lib.figure_sets.claims.parameters import OwnRuns
@@ -13,7 +14,7 @@ from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
 from thesis_lib.studies.attributes import with_provenance
 
 TRIALS = 12
@@ -40,7 +41,7 @@ def cube_of(name):
         cube = sound.run(request, cube_of(name.replace("sound", "plate")))
     else:
         cube = studies.run(request)
-    return with_provenance(cube, request, 0.0)
+    return with_provenance(cube, request, 0.0, keys.library(FIGURE_SETS[name], request))
 
 
 @cache
