@@ -78,7 +78,7 @@ def described(cube: xr.Dataset, study: Study) -> xr.Dataset:
     figure = {"long_name": "number of the thesis's figure, where it has one", "units": "1"}
     return cube.assign_coords(
         case_title=("setting", titles, words),
-        thesis_figure=(("setting", "mode"), np.array(numbers, dtype=object), figure),
+        thesis_figure=(("setting", "mode"), np.array(numbers), figure),
         outline=outlines.outline(study.structure),
     )
 
