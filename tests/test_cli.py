@@ -306,7 +306,8 @@ def test_sets_run_without_what_they_do_not_have(checkout, tmp_path, own_checkout
 
 def test_failing_cell_is_told_with_what_where_and_how_to_go_on(own_checkout, tmp_path):
     def breaks(document):
-        document.cells[4].source = "raise RuntimeError('the lamp went out')"
+        viewer = next(cell for cell in document.cells if cell.id == "beam-distance-04")
+        viewer.source = "raise RuntimeError('the lamp went out')"
 
     own_checkout.change("beam-distance", breaks)
     done = own_checkout.thesis(*RUN, "--out", "out", cwd=tmp_path)

@@ -183,7 +183,8 @@ def test_damaged_cube_is_made_anew(whole, small):
 @pytest.mark.book
 def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
     def breaks(document):
-        document.cells[4].source = "raise RuntimeError('<b>the lamp</b> went out')"
+        viewer = next(cell for cell in document.cells if cell.id == "beam-distance-04")
+        viewer.source = "raise RuntimeError('<b>the lamp</b> went out')"
 
     kept = small.notebook(BAD).read_bytes()
     small.change(BAD, breaks)
