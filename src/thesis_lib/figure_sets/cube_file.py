@@ -100,9 +100,7 @@ def _refusal(path: Path, problem: str) -> CubeError:
 def _request(cube: xr.Dataset, path: Path) -> Study:
     """What a cube says it was made for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
-    if name not in FIGURE_SETS:
-        outside.load_all()
-    if name not in FIGURE_SETS:
+    if not outside.is_known(name):
         raise _refusal(path, "it lacks a known figure set")
     try:
         values = json.loads(given)

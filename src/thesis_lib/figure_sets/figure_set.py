@@ -90,3 +90,23 @@ class FigureSet(Product):
         module, function = self.figure.split(":")
         drawing: Figure = getattr(import_module(module), function)(cube, case, mode)
         return drawing
+
+
+def filmed(package: str, film: Callable[[Any], Study], **how: Any) -> FigureSet:
+    """A figure set that is computed from recordings.
+
+    Parameters
+    ----------
+    package : str
+        Its folder, whose module ``recordings`` films, and whose ``compute`` takes that as `data`.
+    film : callable
+        Its request to that of the recordings.
+    **how
+        The rest of :class:`FigureSet`.
+    """
+    recordings = Product(module=f"{package}.recordings", recorded=True)
+    return FigureSet(
+        module=f"{package}.compute",
+        needs=lambda asked: {"data": (recordings, film(asked))},
+        **how,
+    )

@@ -59,6 +59,13 @@ def load_all() -> None:
         load(Path(folder))
 
 
+def is_known(name: str) -> bool:
+    """Whether there is a figure set of this name, here or where :func:`load_all` looks."""
+    if name not in FIGURE_SETS:
+        load_all()
+    return name in FIGURE_SETS
+
+
 def notebook(name: str) -> Path | None:
     """Where the notebook of a set is that was loaded from a folder; None of the book's own."""
     return _PLACES[name] / f"{name}.ipynb" if name in _PLACES else None
@@ -87,22 +94,22 @@ def notebook_problems(request: type[Study], notebook: Path) -> Iterator[str]:
             yield f"{notebook} sets {one_line(name)}, which {request.name} does not declare{hint}"
     if lacks := [name for name in fields if name not in given]:
         yield f"{notebook} does not set {', '.join(lacks)}; wanted: all of {request.name}"
+    defaults = request()
     for name, value in given.items():
-        yield from _default_problems(request, notebook, name, value)
+        default = getattr(defaults, name, None)
+        if name in fields and not _gives(request, name, value, default):
+            text = one_line(ast.unparse(value)) if value else "nothing"
+            wanted = f"wanted: {one_line(repr(default))}, as declared"
+            yield f"{notebook} gives {name} = {text}; {wanted}"
 
 
-def _default_problems(
-    request: type[Study], notebook: Path, name: str, value: ast.expr | None
-) -> Iterator[str]:
-    """Whether a notebook gives a parameter the value that its figure set gives it."""
-    default = getattr(request(), name)
+def _gives(request: type[Study], name: str, value: ast.expr | None, default: object) -> bool:
+    """Whether a literal is the default of a parameter."""
     try:
-        if getattr(validated(request, {name: ast.literal_eval(value or "")}), name) == default:
-            return
+        given = validated(request, {name: ast.literal_eval(value or "")})
     except (ParameterError, ValueError):
-        pass
-    text = one_line(ast.unparse(value)) if value else "nothing"
-    yield f"{notebook} gives {name} = {text}; wanted: {one_line(repr(default))}, as declared"
+        return False
+    return bool(getattr(given, name) == default)
 
 
 def _assigned(code: list[ast.stmt]) -> dict[str, ast.expr | None]:

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +51,7 @@ class Recordings:
     """
 
     request: Study
-    film: Callable[[Any], xr.Dataset]
+    film: Callable[[Any], Any]
     sources: list[Path]
 
     @property
@@ -73,9 +72,8 @@ def folder() -> Path:
 
 def recordings_of(product: Product, request: Study) -> Recordings:
     """The recordings of a request."""
-    film = import_module(product.module).run
     files = [file for file in keys.code_of(product.module) if file.parent.name not in ASKING]
-    return Recordings(request, film, [*files, *keys.facts_of(files)])
+    return Recordings(request, partial(product.compute, inputs={}), [*files, *keys.facts_of(files)])
 
 
 def behind(request: Study) -> list[Recordings]:
@@ -106,7 +104,7 @@ def record(of: Recordings) -> Path:
     return of.path
 
 
-def _filmed(film: Callable[[Any], xr.Dataset], request: Study) -> xr.Dataset:
+def _filmed(film: Callable[[Any], Any], request: Study) -> xr.Dataset:
     """What is measured, with coordinates as they will be read from the data."""
     data = film(request)
     return data.assign({

@@ -41,9 +41,8 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     ParameterError
         If a value is refused, or papermill has injected a parameter that there is not.
     """
-    if name not in STUDIES:
-        outside.load_all()
-        validate(name, {})
+    if not outside.is_known(name):
+        validate(name, {})  # which says so
     fields = STUDIES[name].model_fields
     for variable in _injected(namespace.get("In", [])):
         if variable not in fields:

@@ -71,7 +71,12 @@ def cost(variance: Array, objective: str) -> Array:
 
 def layout_cost(scene: Scene, places: Array, objective: str) -> float:
     """Cost of a layout; infinite unless every marker is seen well enough by two cameras."""
-    return float(cost(variances(information(scene, places).sum(axis=1)), objective))
+    return together(information(scene, places), objective)
+
+
+def together(known: Array, objective: str) -> float:
+    """Cost of cameras from the information of each, shape (6, cameras, markers)."""
+    return float(cost(variances(known.sum(axis=1)), objective))
 
 
 def allowed(scene: Scene, places: Array) -> bool:

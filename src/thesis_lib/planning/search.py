@@ -23,6 +23,7 @@ from thesis_lib.planning.optimum import (
     information,
     layout_cost,
     spaced,
+    together,
     too_near,
     variances,
 )
@@ -143,22 +144,18 @@ def turned(scene: Scene, layout: Array, angle: float) -> Array:
 
 def settle(about: Surroundings, layout: Array, objective: str) -> Array:
     """Move cameras by ever smaller steps, one by one and all together, while that helps."""
-    best = _cost(about, layout, objective)
+    best = together(about.information(layout), objective)
     for step in STEPS:
         # one by one they do not leave an arrangement that is better only if all are turned
         for turn, reach in ((0.0, step), (step, STEPS[-1]), (-step, STEPS[-1])):
             for _ in range(_ROUNDS):
                 start = turned(about.scene, layout, turn) if turn else layout
                 moved = _moved(about, start, reach, objective)
-                value = np.inf if moved is None else _cost(about, moved, objective)
+                value = np.inf if moved is None else together(about.information(moved), objective)
                 if moved is None or not value < best * (1 - TIE):
                     break
                 layout, best = moved, value
     return layout
-
-
-def _cost(about: Surroundings, layout: Array, objective: str) -> float:
-    return float(cost(variances(about.information(layout).sum(axis=1)), objective))
 
 
 def _moved(about: Surroundings, layout: Array, step: float, objective: str) -> Array | None:

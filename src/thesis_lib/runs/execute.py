@@ -81,7 +81,7 @@ def digest(job: Job) -> str:
         keys.digest([*shown, *keys.facts_of(shown)]),
         digest_of([*keys.assets_of(shown), *inputs]),
     ]
-    text = json.dumps([cells, name, job.study.request, *parts], sort_keys=True)
+    text = json.dumps([cells, *parts], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
