@@ -34,7 +34,6 @@ MADE = {".venv", "build", "runs", "book/executed", "data/results"}
 STEPS = ("tests", "notebooks", "cubes")
 PYTEST = ("-m", "pytest", "-q", "-n", "2", "--dist", "loadfile")
 BOUND = 1e-9  # of the largest value of a variable
-BENT = {"shape-holes": 1e-7}  # small elements at holes: bending stiffness grows with their size⁻⁴
 DRAWN = 2.0**-13  # of those in single precision, which are drawn, and stored to 14 bits
 _CUBES = """
 import sys
@@ -105,9 +104,7 @@ def compared(cpus: list[str], sets: list[str]) -> list[str]:
     failed = []
     for one in sets:
         for name in list(made)[1:]:
-            found = differences(
-                *(made[who] / f"{one}.nc" for who in ("this", name)), BENT.get(one, BOUND)
-            )
+            found = differences(*(made[who] / f"{one}.nc" for who in ("this", name)))
             far = {v: d for v, (d, bound) in found.items() if d > bound * (name != "this again")}
             exact = {v: d for v, (d, bound) in found.items() if bound != DRAWN}
             worst = max(exact, key=exact.__getitem__)

@@ -8,12 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from skfem import MeshTri
+from skfem import Basis, MeshTri
 
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.vibration.beam import cantilever_roots
 from thesis_lib.vibration.finite_elements import facets_along, located, plate_modes
 from thesis_lib.vibration.meshing import Circle, area, contains, is_simple, pieces, triangulated
+from thesis_lib.vibration.morley import Morley
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import deflection_shape, modal_coordinates, peak_deflection
 
@@ -64,6 +66,37 @@ def test_simply_supported_rectangle_converges_with_order_2(conforms):
     for errors_of_mode in np.array(errors).T:
         conforms.order(orders(errors_of_mode), 2, atol=0.1)
     conforms.closed_form(errors[-1], 0, atol=0.006)
+
+
+@pytest.mark.parametrize("far", [0.0, 1e3])
+def test_element_has_the_values_and_slopes_that_its_coefficients_say(conforms, far):
+    corners = np.array([[0.0, 0.9, 1.1, 0.3], [0.0, -0.2, 0.7, 0.8]])
+    mesh = MeshTri(corners + far, np.array([[0, 1, 2], [0, 2, 3]]).T)
+    mapping, element = mesh.mapping(), Morley()
+    for i in range(6):
+        value = element.gbasis(mapping, np.array([[0.0, 1, 0], [0, 0, 1]]), i)[0]
+        conforms.closed_form(value, np.eye(6)[i][None, :3].repeat(2, axis=0), atol=1e-12)
+    # slopes: the quadratic that has those of x² + 3xy - y² has its curvature
+    basis = Basis(mesh, element, intorder=4)
+    x, y = mesh.p - far
+    a, b = (mesh.p[:, mesh.facets] - far).transpose(1, 0, 2)
+    (mx, my), (tx, ty) = (a + b) / 2, (b - a) / np.hypot(*(b - a))
+    w = np.zeros(basis.N)
+    w[basis.nodal_dofs[0]] = x**2 + 3 * x * y - y**2
+    w[basis.facet_dofs[0]] = (2 * mx + 3 * my) * ty - (3 * mx - 2 * my) * tx
+    hess = basis.interpolate(w).hess
+    conforms.closed_form(hess[..., 0].T, np.array([[[2.0, 3], [3, -2]]] * 2), atol=1e-9)
+
+
+def test_small_triangles_cost_no_digits(conforms):
+    """Frequencies stay when corners are renumbered and moved, though one side is 15 µm long."""
+    given = FIGURE_SETS["shape-holes"].request().structure
+    mesh = triangulated(given.outline, given.holes, given.element_size)
+    order = np.random.default_rng(1).permutation(mesh.p.shape[1])
+    new = np.ascontiguousarray(np.argsort(order)[mesh.t])
+    other = MeshTri(np.ascontiguousarray(mesh.p[:, order]) + 0.3, new)
+    one, two = (eigenvalues(each, "simply supported") for each in (mesh, other))
+    conforms.invariance(two / one, 1, atol=1e-13)
 
 
 def test_panel_that_is_the_plate_has_its_frequencies_shapes_and_signs(conforms):

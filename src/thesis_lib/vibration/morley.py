@@ -1,0 +1,71 @@
+"""Morley's element: a quadratic on a triangle, by its corners' values and its sides' slopes.
+
+With barycentric coordinates λ_k, their gradients g_k and b_k = λ_k (λ_k − 1), which is 0 at all
+corners and has a slope across the middle of side k (opposite to corner k) alone, the shapes are
+
+    φ_i = λ_i + Σ_k (g_i · g_k / |g_k|²) b_k    of the value at corner i, and
+    ψ_k = ± b_k / |g_k|                         of the slope across the middle of side k
+
+(W. Ming and J. Xu, Numer. Math. 103, 2006). scikit-fem inverts the values and slopes of 1, x, y, x²
+… instead, which loses the more digits the smaller a triangle is, and the farther from the origin.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import ElementTriMorley
+from skfem.element import DiscreteField
+
+SIDES = ((0, 1), (1, 2), (2, 0))  # corners of each, in scikit-fem's order, and as one walks around
+OPPOSITE = (2, 0, 1)
+
+
+class Morley(ElementTriMorley):  # type: ignore[misc]
+    """Morley's element in barycentric coordinates."""
+
+    def gbasis(
+        self, mapping: Any, X: NDArray[np.float64], i: int, tind: NDArray[np.int64] | None = None
+    ) -> tuple[DiscreteField]:
+        """Shape function `i` and its second derivatives.
+
+        Parameters
+        ----------
+        mapping : skfem.mapping.Mapping
+            Of the triangles.
+        X : ndarray, shape (2, points) or (2, triangles, points)
+            Places in the reference triangle.
+        i : int
+            0 to 2: corners, 3 to 5: sides.
+        tind : ndarray of int, optional
+            Numbers of the triangles; all by default.
+
+        Returns
+        -------
+        tuple of one skfem.element.DiscreteField
+            Values (triangles, points); `hess` has shape (2, 2, triangles, points).
+        """
+        mesh = mapping.mesh
+        corners = mesh.t if tind is None else mesh.t[:, tind]
+        a, b, c = mesh.p[:, corners].transpose(1, 0, 2)
+        (ux, uy), (vx, vy) = b - a, c - a
+        second, third = np.stack([[vy, -vx], [-uy, ux]]) / (ux * vy - uy * vx)
+        g = np.stack([-second - third, second, third])  # 1/m, (3, 2, triangles)
+        squares = np.sum(g**2, axis=1)
+        weights = np.stack([1 - X[0] - X[1], X[0], X[1]])
+        if i < 3:
+            shares = np.sum(g[i] * g, axis=1) / squares  # (3, triangles)
+        else:
+            (start, end), side = SIDES[i - 3], OPPOSITE[i - 3]
+            # for both triangles alike to the right of who walks to the corner of higher number
+            outward = np.sign(corners[end] - corners[start]) * np.sign(ux * vy - uy * vx)
+            shares = np.zeros_like(squares)
+            shares[side] = outward / np.sqrt(squares[side])
+        value = sum(shares[k][:, None] * weights[k] * (weights[k] - 1) for k in range(3))
+        if i < 3:
+            value = weights[i] + value
+        curved = 2 * np.einsum("kt,kit,kjt->ijt", shares, g, g)
+        points = np.ones(np.shape(value)[-1])
+        return (DiscreteField(value=value, hess=curved[..., None] * points),)
