@@ -18,8 +18,8 @@ from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import outlines
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.request import ParameterError
-from thesis_lib.vibration.meshing import Circle, area
 from thesis_lib.vibration.panel import Panel
+from thesis_lib.vibration.polygons import Circle, area
 from thesis_lib.vibration.structure import deflection_shape
 
 NAMES = ("shape-l", "shape-holes")

@@ -14,9 +14,10 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.vibration.beam import cantilever_roots
 from thesis_lib.vibration.finite_elements import facets_along, located, plate_modes
-from thesis_lib.vibration.meshing import Circle, area, contains, is_simple, pieces, triangulated
+from thesis_lib.vibration.meshing import pieces, triangulated
 from thesis_lib.vibration.morley import Morley
 from thesis_lib.vibration.panel import Panel
+from thesis_lib.vibration.polygons import Circle, area, contains, is_simple
 from thesis_lib.vibration.structure import deflection_shape, modal_coordinates, peak_deflection
 
 PLATE = setups.plate()

@@ -9,118 +9,30 @@ corners, where bending moments are singular, are halved several times.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial import Delaunay
+
+from thesis_lib.vibration.polygons import (
+    Circle,
+    Hole,
+    Point,
+    ShapeError,
+    area,
+    contains,
+    distances,
+)
 
 if TYPE_CHECKING:
     from skfem import MeshTri
 
 Array = NDArray[np.float64]
-Point = tuple[float, float]
 ROUND = 24  # least number of pieces of a circle
 CLOSE = 0.6  # least distance of a grid point from the boundary, over the element size
 FEW, MOST = 200, 60_000  # triangles
-
-
-@dataclass(frozen=True)
-class Circle:
-    """A round hole: centre and radius in m."""
-
-    x: float
-    y: float
-    radius: float
-
-
-Hole = Circle | tuple[Point, ...]
-
-
-class ShapeError(ValueError):
-    """A shape that cannot be computed, in one line.
-
-    Parameters
-    ----------
-    what : str
-        Which of its parameters is wrong.
-    given : object
-        Its value.
-    allowed : str
-        What is allowed, in words.
-    """
-
-    def __init__(self, what: str, given: object, allowed: str) -> None:
-        super().__init__(f"{what}: given {given}, allowed: {allowed}")
-        self.what, self.given, self.allowed = what, given, allowed
-
-
-def area(polygon: ArrayLike) -> float:
-    """Signed area of a polygon (corners, 2), positive if anticlockwise: ½ Σ (xᵢyᵢ₊₁ − xᵢ₊₁yᵢ)."""
-    x, y = np.asarray(polygon, float).T
-    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
-
-
-def contains(polygon: ArrayLike, points: Array) -> NDArray[np.bool_]:
-    """Whether points (2, n) lie in a polygon (corners, 2), by the number of edges to their right.
-
-    Of a point on an edge the answer may be either.
-    """
-    corners = np.asarray(polygon, float)
-    x, y = points
-    (x0, y0), (x1, y1) = corners.T[:, :, None], np.roll(corners, -1, axis=0).T[:, :, None]
-    between = (y0 > y) != (y1 > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        right = x < x0 + (y - y0) / (y1 - y0) * (x1 - x0)
-    inside: NDArray[np.bool_] = np.sum(between & right, axis=0) % 2 == 1
-    return inside
-
-
-def in_hole(hole: Hole, points: Array) -> NDArray[np.bool_]:
-    """Whether points (2, n) lie in a hole."""
-    if isinstance(hole, Circle):
-        return np.hypot(points[0] - hole.x, points[1] - hole.y) < hole.radius
-    return contains(hole, points)
-
-
-def distances(polygon: ArrayLike, points: Array) -> Array:
-    """Distances of points (2, n) from the edges of a polygon (corners, 2), shape (edges, n)."""
-    start = np.asarray(polygon, float)[:, :, None]
-    along = np.roll(start, -1, axis=0) - start
-    offset = points - start
-    t = np.sum(offset * along, axis=1) / np.sum(along**2, axis=1)
-    foot = offset - np.clip(t, 0, 1)[:, None] * along
-    return np.hypot(foot[:, 0], foot[:, 1])
-
-
-def is_simple(polygon: Sequence[Point]) -> bool:
-    """Whether no two edges of a polygon meet but neighbours at their common corner."""
-    corners = [np.array(corner, float) for corner in polygon]
-    n = len(corners)
-    edges = [(corners[i], corners[(i + 1) % n]) for i in range(n)]
-    folded = any(
-        _cross(b - a, c - b) == 0 and np.dot(b - a, c - b) <= 0
-        for (a, b), (_, c) in zip(edges, edges[1:] + edges[:1], strict=True)
-    )
-    apart = [(i, j) for i in range(n) for j in range(i + 2, n) if (i, j) != (0, n - 1)]
-    return not folded and not any(meet(*edges[i], *edges[j]) for i, j in apart)
-
-
-def _cross(a: Array, b: Array) -> float:
-    return float(a[0] * b[1] - a[1] * b[0])
-
-
-def meet(a: Array, b: Array, c: Array, d: Array) -> bool:
-    """Whether the segments ab and cd have a point in common."""
-    turns = [_cross(b - a, c - a), _cross(b - a, d - a), _cross(d - c, a - c), _cross(d - c, b - c)]
-    if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
-        return True
-    return any(
-        turn == 0 and np.dot(p - s, p - e) <= 0
-        for turn, p, s, e in zip(turns, (c, d, a, b), (a, a, c, c), (b, b, d, d), strict=True)
-    )
 
 
 def pieces(hole: Hole, size: float) -> Array:
@@ -148,8 +60,8 @@ def _rings(circle: Circle, count: int, size: float) -> list[Array]:
     while (step := 2 * np.pi * radius / count * np.sqrt(3) / 2) < 0.75 * size:
         radius, turned = radius + step, turned + np.pi / count
         angle = turned + 2 * np.pi * np.arange(count) / count
-        rings.append(np.stack([circle.x + radius * np.cos(angle),
-                               circle.y + radius * np.sin(angle)]))  # fmt: skip
+        x, y = circle.x + radius * np.cos(angle), circle.y + radius * np.sin(angle)
+        rings.append(np.stack([x, y]))
     return rings
 
 
@@ -182,8 +94,8 @@ def triangles(
     """
     count = abs(area(outline)) / (np.sqrt(3) / 4 * size**2)
     if not FEW <= count <= MOST:
-        raise ShapeError("element_size", f"{size:g} m", f"sizes that make {FEW} to {MOST} "
-                         f"triangles (this one makes {count:.0f})")  # fmt: skip
+        allowed = f"sizes that make {FEW} to {MOST} triangles (this one makes {count:.0f})"
+        raise ShapeError("element_size", f"{size:g} m", allowed)
     loops = [_cut(outline, size), *(pieces(hole, size) for hole in holes)]
     points = _points(outline, holes, size, loops)
     corners = Delaunay(points.T).simplices
@@ -199,8 +111,8 @@ def triangles(
     wanted = abs(area(loops[0])) - sum(abs(area(loop)) for loop in loops[1:])
     missed = abs(np.sum(_twice_areas(points, corners.T)) / 2 - wanted) > 1e-9 * wanted
     if missed or np.count_nonzero(once) != sum(map(len, loops)):
-        raise ShapeError("element_size", f"{size:g} m",
-                         "a smaller one, for the region is narrower than an element")  # fmt: skip
+        allowed = "a smaller one, for the region is narrower than an element"
+        raise ShapeError("element_size", f"{size:g} m", allowed)
     return np.ascontiguousarray(points), np.ascontiguousarray(corners)
 
 
@@ -237,7 +149,8 @@ def _points(
         rings = _rings(hole, len(loop), size) if isinstance(hole, Circle) else []
         for ring in rings:
             gap = np.hypot(*(ring[:, 0] - ring[:, 1]))
-            taken.append(_free(ring, outline, holes, CLOSE * gap, skip=hole))
+            others = (other for other in holes if other is not hole)
+            taken.append(_free(ring, outline, others, CLOSE * gap))
         if rings and isinstance(hole, Circle):
             reach = np.hypot(*(rings[-1][:, 0] - [hole.x, hole.y])) + CLOSE * size
             away = np.hypot(inside[0] - hole.x, inside[1] - hole.y) > reach
@@ -249,15 +162,10 @@ def _points(
     return np.concatenate(taken, axis=1)
 
 
-def _free(
-    points: Array, outline: Sequence[Point], holes: Sequence[Hole], gap: float,
-    skip: Hole | None = None,
-) -> Array:  # fmt: skip
+def _free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], gap: float) -> Array:
     """Those of points (2, n) in the region that are at least `gap` from its boundaries."""
     kept = contains(outline, points) & np.all(distances(outline, points) > gap, axis=0)
     for hole in holes:
-        if hole is skip:
-            continue
         if isinstance(hole, Circle):
             kept &= np.hypot(points[0] - hole.x, points[1] - hole.y) > hole.radius + gap
         else:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations, product
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -25,20 +25,20 @@ from thesis_lib.vibration.finite_elements import (
     facets_along,
     plate_modes,
 )
-from thesis_lib.vibration.meshing import (
+from thesis_lib.vibration.meshing import pieces, triangles, triangulated
+from thesis_lib.vibration.polygons import (
     Circle,
     Hole,
     Point,
     ShapeError,
+    are_apart,
     area,
     contains,
     distances,
+    edges,
     in_hole,
     is_simple,
-    meet,
-    pieces,
-    triangles,
-    triangulated,
+    is_within,
 )
 
 Array = NDArray[np.float64]
@@ -103,8 +103,8 @@ class Panel:
         if not self.covers(np.array(self.force_position, float)[:, None])[0]:
             raise ShapeError("force_position", self.force_position, "a point on the panel")
         if (found := self.markers.shape[1]) < 3:
-            raise ShapeError("grid", self.grid, "a finer one: fewer than 3 cells have their centre "
-                           f"on the panel ({found})")  # fmt: skip
+            allowed = f"a finer one: fewer than 3 cells have their centre on the panel ({found})"
+            raise ShapeError("grid", self.grid, allowed)
         _check_mesh(self.outline, self.holes, self.element_size)
 
     @property
@@ -212,12 +212,10 @@ class Panel:
 def _batch(panel: Panel, batches: int) -> PlateModes:
     mesh = triangulated(panel.outline, panel.holes, panel.element_size)
     sides: dict[str, list[Any]] = {support: [np.zeros(0, np.int64)] for support in SUPPORTS}
-    for edge, support in zip(_edges(panel.outline), panel.supports, strict=True):
+    for edge, support in zip(edges(panel.outline), panel.supports, strict=True):
         sides[support].append(facets_along(mesh, *edge))
-    return plate_modes(
-        mesh, np.concatenate(sides[CLAMPED]), np.concatenate(sides[SIMPLY_SUPPORTED]),
-        panel.poisson, batches * BATCH,
-    )  # fmt: skip
+    clamped, supported = (np.concatenate(sides[held]) for held in (CLAMPED, SIMPLY_SUPPORTED))
+    return plate_modes(mesh, clamped, supported, panel.poisson, batches * BATCH)
 
 
 def _found(panel: Panel, n_modes: int) -> PlateModes:
@@ -225,10 +223,6 @@ def _found(panel: Panel, n_modes: int) -> PlateModes:
     if n_modes < 1:
         raise ShapeError("n_modes", n_modes, "1 or more")
     return _batch(panel, math.ceil(n_modes / BATCH))
-
-
-def _edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
-    return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
 
 
 # What makes a panel.
@@ -273,54 +267,22 @@ def _check_holes(panel: Panel) -> None:
                 raise ShapeError("holes", hole, "finite numbers, and a radius above 0")
         else:
             _check_polygon("holes", hole)
-        if not _is_within(hole, panel.outline):
+        if not is_within(hole, panel.outline):
             raise ShapeError("holes", hole, "a hole inside the outline")
     for one, other in combinations(panel.holes, 2):
-        if not _are_apart(one, other):
+        if not are_apart(one, other):
             raise ShapeError("holes", (one, other), "holes that do not touch")
 
 
-def _is_within(hole: Hole, outline: Sequence[Point]) -> bool:
-    if isinstance(hole, Circle):
-        centre = np.array([[hole.x], [hole.y]])
-        return bool(
-            contains(outline, centre)[0] and np.all(distances(outline, centre) > hole.radius)
-        )
-    return bool(np.all(contains(outline, np.array(hole).T))) and not _cross(hole, outline)
-
-
-def _are_apart(one: Hole, other: Hole) -> bool:
-    if isinstance(one, Circle) and isinstance(other, Circle):
-        return math.hypot(one.x - other.x, one.y - other.y) > one.radius + other.radius
-    if isinstance(one, Circle):
-        centre = np.array([[one.x], [one.y]])
-        outside = not in_hole(other, centre)[0]
-        assert not isinstance(other, Circle)
-        return bool(outside and np.all(distances(other, centre) > one.radius))
-    if isinstance(other, Circle):
-        return _are_apart(other, one)
-    nested = contains(one, np.array(other[:1]).T)[0] or contains(other, np.array(one[:1]).T)[0]
-    return not nested and not _cross(one, other)
-
-
-def _cross(one: Sequence[Point], other: Sequence[Point]) -> bool:
-    """Whether two polygons' edges meet anywhere."""
-    return any(
-        meet(*map(np.array, edge), *map(np.array, edge_))
-        for edge, edge_ in product(_edges(one), _edges(other))
-    )
-
-
 def _check_supports(panel: Panel) -> None:
-    edges = _edges(panel.outline)
-    if len(panel.supports) != len(edges) or not set(panel.supports) <= set(SUPPORTS):
-        raise ShapeError("supports", panel.supports,
-                       f"one of {', '.join(SUPPORTS)} for each of {len(edges)} edges")  # fmt: skip
-    held = [np.array(c) for edge, s in zip(edges, panel.supports, strict=True)
-            if s == SIMPLY_SUPPORTED for c in edge]  # fmt: skip
-    on_a_line = len(held) < 3 or np.linalg.matrix_rank(
-        np.array(held[1:]) - held[0], tol=ON_EDGE * max(panel.extent)
-    ) < 2  # fmt: skip
+    sides = edges(panel.outline)
+    if len(panel.supports) != len(sides) or not set(panel.supports) <= set(SUPPORTS):
+        allowed = f"one of {', '.join(SUPPORTS)} for each of {len(sides)} edges"
+        raise ShapeError("supports", panel.supports, allowed)
+    supported = [s == SIMPLY_SUPPORTED for s in panel.supports]
+    held = np.array(sides)[supported].reshape(-1, 2)
+    near = ON_EDGE * max(panel.extent)
+    on_a_line = len(held) < 3 or np.linalg.matrix_rank(held[1:] - held[0], tol=near) < 2
     if CLAMPED not in panel.supports and on_a_line:
         allowed = "a clamped edge, or simply supported ones that are not on one line"
         raise ShapeError("supports", panel.supports, allowed)

@@ -14,8 +14,8 @@ from thesis_lib.studies.request import refuse
 from thesis_lib.studies.shared_fields import PlateMarkers
 from thesis_lib.studies.vocabulary import Positive, field
 from thesis_lib.vibration.finite_elements import SIMPLY_SUPPORTED
-from thesis_lib.vibration.meshing import Circle, Hole, ShapeError
 from thesis_lib.vibration.panel import Panel
+from thesis_lib.vibration.polygons import Circle, Hole, ShapeError
 
 Coordinate = Annotated[float, Field(ge=0, le=1e5)]
 Corner = tuple[Coordinate, Coordinate]

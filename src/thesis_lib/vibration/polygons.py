@@ -1,0 +1,147 @@
+"""Polygons and round holes: what lies in them, how far from them, and whether they meet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A round hole: centre and radius in m."""
+
+    x: float
+    y: float
+    radius: float
+
+
+Hole = Circle | tuple[Point, ...]
+
+
+class ShapeError(ValueError):
+    """A shape that cannot be computed, in one line.
+
+    Parameters
+    ----------
+    what : str
+        Which of its parameters is wrong.
+    given : object
+        Its value.
+    allowed : str
+        What is allowed, in words.
+    """
+
+    def __init__(self, what: str, given: object, allowed: str) -> None:
+        super().__init__(f"{what}: given {given}, allowed: {allowed}")
+        self.what, self.given, self.allowed = what, given, allowed
+
+
+def area(polygon: ArrayLike) -> float:
+    """Signed area of a polygon (corners, 2), positive if anticlockwise: ½ Σ (xᵢyᵢ₊₁ − xᵢ₊₁yᵢ)."""
+    x, y = np.asarray(polygon, float).T
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
+
+
+def contains(polygon: ArrayLike, points: Array) -> NDArray[np.bool_]:
+    """Whether points (2, n) lie in a polygon (corners, 2), by the number of edges to their right.
+
+    Of a point on an edge the answer may be either.
+    """
+    corners = np.asarray(polygon, float)
+    x, y = points
+    (x0, y0), (x1, y1) = corners.T[:, :, None], np.roll(corners, -1, axis=0).T[:, :, None]
+    between = (y0 > y) != (y1 > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        right = x < x0 + (y - y0) / (y1 - y0) * (x1 - x0)
+    inside: NDArray[np.bool_] = np.sum(between & right, axis=0) % 2 == 1
+    return inside
+
+
+def in_hole(hole: Hole, points: Array) -> NDArray[np.bool_]:
+    """Whether points (2, n) lie in a hole."""
+    if isinstance(hole, Circle):
+        return np.hypot(points[0] - hole.x, points[1] - hole.y) < hole.radius
+    return contains(hole, points)
+
+
+def distances(polygon: ArrayLike, points: Array) -> Array:
+    """Distances of points (2, n) from the edges of a polygon (corners, 2), shape (edges, n)."""
+    start = np.asarray(polygon, float)[:, :, None]
+    along = np.roll(start, -1, axis=0) - start
+    offset = points - start
+    t = np.sum(offset * along, axis=1) / np.sum(along**2, axis=1)
+    foot = offset - np.clip(t, 0, 1)[:, None] * along
+    return np.hypot(foot[:, 0], foot[:, 1])
+
+
+def is_simple(polygon: Sequence[Point]) -> bool:
+    """Whether no two edges of a polygon meet but neighbours at their common corner."""
+    sides = [(np.array(a, float), np.array(b, float)) for a, b in edges(polygon)]
+    n = len(sides)
+    folded = any(
+        _cross(b - a, c - b) == 0 and np.dot(b - a, c - b) <= 0
+        for (a, b), (_, c) in zip(sides, sides[1:] + sides[:1], strict=True)
+    )
+    apart = [(i, j) for i in range(n) for j in range(i + 2, n) if (i, j) != (0, n - 1)]
+    return not folded and not any(meet(*sides[i], *sides[j]) for i, j in apart)
+
+
+def _cross(a: Array, b: Array) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+def meet(a: Array, b: Array, c: Array, d: Array) -> bool:
+    """Whether the segments ab and cd have a point in common."""
+    turns = [_cross(b - a, c - a), _cross(b - a, d - a), _cross(d - c, a - c), _cross(d - c, b - c)]
+    if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
+        return True
+    return any(
+        turn == 0 and np.dot(p - s, p - e) <= 0
+        for turn, p, s, e in zip(turns, (c, d, a, b), (a, a, c, c), (b, b, d, d), strict=True)
+    )
+
+
+def edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
+    """From each corner to the next, and from the last to the first."""
+    return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
+
+
+def is_within(hole: Hole, outline: Sequence[Point]) -> bool:
+    """Whether a hole lies in a polygon and does not touch its edges."""
+    if isinstance(hole, Circle):
+        centre = np.array([[hole.x], [hole.y]])
+        return bool(
+            contains(outline, centre)[0] and np.all(distances(outline, centre) > hole.radius)
+        )
+    return bool(np.all(contains(outline, np.array(hole).T))) and not _meet_anywhere(hole, outline)
+
+
+def are_apart(one: Hole, other: Hole) -> bool:
+    """Whether two holes have no point in common."""
+    if isinstance(one, Circle) and isinstance(other, Circle):
+        return math.hypot(one.x - other.x, one.y - other.y) > one.radius + other.radius
+    if isinstance(one, Circle):
+        centre = np.array([[one.x], [one.y]])
+        outside = not in_hole(other, centre)[0]
+        assert not isinstance(other, Circle)
+        return bool(outside and np.all(distances(other, centre) > one.radius))
+    if isinstance(other, Circle):
+        return are_apart(other, one)
+    nested = contains(one, np.array(other[:1]).T)[0] or contains(other, np.array(one[:1]).T)[0]
+    return not nested and not _meet_anywhere(one, other)
+
+
+def _meet_anywhere(one: Sequence[Point], other: Sequence[Point]) -> bool:
+    """Whether two polygons' edges meet anywhere."""
+    return any(
+        meet(*map(np.array, edge), *map(np.array, edge_))
+        for edge, edge_ in product(edges(one), edges(other))
+    )
