@@ -29,7 +29,6 @@ from thesis_lib.text import message, of_error
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    pass
     from thesis_lib.runs.execute import Job
 _ASSIGNMENTS = click.option(
     "-p",

@@ -1,7 +1,7 @@
 """The words of trends as tests: falls, rises, flat, alike, best, and the like.
 
-A test gets the :class:`Evidence` and an argument, and says for each draw of the errors whether the
-statement is true of it.
+A test gets the :class:`~thesis_lib.ledger.evidence.Evidence` and an argument, and says for each
+draw of the errors whether the statement is true of it.
 
 What the words mean, for all trends alike:
 
@@ -20,17 +20,16 @@ no trend
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-if TYPE_CHECKING:
-    from thesis_lib.facts.trends import Trend
+from thesis_lib.ledger.evidence import Evidence
 
 Array = NDArray[np.float64]
 Holds = NDArray[np.bool_]
@@ -39,47 +38,7 @@ MATERIAL = 0.10  # of an error, the least change that counts as one
 ALIKE = 1.5  # it calls modes within 10-15 % alike
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """What a trend is tested on: errors of shape (settings, draws) by quantity, case and mode."""
-
-    trend: Trend
-    errors: Mapping[tuple[str, str, int], Array]
-    values: Mapping[str, Array]
-
-    @property
-    def cases(self) -> tuple[str, ...]:
-        """Cases that the trend speaks of."""
-        return self.trend.cases or tuple(self.values)
-
-    @property
-    def series(self) -> list[Array]:
-        """Errors of all that the trend speaks of and that has a reference."""
-        return [
-            errors
-            for (quantity, case, mode), errors in self.errors.items()
-            if case in self.cases
-            and mode in self.trend.modes
-            and quantity in self.trend.quantities
-            and np.isfinite(errors).all()
-        ]
-
-    def of_modes(self, quantity: str) -> dict[int, Array]:
-        """Geometric mean over all settings of the cases, by mode: shape (draws,)."""
-        by: dict[int, list[Array]] = {}
-        for (name, case, mode), errors in self.errors.items():
-            if name == quantity and case in self.cases and np.isfinite(errors).all():
-                by.setdefault(mode, []).append(np.log(errors))
-        return {mode: np.exp(np.concatenate(logs).mean(axis=0)) for mode, logs in by.items()}
-
-    def pairs(self, other: str) -> Iterator[tuple[Array, Array, str]]:
-        """Errors of the trend's own case and of another, for each quantity and mode."""
-        for quantity in self.trend.quantities:
-            for mode in self.trend.modes:
-                own = self.errors[quantity, self.cases[0], mode]
-                second = self.errors[quantity, other, mode]
-                if np.isfinite(own).all() and np.isfinite(second).all():
-                    yield own, second, quantity
+Test = Callable[[Evidence, str], Holds]
 
 
 def _all(parts: Iterable[Any]) -> Holds:
@@ -94,6 +53,10 @@ def _down(errors: Array) -> Holds:
     return np.asarray((errors[-1] < errors[0]) & (ordered > 0))
 
 
+def _up(errors: Array) -> Holds:
+    return _down(errors[::-1])
+
+
 def _flat(errors: Array) -> Holds:
     return np.asarray(errors.max(axis=0) <= FLAT * errors.min(axis=0))
 
@@ -102,28 +65,25 @@ def _steps_down(errors: Array) -> Holds:
     return np.asarray((np.diff(errors, axis=0) < 0).all(axis=0))
 
 
+def _falls_irregularly(errors: Array) -> Holds:
+    return (errors[-1] < errors[0]) & ~_steps_down(errors)
+
+
+def _highest_last(errors: Array) -> Holds:
+    return np.asarray(np.argmax(errors, axis=0) == len(errors) - 1)
+
+
 def _trendless(errors: Array) -> Holds:
-    return ~(_down(errors) | _down(errors[::-1])) | _flat(errors)
+    return ~(_down(errors) | _up(errors)) | _flat(errors)
 
 
 def _close(first: Array, second: Array) -> Holds:
     return np.asarray(np.maximum(first, second) <= ALIKE * np.minimum(first, second))
 
 
-def _falls(evidence: Evidence, _: str) -> Holds:
-    return _all(_down(errors) for errors in evidence.series)
-
-
-def _rises(evidence: Evidence, _: str) -> Holds:
-    return _all(_down(errors[::-1]) for errors in evidence.series)
-
-
-def _falls_steadily(evidence: Evidence, _: str) -> Holds:
-    return _all(_steps_down(errors) for errors in evidence.series)
-
-
-def _falls_irregularly(evidence: Evidence, _: str) -> Holds:
-    return _all((e[-1] < e[0]) & ~_steps_down(e) for e in evidence.series)
+def _each(test: Callable[[Array], Holds]) -> Test:
+    """Whether all that the trend speaks of passes a test."""
+    return lambda evidence, _: _all(map(test, evidence.series))
 
 
 def _is_flat(evidence: Evidence, argument: str) -> Holds:
@@ -145,16 +105,12 @@ def _within(evidence: Evidence, argument: str) -> Holds:
     return _all(found)
 
 
-def _no_trend(evidence: Evidence, _: str) -> Holds:
-    return _all(_trendless(errors) for errors in evidence.series)
-
-
 def _mostly_no_trend(evidence: Evidence, _: str) -> Holds:
     return np.mean([_trendless(errors) for errors in evidence.series], axis=0) > 0.5
 
 
 def _same_pattern(evidence: Evidence, _: str) -> Holds:
-    return _falls(evidence, "") | _rises(evidence, "")
+    return _each(_down)(evidence, "") | _each(_up)(evidence, "")
 
 
 PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
@@ -185,28 +141,24 @@ def _peaks(evidence: Evidence, argument: str) -> Holds:
     return _all(np.argmax(errors, axis=0) == at for errors in evidence.series)
 
 
-def _highest_last(evidence: Evidence, _: str) -> Holds:
-    return _all(np.argmax(errors, axis=0) == len(errors) - 1 for errors in evidence.series)
-
-
 def _modes_alike(evidence: Evidence, _: str) -> Holds:
     means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
     chosen = [[m[mode] for mode in evidence.trend.modes if mode in m] for m in means]
     return _all(_close(a, b) for modes in chosen for a, b in combinations(modes, 2))
 
 
-def _worst_mode(evidence: Evidence, argument: str) -> Holds:
-    """``worst_mode 3``: the mode's mean is above that of each other mode."""
+def _worst_mode(evidence: Evidence, argument: str, sign: int = 1) -> Holds:
+    """``worst_mode 3``: the mode's mean is above that of each other mode; below with sign −1."""
     means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
     mode = int(argument)
-    return _all(by[mode] > by[m] for by in means if mode in by for m in by if m != mode)
+    return _all(
+        sign * by[mode] > sign * by[m] for by in means if mode in by for m in by if m != mode
+    )
 
 
 def _best_mode(evidence: Evidence, argument: str) -> Holds:
-    means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
-    mode = int(argument)
-    lower = _all(by[mode] < by[m] for by in means if mode in by for m in by if m != mode)
-    return lower & _falls(evidence, "")
+    """``best_mode 1``: its mean is below that of each other mode, and all errors fall."""
+    return _worst_mode(evidence, argument, -1) & _each(_down)(evidence, "")
 
 
 def _planes_alike(evidence: Evidence, argument: str) -> Holds:
@@ -226,14 +178,19 @@ def _planes_alike(evidence: Evidence, argument: str) -> Holds:
     return _close(first, second)
 
 
+def _last(errors: Array) -> Array:
+    return errors[-1]
+
+
+def _mean(errors: Array) -> Array:
+    return np.asarray(np.exp(np.log(errors).mean(axis=0)))
+
+
 def _like_case(evidence: Evidence, argument: str) -> Holds:
     """``like_case 4a last``: means, or last errors, as another case's."""
     other, _, which = argument.partition(" ")
-    return _all(
-        _close(a[-1], b[-1]) if which == "last" else
-        _close(np.exp(np.log(a).mean(axis=0)), np.exp(np.log(b).mean(axis=0)))
-        for a, b, _ in evidence.pairs(other)
-    )  # fmt: skip
+    summary = _last if which == "last" else _mean
+    return _all(_close(summary(a), summary(b)) for a, b, _ in evidence.pairs(other))
 
 
 def _below_case(evidence: Evidence, argument: str) -> Holds:
@@ -271,37 +228,35 @@ def _unrelated(evidence: Evidence, argument: str) -> Holds:
     holds = []
     for quantity in evidence.trend.quantities:
         for mode in evidence.trend.modes:
-            cases = [
-                case for case in evidence.cases
-                if np.isfinite(evidence.errors[quantity, case, mode]).all()
-            ]  # fmt: skip
-            if not cases:
+            both = [
+                [evidence.errors[q, case, mode] for q in (quantity, argument)]
+                for case in evidence.cases
+            ]
+            known = [pair for pair in both if np.isfinite(pair[0]).all()]
+            if not known:
                 continue
-            pair = (
-                np.concatenate([evidence.errors[name, case, mode] for case in cases])
-                for name in (quantity, argument)
-            )
+            pair = map(np.concatenate, zip(*known, strict=True))
             a, b = (rankdata(errors, axis=0) - (len(errors) + 1) / 2 for errors in pair)
             norm = np.sqrt(np.sum(a**2, axis=0) * np.sum(b**2, axis=0))
             holds.append(np.abs(np.sum(a * b, axis=0)) <= 0.5 * norm)
     return _all(holds)
 
 
-TESTS: dict[str, Callable[[Evidence, str], Holds]] = {
-    "falls": _falls,
-    "rises": _rises,
-    "falls_steadily": _falls_steadily,
-    "falls_irregularly": _falls_irregularly,
+TESTS: dict[str, Test] = {
+    "falls": _each(_down),
+    "rises": _each(_up),
+    "falls_steadily": _each(_steps_down),
+    "falls_irregularly": _each(_falls_irregularly),
     "flat": _is_flat,
     "within": _within,
-    "no_trend": _no_trend,
+    "no_trend": _each(_trendless),
     "mostly_no_trend": _mostly_no_trend,
     "same_pattern": _same_pattern,
     "below": _below,
     "at_most": _at_most,
     "above": _above,
     "peaks": _peaks,
-    "highest_last": _highest_last,
+    "highest_last": _each(_highest_last),
     "modes_alike": _modes_alike,
     "worst_mode": _worst_mode,
     "best_mode": _best_mode,

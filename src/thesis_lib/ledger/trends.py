@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thesis_lib.facts.trends import Trend
-from thesis_lib.ledger.trend_tests import MATERIAL, TESTS, Evidence
+from thesis_lib.ledger.evidence import Evidence
+from thesis_lib.ledger.trend_tests import MATERIAL, TESTS
 from thesis_lib.ledger.verdicts import UNCHANGED
 
 Array = NDArray[np.float64]

@@ -47,6 +47,15 @@ WORKER = {
     "MALLOC_TRIM_THRESHOLD_": 2**28,
 }
 
+LOCAL = {
+    "threads_per_worker": 1,
+    "processes": True,
+    "host": "127.0.0.1",
+    "dashboard_address": "127.0.0.1:0",
+    "memory_limit": 0,
+    "silence_logs": logging.CRITICAL,
+}
+
 
 class SchedulerError(RuntimeError):
     """Workers that cannot be had; the message is one line: which, what is wrong, how to go on."""
@@ -152,11 +161,7 @@ def workers(scheduler: str) -> Iterator[Any]:
         place: Any = scheduler
         if scheduler == PROCESSES:
             with dask.config.set({"distributed.nanny.pre-spawn-environ": WORKER}):
-                place = distributed.LocalCluster(
-                    n_workers=CPU_COUNT, threads_per_worker=1, processes=True,
-                    host="127.0.0.1", dashboard_address="127.0.0.1:0", memory_limit=0,
-                    silence_logs=logging.CRITICAL,
-                )  # fmt: skip
+                place = distributed.LocalCluster(n_workers=CPU_COUNT, **LOCAL)
             stack.enter_context(place)
         else:
             _check_address(scheduler)
@@ -180,9 +185,8 @@ def _check_address(scheduler: str) -> None:
 
     try:
         with ThreadPoolExecutor(1) as thread:  # a notebook's own thread has a loop already
-            problem = (
-                "" if thread.submit(wait).result()["type"] == "Scheduler" else "another server"
-            )
+            who = thread.submit(wait).result()["type"]
+        problem = "" if who == "Scheduler" else "another server"
     except Exception as error:  # what another server says can be anything
         problem = type(error).__name__
     if problem:
@@ -219,11 +223,8 @@ def _refuse_other(who: str, there: Any) -> None:
         return
     lacks = f"{type(there).__name__}: {there}"
     if isinstance(there, dict):
-        lacks = ", ".join(
-            f"{k} {there.get(k, 'unknown')}, here {here[k]}"
-            for k in here
-            if there.get(k) != here[k]
-        )
+        told = {k: there.get(k, "unknown") for k in here}
+        lacks = ", ".join(f"{k} {told[k]}, here {here[k]}" for k in here if told[k] != here[k])
     raise SchedulerError(
         f"{who} differs from here ({lacks}); install the same versions there and restart it"
     )
@@ -268,14 +269,17 @@ def in_order(
     signed = _Signed(work, standing())
     ahead = AHEAD * max(1, len(client.nthreads()))
     under_way: deque[tuple[Any, Any]] = deque()
+
+    def taken() -> tuple[Any, Any]:
+        piece, future = under_way.popleft()
+        return piece, _result(client, future)
+
     for piece in pieces:
         under_way.append((piece, client.submit(signed, piece, pure=False)))
         if len(under_way) > ahead:
-            first, future = under_way.popleft()
-            yield first, _result(client, future)
+            yield taken()
     while under_way:
-        first, future = under_way.popleft()
-        yield first, _result(client, future)
+        yield taken()
 
 
 def _result(client: Any, future: Any) -> Any:
