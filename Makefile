@@ -29,7 +29,7 @@ test-all: check book  ## all tests, those of the rendered book and all notebooks
 quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the nearest first
 	$(BIN)/python tests/quick.py
 
-test-nightly: $(ALL)  ## what takes an hour: thousands of inputs, kills at every step
+test-nightly: book $(ALL)  ## what takes an hour: thousands of inputs, kills at every step
 	$(PYTEST) -m nightly
 
 test-cpus: $(ALL)  ## tests, notebooks and all cubes as on other processors; takes hours

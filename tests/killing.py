@@ -42,6 +42,14 @@ def hand_out(canned: Path, which: str) -> None:
     pages.page = lambda notebook, title: title + notebook.read_text(encoding="utf-8")
 
 
+def place(arguments: tuple[object, ...]) -> str:
+    """What an event is about; of what is named within an open folder, with the folder's path."""
+    name, last = str(arguments[0]), arguments[-1]
+    if name.startswith("/") or not isinstance(last, int) or last < 0:
+        return name
+    return str(Path(f"/proc/self/fd/{last}").readlink() / name)
+
+
 def kill_at(number: int, below: Path) -> None:
     """Kill this process just before it changes files for the n-th time."""
     left = number
@@ -49,7 +57,7 @@ def kill_at(number: int, below: Path) -> None:
     def hook(event: str, arguments: tuple[object, ...]) -> None:
         nonlocal left
         writes = event == "open" and isinstance(arguments[2], int) and arguments[2] & 0o103
-        if (writes or event in CHANGES) and str(arguments[0]).startswith(str(below)):
+        if (writes or event in CHANGES) and place(arguments).startswith(str(below)):
             left -= 1
             if left == 0:
                 os.kill(os.getpid(), signal.SIGKILL)

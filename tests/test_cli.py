@@ -145,6 +145,10 @@ def test_other_readings_are_refused_by_name(tmp_path):
         (["run", "beam-distance", "-p", "distances_mm=500"], ["distances_mm: given 500", "mm"]),
         (["run", "beam-distance", "-p", "rest=known\nrebuilt"], ["rest: given", r"known\nrebuilt"]),
         (["run", "beam-distance", "-p", "bad\nname=1"], [r"bad\nname"]),
+        (["measure", "--example", ""], ["--example"]),
+        (["plan", "--out", "x" * 300], ["--out", "xxx"]),
+        (["plan", "--out", "a\nb"], ["--out"]),
+        (["compare", "x\ny.nc"], ["y.nc"]),
     ],
     ids=lambda value: " ".join(value)[:40] if isinstance(value, list) else None,
 )
@@ -155,6 +159,26 @@ def test_wrong_request_is_one_line_and_writes_nothing(tmp_path, arguments, words
     assert message.startswith("thesis: ")
     for word in words:
         assert word in message
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", 1),
+        ("figure_set,seconds\nbeam-distance,1\n", 1),
+        ("figure_set,seconds,peak_memory_mb,cube_mb\nbeam-distance,1,much,1\n", 2),
+        ("figure_set,seconds,peak_memory_mb,cube_mb\na,1,2,3\nb,1\n", 3),
+        ('figure_set,seconds,peak_memory_mb,cube_mb\n"a,1,2,3\n', 1),
+    ],
+)
+def test_damaged_efforts_are_named_with_their_line(tmp_path, monkeypatch, text, line):
+    path = tmp_path / "effort.csv"
+    path.write_text(text, encoding="utf-8")
+    monkeypatch.setattr(effort, "published_path", lambda: path)
+    done = thesis("list", cwd=tmp_path)
+    assert (done.status, done.out) == (1, "")
+    assert done.err.startswith(f"thesis: {path}: damaged: line {line} ")
+    assert done.err.count("\n") == 1
 
 
 def test_the_command_refuses_in_the_same_words(checkout, tmp_path):

@@ -59,6 +59,7 @@ def test_what_takes_hours_runs_at_night_alone(workflow):
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in job["strategy"]["matrix"]["target"]:
         assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
+    assert re.search(r"^test-nightly: book ", makefile, flags=re.MULTILINE)  # or half is skipped
 
 
 def test_nothing_but_the_deployment_may_write(workflow):

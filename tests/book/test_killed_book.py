@@ -62,9 +62,10 @@ def test_book_killed_at_random_moments_is_made_whole_by_the_next_call(small):
     begin = time.monotonic()
     for number in range(MOMENTS + 1):
         with (root / "src" / "thesis_lib" / "vision" / "rounding.py").open("a") as stream:
-            stream.write(f"# {number}\n")  # all sets are stale
+            stream.write(f"_n = {number}\n")  # all sets are stale
         if number == 0:
-            small.python("-c", MAKE, cwd=root, timeout=900)
+            done = small.python("-c", MAKE, cwd=root, timeout=900)
+            assert all(f"{name}: done in" in done.stderr for name in wanted), done.stderr
             takes = time.monotonic() - begin
             continue
         killed(command, root, small.environment, random.Random(number).uniform(0, takes))

@@ -1,6 +1,7 @@
 """``thesis measure`` as a stranger runs it: the example, broken folders, interruptions."""
 
 import errno
+import hashlib
 import json
 import os
 import resource
@@ -458,6 +459,20 @@ def lose(folder, lost):
         centres = np.load(path)
         lost(k, centres)
         np.save(path, centres)
+        note = path.with_suffix(".json")
+        state = json.loads(note.read_text(encoding="utf-8"))
+        state["digest"] = hashlib.sha256(path.read_bytes()).hexdigest()
+        note.write_text(json.dumps(state), encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_tracks_that_were_edited_are_made_anew(measured, tmp_path):
+    folder = copied(measured, tmp_path / "recording", results=True)
+    path = folder / "measured" / ".steps" / "tracks-01.npy"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-8] + np.float64(1.0).tobytes())
+    assert thesis("measure", folder / "manifest.yaml").status == 0
+    assert path.read_bytes() == whole
 
 
 def test_markers_on_one_line_that_alone_are_seen_tell_nothing(measured, tmp_path):
@@ -671,6 +686,7 @@ def done_of(steps: Path) -> dict[str, int]:
     return {path.stem: json.loads(path.read_text())["done"] for path in steps.glob("tracks-*.json")}
 
 
+@pytest.mark.usefixtures("interrupts")
 def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path):
     out = tmp_path / "out"
     steps = out / ".steps"

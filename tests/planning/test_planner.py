@@ -685,14 +685,6 @@ def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, words):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.fixture(params=[signal.default_int_handler, signal.SIG_IGN], ids=["heeded", "ignored"])
-def interrupts(request):
-    """Whether the tests themselves can be interrupted; in a background shell they cannot."""
-    before = signal.signal(signal.SIGINT, request.param)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("interrupts")
 def test_interrupted_command_leaves_nothing_half_written(checkout, start, tmp_path):

@@ -94,6 +94,14 @@ def is_allowed(name, given):
     return True
 
 
+@pytest.fixture(scope="module", autouse=True)
+def memory():
+    """All of them together take less than 1 GB more than the process had before."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    yield
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1e9 / 1024
+
+
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     return tmp_path_factory.mktemp("place")

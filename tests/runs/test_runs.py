@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -9,6 +10,7 @@ import signal
 import stat
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import nbformat
@@ -74,7 +76,7 @@ def stopped(own_checkout, tmp_path, start):
     shorten(own_checkout, GOOD)
     shorten(own_checkout, SLOW, WAITS.format(go=str(go)))
 
-    def stop(by: signal.Signals):
+    def stop(by: signal.Signals, how=os.killpg):
         running = start(own_checkout, tmp_path / "log.txt", *BOTH)
         running.wait_for(
             lambda: (
@@ -82,7 +84,7 @@ def stopped(own_checkout, tmp_path, start):
                 and any(any(path.rglob("begun")) for path in left_over(out))
             )
         )
-        os.killpg(running.process.pid, by)
+        how(running.process.pid, by)
         running.process.wait(timeout=60)
         go.touch()
         return running
@@ -111,6 +113,34 @@ def test_kill_leaves_nothing_half_written_and_the_next_call_goes_on(
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/cwd").exists(), reason="asks Linux for processes")
+def test_no_kernel_outlives_a_runner_that_is_killed(stopped, tmp_path):
+    def kernels():
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                words = (process / "environ").read_bytes() + (process / "cmdline").read_bytes()
+                if str(tmp_path).encode() in words:
+                    found.append(process.name)
+        return found
+
+    begun = []
+
+    def only(pid, by):
+        begun.extend(one for one in kernels() if one != str(pid))
+        os.kill(pid, by)
+
+    stopped(signal.SIGKILL, only)
+    assert begun
+    for _ in range(300):
+        if not set(begun) & set(kernels()):
+            return
+        time.sleep(0.1)
+    pytest.fail(f"{set(begun) & set(kernels())} still run after 30 s")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("interrupts")
 @pytest.mark.parametrize("politely", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_says_so_and_leaves_nothing_behind(stopped, tmp_path, politely):
     running = stopped(politely)

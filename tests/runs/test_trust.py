@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -227,6 +228,20 @@ def test_folders_made_by_many_at_once_are_never_swept_while_they_live(tmp_path):
         assert one.communicate()[1] == ""
         assert one.returncode == 0
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_without_locks_is_written_to_and_never_swept(tmp_path, monkeypatch):
+    fcntl = pytest.importorskip("fcntl")
+    (tmp_path / ".staging-abcdefgh").mkdir()
+
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", no_locks)
+    files.whole_text(tmp_path / "a.txt", "whole")
+    files.sweep(tmp_path)
+    assert (tmp_path / "a.txt").read_text() == "whole"
+    assert (tmp_path / ".staging-abcdefgh").is_dir()
 
 
 # What is kept.

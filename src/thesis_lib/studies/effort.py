@@ -21,6 +21,10 @@ FIELDS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
 MINUTE = 60.0
 
 
+class EffortError(ValueError):
+    """Published efforts that cannot be read; the message is one line."""
+
+
 @dataclass(frozen=True)
 class Effort:
     """What a figure set costs.
@@ -160,15 +164,30 @@ def published_path() -> Path:
 
 
 def read(path: Path | None = None) -> dict[str, Effort]:
-    """The published efforts by figure set; empty if there are none."""
+    """The published efforts by figure set; empty if there are none.
+
+    Raises
+    ------
+    EffortError
+        If the file is damaged, by name and line.
+    """
     path = path or published_path()
     if not path.is_file():
         return {}
-    with path.open(encoding="utf-8", newline="") as stream:
-        return {
-            row["figure_set"]: Effort(*(float(row[name]) for name in FIELDS[1:]))
-            for row in csv.DictReader(stream)
-        }
+    found = {}
+    with path.open(encoding="utf-8", newline="", errors="replace") as stream:
+        rows = csv.DictReader(stream, strict=True)
+        try:
+            if tuple(rows.fieldnames or ()) != FIELDS:
+                raise KeyError
+            for row in rows:
+                found[row["figure_set"]] = Effort(*(float(row[name]) for name in FIELDS[1:]))
+        except (KeyError, ValueError, TypeError, csv.Error):
+            raise EffortError(
+                f"{path}: damaged: line {max(rows.line_num, 1)} cannot be read; "
+                f"`git checkout {path}` restores it"
+            ) from None
+    return found
 
 
 def write(efforts: Iterable[tuple[str, Effort]], path: Path | None = None) -> Path:

@@ -23,6 +23,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -236,6 +237,7 @@ def standing() -> dict[str, str]:
         "Python": ".".join(platform.python_version_tuple()[:2]),
         "NumPy": np.__version__,
         "SciPy": scipy.__version__,
+        "scikit-fem": version("scikit-fem"),
         "library": library_digest()[:12],
     }
 

@@ -6,6 +6,7 @@ what it knew there, so that a recording that was stopped in the middle goes on f
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -126,7 +127,8 @@ def record(
     """
     video = folder / files.video
     note = path.with_suffix(".json")
-    state = _state(note, path, key, count)
+    frame = 2 * markers.count * 8  # bytes
+    state = _state(note, path, key, count, frame)
     done = state["done"] if state else 0
     tick(done)
     if done == count:
@@ -143,17 +145,26 @@ def record(
         path.parent.mkdir(parents=True, exist_ok=True)
         note.unlink(missing_ok=True)
         np.lib.format.open_memmap(path, "w+", np.float64, shape=(count, 2, markers.count))
+    written = _digest(path, (count - done) * frame)
     with path.open("r+b") as file:  # not mapped: a full disk would kill the process
-        file.seek((done - count) * 2 * markers.count * 8, os.SEEK_END)
+        file.seek((done - count) * frame, os.SEEK_END)
         for image in islice(media.read_frames(video, done), count - done):
-            file.write(tracker.centres(as_dark(image, markers)).tobytes())
+            centres = tracker.centres(as_dark(image, markers)).tobytes()
+            file.write(centres)
+            written.update(centres)
             done += 1
             tick(1)
             if done % OFTEN == 0 or done == count:
                 file.flush()
                 os.fsync(file.fileno())
-                _write(note, {"key": key, "done": done, "moved": tracker.moved.tolist(),
-                              "before": tracker.before.tolist()})  # fmt: skip
+                so_far = {
+                    "key": key,
+                    "done": done,
+                    "moved": tracker.moved.tolist(),
+                    "before": tracker.before.tolist(),
+                    "digest": written.hexdigest(),
+                }
+                whole_text(note, json.dumps(so_far))
     if done < count:
         raise MediaError(f"{video}: ends before frame {done}, the file lists {count}")
 
@@ -166,15 +177,24 @@ def lost_share(recording: Recording) -> Array:
     return missing / count
 
 
-def _state(note: Path, path: Path, key: str, count: int) -> dict[str, Any] | None:
-    """What an earlier run has left, if it is of the same key and whole."""
+def _state(note: Path, path: Path, key: str, count: int, frame: int) -> dict[str, Any] | None:
+    """What an earlier run has left, if it is of the same key and as it was written."""
     try:
         state = json.loads(note.read_text(encoding="utf-8"))
         fits = state["key"] == key and len(np.load(path, mmap_mode="r")) == count
-        return state if fits and 0 < state["done"] <= count else None
+        if not (fits and 0 < state["done"] <= count):
+            return None
+        left = (count - state["done"]) * frame
+        return state if _digest(path, left).hexdigest() == state["digest"] else None
     except (OSError, EOFError, ValueError, KeyError, TypeError):
         return None
 
 
-def _write(note: Path, state: dict[str, Any]) -> None:
-    whole_text(note, json.dumps(state))
+def _digest(path: Path, left: int) -> Any:
+    """SHA-256 of a file but for its last bytes, to be continued by what is written there."""
+    digest, size = hashlib.sha256(), path.stat().st_size - left
+    with path.open("rb") as file:
+        while piece := file.read(min(size, 1 << 20)):
+            digest.update(piece)
+            size -= len(piece)
+    return digest
