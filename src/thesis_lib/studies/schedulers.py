@@ -153,10 +153,14 @@ def workers(scheduler: str) -> Iterator[Any]:
         if scheduler == PROCESSES:
             with dask.config.set({"distributed.nanny.pre-spawn-environ": WORKER}):
                 place = distributed.LocalCluster(
-                    n_workers=CPU_COUNT, threads_per_worker=1, processes=True,
-                    host="127.0.0.1", dashboard_address="127.0.0.1:0", memory_limit=0,
+                    n_workers=CPU_COUNT,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0",
+                    memory_limit=0,
                     silence_logs=logging.CRITICAL,
-                )  # fmt: skip
+                )
             stack.enter_context(place)
         else:
             _check_address(scheduler)
