@@ -20,7 +20,8 @@ from thesis_lib.acoustics.sources import AIR
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.parametric.parameters import CameraStudy, PlateSound, camera_study
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.figure_sets.parametric.parameters import PlateSound, camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.vibration.structure import resonance
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project

@@ -16,6 +16,7 @@ from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.limits import THRESHOLDS
 from thesis_lib.measure.recordings.manifest import _model_at, read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.studies import vocabulary
 
 PAGE = (project_root() / "book" / "recordings.md").read_text(encoding="utf-8")
 SOURCES = project_root() / "src" / "thesis_lib"
@@ -92,7 +93,7 @@ def test_defaults_are_those_that_an_empty_manifest_gets():
         for term, _ in terms(reference.fields(part)):
             name, shown = re.match(r"`(\w+)` · (.*)", term).groups()
             if shown != "its fields below":
-                unit = re.escape(reference.unit_of(name))
+                unit = re.escape(vocabulary.unit(name))
                 text = re.sub(rf"( {unit}|, else in {unit})$", "", shown) if unit else shown
                 assert yaml.safe_load(text) == made[name], term
 

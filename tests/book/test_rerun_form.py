@@ -15,7 +15,7 @@ import yaml
 from scenes.changes import CHANGES, OWN_CHANGES
 
 from thesis_lib.book import rerun_form
-from thesis_lib.figure_sets.parametric.parameters import CameraStudy
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
 from thesis_lib.runs.requested import Refused, assigned_values, requests_of
 from thesis_lib.studies.commands import command

@@ -8,6 +8,7 @@ import math
 import os
 import subprocess
 import sys
+import typing
 from pathlib import Path
 
 import nbformat
@@ -17,9 +18,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 
+from thesis_lib.book.pieces.manifest import PARTS
 from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.request import ParameterError, describe
-from thesis_lib.studies.vocabulary import unit
+from thesis_lib.studies.vocabulary import NO_UNIT, unit
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 INF, NAN = math.inf, math.nan
@@ -434,7 +437,7 @@ def test_papermill_tells_type_and_meaning_of_every_parameter(name):
         assert len(row["help"]) > 5, field
         words = {"mm": ["mm"], "px": ["px"], "°": ["degrees", "°"], "m/s": ["m/s"],
                  "kg/m³": ["kg/m3", "kg/m³"], "Hz": ["Hz"], "ms": ["ms"], "dB": ["dB"],
-                 "": [""]}[unit(field)]  # fmt: skip
+                 "s": ["s"], "": [""]}[unit(field)]  # fmt: skip
         assert any(row["help"].startswith(word) for word in words), row["help"]
 
 
@@ -447,9 +450,32 @@ def test_describe_covers_every_parameter(name):
         assert row["allowed"]
         assert validate(name, {row["name"]: json.loads(row["default"])}) == STUDIES[name]()
         suffixes = {"mm": "_mm", "°": "_deg", "px": "_px", "m/s": "_m_s", "kg/m³": "_kg_m3",
-                    "Hz": "_hz", "ms": "_ms", "dB": "_db"}  # fmt: skip
+                    "Hz": "_hz", "ms": "_ms", "dB": "_db", "s": "_s"}  # fmt: skip
         assert row["name"].endswith(suffixes.get(row["unit"], ""))
         assert row["unit"] or not row["name"].endswith(tuple(suffixes.values()))
+
+
+def kinds(annotation: object) -> set[type]:
+    """The types of values that a field may hold, however deep."""
+    inside = typing.get_args(annotation)
+    if typing.get_origin(annotation) is typing.Literal:
+        return set(map(type, inside))
+    if typing.get_origin(annotation) is typing.Annotated:
+        inside = inside[:1]
+    if not inside:
+        return {annotation}
+    return set().union(*map(kinds, inside))
+
+
+@pytest.mark.parametrize("model", [*STUDIES.values(), PlanRequest, *PARTS.values()])
+def test_every_number_has_a_unit_or_is_declared_to_have_none(model):
+    for name, info in model.model_fields.items():
+        if float in kinds(info.annotation):
+            assert bool(unit(name)) != (name in NO_UNIT), name
+        elif int in kinds(info.annotation):
+            assert unit(name) in {"px", ""}, name
+        else:
+            assert unit(name) == "", name
 
 
 SCALARS = (

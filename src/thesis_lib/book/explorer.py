@@ -18,7 +18,8 @@ import traitlets
 from thesis_lib.facts import setups
 from thesis_lib.facts.claims import Claim, claims_of
 from thesis_lib.facts.setups import Setting
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, CameraStudy, camera_study
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.maps import DIVERGING
 from thesis_lib.plotting.style import COLORS
 from thesis_lib.studies import cubes

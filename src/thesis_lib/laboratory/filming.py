@@ -7,18 +7,30 @@ is not all in the picture, markers that are hardly a pixel high.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import BaseModel
 
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.measure.fitting.aliasing import clearance
 from thesis_lib.studies.request import Study, permitted, refuse
-from thesis_lib.studies.vocabulary import Positive, field
+from thesis_lib.studies.vocabulary import (
+    BriefExposure,
+    Distortion,
+    FocalLength,
+    Frames,
+    NoiseSeed,
+    ReadNoise,
+    Runs,
+    SensorWidth,
+    ShotNoise,
+    field,
+)
 from thesis_lib.vibration.structure import Structure, peak_deflection, resonance
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
@@ -28,49 +40,25 @@ NEAR = 0.4  # of the markers' spacing that a marker may seem to move
 EDGE = 0.98  # of half the picture that the structure may reach
 LEAST = 1.0  # px that a marker's picture is high
 
-Rate = Annotated[float, Field(ge=10, le=5000)]
-FilmedWidth = Annotated[int, Field(ge=320, le=1920)]
-FilmedElevation = Annotated[float, Field(ge=10, le=75)]
-Peak = Annotated[float, Field(gt=0, le=100)]
-FilmedMode = Annotated[int, Field(ge=1, le=5)]
-Noise = Annotated[float, Field(ge=0, le=50)]
 READING = reading("experiment")
+
+
+IN_VIEW = (
+    "allowed: so far, or with a focal length so short against the sensor, that all cameras see "
+    "the whole beam"
+)
 
 
 class Film(BaseModel):
     """Parameters of how anything is filmed; recordings add frame rates, modes and amplitudes."""
 
-    focal_length_mm: Positive = field(
-        READING["focal_length_mm"], "focal length of the lenses", "a number above 0, at most 100000"
-    )
-    sensor_width_mm: Positive = field(
-        READING["sensor_width_mm"], "width of the sensors", "a number above 0, at most 100000"
-    )
-    lens_k1: Annotated[float, Field(ge=-0.3, le=0.3)] = field(
-        READING["lens_k1"],
-        "first coefficient of the lens distortion",
-        "a number from -0.3 to 0.3",
-    )
-    exposure_ms: Positive = field(
-        2.0,
-        "exposure time of a frame",
-        "a number above 0, at most the time between frames and 0.8 of the shortest period",
-    )
-    frames: int = field(
-        24,
-        "frames of the steady vibration in each recording",
-        "a whole number from 8 to 500",
-        ge=8,
-        le=500,
-    )
-    shot_noise: Noise = field(
-        READING["shot_noise"], "variance of the noise over the grey level", "a number from 0 to 50"
-    )
-    read_noise: Noise = field(
-        READING["read_noise"],
-        "standard deviation of the dark noise in grey levels",
-        "a number from 0 to 50",
-    )
+    focal_length_mm: FocalLength = READING["focal_length_mm"]
+    sensor_width_mm: SensorWidth = READING["sensor_width_mm"]
+    lens_k1: Distortion = READING["lens_k1"]
+    exposure_ms: BriefExposure = 2.0
+    frames: Frames = 24
+    shot_noise: ShotNoise = READING["shot_noise"]
+    read_noise: ReadNoise = READING["read_noise"]
 
 
 class LabStudy(Study):
@@ -81,14 +69,8 @@ class LabStudy(Study):
     first = "as filmed"
     predicts = "noise of the centres"
 
-    trials: int = field(
-        200,
-        "further runs, with starts and centre noise drawn at random",
-        "a whole number from 0 to 10000",
-        ge=0,
-        le=10_000,
-    )
-    seed: int = field(0, "seed of all noise", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63)
+    trials: Runs = field(200, "further runs, with starts and centre noise drawn at random")
+    seed: NoiseSeed = 0
 
 
 def peaks_m(
@@ -137,8 +119,8 @@ def off_centre(
         Of the camera from the centre in m.
     """
     length, width = extent
-    corners = np.array([[x, y, z] for x in (-length / 2, length / 2)
-                        for y in (-width / 2, width / 2) for z in (-lift, lift)])  # fmt: skip
+    sides = (-length / 2, length / 2), (-width / 2, width / 2), (-lift, lift)
+    corners = np.array(list(itertools.product(*sides)))
     azimuth, elevation = np.radians(direction)
     rays = corners - distance * hemisphere_directions(azimuth, elevation)
     u, v, depth = hemisphere_rotations(azimuth, elevation) @ rays.T
@@ -166,13 +148,14 @@ def check_rates(
     for rate in rates:
         for mode, frequency in hertz.items():
             if clearance(frequency, rate, film.frames) < CLEAR:
-                refuse(name, rate, f"allowed: rates that show mode {mode}, {frequency:.4g} Hz, at "
-                       f"least {CLEAR * rate / film.frames:.3g} Hz away from 0 and from half of "
-                       f"the rate, {CLEAR:g} periods in {film.frames} frames")  # fmt: skip
+                shown = f"rates that show mode {mode}, {frequency:.4g} Hz, at least"
+                away = f"{CLEAR * rate / film.frames:.3g} Hz away from 0 and from half of the rate"
+                enough = f"{CLEAR:g} periods in {film.frames} frames"
+                refuse(name, rate, f"allowed: {shown} {away}, {enough}")
     longest = 1000 * min(1 / max(rates), LONGEST / max(hertz.values()))
     if film.exposure_ms > longest * (1 + 1e-9):
-        refuse("exposure_ms", film.exposure_ms, f"allowed: at most {longest:.4g} ms, the time "
-               f"between frames and {LONGEST:g} of the shortest period")  # fmt: skip
+        limits = f"the time between frames and {LONGEST:g} of the shortest period"
+        refuse("exposure_ms", film.exposure_ms, f"allowed: at most {longest:.4g} ms, {limits}")
 
 
 def check_place(
@@ -184,28 +167,34 @@ def check_place(
     """
     reach = 1000 * (math.hypot(*extent) / 2 + lift)
     if setting.distance_mm <= reach:
-        refuse(name, given, f"allowed: cameras more than {reach:.4g} mm away, the reach of the "
-               "structure and its deflection")  # fmt: skip
+        far = f"cameras more than {reach:.4g} mm away"
+        refuse(name, given, f"allowed: {far}, the reach of the structure and its deflection")
     for direction in setting.directions_deg:
         if off_centre(film, extent, lift, direction, setting.distance_mm / 1000) > EDGE:
-            refuse(name, given, f"allowed: cameras that see the whole structure; the one at "
-                   f"azimuth {direction[0]:g}°, elevation {direction[1]:g}°, "
-                   f"{setting.distance_mm:g} mm away does not")  # fmt: skip
+            there = f"azimuth {direction[0]:g}°, elevation {direction[1]:g}°"
+            one = f"the one at {there}, {setting.distance_mm:g} mm away does not"
+            refuse(name, given, f"allowed: cameras that see the whole structure; {one}")
 
 
 def check_markers(
-    film: Film, spacing: float, diameter: float, lift: float, setting: Setting, name: str,
+    film: Film,
+    spacing: float,
+    diameter: float,
+    lift: float,
+    setting: Setting,
+    name: str,
     given: Any,
-) -> None:  # fmt: skip
+) -> None:
     """Refuse markers too small to be found, and motions that bring them near their neighbours."""
     slope = math.radians(min(elevation for _, elevation in setting.directions_deg))
     focal = film.focal_length_mm / film.sensor_width_mm * setting.resolution_px[0]
     high = 1000 * diameter * focal / setting.distance_mm * math.sin(slope)
     if high < LEAST:
-        refuse(name, given, f"allowed: pictures in which markers are at least {LEAST:g} px high, "
-               f"not {high:.2g} px: wider or nearer ones, or fewer and larger markers")  # fmt: skip
+        enough = f"markers are at least {LEAST:g} px high, not {high:.2g} px"
+        remedy = "wider or nearer ones, or fewer and larger markers"
+        refuse(name, given, f"allowed: pictures in which {enough}: {remedy}")
     largest = NEAR * spacing * math.tan(slope)
     if lift > largest:
-        refuse("amplitude_mm", film.amplitude_mm, f"allowed: peaks of at most "  # type: ignore[attr-defined]
-               f"{1000 * largest:.3g} mm as seen from an elevation of {math.degrees(slope):.3g}°, "
-               "or markers seem to change places")  # fmt: skip
+        seen = f"as seen from an elevation of {math.degrees(slope):.3g}°"
+        why = f"peaks of at most {1000 * largest:.3g} mm {seen}, or markers seem to change places"
+        refuse("amplitude_mm", film.amplitude_mm, f"allowed: {why}")  # type: ignore[attr-defined]

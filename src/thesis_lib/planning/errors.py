@@ -73,8 +73,8 @@ def _groups(
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
     for number, pattern in enumerate(patterns.T):
         some = np.flatnonzero(pattern)
-        part = replace(rig, K=rig.K[some], R_camera_world=rig.R_camera_world[some],
-                       centres=rig.centres[some])  # fmt: skip
+        turned, centres = rig.R_camera_world[some], rig.centres[some]
+        part = replace(rig, K=rig.K[some], R_camera_world=turned, centres=centres)
         yield some, np.flatnonzero(which.ravel() == number), part
 
 
@@ -101,9 +101,7 @@ def simulated(
     true = body.shapes * np.array(scene.peaks)[:, None]
     wrong = np.empty((len(true), trials, true.shape[1]))
     for some, markers, part in _groups(scene, layout, width):
-        found = measure(
-            part, points[:, :, markers], shifts[:, some], estimator=estimator,
-            normals=body.normals[:, markers],
-        )  # fmt: skip
+        rest, normals = points[:, :, markers], body.normals[:, markers]
+        found = measure(part, rest, shifts[:, some], estimator=estimator, normals=normals)
         wrong[:, :, markers] = (found - true[:, None, markers]) * percent(scene)[:, None]
     return Simulated(np.sqrt(np.mean(wrong**2, axis=2)), np.sqrt(np.mean(wrong**2, axis=1)))

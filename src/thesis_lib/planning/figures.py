@@ -29,8 +29,8 @@ _TICKS = [a * 10.0**b for b in range(-4, 5) for a in (1, 2, 5)]
 def layout_figure(cube: xr.Dataset, option: int) -> Figure:
     """The cameras of an option from three sides, with lines of sight."""
     with in_style():
-        drawing, axes = subplots(1, 3, figsize=(7.6, 3.1), layout="constrained",
-                                 width_ratios=[1.3, 1, 1])  # fmt: skip
+        size, ratios = (7.6, 3.1), [1.3, 1, 1]
+        drawing, axes = subplots(1, 3, figsize=size, layout="constrained", width_ratios=ratios)
         for axis, (words, azimuth, elevation) in zip(axes, VIEWS, strict=True):
             layout_panel(axis, cube.isel(option=option), azimuth, elevation)
             axis.set_title(words)
@@ -61,8 +61,8 @@ def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float)
         axes.plot(*sight.T, color=color(i), linewidth=0.6, alpha=0.6)
         axes.plot(*foot.T, ":", color=REFERENCE, linewidth=0.6)
         axes.plot(*sight[0], "o", color=color(i), markersize=9, zorder=4, clip_on=False)
-        axes.annotate(str(i + 1), sight[0], color="white", fontsize=6.5, ha="center",
-                      va="center", zorder=5)  # fmt: skip
+        n = str(i + 1)
+        axes.annotate(n, sight[0], color="white", size=6.5, ha="center", va="center", zorder=5)
     size = max(np.ptp(where, axis=0).max(), np.ptp(outline, axis=0).max()) / 3
     for axis, name in zip(np.eye(3), "XYZ", strict=True):
         line = flat(np.stack([centre, centre + size * axis]))
@@ -91,8 +91,8 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
     counts, widths = cube["n_cameras"].values, cube["width_px"].values
     front = np.flatnonzero(cube["on_front"].values)
     front = front[np.argsort(cost[front], kind="stable")]
-    axes.step(cost[front], predicted[front], where="post", color=REFERENCE, linewidth=1.2,
-              label="nothing cheaper is as accurate")  # fmt: skip
+    words = "nothing cheaper is as accurate"
+    axes.step(cost[front], predicted[front], where="post", color=REFERENCE, lw=1.2, label=words)
     for i, n in enumerate(np.unique(counts)):
         axes.plot([], [], "s", color=color(i), markersize=5, label=f"{n} cameras")
         for j, width in enumerate(np.unique(widths)):
@@ -104,11 +104,11 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
     axes.plot(cost, simulated, "_", color="#222222", markersize=9, label="simulated")
     if target is not None:
         axes.axhline(target, color=HIGHLIGHT, linestyle="--", linewidth=1, label="target")
-        best = int(cube["chosen"])
-        axes.plot(cost[best], predicted[best], "o", markersize=14, markerfacecolor="none",
-                  color=HIGHLIGHT, label="cheapest that reaches it")  # fmt: skip
+        at = cost[int(cube["chosen"])], predicted[int(cube["chosen"])]
+        words = "cheapest that reaches it"
+        axes.plot(*at, "o", markersize=14, mfc="none", color=HIGHLIGHT, label=words)
     logarithmic(axes.xaxis, [t for t in _TICKS if cost.min() / 2 < t < 2 * cost.max()])
     logarithmic(axes.yaxis, [t for t in _TICKS if predicted.min() / 2 < t < 2 * predicted.max()])
-    axes.set(xlabel="price of all cameras" if priced else "million pixels per second, all cameras",
-             ylabel="error of the worst mode, %")  # fmt: skip
+    axes.set_xlabel("price of all cameras" if priced else "million pixels per second, all cameras")
+    axes.set_ylabel("error of the worst mode, %")
     axes.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize=7)

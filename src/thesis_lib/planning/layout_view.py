@@ -44,12 +44,12 @@ def _option(one: xr.Dataset) -> dict[str, Any]:
     error, simulated = (
         percent_text(float(one[f"{name}_error"].max())) for name in ("predicted", "simulated")
     )
+    errors = f"{error} % predicted, {simulated} % simulated, in the worst mode."
     return {
         "label": label,
-        "words": f"{label} at {float(one['frame_rate']):g} Hz: {error} % predicted, "
-                 f"{simulated} % simulated, in the worst mode.",
+        "words": f"{label} at {float(one['frame_rate']):g} Hz: {errors}",
         "cameras": _finite(one["camera_position"].values).tolist(),
-    }  # fmt: skip
+    }
 
 
 def _finite(points: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

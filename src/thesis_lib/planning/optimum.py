@@ -98,9 +98,12 @@ def too_near(scene: Scene, grid: Array) -> NDArray[np.bool_]:
 
 
 def exchange(
-    known: Array, near: NDArray[np.bool_], start: Sequence[int], objective: str,
+    known: Array,
+    near: NDArray[np.bool_],
+    start: Sequence[int],
+    objective: str,
     whose: NDArray[np.bool_] | None = None,
-) -> tuple[list[int], float]:  # fmt: skip
+) -> tuple[list[int], float]:
     """Exchange one camera after the other for the best candidate, until none helps (Fedorov).
 
     Parameters

@@ -203,9 +203,8 @@ def free(scene: Scene, places: Array) -> Mask:
     low, high = scene.rules.azimuths
     turned = np.mod(azimuth - low + SLACK, 2 * np.pi) <= high - low + 2 * SLACK
     inside = (high - low >= 2 * np.pi - SLACK) | turned
-    for values, (least, most) in (
-        (elevation, scene.rules.elevations), (distance, scene.rules.distances),
-    ):  # fmt: skip
+    limits = (elevation, scene.rules.elevations), (distance, scene.rules.distances)
+    for values, (least, most) in limits:
         inside = inside & (values >= least * (1 - SLACK) - SLACK)
         inside = inside & (values <= most * (1 + SLACK) + SLACK)
     return np.asarray(inside & np.all(clearances(scene, places) >= -SLACK, axis=0))
@@ -243,8 +242,8 @@ def candidates(scene: Scene, step: float) -> Array:
     found = []
     for focal in scene.focals:
         near = nearest(scene, grid, focal)
-        ladder = [lattice.lengths(near * (limits[1] / near) ** t, limits)
-                  for t in np.linspace(0, 1, _LADDER)]  # fmt: skip
+        steps = np.linspace(0, 1, _LADDER)
+        ladder = [lattice.lengths(near * (limits[1] / near) ** t, limits) for t in steps]
         every = np.stack([at(grid, d, focal) for d in ladder])  # ladder, directions, 4
         flat = every.reshape(-1, 4)
         allowed = permitted(scene, flat).reshape(len(ladder), -1)

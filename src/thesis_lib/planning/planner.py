@@ -126,8 +126,9 @@ class ImpossibleError(ParameterError):
     """A plan that cannot be; the message is one line and names the binding limit."""
 
 
-def plan(request: PlanRequest, body: Body | None = None,
-         tell: Callable[[str], object] = lambda _: None) -> Plan:  # fmt: skip
+def plan(
+    request: PlanRequest, body: Body | None = None, tell: Callable[[str], object] = lambda _: None
+) -> Plan:
     """Find the best layouts for a request.
 
     Parameters
@@ -155,9 +156,8 @@ def plan(request: PlanRequest, body: Body | None = None,
     options: list[Option] = []
     total = 0
     for aspect, kinds in _aspects(request).items():
-        scene = Scene(body, request.peaks_m, request.rules,
-                      tuple(f / request.sensor_width_mm for f in request.focal_lengths_mm),
-                      float(aspect))  # fmt: skip
+        focals = tuple(f / request.sensor_width_mm for f in request.focal_lengths_mm)
+        scene = Scene(body, request.peaks_m, request.rules, focals, float(aspect))
         grid = candidates(scene, np.radians(request.step_deg))
         if not len(grid):
             raise _nowhere(scene, request)
@@ -167,8 +167,8 @@ def plan(request: PlanRequest, body: Body | None = None,
     front = pareto([one.cost for one in options], [one.error for one in options])
     verified = []
     for one in options:
-        found = errors.simulated(one.scene, one.layout, one.resolution[0], max(request.trials, 1),
-                                 request.seed, request.estimator)  # fmt: skip
+        drawn = max(request.trials, 1), request.seed, request.estimator
+        found = errors.simulated(one.scene, one.layout, one.resolution[0], *drawn)
         at = first_most(one.point)
         verified.append(Verified(found.error(request.objective, at), found.band(request.objective)))
     chosen = _cheapest(options, verified, front, request)
@@ -206,9 +206,12 @@ def _options(
 ) -> list[Option]:  # fmt: skip
     counts, start = sorted(request.counts), time.monotonic()
     tell(f"{len(grid)} places to choose from; looking for the best of {counts} cameras")
-    made = best_layouts(scene, grid, counts, request.objective, request.starts, request.seed,
-                        lambda n: tell(f"{n} cameras placed, {time.monotonic() - start:.0f} s")
-                        )  # fmt: skip
+
+    def placed(n: int) -> None:
+        tell(f"{n} cameras placed, {time.monotonic() - start:.0f} s")
+
+    asked = request.objective, request.starts, request.seed
+    made = best_layouts(scene, grid, counts, *asked, placed)
     if all(layout is None for layout in made):
         raise _no_room(scene, grid, counts[0], request)
     known = information(scene, grid)
@@ -265,8 +268,8 @@ def _nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     found = binding(scene, step)
     if found:
         text = " or ".join(_text(request, field) for field in found)
-        return ImpossibleError(f"plan: no camera may stand anywhere; binding: {text} (any of these "
-                          "eased alone leaves places)")  # fmt: skip
+        why = f"binding: {text} (any of these eased alone leaves places)"
+        return ImpossibleError(f"plan: no camera may stand anywhere; {why}")
     bare = scene
     for field in FIELDS:
         if field not in ("tilt_deg", "in_view"):
@@ -328,8 +331,8 @@ def _unreached(best: Option, request: PlanRequest) -> ImpossibleError:
         f"{int(np.ceil(n * ratio**2))} cameras)"
     )
     if most and eased[most] < 0.99 * best.error:
-        text += f"; of the limits on places {_text(request, most)} costs most (without it about " \
-                f"{eased[most]:.3g})"  # fmt: skip
+        least = f"(without it about {eased[most]:.3g})"
+        text += f"; of the limits on places {_text(request, most)} costs most {least}"
     return ImpossibleError(text)
 
 

@@ -32,9 +32,11 @@ FILES = ("plan.nc", "plan.csv", "plan.svg", "plan.html")
 
 
 def write_plan(
-    request: PlanRequest, folder: Path, structure: Path | None = None,
+    request: PlanRequest,
+    folder: Path,
+    structure: Path | None = None,
     tell: Callable[[str], object] = lambda _: None,
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """Make a plan and write its four files into a folder.
 
     Parameters
@@ -85,11 +87,10 @@ def camera_table(cube: xr.Dataset, option: int) -> str:
         lengths = (1000 * camera["camera_position"].values).tolist()
         angles = [float(camera["camera_azimuth"]), float(camera["camera_elevation"])]
         lens = [1000 * float(camera["camera_distance"]), 1000 * float(camera["focal_length"])]
-        writer.writerow([
-            i + 1, *(f"{round(value, 3) + 0.0:.3f}" for value in (*lengths, *angles)),
-            f"{lens[0]:.3f}", f"{lens[1]:g}", int(one["width_px"]), int(one["height_px"]),
-            f"{float(one['frame_rate']):g}",
-        ])  # fmt: skip
+        place = [f"{round(value, 3) + 0.0:.3f}" for value in (*lengths, *angles)]
+        size = int(one["width_px"]), int(one["height_px"])
+        rate = f"{float(one['frame_rate']):g}"
+        writer.writerow([i + 1, *place, f"{lens[0]:.3f}", f"{lens[1]:g}", *size, rate])
     return text.getvalue()
 
 
@@ -120,8 +121,8 @@ def summary(plan_: Plan, file: str = "") -> list[str]:
     if study:
         lines.append(f"The same as a study: {study}")
     elif not file:
-        lines.append("No study takes this layout: its cameras differ in distance or lens, or stand "
-                     "below the plane.")  # fmt: skip
+        why = "its cameras differ in distance or lens, or stand below the plane."
+        lines.append(f"No study takes this layout: {why}")
     return lines
 
 
@@ -130,28 +131,27 @@ def _rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return (f'<div class="scroll" tabindex="0"><table><thead><tr>{head}</tr></thead>'
-            f"<tbody>{body}</tbody></table></div>")  # fmt: skip
+    whole = f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
+    return f'<div class="scroll" tabindex="0"><table>{whole}</table></div>'
 
 
 def _picture(text: str, alt: str, caption: str) -> str:
     import base64
 
     data = base64.b64encode(text.encode()).decode()
-    return (f'<figure><img alt="{escape(alt)}" src="data:image/svg+xml;base64,{data}">'
-            f"<figcaption>{escape(caption)}</figcaption></figure>")  # fmt: skip
+    image = f'<img alt="{escape(alt)}" src="data:image/svg+xml;base64,{data}">'
+    return f"<figure>{image}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> str:
     """The plan as one page that loads nothing."""
     header, *rows = csv.reader(io.StringIO(camera_table(cube, plan_.chosen)))
-    options = [
-        [str(len(one.layout)), f"{one.resolution[0]}×{one.resolution[1]}",
-         _cost(plan_, one.cost), f"{one.expected:.3g}", f"{one.error:.3g}",
-         f"{float(found.simulated.max()):.3g}",
-         ("proposed" if i == plan_.chosen else "on the front" if i in plan_.front else "")]
-        for i, (one, found) in enumerate(zip(plan_.options, plan_.verified, strict=True))
-    ]  # fmt: skip
+    options = []
+    for i, (one, found) in enumerate(zip(plan_.options, plan_.verified, strict=True)):
+        size = f"{one.resolution[0]}×{one.resolution[1]}"
+        of = [f"{error:.3g}" for error in (one.expected, one.error, float(found.simulated.max()))]
+        note = "proposed" if i == plan_.chosen else "on the front" if i in plan_.front else ""
+        options.append([str(len(one.layout)), size, _cost(plan_, one.cost), *of, note])
     front = svg(front_figure(cube, plan_.request.target_percent))
     parts = [
         f"<h1>{escape(plan_.request.title)}: {escape(plan_.body.name)}</h1>",

@@ -14,17 +14,29 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.places import Rules
-from thesis_lib.studies.request import Study, refuse, validated
-from thesis_lib.studies.vocabulary import Mode, Positive, Resolution, field
+from thesis_lib.studies.request import Study, beyond, refuse, validated
+from thesis_lib.studies.vocabulary import (
+    Azimuth,
+    Estimator,
+    Mode,
+    Positive,
+    Resolution,
+    SensorWidth,
+    Separation,
+    Several,
+    Starts,
+    Step,
+    field,
+)
 from thesis_lib.vibration.structure import Structure
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
-Turn = Annotated[float, Field(ge=-360, le=360)]
 Rise = Annotated[float, Field(ge=-90, le=90)]
+Tilt = Annotated[float, Field(gt=0, le=90)]
 Count = Annotated[int, Field(ge=2, le=24)]
 Box = tuple[Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate]
 Sphere = tuple[Coordinate, Coordinate, Coordinate, Positive]
-Sector = tuple[Turn, Turn, Rise, Rise]
+Sector = tuple[Azimuth, Azimuth, Rise, Rise]
 PERIOD = 2.5  # frames that a period needs at least
 
 
@@ -44,11 +56,10 @@ class PlanRequest(Study):
         "what is measured, unless a file tells it",
         '"beam" or "plate"; anything else comes from a file',
     )
-    modes: list[Mode] = field(
+    modes: Several[Mode] = field(
         lambda: [1, 2, 3],
         "modes to measure",
         "a list of different whole numbers from 1 to 30 that the structure has",
-        min_length=1,
     )
     amplitude_mm: Positive | list[Positive] = field(
         5.0,
@@ -63,19 +74,12 @@ class PlanRequest(Study):
     objective: Literal["mean", "worst"] = field(
         "mean",
         "which error of a mode counts: the mean (rms) over its markers, or that of its worst one",
-        '"mean" or "worst"',
     )
-    counts: list[Count] = field(
-        lambda: [2, 3, 4, 6, 8],
-        "numbers of cameras to consider",
-        "a list of different whole numbers from 2 to 24",
-        min_length=1,
-    )
-    resolutions_px: list[Resolution] = field(
+    counts: Several[Count] = field(lambda: [2, 3, 4, 6, 8], "numbers of cameras to consider")
+    resolutions_px: Several[Resolution] = field(
         lambda: [(320, 180), (640, 360), (1280, 720), (1920, 1080)],
         "cameras to choose from: width and height of their pictures",
         "a list of different [width, height], whole numbers from 2 to 20000",
-        min_length=1,
         max_length=20,
     )
     prices: list[Positive] = field(
@@ -83,29 +87,22 @@ class PlanRequest(Study):
         "price of each of these cameras; empty: a layout costs its pixels per second",
         "an empty list, or a number above 0, at most 100000, for each of resolutions_px",
     )
-    frame_rates_hz: list[Positive] = field(
+    frame_rates_hz: Several[Positive] = field(
         lambda: [30.0, 60.0, 120.0, 240.0, 500.0, 1000.0, 2000.0, 4000.0],
         "frame rates that the cameras have; the lowest that suffices is taken",
         f"a list of different numbers above 0, at most 100000, one of them {PERIOD:g} times the "
         "highest mode's frequency or more",
-        min_length=1,
     )
-    focal_lengths_mm: list[Positive] = field(
-        lambda: [24.0],
-        "focal lengths to choose from, camera by camera",
-        "a list of different numbers above 0, at most 100000",
-        min_length=1,
-        max_length=6,
+    focal_lengths_mm: Several[Positive] = field(
+        lambda: [24.0], "focal lengths to choose from, camera by camera", max_length=6
     )
-    sensor_width_mm: Positive = field(
-        36.0, "width of the sensors", "a number above 0, at most 100000"
-    )
+    sensor_width_mm: SensorWidth = 36.0
     distances_mm: tuple[Positive, Positive] = field(
         (500.0, 1500.0),
         "least and largest distance of a camera from the structure's centre",
         "[least, largest], numbers above the structure's reach, at most 100000",
     )
-    azimuths_deg: tuple[Turn, Turn] = field(
+    azimuths_deg: tuple[Azimuth, Azimuth] = field(
         (-180.0, 180.0),
         "least and largest azimuth of a camera, from +Y towards +X",
         "[least, largest], numbers from -360 to 360 at most 360 apart",
@@ -135,34 +132,18 @@ class PlanRequest(Study):
         "at most 360 apart, elevations from -90 to 90",
         max_length=50,
     )
-    tilt_deg: Annotated[float, Field(gt=0, le=90)] = field(
-        75.0,
-        "largest angle between a marker's normal and the line of sight at which it is read",
-        "a number above 0, at most 90",
+    tilt_deg: Tilt = field(
+        75.0, "largest angle between a marker's normal and the line of sight at which it is read"
     )
     in_view: Annotated[float, Field(gt=0, le=1)] = field(
-        1.0,
-        "share of the markers that each camera must see and read; it counts for those alone",
-        "a number above 0, at most 1",
+        1.0, "share of the markers that each camera must see and read; it counts for those alone"
     )
-    separation_mm: Annotated[float, Field(ge=0, le=1e5)] = field(
-        100.0, "least distance between two cameras", "a number from 0 to 100000"
+    separation_mm: Separation = 100.0
+    estimator: Estimator = field(
+        "least-squares", "how the simulation estimates points; predicted are least squares"
     )
-    estimator: Literal["least-squares", "analytic-centre"] = field(
-        "least-squares",
-        "how the simulation estimates points; predicted are least squares",
-        '"least-squares" or "analytic-centre"',
-    )
-    step_deg: Annotated[float, Field(ge=2, le=45)] = field(
-        10.0, "step of the grid on which the search begins", "a number from 2 to 45"
-    )
-    starts: int = field(
-        3,
-        "random layouts to begin with, for each number of cameras",
-        "a whole number from 0 to 100",
-        ge=0,
-        le=100,
-    )
+    step_deg: Step = 10.0
+    starts: Starts = 3
 
     def settings(self) -> list[Setting]:
         """None: layouts are found, not given."""
@@ -195,19 +176,26 @@ class PlanRequest(Study):
         low, high = np.radians(self.azimuths_deg).tolist()
         bottom, top = np.radians(self.elevations_deg).tolist()
         return Rules(
-            (least / 1000, most / 1000), (low, high), (bottom, top), math.radians(self.tilt_deg),
-            self.in_view, self.separation_mm / 1000, boxes / 1000, spheres / 1000,
-            np.radians(sectors),
-        )  # fmt: skip
+            distances=(least / 1000, most / 1000),
+            azimuths=(low, high),
+            elevations=(bottom, top),
+            tilt=math.radians(self.tilt_deg),
+            in_view=self.in_view,
+            separation=self.separation_mm / 1000,
+            boxes=boxes / 1000,
+            spheres=spheres / 1000,
+            sectors=np.radians(sectors),
+        )
 
     def frame_rate(self, body: Body) -> float:
         """The lowest frame rate in Hz that the highest mode allows."""
         needed = PERIOD * float(body.frequencies.max())
         enough = [rate for rate in self.frame_rates_hz if rate >= needed * (1 - 1e-9)]
         if not enough:
-            refuse("frame_rates_hz", self.frame_rates_hz, f"allowed: one of {needed:.4g} Hz or "
-                   f"more, since mode {body.modes[int(np.argmax(body.frequencies))]} has "
-                   f"{body.frequencies.max():.4g} Hz")  # fmt: skip
+            highest = int(np.argmax(body.frequencies))
+            mode = f"mode {body.modes[highest]} has {body.frequencies[highest]:.4g} Hz"
+            allowed = f"one of {needed:.4g} Hz or more, since {mode}"
+            refuse("frame_rates_hz", self.frame_rates_hz, f"allowed: {allowed}")
         return min(enough)
 
     def check_with(self, body: Body) -> None:
@@ -216,8 +204,7 @@ class PlanRequest(Study):
             self.refuse("amplitude_mm")
         reach = 1000 * (body.reach + max(self.peaks_m))
         if self.distances_mm[0] <= reach:
-            refuse("distances_mm", list(self.distances_mm), f"allowed: more than {reach:.4g} mm, "
-                   "the reach of the structure and its deflection")  # fmt: skip
+            refuse("distances_mm", list(self.distances_mm), beyond(reach))
         self.frame_rate(body)
 
     @model_validator(mode="after")
@@ -276,11 +263,16 @@ def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> 
     angles[:, 0] = np.mod(angles[:, 0] + 180, 360) - 180
     angles = np.round(angles, 3)
     values: dict[str, Any] = {
-        "cases": [], "layouts": {"plan": [angles.tolist()]}, "modes": request.modes,
-        "distance_mm": round(float(distance[0]), 3), "resolution_px": list(resolution),
-        "amplitude_mm": request.amplitude_mm, "focal_length_mm": round(float(focal[0]), 6),
-        "sensor_width_mm": request.sensor_width_mm, "trials": request.trials,
-    }  # fmt: skip
+        "cases": [],
+        "layouts": {"plan": [angles.tolist()]},
+        "modes": request.modes,
+        "distance_mm": round(float(distance[0]), 3),
+        "resolution_px": list(resolution),
+        "amplitude_mm": request.amplitude_mm,
+        "focal_length_mm": round(float(focal[0]), 6),
+        "sensor_width_mm": request.sensor_width_mm,
+        "trials": request.trials,
+    }
     words = [f"-p {shlex.quote(f'{k}={json.dumps(v)}')}" for k, v in values.items()]
     return " ".join([f"thesis run {request.body}-arrays", *words])
 

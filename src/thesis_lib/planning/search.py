@@ -38,10 +38,9 @@ _ROUNDS = 50  # of one step; ends long before
 _KEPT = 10_000_000  # numbers, which bounds the memory
 _KEY = 20  # numbers that the key of a row takes
 _SHORT, _LONG = (-1, 0, 1), (-10, 10)
-_WAYS = np.array([  # steps in azimuth and elevation, along slanted limits, too
-    *itertools.product(_SHORT, _SHORT),
-    *itertools.product(_LONG, (-1, 1)), *itertools.product((-1, 1), _LONG),
-])  # fmt: skip
+_PAIRS = (_SHORT, _SHORT), (_LONG, (-1, 1)), ((-1, 1), _LONG)
+_WAYS = np.array([way for steps in _PAIRS for way in itertools.product(*steps)])
+"""Steps in azimuth and elevation, along slanted limits, too."""
 
 
 class Once:
@@ -108,10 +107,8 @@ def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, 
     aside, up = np.tile(_WAYS, (n, 1)).T
     azimuth, elevation, distance, focal = np.repeat(layout, len(_WAYS), axis=0).T
     turn = step / np.maximum(np.cos(elevation), step)  # less of an angle near the pole
-    grid = np.column_stack([
-        lattice.azimuths(azimuth + turn * aside, rules.azimuths),
-        lattice.angles(elevation + step * up, rules.elevations),
-    ])  # fmt: skip
+    across = lattice.azimuths(azimuth + turn * aside, rules.azimuths)
+    grid = np.column_stack([across, lattice.angles(elevation + step * up, rules.elevations)])
     by = np.maximum(step * distance, 1 / lattice.PER_METRE)
     far = [distance]
     if rules.distances[0] < rules.distances[1]:
@@ -184,15 +181,20 @@ def chosen_of(scene: Scene, layouts: Sequence[Array], objective: str) -> Array |
     costs = [layout_cost(scene, one, objective) for one in layouts]
     most = min(costs, default=0.0) * (1 + TIE)
     best = [one for one, value in zip(layouts, costs, strict=True) if value <= most]
-    alike = [image for one in best for image in images(scene, one)
-             if allowed(scene, image) and layout_cost(scene, image, objective) <= most]  # fmt: skip
+    turned = [image for one in best for image in images(scene, one) if allowed(scene, image)]
+    alike = [image for image in turned if layout_cost(scene, image, objective) <= most]
     return min(map(by_rule, best + alike), key=rank, default=None)
 
 
 def best_layouts(
-    scene: Scene, grid: Array, counts: Sequence[int], objective: str, starts: int, seed: int,
+    scene: Scene,
+    grid: Array,
+    counts: Sequence[int],
+    objective: str,
+    starts: int,
+    seed: int,
     tell: Callable[[int], object] = lambda _: None,
-) -> list[Array | None]:  # fmt: skip
+) -> list[Array | None]:
     """The best layout of each number of cameras from a grid of candidates.
 
     Every number is begun from the best smaller one, and from random layouts of half of the
@@ -250,8 +252,8 @@ def best_layouts(
                 added = np.concatenate([added, grid[rest[[first_least(costs)]]]])
             if len(added) == count:
                 layouts.append(added)
-        settled = [settle(about, one, objective) for one in layouts
-                   if np.isfinite(layout_cost(scene, one, objective))]  # fmt: skip
+        finite = [one for one in layouts if np.isfinite(layout_cost(scene, one, objective))]
+        settled = [settle(about, one, objective) for one in finite]
         found.append(chosen_of(scene, settled, objective))
         tell(count)
     return found

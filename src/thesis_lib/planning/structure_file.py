@@ -78,18 +78,15 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     numbers = _numbers(path, mesh)
     missing = [mode for mode in modes if mode not in numbers]
     if missing:
-        there = one_line(", ".join(map(str, numbers)))
-        raise ParameterError(f"plan: modes: given {list(modes)}, allowed: modes that {path} has: "
-                             f"{there}")  # fmt: skip
+        allowed = f"modes that {path} has: {one_line(', '.join(map(str, numbers)))}"
+        raise ParameterError(f"plan: modes: given {list(modes)}, allowed: {allowed}")
     rows = [numbers.index(mode) for mode in modes]
     peak = np.max(np.abs(shapes[rows]), axis=1)
     if np.any(peak <= 0):
         mode = modes[int(np.argmin(peak))]
         raise _refusal(path, f"shape of mode {mode} is 0 everywhere", "a shape that moves")
-    return Body(
-        path.stem, points, normals / length, shapes[rows] / peak[:, None], hertz[rows],
-        tuple(modes), np.zeros((3, 0)),
-    )  # fmt: skip
+    moving, shape = normals / length, shapes[rows] / peak[:, None]
+    return Body(path.stem, points, moving, shape, hertz[rows], tuple(modes), np.zeros((3, 0)))
 
 
 def _refusal(path: Path, problem: str, needed: str) -> MeshError:
@@ -111,8 +108,8 @@ def _opened(path: Path) -> xr.Dataset:
 def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> Array:
     variable = mesh[name]
     if set(variable.dims) != set(dims):
-        raise _refusal(path, f"has {name}({', '.join(map(str, variable.dims))})",
-                       f"{name}({', '.join(dims)})")  # fmt: skip
+        given = ", ".join(map(str, variable.dims))
+        raise _refusal(path, f"has {name}({given})", f"{name}({', '.join(dims)})")
     if variable.dtype.kind not in "fiu":
         raise _refusal(path, f"has {name} of type {variable.dtype}", "real numbers")
     values = variable.transpose(*dims).values.astype(float)
@@ -126,12 +123,12 @@ def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> A
 
 def _check_points(path: Path, points: Array) -> None:
     if points.shape[1] > MOST:
-        raise _refusal(path, f"has {points.shape[1]} points", f"at most {MOST}: the markers, not "
-                       "all nodes of a mesh")  # fmt: skip
+        allowed = f"at most {MOST}: the markers, not all nodes of a mesh"
+        raise _refusal(path, f"has {points.shape[1]} points", allowed)
     size = float(np.max(np.abs(points)))
     if size > LARGEST:
-        raise _refusal(path, f"has a coordinate of {size:g} m", f"at most {LARGEST:g} m (metres, "
-                       "not mm)")  # fmt: skip
+        allowed = f"at most {LARGEST:g} m (metres, not mm)"
+        raise _refusal(path, f"has a coordinate of {size:g} m", allowed)
     if len(np.unique(points, axis=1).T) < points.shape[1]:
         raise _refusal(path, "has two points at one place", "different places")
 

@@ -15,6 +15,7 @@ from thesis_lib.plotting.maps import DIVERGING
 from thesis_lib.plotting.selection import Bars, error_bars, select
 from thesis_lib.plotting.style import COLORS
 from thesis_lib.studies import cubes, outlines
+from thesis_lib.studies.vocabulary import unit
 
 Array = NDArray[np.float64]
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
@@ -32,16 +33,16 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     length, width = outlines.extent(cube)
     cases = dict(zip(cube["case"].values.tolist(), cube["case_title"].values, strict=True))
     modes = cube["mode"].values.tolist()
-    unit = {"distance_mm": "mm", "aperture_deg": "°", "width_px": "px"}.get(said["varied"], "")
     size: dict[str, Any] = {
         "length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)
     }  # fmt: skip
     if structure == "panel":
         cube = _in_cells(cube)
         size["contours_mm"] = [_rounded(1000 * c) for c in outlines.contours(cube)]
+    varied = said["varied"]
     data: dict[str, Any] = {
         "structure": {"kind": kind, **size},
-        "parameter": {"name": said["varied"], "label": said["varied_label"], "unit": unit},
+        "parameter": {"name": varied, "label": said["varied_label"], "unit": unit(varied)},
         "modes": [
             {"mode": mode, "frequency_hz": round(float(cube["frequency"].sel(mode=mode)), 3)}
             for mode in modes

@@ -15,11 +15,17 @@ ERRORS = {  # name in the tables: variable, and plane if it has one
     "plane_error_yz": ("plane_error", "YZ"),
     "power_error": ("power_error", None),
 }
-SHORT = {"mean_error": "mean", "max_point_error": "peak",
-         "plane_error_xz": "XZ", "plane_error_yz": "YZ", "power_error": "power"}  # fmt: skip
+SHORT = {
+    "mean_error": "mean",
+    "max_point_error": "peak",
+    "plane_error_xz": "XZ",
+    "plane_error_yz": "YZ",
+    "power_error": "power",
+}
 LISTS = {  # by its dimension, what is compared of a cube whose results are a list
-    "claim": ("claim", "verdict"), "quantity": ("quantity", "value", "unit"),
-}  # fmt: skip
+    "claim": ("claim", "verdict"),
+    "quantity": ("quantity", "value", "unit"),
+}
 KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTICS = ["trial_0", "median", "low", "high"]
 BAND = (0.05, 0.5, 0.95)  # quantiles of the trials

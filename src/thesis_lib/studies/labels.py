@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,27 +12,25 @@ from numpy.typing import NDArray
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.request import Study
+from thesis_lib.studies.vocabulary import unit
 from thesis_lib.vibration.structure import Structure
 
 Array = NDArray[np.float64]
 
 
+_DRAWN, _MARKED = ("mode", "trial"), ("mode", "trial", "point")
+_LAW = "rms error over the trials by the law of rounding"
 # Dimensions beside `setting`, type on disk, units, long name. Float64 where rounding matters.
 VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
-    "measured_deflection": (
-        ("mode", "trial", "point"), "float32", "m", "measured deflection of the markers"),
-    "mean_error": (
-        ("mode", "trial"), "float64", "percent", "rms error over the markers"),
-    "max_point_error": (
-        ("mode", "trial"), "float64", "percent", "largest error of a marker"),
-    "point_error": (
-        ("mode", "point"), "float64", "percent", "error of each marker in trial 0"),
-    "predicted_error": (
-        ("mode",), "float64", "percent", "rms error over the trials by the law of rounding"),
-    "mac": (("mode", "trial"), "float64", "1", "modal assurance criterion with the reference"),
+    "measured_deflection": (_MARKED, "float32", "m", "measured deflection of the markers"),
+    "mean_error": (_DRAWN, "float64", "percent", "rms error over the markers"),
+    "max_point_error": (_DRAWN, "float64", "percent", "largest error of a marker"),
+    "point_error": (("mode", "point"), "float64", "percent", "error of each marker in trial 0"),
+    "predicted_error": (("mode",), "float64", "percent", _LAW),
+    "mac": (_DRAWN, "float64", "1", "modal assurance criterion with the reference"),
     "in_view": ((), "float64", "1", "share of camera x marker x mode images on the sensor"),
     "ground_sample_distance": ((), "float64", "m/px", "length of a pixel at the origin"),
-}  # fmt: skip
+}
 
 
 CAMERAS = {"camera_distance": "m", "camera_azimuth": "degree", "camera_elevation": "degree"}
@@ -78,10 +76,8 @@ def add_cameras(cube: xr.Dataset, settings: list[Setting]) -> None:
     """Add distance, azimuth and elevation of every setting's cameras to a cube."""
     table = _camera_table(settings)
     for column, (name, units) in enumerate(CAMERAS.items()):
-        cube[name] = (
-            ("setting", "camera"), table[:, :, column],
-            {"units": units, "long_name": name.replace("_", " ")},
-        )  # fmt: skip
+        said = {"units": units, "long_name": name.replace("_", " ")}
+        cube[name] = (("setting", "camera"), table[:, :, column], said)
 
 
 def _camera_table(settings: list[Setting]) -> Array:
@@ -100,33 +96,27 @@ def coordinates(
     """Coordinates of a study's cube: settings, modes, trials, points."""
     x, y = structure.markers
     hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
+    words = "random shift of the pixel grids, 0 for the literal run"
 
-    def on_setting(values: list[Any], long_name: str, units: str = "1") -> Any:
-        return "setting", np.array(values), {"long_name": long_name, "units": units}
+    def on(dim: str, values: Any, long_name: str, units: str = "1") -> Any:
+        return dim, np.array(values), {"long_name": long_name, "units": units}
 
-    varied_units = {"distance_mm": "mm", "aperture_deg": "degree", "elevation_deg": "degree"}.get(
-        study.varied, "1"
-    )
+    def each(long_name: str, of: Callable[[Setting], Any], units: str = "1") -> Any:
+        return on("setting", [of(setting) for setting in settings], long_name, units)
+
+    varied = {"mm": "mm", "°": "degree"}.get(unit(study.varied), "1")
     return {
-        "case": on_setting([s.case for s in settings], "case of the thesis, or layout"),
-        "parameter": on_setting([study.varied] * len(settings), "varied parameter"),
-        "value": on_setting(
-            [float(s.value) for s in settings], "value of the varied parameter", varied_units
-        ),
-        "label": on_setting([s.label for s in settings], "value with its unit"),
-        "n_cameras": on_setting([len(s.directions_deg) for s in settings], "number of cameras"),
-        "width_px": on_setting([s.resolution_px[0] for s in settings], "width of the sensor"),
-        "height_px": on_setting([s.resolution_px[1] for s in settings], "height of the sensor"),
-        "pair_order": on_setting([s.pair_order for s in settings], "order of adding pairs"),
-        "mode": ("mode", np.array(modes), {"long_name": "mode number", "units": "1"}),
-        "frequency": (
-            "mode", hertz[np.array(modes) - 1],
-            {"long_name": "natural frequency", "units": "Hz"},
-        ),
-        "trial": (
-            "trial", np.arange(study.trials + 1),
-            {"long_name": "random shift of the pixel grids, 0 for the literal run", "units": "1"},
-        ),
-        "x": ("point", x, {"long_name": "marker position along the length", "units": "m"}),
-        "y": ("point", y, {"long_name": "marker position across", "units": "m"}),
-    }  # fmt: skip
+        "case": each("case of the thesis, or layout", lambda s: s.case),
+        "parameter": each("varied parameter", lambda _: study.varied),
+        "value": each("value of the varied parameter", lambda s: float(s.value), varied),
+        "label": each("value with its unit", lambda s: s.label),
+        "n_cameras": each("number of cameras", lambda s: len(s.directions_deg)),
+        "width_px": each("width of the sensor", lambda s: s.resolution_px[0]),
+        "height_px": each("height of the sensor", lambda s: s.resolution_px[1]),
+        "pair_order": each("order of adding pairs", lambda s: s.pair_order),
+        "mode": on("mode", modes, "mode number"),
+        "frequency": on("mode", hertz[np.array(modes) - 1], "natural frequency", "Hz"),
+        "trial": on("trial", range(study.trials + 1), words),
+        "x": on("point", x, "marker position along the length", "m"),
+        "y": on("point", y, "marker position across", "m"),
+    }

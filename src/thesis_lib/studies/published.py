@@ -29,9 +29,10 @@ def _count(given: str) -> int:
 
 
 ERRORS: Columns = {
-    **dict.fromkeys(("case", "pair_order", "label", "error"), _text), "mode": _count,
+    **dict.fromkeys(("case", "pair_order", "label", "error"), _text),
+    "mode": _count,
     **dict.fromkeys(("value", *cubes.STATISTICS), float),
-}  # fmt: skip
+}
 COLUMNS: dict[str, Columns] = {  # by what a list is of
     name: dict.fromkeys(columns, _text) | ({"value": float} if "value" in columns else {})
     for name, columns in cubes.LISTS.items()

@@ -13,12 +13,31 @@ from pydantic_core import PydanticCustomError, from_json
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
-from thesis_lib.studies.vocabulary import SHARED, allowed_text, field, trials, unit
+from thesis_lib.studies.vocabulary import (
+    SHARED,
+    Seed,
+    Trials,
+    allowed_text,
+    field,
+    tell_allowed,
+    unit,
+)
 from thesis_lib.text import first_hidden, listed, one_line
 from thesis_lib.vibration.structure import Structure
 
 CHOOSES = {"cube", "trials", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""
+
+
+STRICT = ConfigDict(
+    extra="forbid",
+    strict=True,
+    frozen=True,
+    allow_inf_nan=False,
+    validate_default=True,
+    json_schema_extra=tell_allowed,
+)
+"""How models take values: as they are typed, all of them known, unchangeable."""
 
 
 class ParameterError(ValueError):
@@ -28,9 +47,7 @@ class ParameterError(ValueError):
 class Study(BaseModel):
     """Parameters that all figure sets share."""
 
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True
-    )
+    model_config = STRICT
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -44,10 +61,8 @@ class Study(BaseModel):
     predicts: ClassVar[str] = "law of rounding"  # what predicted_error stands for
     draws: ClassVar[str] = "pixel-grid shifts"  # what differs from trial to trial
 
-    trials: int = trials(200)
-    seed: int = field(
-        0, "seed of the random shifts", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63
-    )
+    trials: Trials = 200
+    seed: Seed = 0
     cube: str = field(
         "",
         "file to write the cube to, from the project's folder; empty writes nothing",
@@ -121,6 +136,11 @@ def refuse(field: str, given: Any, why: str) -> None:
     """Refuse a value in one line, from inside a validator."""
     message = f"{field}: given {shown(given)}, {why}"
     raise PydanticCustomError("refused", "{message}", {"message": message})
+
+
+def beyond(reach: float) -> str:
+    """What a distance from a structure allows, as it stands in a refusal; `reach` is in mm."""
+    return f"allowed: more than {reach:.4g} mm, the reach of the structure and its deflection"
 
 
 def validated(model: type[Study], values: Mapping[str, Any]) -> Study:

@@ -48,14 +48,6 @@ WORKER = {
     "MALLOC_TRIM_THRESHOLD_": 2**28,
 }
 
-LOCAL = {
-    "threads_per_worker": 1,
-    "processes": True,
-    "host": "127.0.0.1",
-    "dashboard_address": "127.0.0.1:0",
-    "memory_limit": 0,
-    "silence_logs": logging.CRITICAL,
-}
 
 
 class SchedulerError(RuntimeError):
@@ -162,7 +154,15 @@ def workers(scheduler: str) -> Iterator[Any]:
         place: Any = scheduler
         if scheduler == PROCESSES:
             with dask.config.set({"distributed.nanny.pre-spawn-environ": WORKER}):
-                place = distributed.LocalCluster(n_workers=CPU_COUNT, **LOCAL)
+                place = distributed.LocalCluster(
+                    n_workers=CPU_COUNT,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0",
+                    memory_limit=0,
+                    silence_logs=logging.CRITICAL,
+                )
             stack.enter_context(place)
         else:
             _check_address(scheduler)

@@ -12,22 +12,23 @@ from thesis_lib.acoustics.sources import Medium, check_pistons
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.studies.request import permitted, refuse
-from thesis_lib.studies.vocabulary import Positive, field
+from thesis_lib.studies.vocabulary import Positive, field, means
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure, resonance
 
 Markers = Annotated[int, Field(ge=2, le=60)]
+Grid = Annotated[
+    tuple[Markers, Markers],
+    means("markers along and across the plate", "[along, across], whole numbers from 2 to 60"),
+]
 PlanePoints = Annotated[int, Field(ge=2, le=500)]
-POSITIVE = "a number above 0, at most 100000"
 READING = reading("sound")
 
 
 class PlateMarkers(BaseModel):
     """Parameters of a plate."""
 
-    grid: tuple[Markers, Markers] = field(
-        ..., "markers along and across the plate", "[along, across], whole numbers from 2 to 60"
-    )
+    grid: Grid
 
     @property
     def structure(self) -> Structure:
@@ -39,17 +40,13 @@ class SoundPlanes(PlateMarkers):
     """Parameters of the sound field."""
 
     speed_of_sound_m_s: Positive = field(
-        READING["speed_of_sound_m_s"], "speed of sound in the fluid", POSITIVE
+        READING["speed_of_sound_m_s"], "speed of sound in the fluid"
     )
-    air_density_kg_m3: Positive = field(
-        READING["air_density_kg_m3"], "density of the fluid", POSITIVE
-    )
+    air_density_kg_m3: Positive = field(READING["air_density_kg_m3"], "density of the fluid")
     plane_half_width_mm: Positive = field(
-        READING["plane_half_width_mm"], "the planes reach |X|, |Y| up to this", POSITIVE
+        READING["plane_half_width_mm"], "the planes reach |X|, |Y| up to this"
     )
-    plane_bottom_mm: Positive = field(
-        READING["plane_bottom_mm"], "lowest height of the planes", POSITIVE
-    )
+    plane_bottom_mm: Positive = field(READING["plane_bottom_mm"], "lowest height of the planes")
     plane_top_mm: Positive = field(
         READING["plane_top_mm"],
         "greatest height of the planes",
@@ -89,6 +86,6 @@ class SoundPlanes(PlateMarkers):
                 warnings.simplefilter("ignore")  # the page warns
                 check_pistons(pistons(plate), resonance(plate, highest), self.medium)
         except ValueError as error:
-            refuse("modes", highest, str(error).replace("use more and smaller pistons",
-                   "take lower modes or a finer grid"))  # fmt: skip
+            known, here = "use more and smaller pistons", "take lower modes or a finer grid"
+            refuse("modes", highest, str(error).replace(known, here))
         return self

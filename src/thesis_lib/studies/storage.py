@@ -165,9 +165,13 @@ def fill_in(outline: Outline, path: Path, seconds: Callable[[], float]) -> None:
 
 
 def _created(
-    file: h5netcdf.File, name: str, dims: tuple[str, ...], kind: Any, said: Mapping[Any, Any],
+    file: h5netcdf.File,
+    name: str,
+    dims: tuple[str, ...],
+    kind: Any,
+    said: Mapping[Any, Any],
     **encoding: Any,
-) -> Any:  # fmt: skip
+) -> Any:
     """A new variable of a file, to be filled in entirely."""
     variable = file.create_variable(name, dims, kind, **encoding)
     variable.attrs.update(said)

@@ -31,7 +31,6 @@ PARTS: dict[str, type[BaseModel]] = {
     "board": BoardSpec,
     "excitation": Excitation,
 }
-_UNITS = {"_pa": "Pa", "_n": "N", "_s": "s"}  # of suffixes that no other parameter has
 
 REMEDIES: dict[str, dict[str, str]] = {
     "Time": {
@@ -103,28 +102,15 @@ def fields(part: str) -> str:
 def _default(model: type[BaseModel], name: str) -> str:
     """A field's default with its unit, or what it says of being given."""
     if model.model_fields[name].is_required():
-        text = unit_of(name)
-        return "required" + (f", in {text}" if text else "")
+        return "required" + (f", in {unit(name)}" if unit(name) else "")
     whole: Any = model() if model is not CameraFiles and model is not Manifest else None
     field = model.model_fields[name]
     value = getattr(whole, name) if whole else field.get_default(call_default_factory=True)
     if isinstance(value, BaseModel):
         return "its fields below"
     if value is None:
-        return "null" + (f", else in {unit_of(name)}" if unit_of(name) else "")
-    return f"{_shown(value)} {unit_of(name)}".rstrip()
-
-
-def unit_of(name: str) -> str:
-    """Unit of a field of the manifest by its suffix, or empty.
-
-    Examples
-    --------
-    >>> unit_of("tile_mm"), unit_of("exposure_s"), unit_of("youngs_modulus_pa"), unit_of("columns")
-    ('mm', 's', 'Pa', '')
-    """
-    known = (text for suffix, text in _UNITS.items() if name.endswith(suffix))
-    return unit(name) or next(known, "")
+        return "null" + (f", else in {unit(name)}" if unit(name) else "")
+    return f"{_shown(value)} {unit(name)}".rstrip()
 
 
 def _shown(value: Any) -> str:

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.claims.parameters import OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric.parameters import CameraStudy, camera_study
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.ledger.series import series_of
 from thesis_lib.ledger.trends import Series
 from thesis_lib.studies.commands import command

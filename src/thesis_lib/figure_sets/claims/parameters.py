@@ -6,7 +6,7 @@ from pydantic import model_validator
 
 from thesis_lib.facts.readings import ADOPTED, READINGS
 from thesis_lib.studies.request import Study, refuse
-from thesis_lib.studies.vocabulary import field
+from thesis_lib.studies.vocabulary import Seed, Shifts, field
 
 
 class Ledger(Study):
@@ -18,16 +18,8 @@ class Ledger(Study):
     varied = "claim"
     varied_label = "claim"
 
-    trials: int = field(
-        200,
-        "random shifts of the pixel grids in the ledger's own runs",
-        "a whole number from 2 to 10000",
-        ge=2,
-        le=10_000,
-    )
-    seed: int = field(
-        0, "seed of the ledger's own runs", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63
-    )
+    trials: Shifts = field(200, "random shifts of the pixel grids in the ledger's own runs")
+    seed: Seed = field(0, "seed of the ledger's own runs")
 
 
 class OwnRuns(Ledger):

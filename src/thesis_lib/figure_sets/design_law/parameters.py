@@ -13,14 +13,22 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.request import Study, refuse
-from thesis_lib.studies.vocabulary import Positive, Resolution, field
+from thesis_lib.studies.vocabulary import (
+    Angle,
+    FocalLength,
+    Positive,
+    SensorSize,
+    SensorWidth,
+    Several,
+    Shifts,
+    field,
+)
 from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
 
 LEAST_PX = 16  # width of a sensor
 MOST_FRAMES = 4000  # of a film
 FULL_HD = (1920, 1080)  # of the two cameras whose pixels per second are shared out
 Count = Annotated[int, Field(ge=2, le=100)]
-Angle = Annotated[float, Field(gt=0, lt=90)]
 
 
 class DesignLaw(Study):
@@ -34,63 +42,39 @@ class DesignLaw(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    focal_length_mm: Positive = field(
-        reading("beam")["focal_length_mm"],
-        "focal length of the lenses",
-        "a number above 0, at most 100000",
-    )
-    sensor_width_mm: Positive = field(
-        reading("beam")["sensor_width_mm"],
-        "width of the sensors",
-        "a number above 0, at most 100000",
-    )
-    resolution_px: Resolution = field(
+    focal_length_mm: FocalLength = reading("beam")["focal_length_mm"]
+    sensor_width_mm: SensorWidth = reading("beam")["sensor_width_mm"]
+    resolution_px: SensorSize = field(
         lambda: tuple(setups.table("beam", "distance")["resolution_px"]),
         "width and height of the sensors, of the cone and where numbers are compared",
-        "[width, height], whole numbers from 2 to 20000",
     )
     cone_distance_mm: Positive = field(
         1000.0,
         "distance of cameras on a cone",
         "a number above the reach of beam and plate, at most 100000",
     )
-    cone_deg: Angle = field(
-        55.0,
-        "angle of the cone, from the normal",
-        "a number above 0 and below 90",
-    )
+    cone_deg: Angle = field(55.0, "angle of the cone, from the normal")
     cone_cameras: Annotated[int, Field(ge=3, le=100)] = field(
-        6,
-        "cameras where the angle of the cone varies",
-        "a whole number from 3 to 100",
+        6, "cameras where the angle of the cone varies"
     )
     amplitude_mm: Positive = field(
-        reading("beam")["amplitude_mm"],
-        "peak of the beam's vibration at equal pixel rates",
-        "a number above 0, at most 100000",
+        reading("beam")["amplitude_mm"], "peak of the beam's vibration at equal pixel rates"
     )
-    small_amplitude_mm: Positive = field(
-        0.02,
-        "peak of a vibration far below a pixel",
-        "a number above 0, at most 100000",
-    )
+    small_amplitude_mm: Positive = field(0.02, "peak of a vibration far below a pixel")
     pixels_per_second: Annotated[float, Field(ge=1e4, le=1e13)] = field(
         float(2 * math.prod(FULL_HD) * setups.table("experiment", "rig")["frame_rate_hz"]),
         "pixels per second of all cameras together; the default is two cameras of chapter 5",
         "a number from 1e4 to 1e13",
     )
-    counts: list[Count] = field(
+    counts: Several[Count] = field(
         lambda: [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64],
         "numbers of cameras that share the pixels",
-        "a list of different whole numbers from 2 to 100",
-        min_length=1,
     )
-    frame_rates_hz: list[Positive] = field(
+    frame_rates_hz: Several[Positive] = field(
         lambda: [60.0, 240.0, 960.0],
         "frames per second that each of them takes",
         "a list of different numbers above 0, at most 100000, that leave each camera a sensor "
         f"{LEAST_PX} to 20000 px wide",
-        min_length=1,
     )
     frequency_hz: Positive = field(
         7.3,
@@ -99,16 +83,10 @@ class DesignLaw(Study):
     )
     duration_s: Annotated[float, Field(gt=0, le=10)] = field(
         1.0,
-        "how long it is filmed, in s",
+        "how long it is filmed",
         f"a number above 0, at most 10, and at most {MOST_FRAMES} frames",
     )
-    trials: int = field(
-        200,
-        "random shifts of the pixel grids",
-        "a whole number from 2 to 10000",
-        ge=2,
-        le=10_000,
-    )
+    trials: Shifts = 200
 
     @property
     def shared(self) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.float64]]:
@@ -137,15 +115,12 @@ class DesignLaw(Study):
 
     @model_validator(mode="after")
     def _check_together(self) -> DesignLaw:
-        reach = max(
-            1000 * math.hypot(*structure.extent) / 2
-            for structure in (setups.beam(), setups.plate())
-        )
-        peaks = ("amplitude_mm", "small_amplitude_mm")
-        farther = reach + max(getattr(self, name) for name in peaks)
+        peak = max(self.amplitude_mm, self.small_amplitude_mm)
+        bodies = setups.beam(), setups.plate()
+        farther = max(1000 * math.hypot(*body.extent) / 2 for body in bodies) + peak
         if self.cone_distance_mm <= farther:
-            refuse("cone_distance_mm", self.cone_distance_mm, f"allowed: more than {farther:.4g} "
-                   "mm, the reach of beam and plate and the amplitude")  # fmt: skip
+            allowed = f"more than {farther:.4g} mm, the reach of beam and plate and the amplitude"
+            refuse("cone_distance_mm", self.cone_distance_mm, f"allowed: {allowed}")
         width = self.shared[0]
         if width.min() < LEAST_PX or width.max() > 20_000:
             self.refuse("frame_rates_hz")

@@ -11,12 +11,12 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.laboratory.parameters import NAMES, Rig
 from thesis_lib.studies.request import Study
-from thesis_lib.studies.vocabulary import Width, field
+from thesis_lib.studies.vocabulary import NoiseSeed, Runs, Several, Width, field
 
 TRIED_PX = 320  # the thesis tried this width, and gave it up
 METHODS = ("matched", "literal", "aligned", "harmonic")
 Method = Literal["matched", "literal", "aligned", "harmonic"]
-FilmedWidth = Annotated[int, Field(ge=160, le=1920)]
+ReducedWidth = Annotated[int, Field(ge=160, le=1920)]
 
 
 class Laboratory(Rig, Study):
@@ -42,14 +42,8 @@ class Experiment(Rig, Study):
     predicts = "noise of the centres"
     draws = "starts, clocks and noise"
 
-    trials: int = field(
-        200,
-        "further runs, with centre noise, clocks and starts drawn at random",
-        "a whole number from 0 to 10000",
-        ge=0,
-        le=10_000,
-    )
-    seed: int = field(0, "seed of all noise", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63)
+    trials: Runs = field(200, "further runs, with centre noise, clocks and starts drawn at random")
+    seed: NoiseSeed = 0
 
     @property
     def recordings(self) -> Laboratory:
@@ -63,8 +57,8 @@ class Experiment(Rig, Study):
 
     def laboratory(self, widths_px: list[int]) -> Laboratory:
         """The recordings that the study needs, followed at all of these widths."""
-        widths = sorted({TRIED_PX, *setups.table("experiment", "resolution")["widths_px"],
-                         *widths_px})  # fmt: skip
+        printed = setups.table("experiment", "resolution")["widths_px"]
+        widths = sorted({TRIED_PX, *printed, *widths_px})
         fields = {name: getattr(self, name) for name in Rig.model_fields}
         return Laboratory(**fields, seed=self.seed, trials=0, widths_px=widths)
 
@@ -83,17 +77,10 @@ class ExperimentResolution(Experiment):
     varied = "width_px"
     varied_label = "resolution"
 
-    cases: list[Method] = field(
-        lambda: list(METHODS),
-        "cases to run",
-        "a list of different ones of matched, literal, aligned, harmonic",
-        min_length=1,
-    )
-    widths_px: list[FilmedWidth] = field(
+    cases: Several[Method] = field(lambda: list(METHODS), "cases to run")
+    widths_px: Several[ReducedWidth] = field(
         setups.table("experiment", "resolution")["widths_px"],
         "widths of the reduced frames; heights are 9/16 of them",
-        "a list of different whole numbers from 160 to 1920",
-        min_length=1,
     )
 
     def settings(self) -> list[Setting]:
@@ -119,17 +106,15 @@ class ExperimentCameras(Experiment):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    cases: list[Method | Literal["literal-all", "harmonic-all"]] = field(
+    cases: Several[Method | Literal["literal-all", "harmonic-all"]] = field(
         lambda: [*METHODS, "literal-all", "harmonic-all"],
         "cases to run",
         "a list of different ones of matched, literal, aligned, harmonic, literal-all, "
         "harmonic-all",
-        min_length=1,
     )
-    width_px: FilmedWidth = field(
+    width_px: ReducedWidth = field(
         setups.table("experiment", "cameras")["width_px"],
         "width of the frames; the height is 9/16 of it",
-        "a whole number from 160 to 1920",
     )
 
     def settings(self) -> list[Setting]:

@@ -7,29 +7,43 @@ places than the laboratory of the thesis had room for (sections 3.4, 5.3 and 7.1
 from __future__ import annotations
 
 import math
-from copy import copy
 from itertools import combinations
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting
-from thesis_lib.laboratory.filming import EDGE, FilmedWidth, Noise, off_centre
-from thesis_lib.laboratory.parameters import Rig as ChapterFive
-from thesis_lib.studies.request import Study, permitted, refuse
-from thesis_lib.studies.vocabulary import Azimuth, Positive, field
+from thesis_lib.laboratory.filming import EDGE, IN_VIEW, off_centre
+from thesis_lib.laboratory.parameters import RIG
+from thesis_lib.studies.request import Study, beyond, permitted, refuse
+from thesis_lib.studies.vocabulary import (
+    Angle,
+    Azimuth,
+    BeamDistance,
+    Distortion,
+    Exposure,
+    FilmedWidth,
+    FocalLength,
+    HalfAperture,
+    NoiseSeed,
+    Positive,
+    ReadNoise,
+    RigAzimuth,
+    RigRate,
+    Runs,
+    SensorWidth,
+    Several,
+    ShotNoise,
+    TipPeak,
+    field,
+)
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 LEAST_FRAMES = 8  # in a period
 NAMES = "ABCDEFGH"
-FilmedElevation = Annotated[float, Field(ge=1, le=80)]
-
-
-def _as_in_chapter_5(name: str) -> Any:
-    """A field of the laboratory of chapter 5."""
-    return copy(ChapterFive.model_fields[name])
+TriedElevation = Annotated[float, Field(ge=1, le=80)]
 
 
 class Layouts(Study):
@@ -42,41 +56,26 @@ class Layouts(Study):
     predicts = "law, centres equally exact"
     draws = "noise of the centres"
 
-    focal_length_mm: Positive = _as_in_chapter_5("focal_length_mm")
-    sensor_width_mm: Positive = _as_in_chapter_5("sensor_width_mm")
-    lens_k1: float = _as_in_chapter_5("lens_k1")
+    focal_length_mm: FocalLength = RIG["focal_length_mm"]
+    sensor_width_mm: SensorWidth = RIG["sensor_width_mm"]
+    lens_k1: Distortion = RIG["lens_k1"]
     frequency_hz: Annotated[float, Field(ge=1)] = field(
-        ChapterFive.model_fields["frequency_hz"].default,
+        RIG["frequency_hz"],
         "frequency of the vibration",
         "a number from 1 to an eighth of the frame rate",
     )
-    amplitude_mm: float = _as_in_chapter_5("amplitude_mm")
-    frame_rate_hz: float = _as_in_chapter_5("frame_rate_hz")
-    periods: int = field(
-        1, "periods of the steady vibration that are filmed", "a whole number from 1 to 20",
-        ge=1, le=20,
-    )  # fmt: skip
-    exposure_ms: Positive = field(
-        1.0,
-        "exposure time of a frame",
-        "a number above 0, at most the time between frames",
+    amplitude_mm: TipPeak = RIG["amplitude_mm"]
+    frame_rate_hz: RigRate = RIG["frame_rate_hz"]
+    periods: Annotated[int, Field(ge=1, le=20)] = field(
+        1, "periods of the steady vibration that are filmed"
     )
-    shot_noise: Noise = _as_in_chapter_5("shot_noise")
-    read_noise: Noise = _as_in_chapter_5("read_noise")
-    distance_mm: Positive = _as_in_chapter_5("distance_mm")
-    width_px: FilmedWidth = field(
-        1920,
-        "width of the frames; the height is 9/16 of it",
-        "a whole number from 320 to 1920",
-    )
-    trials: int = field(
-        200,
-        "further runs, with noise of the centres drawn at random",
-        "a whole number from 0 to 10000",
-        ge=0,
-        le=10_000,
-    )
-    seed: int = field(0, "seed of all noise", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63)
+    exposure_ms: Exposure = 1.0
+    shot_noise: ShotNoise = RIG["shot_noise"]
+    read_noise: ReadNoise = RIG["read_noise"]
+    distance_mm: BeamDistance = RIG["distance_mm"]
+    width_px: FilmedWidth = field(1920, "width of the frames; the height is 9/16 of it")
+    trials: Runs = field(200, "further runs, with noise of the centres drawn at random")
+    seed: NoiseSeed = 0
 
     @property
     def modes(self) -> list[int]:
@@ -116,13 +115,10 @@ class Layouts(Study):
         for recording in self.recordings():
             name, given = self.blamed(recording.case), recording.distance_mm
             if given <= reach:
-                refuse(name, given, f"allowed: more than {reach:.4g} mm, the reach of the "
-                       "structure and its deflection")  # fmt: skip
+                refuse(name, given, beyond(reach))
             far = recording.distance_mm / 1000
             if max(off_centre(self, extent, lift, d, far) for d in recording.directions_deg) > EDGE:
-                refuse(name, given, "allowed: so far, or with a focal length so short against the "
-                       f"sensor, that all cameras see the whole beam (case {recording.case}, "
-                       f"{recording.label})")  # fmt: skip
+                refuse(name, given, f"{IN_VIEW} (case {recording.case}, {recording.label})")
         return self
 
 
@@ -139,38 +135,29 @@ class LabElevation(Layouts):
     varied = "elevation_deg"
     varied_label = "elevation φ"
 
-    cases: list[Literal["three-rows", "middle-row", "coarse"]] = field(
-        lambda: ["three-rows", "middle-row", "coarse"],
-        "cases to run",
-        "a list of different ones of three-rows, middle-row, coarse",
-        min_length=1,
+    cases: Several[Literal["three-rows", "middle-row", "coarse"]] = field(
+        lambda: ["three-rows", "middle-row", "coarse"], "cases to run"
     )
-    elevations_deg: list[FilmedElevation] = field(
-        lambda: [3.0, 5.0, 7.0, 9.0, 12.0, 16.0, 22.0, 35.0, 60.0],
-        "elevations of the cameras",
-        "a list of different numbers from 1 to 80",
-        min_length=1,
+    elevations_deg: Several[TriedElevation] = field(
+        lambda: [3.0, 5.0, 7.0, 9.0, 12.0, 16.0, 22.0, 35.0, 60.0], "elevations of the cameras"
     )
-    azimuth_deg: Annotated[float, Field(gt=0, lt=90)] = _as_in_chapter_5("azimuth_deg")
+    azimuth_deg: RigAzimuth = RIG["azimuth_deg"]
     coarse_width_px: FilmedWidth = field(
-        1280,
-        "width of the frames in case coarse; the height is 9/16 of it",
-        "a whole number from 320 to 1920",
+        1280, "width of the frames in case coarse; the height is 9/16 of it"
     )
 
     def settings(self) -> list[Setting]:
         """One setting per case and elevation."""
         a = self.azimuth_deg
         azimuths = (a, -a, 180 + a, 180 - a)
-        return [
-            Setting(
-                case, elevation, f"{elevation:g}°", self.distance_mm,
-                tuple((azimuth, elevation) for azimuth in azimuths),
-                _size(self.coarse_width_px if case == "coarse" else self.width_px),
-            )
-            for case in self.cases
-            for elevation in self.elevations_deg
-        ]  # fmt: skip
+
+        def setting(case: str, elevation: float) -> Setting:
+            size = _size(self.coarse_width_px if case == "coarse" else self.width_px)
+            directions = tuple((azimuth, elevation) for azimuth in azimuths)
+            label = f"{elevation:g}°"
+            return Setting(case, elevation, label, self.distance_mm, directions, size)
+
+        return [setting(case, phi) for case in self.cases for phi in self.elevations_deg]
 
 
 class LabLayout(Layouts):
@@ -181,47 +168,38 @@ class LabLayout(Layouts):
     study = "layout"
     varied = "layout"
 
-    cases: list[Literal["distance", "aperture", "subsets"]] = field(
-        lambda: ["distance", "aperture", "subsets"],
-        "cases to run",
-        "a list of different ones of distance, aperture, subsets",
-        min_length=1,
+    cases: Several[Literal["distance", "aperture", "subsets"]] = field(
+        lambda: ["distance", "aperture", "subsets"], "cases to run"
     )
-    distances_mm: list[Positive] = field(
+    distances_mm: Several[Positive] = field(
         lambda: [550.0, 750.0, 1000.0, 1500.0],
         "distances of a pair from the beam's centre, case distance",
         "a list of different numbers above the beam's reach, at most 100000",
-        min_length=1,
     )
-    azimuth_deg: Annotated[float, Field(gt=0, lt=90)] = field(
-        30.0,
-        "the pair of case distance stands at plus and minus this azimuth",
-        "a number above 0 and below 90",
+    azimuth_deg: Angle = field(
+        30.0, "the pair of case distance stands at plus and minus this azimuth"
     )
-    half_apertures_deg: list[Annotated[float, Field(gt=0, lt=180)]] = field(
+    half_apertures_deg: Several[HalfAperture] = field(
         lambda: [8.0, 30.0, 55.0, 80.0],
         "half of the azimuths between the cameras of a pair, case aperture",
-        "a list of different numbers above 0 and below 180",
-        min_length=1,
     )
-    distance_mm: Positive = field(
-        ChapterFive.model_fields["distance_mm"].default,
+    distance_mm: BeamDistance = field(
+        RIG["distance_mm"],
         "distance of the cameras from the beam's centre, cases aperture and subsets",
-        "a number above the beam's reach, at most 100000",
     )
-    elevation_deg: FilmedElevation = field(
-        ChapterFive.model_fields["elevation_deg"].default,
-        "elevation of the pairs of cases distance and aperture",
-        "a number from 1 to 80",
+    elevation_deg: TriedElevation = field(
+        RIG["elevation_deg"], "elevation of the pairs of cases distance and aperture"
     )
-    directions_deg: list[tuple[Azimuth, FilmedElevation]] = field(
-        lambda: [(10.0, 22.0), (-10.0, 22.0), (190.0, 22.0), (170.0, 22.0),
-                 (60.0, 22.0), (-60.0, 22.0), (225.0, 40.0), (135.0, 40.0)],
+    directions_deg: list[tuple[Azimuth, TriedElevation]] = field(
+        lambda: (
+            [(azimuth, 22.0) for azimuth in (10.0, -10.0, 190.0, 170.0, 60.0, -60.0)]
+            + [(225.0, 40.0), (135.0, 40.0)]
+        ),
         "[azimuth, elevation] of cameras A, B … of case subsets",
         "a list of 2 to 8 different [azimuth, elevation], azimuth -360 to 360, elevation 1 to 80",
         min_length=2,
         max_length=8,
-    )  # fmt: skip
+    )
 
     @model_validator(mode="after")
     def _check_places(self) -> LabLayout:
@@ -235,20 +213,18 @@ class LabLayout(Layouts):
     def settings(self) -> list[Setting]:
         """A pair at each distance, a pair of each aperture, every set of the cameras."""
         size, phi, far = _size(self.width_px), self.elevation_deg, self.distance_mm
-        settings: list[Setting] = []
-        for case in self.cases:
-            if case == "distance":
-                pair = _pair(self.azimuth_deg, phi)
-                settings += [Setting(case, d, f"{d:g} mm", d, pair, size)
-                             for d in self.distances_mm]  # fmt: skip
-            elif case == "aperture":
-                settings += [Setting(case, 2 * half, f"{2 * half:g}°", far, _pair(half, phi), size)
-                             for half in self.half_apertures_deg]  # fmt: skip
-            else:
-                every = range(len(self.directions_deg))
-                settings += [self._set(chosen) for n in every[1:]
-                             for chosen in combinations(every, n + 1)]  # fmt: skip
-        return settings
+        every, pair = range(len(self.directions_deg)), _pair(self.azimuth_deg, phi)
+        made = {
+            "distance": [
+                Setting("distance", d, f"{d:g} mm", d, pair, size) for d in self.distances_mm
+            ],
+            "aperture": [
+                Setting("aperture", 2 * half, f"{2 * half:g}°", far, _pair(half, phi), size)
+                for half in self.half_apertures_deg
+            ],
+            "subsets": [self._set(some) for n in every[1:] for some in combinations(every, n + 1)],
+        }
+        return [setting for case in self.cases for setting in made[case]]
 
     def _set(self, chosen: tuple[int, ...]) -> Setting:
         label = "–".join(NAMES[i] for i in chosen)

@@ -11,12 +11,7 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.laboratory.filming import (
     Film,
-    FilmedElevation,
-    FilmedMode,
-    FilmedWidth,
     LabStudy,
-    Peak,
-    Rate,
     check_amplitudes,
     check_markers,
     check_place,
@@ -24,7 +19,19 @@ from thesis_lib.laboratory.filming import (
     peaks_m,
 )
 from thesis_lib.studies.request import permitted, refuse
-from thesis_lib.studies.vocabulary import Positive, field
+from thesis_lib.studies.vocabulary import (
+    Azimuth,
+    BeamDistance,
+    FilmedElevation,
+    FilmedMode,
+    FilmedWidth,
+    FrameRate,
+    Peak,
+    Positive,
+    RigAzimuth,
+    Several,
+    field,
+)
 from thesis_lib.vibration.structure import resonance
 
 RIG = setups.table("experiment", "rig")
@@ -34,37 +41,17 @@ ROWS, MARKER = 0.010, 0.005  # distance of the markers' rows and their diameter,
 class BeamMotions(Film):
     """What is filmed of the beam: higher modes with torsion, at several frame rates."""
 
-    distance_mm: Positive = field(
-        RIG["distance_mm"],
-        "distance of the cameras from the beam's centre",
-        "a number above the beam's reach, at most 100000",
-    )
-    azimuth_deg: Annotated[float, Field(gt=0, lt=90)] = field(
-        RIG["azimuth_deg"],
-        "A and B stand at plus and minus this azimuth, C and D opposite",
-        "a number above 0 and below 90",
-    )
-    elevation_deg: FilmedElevation = field(
-        RIG["elevation_deg"], "elevation of the cameras", "a number from 10 to 75"
-    )
-    width_px: FilmedWidth = field(
-        1280,
-        "width of the frames; the height is 9/16 of it",
-        "a whole number from 320 to 1920",
-    )
-    frame_rates_hz: list[Rate] = field(
+    distance_mm: BeamDistance = RIG["distance_mm"]
+    azimuth_deg: RigAzimuth = RIG["azimuth_deg"]
+    elevation_deg: FilmedElevation = field(RIG["elevation_deg"], "elevation of the cameras")
+    width_px: FilmedWidth = field(1280, "width of the frames; the height is 9/16 of it")
+    frame_rates_hz: Several[FrameRate] = field(
         lambda: [60.0, 120.0, 240.0, 480.0],
         "frames per second of the recordings",
         "a list of different numbers from 10 to 5000 that keep the alias of every mode away from 0 "
         "and from half of them",
-        min_length=1,
     )
-    modes: list[FilmedMode] = field(
-        lambda: [2, 3],
-        "bending modes to film",
-        "a list of different whole numbers from 1 to 5",
-        min_length=1,
-    )
+    modes: Several[FilmedMode] = field(lambda: [2, 3], "bending modes to film")
     amplitude_mm: Peak | list[Peak] | Literal["force"] = field(
         "force",
         "deflection of the beam's tip by bending",
@@ -72,17 +59,11 @@ class BeamMotions(Film):
         "to 1 N)",
     )
     torsion_mm: Annotated[float, Field(ge=0, le=5)] = field(
-        0.01,
-        "deflection of the tip's edges by the first torsional shape, at the same frequency",
-        "a number from 0 to 5",
+        0.01, "deflection of the tip's edges by the first torsional shape, at the same frequency"
     )
-    torsion_phase_deg: Annotated[float, Field(ge=-360, le=360)] = field(
-        90.0, "phase by which the torsion is ahead of the bending", "a number from -360 to 360"
-    )
+    torsion_phase_deg: Azimuth = field(90.0, "phase by which the torsion is ahead of the bending")
     starts: Literal["free", "together"] = field(
-        "free",
-        "whether the cameras start when they like or all at the same instant",
-        '"free" or "together"',
+        "free", "whether the cameras start when they like or all at the same instant"
     )
 
     @property
@@ -93,9 +74,8 @@ class BeamMotions(Film):
     @property
     def directions_deg(self) -> tuple[Direction, ...]:
         """Azimuth and elevation of cameras A to D."""
-        azimuths = (self.azimuth_deg, -self.azimuth_deg, 180 + self.azimuth_deg,
-                    180 - self.azimuth_deg)  # fmt: skip
-        return tuple((azimuth, self.elevation_deg) for azimuth in azimuths)
+        a = self.azimuth_deg
+        return tuple((azimuth, self.elevation_deg) for azimuth in (a, -a, 180 + a, 180 - a))
 
     def setting(self, case: str, rate: float) -> Setting:
         """The four cameras at a frame rate."""
@@ -134,11 +114,8 @@ class LabModes(BeamMotions, LabStudy):
     varied_label = "frame rate"
     draws = "starts and noise"
 
-    cases: list[Literal["instant", "read", "found", "known"]] = field(
-        lambda: ["instant", "read", "found", "known"],
-        "cases to run",
-        "a list of different ones of instant, read, found, known",
-        min_length=1,
+    cases: Several[Literal["instant", "read", "found", "known"]] = field(
+        lambda: ["instant", "read", "found", "known"], "cases to run"
     )
     highest_hz: Positive = field(
         300.0,

@@ -2,126 +2,98 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.laboratory.filming import (
     Film,
-    FilmedElevation,
-    FilmedMode,
-    FilmedWidth,
     LabStudy,
-    Peak,
-    Rate,
     check_amplitudes,
     check_markers,
     check_place,
     check_rates,
     peaks_m,
 )
-from thesis_lib.studies.shared_fields import Markers, PlateMarkers, SoundPlanes
-from thesis_lib.studies.vocabulary import Positive, field
+from thesis_lib.studies.shared_fields import Grid, PlateMarkers, SoundPlanes
+from thesis_lib.studies.vocabulary import (
+    Angle,
+    BriefExposure,
+    FilmedElevation,
+    FilmedMode,
+    FilmedWidth,
+    FrameRate,
+    Frames,
+    HalfAperture,
+    Peak,
+    Positive,
+    Several,
+    field,
+)
 from thesis_lib.vibration.plate import Plate
 
 MARKER = 0.2  # diameter of a marker over the smaller distance of two
 Stand = tuple[Direction, float, int]  # azimuth and elevation in °, distance in mm, width in px
-OBSERVED = {"distance": "distances_mm", "aperture": "half_apertures_deg",
-            "elevation": "elevations_deg", "resolution": "widths_px",
-            "cameras": "camera_counts"}  # fmt: skip
+OBSERVED = {
+    "distance": "distances_mm",
+    "aperture": "half_apertures_deg",
+    "elevation": "elevations_deg",
+    "resolution": "widths_px",
+    "cameras": "camera_counts",
+}
 
 
 class Plates(PlateMarkers, Film):
     """What is filmed of the plate: five parameters, one at a time, about one pair of cameras."""
 
-    cases: list[Literal["distance", "aperture", "elevation", "resolution", "cameras"]] = field(
-        lambda: list(OBSERVED),
-        "cases to run: which parameter is varied",
-        "a list of different ones of distance, aperture, elevation, resolution, cameras",
-        min_length=1,
+    cases: Several[Literal["distance", "aperture", "elevation", "resolution", "cameras"]] = field(
+        lambda: list(OBSERVED), "cases to run: which parameter is varied"
     )
-    distances_mm: list[Positive] = field(
+    distances_mm: Several[Positive] = field(
         lambda: [750.0, 1000.0, 1500.0],
         "distances of the pair, case distance",
         "a list of different numbers above the plate's reach, at most 100000",
-        min_length=1,
     )
-    half_apertures_deg: list[Annotated[float, Field(gt=0, lt=180)]] = field(
-        lambda: [8.0, 30.0, 55.0, 80.0],
-        "azimuths of the pair, case aperture",
-        "a list of different numbers above 0 and below 180",
-        min_length=1,
+    half_apertures_deg: Several[HalfAperture] = field(
+        lambda: [8.0, 30.0, 55.0, 80.0], "azimuths of the pair, case aperture"
     )
-    elevations_deg: list[FilmedElevation] = field(
-        lambda: [15.0, 25.0, 40.0, 60.0],
-        "elevations of the pair, case elevation",
-        "a list of different numbers from 10 to 75",
-        min_length=1,
+    elevations_deg: Several[FilmedElevation] = field(
+        lambda: [15.0, 25.0, 40.0, 60.0], "elevations of the pair, case elevation"
     )
-    widths_px: list[FilmedWidth] = field(
-        lambda: [480, 960, 1920],
-        "widths of the frames, case resolution; heights are 9/16 of them",
-        "a list of different whole numbers from 320 to 1920",
-        min_length=1,
+    widths_px: Several[FilmedWidth] = field(
+        lambda: [480, 960, 1920], "widths of the frames, case resolution; heights are 9/16 of them"
     )
-    camera_counts: list[Literal[2, 4, 6]] = field(
+    camera_counts: Several[Literal[2, 4, 6]] = field(
         lambda: [2, 4, 6],
         "numbers of cameras, case cameras: the pair, a pair opposite, a pair at the ends",
-        "a list of different ones of 2, 4, 6",
-        min_length=1,
     )
     distance_mm: Positive = field(
         1000.0,
         "distance of the cameras where it is not varied",
         "a number above the plate's reach, at most 100000",
     )
-    azimuth_deg: Annotated[float, Field(gt=0, lt=90)] = field(
-        30.0,
-        "the pair stands at plus and minus this azimuth where it is not varied",
-        "a number above 0 and below 90",
+    azimuth_deg: Angle = field(
+        30.0, "the pair stands at plus and minus this azimuth where it is not varied"
     )
-    elevation_deg: FilmedElevation = field(
-        25.0, "elevation of the cameras where it is not varied", "a number from 10 to 75"
-    )
-    width_px: FilmedWidth = field(
-        960, "width of the frames where it is not varied", "a whole number from 320 to 1920"
-    )
-    frame_rate_hz: Rate = field(
+    elevation_deg: FilmedElevation = field(25.0, "elevation of the cameras where it is not varied")
+    width_px: FilmedWidth = field(960, "width of the frames where it is not varied")
+    frame_rate_hz: FrameRate = field(
         60.0,
         "frames per second",
         "a number from 10 to 5000 that keeps the alias of every mode away from 0 and from half "
         "of it",
     )
-    exposure_ms: Positive = field(
-        0.2,
-        "exposure time of a frame",
-        "a number above 0, at most the time between frames and 0.8 of the shortest period",
-    )
-    frames: int = field(
-        16,
-        "frames of the steady vibration in each recording",
-        "a whole number from 8 to 500",
-        ge=8,
-        le=500,
-    )
-    modes: list[FilmedMode] = field(
-        lambda: [1, 2, 3],
-        "modes to film",
-        "a list of different whole numbers from 1 to 5",
-        min_length=1,
-    )
+    exposure_ms: BriefExposure = 0.2
+    frames: Frames = 16
+    modes: Several[FilmedMode] = field(lambda: [1, 2, 3], "modes to film")
     amplitude_mm: Peak | list[Peak] = field(
         1.0,
         "peak of the deflection over the plate",
         "a number above 0, at most 100, or a list with one for each mode",
     )
-    grid: tuple[Markers, Markers] = field(
-        tuple(setups.plate().grid),
-        "markers along and across the plate",
-        "[along, across], whole numbers from 2 to 60",
-    )
+    grid: Grid = setups.plate().grid
 
     @property
     def plate(self) -> Plate:
@@ -141,19 +113,14 @@ class Plates(PlateMarkers, Film):
     def settings(self) -> list[Setting]:
         """One parameter at a time is varied; the others stay as they are."""
         a, e, d, w = self.azimuth_deg, self.elevation_deg, self.distance_mm, self.width_px
-        every = {
-            "distance": [_setting("distance", x, f"{x:g} mm", a, e, x, w)
-                         for x in self.distances_mm],
-            "aperture": [_setting("aperture", 2 * x, f"{2 * x:g}°", x, e, d, w)
-                         for x in self.half_apertures_deg],
-            "elevation": [_setting("elevation", x, f"{x:g}°", a, x, d, w)
-                          for x in self.elevations_deg],
-            "resolution": [_setting("resolution", x, f"{x}×{round(x * 9 / 16)}", a, e, d, x)
-                           for x in self.widths_px],
-            "cameras": [_setting("cameras", n, f"{n} cameras", a, e, d, w, n)
-                        for n in self.camera_counts],
-        }  # fmt: skip
-        return [setting for case in self.cases for setting in every[case]]
+        every: dict[str, list[tuple[Any, ...]]] = {
+            "distance": [(x, f"{x:g} mm", a, e, x, w) for x in self.distances_mm],
+            "aperture": [(2 * x, f"{2 * x:g}°", x, e, d, w) for x in self.half_apertures_deg],
+            "elevation": [(x, f"{x:g}°", a, x, d, w) for x in self.elevations_deg],
+            "resolution": [(x, f"{x}×{round(x * 9 / 16)}", a, e, d, x) for x in self.widths_px],
+            "cameras": [(n, f"{n} cameras", a, e, d, w, n) for n in self.camera_counts],
+        }
+        return [_setting(case, *given) for case in self.cases for given in every[case]]
 
     @property
     def stands(self) -> list[Stand]:
@@ -183,8 +150,16 @@ def stands_of(setting: Setting) -> list[Stand]:
     return [(d, setting.distance_mm, setting.resolution_px[0]) for d in setting.directions_deg]
 
 
-def _setting(case: str, value: float, label: str, azimuth: float, elevation: float,
-             distance: float, width: int, count: int = 2) -> Setting:  # fmt: skip
+def _setting(
+    case: str,
+    value: float,
+    label: str,
+    azimuth: float,
+    elevation: float,
+    distance: float,
+    width: int,
+    count: int = 2,
+) -> Setting:
     azimuths = (azimuth, -azimuth, 180 + azimuth, 180 - azimuth, 90.0, -90.0)[:count]
     directions = tuple((a, elevation) for a in azimuths)
     return Setting(case, value, label, distance, directions, (width, round(width * 9 / 16)))

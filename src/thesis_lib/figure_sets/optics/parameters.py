@@ -16,14 +16,15 @@ from thesis_lib.studies.vocabulary import (
     Elevation,
     Name,
     Positive,
-    Resolution,
+    SensorSize,
+    Several,
+    Shifts,
     Width,
     field,
 )
 
 FARTHEST = 4  # of the largest of the distances, to which curves go
 PictureWidth = Literal[1280, 640, 320, 256, 160, 128, 80, 64, 32, 16]
-SOME = "a list of different numbers above 0, at most 100000"
 
 
 class Cameras(Study):
@@ -50,17 +51,12 @@ class Cameras(Study):
         "above 0, at most 100000",
         min_length=1,
     )
-    focal_lengths_mm: list[Positive] = field(
+    focal_lengths_mm: Several[Positive] = field(
         lambda: [8.0, 12.0, 16.0, 24.0, 35.0, 50.0, 85.0, 135.0],
         "focal lengths of which angles of view are computed",
-        SOME,
-        min_length=1,
     )
-    format_widths_px: list[Width] = field(
-        lambda: [800, 1024, 1280, 1600],
-        "widths of pictures in the formats 4:3 and 3:2",
-        "a list of different whole numbers from 2 to 20000",
-        min_length=1,
+    format_widths_px: Several[Width] = field(
+        lambda: [800, 1024, 1280, 1600], "widths of pictures in the formats 4:3 and 3:2"
     )
     focal_length_mm: Positive = field(
         reading("beam")["focal_length_mm"],
@@ -68,76 +64,45 @@ class Cameras(Study):
         "a number above 0, less than the nearest of the distances",
     )
     sensor_width_mm: Positive = field(
-        reading("beam")["sensor_width_mm"],
-        "width of the sensor everywhere else",
-        "a number above 0, at most 100000",
+        reading("beam")["sensor_width_mm"], "width of the sensor everywhere else"
     )
-    resolution_px: Resolution = field(
+    resolution_px: SensorSize = field(
         lambda: tuple(setups.table("beam", "distance")["resolution_px"]),
         "width and height of the pictures that are not drawn",
-        "[width, height], whole numbers from 2 to 20000",
     )
-    distances_mm: list[Positive] = field(
+    distances_mm: Several[Positive] = field(
         lambda: [float(d) for d in setups.table("beam", "distance")["distances_mm"]],
         "distances in the tables; curves go from the least to four times the largest",
         "a list of different numbers above the beam's reach, at most 100000",
-        min_length=1,
     )
     azimuth_deg: Azimuth = field(
         float(setups.table("beam", "distance")["azimuth_deg"]),
         "azimuth of the camera that looks at the beam",
-        "a number from -360 to 360",
     )
     elevation_deg: Elevation = field(
-        float(setups.table("beam", "distance")["elevation_deg"]),
-        "its elevation",
-        "a number above 0, at most 90",
+        float(setups.table("beam", "distance")["elevation_deg"]), "its elevation"
     )
-    widths_px: list[PictureWidth] = field(
+    widths_px: Several[PictureWidth] = field(
         lambda: [640, 320, 160, 80],
         "widths of the drawn pictures of the beam, from the nearest distance",
-        "a list of different ones of 1280, 640, 320, 256, 160, 128, 80, 64, 32, 16",
-        min_length=1,
     )
-    marker_mm: Annotated[float, Field(gt=0, le=25)] = field(
-        5.0,
-        "diameter of the drawn markers",
-        "a number above 0, at most 25",
-    )
+    marker_mm: Annotated[float, Field(gt=0, le=25)] = field(5.0, "diameter of the drawn markers")
     bayer_pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = field(
         "RGGB",
         "colour filters of the top-left two by two pixels, row by row",
         "RGGB, BGGR, GRBG or GBRG",
     )
-    f_numbers: list[Positive] = field(
-        lambda: [2.8, 5.6, 11.0],
-        "focal length over diameter of the lens, for the depth of field",
-        SOME,
-        min_length=1,
+    f_numbers: Several[Positive] = field(
+        lambda: [2.8, 5.6, 11.0], "focal length over diameter of the lens, for the depth of field"
     )
     circle_mm: Positive = field(
-        0.03,
-        "largest circle of confusion on the sensor that counts as sharp",
-        "a number above 0, at most 100000",
+        0.03, "largest circle of confusion on the sensor that counts as sharp"
     )
-    baselines_mm: list[Positive] = field(
-        lambda: [50.0, 150.0, 450.0],
-        "distances between two parallel cameras",
-        SOME,
-        min_length=1,
+    baselines_mm: Several[Positive] = field(
+        lambda: [50.0, 150.0, 450.0], "distances between two parallel cameras"
     )
-    disparity_error_px: Positive = field(
-        0.1,
-        "error of a disparity that is not rounded",
-        "a number above 0, at most 100000",
-    )
-    trials: int = field(
-        200,
-        "random shifts of the pixel grids of the parallel pair",
-        "a whole number from 2 to 10000",
-        ge=2,
-        le=10_000,
-    )
+    disparity_error_px: Positive = field(0.1, "error of a disparity that is not rounded")
+    trials: Shifts = field(200, "random shifts of the pixel grids of the parallel pair")
 
     def settings(self) -> list[Setting]:
         """One setting per distance: the camera that looks at the beam."""
@@ -152,8 +117,8 @@ class Cameras(Study):
         reach = 1000 * math.hypot(*self.structure.extent) / 2
         for distance in self.distances_mm:
             if distance <= reach:
-                refuse("distances_mm", distance, f"allowed: more than {reach:.4g} mm, the reach "
-                       "of the beam")  # fmt: skip
+                allowed = f"more than {reach:.4g} mm, the reach of the beam"
+                refuse("distances_mm", distance, f"allowed: {allowed}")
         if self.focal_length_mm >= min(self.distances_mm):
             self.refuse("focal_length_mm")
         return self

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib.facts.setups import Setting
-from thesis_lib.figure_sets.parametric.parameters import CameraStudy
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
 from thesis_lib.studies.labels import CAMERAS, VARIABLES, add_cameras, coordinates
 from thesis_lib.vibration.structure import deflection_shape, world_points

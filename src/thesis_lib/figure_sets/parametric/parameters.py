@@ -6,161 +6,47 @@ field's ``allowed`` text is what the user reads, in the table and in the error m
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from copy import copy
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import BaseModel, Field, create_model, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.shapes import CONTOURS, ShapeMarkers
-from thesis_lib.studies.request import Study, refuse, shown, validated
+from thesis_lib.studies.request import validated
 from thesis_lib.studies.shared_fields import PlateMarkers, SoundPlanes
 from thesis_lib.studies.vocabulary import (
     Azimuth,
     Elevation,
-    Mode,
+    HalfAperture,
     Name,
     Positive,
-    Resolution,
+    SensorSize,
+    Several,
+    Trials,
     Width,
     field,
-    trials,
+    means,
 )
-from thesis_lib.vibration.structure import Structure, peak_deflection
-from thesis_lib.vision.pinhole import hemisphere_directions
-from thesis_lib.vision.simulation import LEAST_SQUARES
+from thesis_lib.vibration.structure import Structure
 
 Order = Literal["printed", "reversed"]
 Layout = list[Annotated[list[tuple[Azimuth, Elevation]], Field(min_length=2, max_length=100)]]
 
 
-class CameraStudy(Study):
-    """Parameters that all camera studies share."""
-
-    focal_length_mm: Positive = field(
-        ..., "focal length of the lenses", "a number above 0, at most 100000"
-    )
-    sensor_width_mm: Positive = field(
-        ..., "width of the sensors", "a number above 0, at most 100000"
-    )
-    amplitude_mm: Positive | list[Positive] | Literal["force"] = field(
-        ...,
-        "peak of the deflection over the structure",
-        'a number above 0, a list with one for each mode, or "force" (the response to 1 N)',
-    )
-    rest: Literal["rebuilt", "known"] = field(
-        ...,
-        "whether the rest position is rebuilt from rounded pixels or known",
-        '"rebuilt" or "known"',
-    )
-    azimuth_zero: Literal["Y", "X"] = field(
-        ...,
-        "axis from which azimuths are measured, towards the other one",
-        '"Y" or "X"',
-    )
-    principal_offset_px: Annotated[float, Field(ge=-0.5, le=0.5)] = field(
-        ...,
-        "how far right and down of the sensor's middle the principal point is",
-        "a number from -0.5 to 0.5",
-    )
-    estimator: Literal["least-squares", "analytic-centre"] = field(
-        "least-squares",
-        "how points are estimated from rounded pixels; the thesis takes least squares",
-        '"least-squares" or "analytic-centre"',
-    )
-    modes: list[Mode] = field(
-        lambda: [1, 2, 3],
-        "modes to measure",
-        "a list of different whole numbers from 1 to 30",
-        min_length=1,
-    )
-
-    def printed(self) -> list[Setting]:
-        """The study's settings with azimuths as they are given."""
-        raise NotImplementedError
-
-    def settings(self) -> list[Setting]:
-        """The study's settings in the order of the thesis's tables, azimuths measured from +Y."""
-        return [s.turned() if self.azimuth_zero == "X" else s for s in self.printed()]
-
-    @property
-    def law(self) -> str:
-        """Long name of `predicted_error`, which is a law of least squares for every estimator."""
-        law = "rms error over the trials by the law of rounding"
-        return law if self.estimator == LEAST_SQUARES else f"{law}, of least squares"
-
-    @property
-    def predicted_by(self) -> str:
-        """What `predicted_error` stands for, as legends say it."""
-        least = self.estimator == LEAST_SQUARES
-        return self.predicts if least else f"{self.predicts} of least squares"
-
-    @property
-    def peaks_m(self) -> list[float]:
-        """Peak deflection of each mode in m."""
-        if self.amplitude_mm == "force":
-            return [peak_deflection(self.structure, mode) for mode in self.modes]
-        if isinstance(self.amplitude_mm, list):
-            return [peak / 1000 for peak in self.amplitude_mm]
-        return [float(self.amplitude_mm) / 1000] * len(self.modes)
-
-    @model_validator(mode="after")
-    def _check_together(self) -> CameraStudy:
-        if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
-            self.refuse("amplitude_mm")
-        settings = self.printed()  # as given, so that a refusal says what was given
-        _check_reach(self, settings)
-        for setting in settings:
-            _check_coincidence(self, setting)
-        return self
-
-
-def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
-    length, width = study.structure.extent
-    reach = 1000 * (math.hypot(length, width) / 2 + max(study.peaks_m))
-    field = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
-    for setting in settings:
-        if setting.distance_mm <= reach:
-            refuse(field, setting.distance_mm, f"allowed: more than {reach:.4g} mm, the reach "
-                    "of the structure and its deflection")  # fmt: skip
-
-
-def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
-    angles = np.radians(setting.directions_deg)
-    directions = hemisphere_directions(angles[:, 0], angles[:, 1])
-    apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)
-    first, second = np.nonzero(np.triu(apart < 1e-6, k=1))
-    if len(first):
-        if setting.case in getattr(study, "layouts", {}):
-            field = "layouts"
-        elif setting.directions_deg[first[0]][1] < 90:
-            field = "azimuth_deg"
-        else:
-            field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
-        given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
-        where = f"case {shown(setting.case)}, {setting.label}"
-        refuse(field, given, f"two cameras at the same place in {where} "
-                "([azimuth, elevation] in °), allowed: different places")  # fmt: skip
-
-
-ELEVATION = "a number above 0, at most 90"
-DISTANCE = field(
-    ...,
-    "distance of all cameras from the structure's centre",
-    "a number above the structure's reach, at most 100000",
-)
-RESOLUTION = field(
-    ...,
-    "width and height of the sensors",
-    "[width, height], whole numbers from 2 to 20000",
-)
-AZIMUTH = field(..., "the pair stands at plus and minus this azimuth", "a number from -360 to 360")
+FromCentre = Annotated[
+    Positive,
+    means(
+        "distance of all cameras from the structure's centre",
+        "a number above the structure's reach, at most 100000",
+    ),
+]
+OfPair = Annotated[Azimuth, means("the pair stands at plus and minus this azimuth")]
 
 
 # The four studies. Where a field has no default here, it is what the table of the structure says.
@@ -174,15 +60,14 @@ class Distance(CameraStudy):
     varied = "distance_mm"
     varied_label = "distance d"
 
-    distances_mm: list[Positive] = field(
+    distances_mm: Several[Positive] = field(
         ...,
         "distances of the pair from the structure's centre",
         "a list of different numbers above the structure's reach, at most 100000",
-        min_length=1,
     )
-    azimuth_deg: Azimuth = AZIMUTH
-    elevation_deg: Elevation = field(..., "elevation of the cameras", ELEVATION)
-    resolution_px: Resolution = RESOLUTION
+    azimuth_deg: OfPair
+    elevation_deg: Elevation = field(..., "elevation of the cameras")
+    resolution_px: SensorSize
 
     def printed(self) -> list[Setting]:
         """One setting per distance."""
@@ -199,27 +84,20 @@ class Aperture(CameraStudy):
     varied = "aperture_deg"
     varied_label = "aperture α"
 
-    cases: list[Literal["2a", "2b", "2c", "2d"]] = field(
-        lambda: ["2a", "2b", "2c", "2d"],
-        "cases to run",
-        "a list of different ones of 2a, 2b, 2c, 2d",
-        min_length=1,
+    cases: Several[Literal["2a", "2b", "2c", "2d"]] = field(
+        lambda: ["2a", "2b", "2c", "2d"], "cases to run"
     )
-    half_apertures_deg: list[Annotated[float, Field(gt=0, lt=180)]] = field(
-        ...,
-        "half of the azimuths between the cameras, cases 2a and 2c",
-        "a list of different numbers above 0 and below 180",
-        min_length=1,
+    half_apertures_deg: Several[HalfAperture] = field(
+        ..., "half of the azimuths between the cameras, cases 2a and 2c"
     )
-    elevations_deg: list[Elevation] = field(
+    elevations_deg: Several[Elevation] = field(
         ...,
         "elevations of the cameras, cases 2b and 2d",
         "a list of different numbers above 0 and below 90",
-        min_length=1,
     )
-    elevation_deg: Elevation = field(..., "elevation in cases 2a and 2c", ELEVATION)
-    distance_mm: Positive = DISTANCE
-    resolution_px: Resolution = RESOLUTION
+    elevation_deg: Elevation = field(..., "elevation in cases 2a and 2c")
+    distance_mm: FromCentre
+    resolution_px: SensorSize
 
     def printed(self) -> list[Setting]:
         """Cases in the order asked for, apertures in the order of the table."""
@@ -241,15 +119,10 @@ class Resolutions(CameraStudy):
     varied = "width_px"
     varied_label = "resolution"
 
-    widths_px: list[Width] = field(
-        ...,
-        "widths of the sensors; heights are 9/16 of them",
-        "a list of different whole numbers from 2 to 20000",
-        min_length=1,
-    )
-    distance_mm: Positive = DISTANCE
-    azimuth_deg: Azimuth = AZIMUTH
-    elevation_deg: Elevation = field(..., "elevation of the cameras", ELEVATION)
+    widths_px: Several[Width] = field(..., "widths of the sensors; heights are 9/16 of them")
+    distance_mm: FromCentre
+    azimuth_deg: OfPair
+    elevation_deg: Elevation = field(..., "elevation of the cameras")
 
     def printed(self) -> list[Setting]:
         """One setting per width."""
@@ -283,8 +156,8 @@ class Arrays(CameraStudy):
         "with growing sets of 2 to 100 different cameras, azimuth -360 to 360, elevation above 0 "
         "to 90",
     )
-    distance_mm: Positive = DISTANCE
-    resolution_px: Resolution = RESOLUTION
+    distance_mm: FromCentre
+    resolution_px: SensorSize
 
     @model_validator(mode="after")
     def _check_cases(self) -> Arrays:
@@ -314,7 +187,7 @@ class OfL(Arrays):
 
     study = "l"
     title = "an L"
-    trials: int = trials(100)
+    trials: Trials = 100
 
 
 class Perforated(Arrays):
@@ -322,7 +195,7 @@ class Perforated(Arrays):
 
     study = "holes"
     title = "a plate with holes"
-    trials: int = trials(100)
+    trials: Trials = 100
 
 
 # What beam and sound add.
@@ -332,7 +205,7 @@ class BeamMarkers(BaseModel):
     """Parameters of the beam."""
 
     first_marker_mm: Annotated[float, Field(ge=0, le=23)] = field(
-        ..., "distance of the first marker from the clamp", "a number from 0 to 23"
+        ..., "distance of the first marker from the clamp"
     )
 
     @property
@@ -351,8 +224,12 @@ class PlateSound(SoundPlanes):
         return {key: value for key, value in self.model_dump().items() if key in model.model_fields}
 
 
-SECTIONS = {"beam": "section 3.3", "plate": "section 4.2", "sound": "section 6.2",
-            "shape": "section 7.1"}  # fmt: skip
+SECTIONS = {
+    "beam": "section 3.3",
+    "plate": "section 4.2",
+    "sound": "section 6.2",
+    "shape": "section 7.1",
+}
 
 
 def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
@@ -362,9 +239,8 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
     printed = {**grid, **reading(like), **setups.table(subject, kind.study)}
     bases = (*more, kind)
     fields: dict[str, Any] = {}
-    for name, info in {
-        k: v for base in reversed(bases) for k, v in base.model_fields.items()
-    }.items():
+    every = {name: info for one in reversed(bases) for name, info in one.model_fields.items()}
+    for name, info in every.items():
         if name in printed and info.is_required():
             filled = copy(info)
             filled.default = _held(name, printed[name])
@@ -394,8 +270,10 @@ def _frozen(value: Any) -> Any:
 
 _KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
 _EXTRA: dict[str, tuple[type[BaseModel], ...]] = {
-    "beam": (BeamMarkers,), "plate": (PlateMarkers,), "sound": (PlateSound,),
-}  # fmt: skip
+    "beam": (BeamMarkers,),
+    "plate": (PlateMarkers,),
+    "sound": (PlateSound,),
+}
 CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     study.name: study
     for subject, extra in _EXTRA.items()

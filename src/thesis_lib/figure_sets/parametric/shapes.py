@@ -22,8 +22,13 @@ Corner = tuple[Coordinate, Coordinate]
 Support = Literal["simply supported", "clamped", "free"]
 Edge = Annotated[str, Field(pattern=r"^[1-9][0-9]?$")]
 CONTOURS = ("outline_mm", "circles_mm", "cutouts_mm")
-FIELDS = {"outline": "outline_mm", "supports": "edge_supports", "grid": "grid",
-          "force_position": "force_mm", "element_size": "element_mm"}  # fmt: skip
+FIELDS = {
+    "outline": "outline_mm",
+    "supports": "edge_supports",
+    "grid": "grid",
+    "force_position": "force_mm",
+    "element_size": "element_mm",
+}
 
 
 class ShapeMarkers(PlateMarkers):
@@ -54,7 +59,6 @@ class ShapeMarkers(PlateMarkers):
     support: Support = field(
         SIMPLY_SUPPORTED,
         "how the outline is held; edges of holes are free",
-        '"simply supported", "clamped" or "free"',
     )
     edge_supports: dict[Edge, Support] = field(
         lambda: {},

@@ -19,7 +19,7 @@ from thesis_lib.acoustics import radiation
 from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
 from thesis_lib.acoustics.plate_sound import NODAL
 from thesis_lib.acoustics.sources import Medium
-from thesis_lib.figure_sets.parametric.parameters import CameraStudy
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
 from thesis_lib.studies.labels import extremes, field_coordinates
 from thesis_lib.vibration.plate import Plate

@@ -10,9 +10,20 @@ from pydantic import Field, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
-from thesis_lib.planning.request import Count, PlanRequest
+from thesis_lib.planning.request import Count, PlanRequest, Tilt
 from thesis_lib.studies.request import Study, refuse
-from thesis_lib.studies.vocabulary import Positive, Resolution, field
+from thesis_lib.studies.vocabulary import (
+    FocalLength,
+    Positive,
+    Resolution,
+    SensorWidth,
+    Separation,
+    Several,
+    Shifts,
+    Starts,
+    Step,
+    field,
+)
 
 THESIS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
 BEHIND = (90.0, 270.0, -90.0, 90.0)  # a sector: what a wall leaves
@@ -47,73 +58,32 @@ class Planner(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    counts: list[Count] = field(
-        lambda: [2, 4, 8, 12],
-        "numbers of cameras",
-        "a list of different whole numbers from 2 to 24",
-        min_length=1,
-        max_length=8,
-    )
-    resolutions_px: list[Resolution] = field(
+    counts: Several[Count] = field(lambda: [2, 4, 8, 12], "numbers of cameras", max_length=8)
+    resolutions_px: Several[Resolution] = field(
         lambda: [(320, 180), (640, 360), (1280, 720)],
         "cameras to choose from: width and height of their pictures",
         "a list of different [width, height] of one proportion, whole numbers from 2 to 20000",
-        min_length=1,
         max_length=8,
     )
-    focal_length_mm: Positive = field(
-        reading("beam")["focal_length_mm"],
-        "focal length of the lenses",
-        "a number above 0, at most 100000",
-    )
-    sensor_width_mm: Positive = field(
-        reading("beam")["sensor_width_mm"],
-        "width of the sensors",
-        "a number above 0, at most 100000",
-    )
+    focal_length_mm: FocalLength = reading("beam")["focal_length_mm"]
+    sensor_width_mm: SensorWidth = reading("beam")["sensor_width_mm"]
     beam_amplitude_mm: Positive = field(
-        reading("beam")["amplitude_mm"],
-        "peak of the beam's deflection in every mode",
-        "a number above 0, at most 100000",
+        reading("beam")["amplitude_mm"], "peak of the beam's deflection in every mode"
     )
     plate_amplitude_mm: Positive = field(
-        reading("plate")["amplitude_mm"],
-        "peak of the plate's deflection in every mode",
-        "a number above 0, at most 100000",
+        reading("plate")["amplitude_mm"], "peak of the plate's deflection in every mode"
     )
-    elevation_deg: Annotated[float, Field(ge=0, lt=90)] = field(
-        5.0, "lowest elevation of a camera", "a number from 0, below 90"
+    elevation_deg: Annotated[float, Field(ge=0, lt=90)] = field(5.0, "lowest elevation of a camera")
+    tilt_deg: Tilt = field(
+        75.0, "largest angle to a marker's normal at which it is read, where that is asked"
     )
-    tilt_deg: Annotated[float, Field(gt=0, le=90)] = field(
-        75.0,
-        "largest angle to a marker's normal at which it is read, where that is asked",
-        "a number above 0, at most 90",
-    )
-    separation_mm: Annotated[float, Field(ge=0, le=1e5)] = field(
-        50.0, "least distance between two cameras", "a number from 0 to 100000"
-    )
+    separation_mm: Separation = 50.0
     target_percent: Positive = field(
-        5.0,
-        "wanted error of the worst mode, for which the cheapest layout is sought",
-        "a number above 0, at most 100000",
+        5.0, "wanted error of the worst mode, for which the cheapest layout is sought"
     )
-    step_deg: Annotated[float, Field(ge=2, le=45)] = field(
-        10.0, "step of the grid on which the search begins", "a number from 2 to 45"
-    )
-    starts: int = field(
-        2,
-        "random layouts to begin with, for each number of cameras",
-        "a whole number from 0 to 100",
-        ge=0,
-        le=100,
-    )
-    trials: int = field(
-        200,
-        "random shifts of the pixel grids in each simulation",
-        "a whole number from 2 to 10000",
-        ge=2,
-        le=10_000,
-    )
+    step_deg: Step = 10.0
+    starts: Starts = 2
+    trials: Shifts = field(200, "random shifts of the pixel grids in each simulation")
 
     def settings(self) -> list[Setting]:
         """None: layouts are found, not given."""
@@ -129,23 +99,22 @@ class Planner(Study):
             asked[name] = body, {"distances_mm": fixed, "tilt_deg": 90.0}
             asked[f"{body}: markers that can be read"] = body, {"distances_mm": fixed}
             asked[f"{body}: nearer or farther, too"] = body, {"distances_mm": room(body)}
-        asked["beam: a wall behind it"] = "beam", {
-            "distances_mm": room("beam"), "forbidden_sectors_deg": [BEHIND]}  # fmt: skip
-        asked["plate: a machine beside it"] = "plate", {
-            "distances_mm": room("plate"), "forbidden_boxes_mm": [BESIDE]}  # fmt: skip
+        wall, machine = {"forbidden_sectors_deg": [BEHIND]}, {"forbidden_boxes_mm": [BESIDE]}
+        asked["beam: a wall behind it"] = "beam", {"distances_mm": room("beam"), **wall}
+        asked["plate: a machine beside it"] = "plate", {"distances_mm": room("plate"), **machine}
         return {name: self._question(body, more) for name, (body, more) in asked.items()}
 
     def _question(self, body: str, more: dict[str, Any]) -> PlanRequest:
         amplitude = self.beam_amplitude_mm if body == "beam" else self.plate_amplitude_mm
         common: dict[str, Any] = {
-            "body": body, "amplitude_mm": amplitude, "target_percent": None,
+            "body": body,
+            "amplitude_mm": amplitude,
+            "target_percent": None,
             "focal_lengths_mm": [self.focal_length_mm],
             "elevations_deg": (self.elevation_deg, 90.0),
-            **{key: getattr(self, key) for key in (
-                "counts", "resolutions_px", "sensor_width_mm", "tilt_deg", "separation_mm",
-                "step_deg", "starts", "trials", "seed")},
-        }  # fmt: skip
-        return PlanRequest(**{**common, **more})
+        }
+        same = set(type(self).model_fields) & set(PlanRequest.model_fields) - {*common, "cube"}
+        return PlanRequest(**common | {key: getattr(self, key) for key in same} | more)
 
     @model_validator(mode="after")
     def _check_together(self) -> Planner:
@@ -155,6 +124,6 @@ class Planner(Study):
         for body, peak in (("beam", self.beam_amplitude_mm), ("plate", self.plate_amplitude_mm)):
             left = room(body)[0] - _reach(body)
             if peak >= left:
-                refuse(f"{body}_amplitude_mm", peak, f"allowed: a number below {left:.4g} mm, "
-                       "the room before the nearest camera")  # fmt: skip
+                allowed = f"a number below {left:.4g} mm, the room before the nearest camera"
+                refuse(f"{body}_amplitude_mm", peak, f"allowed: {allowed}")
         return self

@@ -11,11 +11,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.studies.request import permitted, refuse
+from thesis_lib.studies.request import STRICT, permitted, refuse
 from thesis_lib.studies.vocabulary import (
     Azimuth,
     Elevation,
@@ -30,20 +30,16 @@ from thesis_lib.vibration.plate import Plate
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
+Count = Annotated[int, Field(ge=1, le=200)]
 FileName = Annotated[str, Field(min_length=1, max_length=500)]
 
-POSITIVE = "a number above 0, at most 100000"
-OPTIONAL = f"null, or {POSITIVE}"
-COUNT = "a whole number from 1 to 200"
 INSIDE = "a path inside the manifest's folder"
 
 
 class Part(BaseModel):
     """What all parts of a manifest share: typed, bounded, unchangeable."""
 
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True
-    )
+    model_config = STRICT
 
     def refuse(self, name: str, why: str = "") -> None:
         """Refuse the value of a field, by what it allows if no other reason is given."""
@@ -66,15 +62,13 @@ def _thesis_layout(given: dict[str, Any]) -> bool:
 class Markers(Part):
     """Round markers on the structure: rows along it, or any given places."""
 
-    rows: int = field(3, "rows of markers, side by side", COUNT, ge=1, le=200)
-    columns: int = field(
-        lambda: setups.beam().n_markers, "markers in each row", COUNT, ge=1, le=200
-    )
+    rows: Count = field(3, "rows of markers, side by side")
+    columns: Count = field(lambda: setups.beam().n_markers, "markers in each row")
     spacing_mm: Positive = field(
-        _beam("marker_spacing", 1000), "distance between centres along a row", POSITIVE
+        _beam("marker_spacing", 1000), "distance between centres along a row"
     )
-    row_spacing_mm: Positive = field(10.0, "distance between rows", POSITIVE)
-    diameter_mm: Positive = field(5.0, "diameter of the markers", POSITIVE)
+    row_spacing_mm: Positive = field(10.0, "distance between rows")
+    diameter_mm: Positive = field(5.0, "diameter of the markers")
     points_mm: tuple[Place, ...] | None = field(
         None,
         "places of markers in no rows, from the clamped corner; replaces rows and columns",
@@ -83,7 +77,7 @@ class Markers(Part):
         max_length=2000,
     )
     tone: Literal["dark", "bright"] = field(
-        "dark", "whether they are darker or brighter than the structure", '"dark" or "bright"'
+        "dark", "whether they are darker or brighter than the structure"
     )
     hole_mm: Place | None = field(
         lambda data: (24.0, 10.0) if _thesis_layout(data) else None,
@@ -100,20 +94,13 @@ class Structure(Part):
         "what it is, which gives the model that shapes are compared with",
         '"beam", clamped at x = 0, "plate", simply supported, or "flat", without a model',
     )
-    length_mm: Positive = field(_beam("length", 1000), "length along x", POSITIVE)
-    width_mm: Positive = field(_beam("width", 1000), "width along y", POSITIVE)
-    thickness_mm: Positive = field(_beam("thickness", 1000), "thickness", POSITIVE)
-    density_kg_m3: Positive = field(_beam("density"), "density", POSITIVE)
-    youngs_modulus_pa: float = field(
-        _beam("youngs_modulus"), "Young's modulus", "a number above 0, at most 1e13, in Pa",
-        gt=0, le=1e13,
-    )  # fmt: skip
-    poissons_ratio: float = field(
-        0.3, "Poisson's ratio, which a plate's model needs", "a number from 0 to 0.5", ge=0, le=0.5
-    )
-    damping: float = field(
-        _beam("damping"), "modal damping ratio", "a number above 0 and below 0.7", gt=0, lt=0.7
-    )
+    length_mm: Positive = field(_beam("length", 1000), "length along x")
+    width_mm: Positive = field(_beam("width", 1000), "width along y")
+    thickness_mm: Positive = field(_beam("thickness", 1000), "thickness")
+    density_kg_m3: Positive = field(_beam("density"), "density")
+    youngs_modulus_pa: float = field(_beam("youngs_modulus"), "Young's modulus", gt=0, le=1e13)
+    poissons_ratio: float = field(0.3, "Poisson's ratio, which a plate's model needs", ge=0, le=0.5)
+    damping: float = field(_beam("damping"), "modal damping ratio", gt=0, lt=0.7)
     force_position_mm: Positive = field(
         _beam("force_position", 1000),
         "distance of the force from x = 0, a beam's clamp",
@@ -137,13 +124,12 @@ class Structure(Part):
         size, radius = np.array([[self.length_mm], [self.width_mm]]), self.markers.diameter_mm / 2
         points, hole = 1000 * self.marker_points, self.markers.hole_mm
         name = "markers.points_mm" if self.markers.points_mm else "markers"
+        given = self.markers.model_dump(mode="json", exclude={"hole_mm"})
         if np.any(points < radius - 1e-9) or np.any(points > size - radius + 1e-9):
-            refuse(name, self.markers.model_dump(mode="json", exclude={"hole_mm"}),
-                   "allowed: markers that lie on the structure")  # fmt: skip
+            refuse(name, given, "allowed: markers that lie on the structure")
         apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=0)
         if np.any(apart[np.triu_indices(points.shape[1], 1)] < 2 * radius):
-            refuse(name, self.markers.model_dump(mode="json", exclude={"hole_mm"}),
-                   "allowed: markers that do not overlap")  # fmt: skip
+            refuse(name, given, "allowed: markers that do not overlap")
         if hole is not None:
             place = np.array(hole)[:, None]
             near = np.linalg.norm(points - place, axis=0).min() < 2 * radius
@@ -205,21 +191,19 @@ class CameraFiles(Part):
 
     name: Name = field(..., "its name", "1 to 40 characters, different for every camera")
     video: FileName = field(..., "video with the structure's vibration and its sound", INSIDE)
-    width_px: Width = field(1920, "width of the pictures", "a whole number from 2 to 20000")
-    height_px: Width = field(1080, "height of the pictures", "a whole number from 2 to 20000")
-    frame_rate_hz: float = field(
-        60.0, "frames per second", "a number from 1 to 100000", ge=1, le=1e5
-    )
+    width_px: Width = field(1920, "width of the pictures")
+    height_px: Width = field(1080, "height of the pictures")
+    frame_rate_hz: float = field(60.0, "frames per second", ge=1, le=1e5)
     exposure_s: float = field(
-        ..., "exposure time of a frame", "a number above 0, at most 1 / frame_rate_hz, in s",
-        gt=0, le=1,
-    )  # fmt: skip
+        ..., "exposure time of a frame", "a number above 0, at most 1 / frame_rate_hz", gt=0, le=1
+    )
     readout_s: float = field(
         0.0,
         "time from the first row's exposure to the last row's; 0 for a global shutter",
-        "a number from -1 / frame_rate_hz to 1 / frame_rate_hz, in s; below 0 if the last is first",
-        ge=-1, le=1,
-    )  # fmt: skip
+        "a number from -1 / frame_rate_hz to 1 / frame_rate_hz, below 0 if the last is first",
+        ge=-1,
+        le=1,
+    )
     shots: FileName | tuple[FileName | None, ...] = field(
         ...,
         "pictures of the calibration board; the k-th of every camera shows the same pose",
@@ -232,19 +216,15 @@ class CameraFiles(Part):
         "width), (0, width)",
         "null, or four [u, v] around a convex quadrilateral",
     )
-    focal_length_mm: Positive | None = field(None, "focal length of the lens", OPTIONAL)
-    sensor_width_mm: Positive | None = field(None, "width of the sensor", OPTIONAL)
-    f_number: Positive | None = field(None, "focal length over the aperture's diameter", OPTIONAL)
+    focal_length_mm: Positive | None = field(None, "focal length of the lens")
+    sensor_width_mm: Positive | None = field(None, "width of the sensor")
+    f_number: Positive | None = field(None, "focal length over the aperture's diameter")
     distance_mm: Positive | None = field(
-        None, "distance from the structure's centre, which the camera looks at", OPTIONAL
+        None, "distance from the structure's centre, which the camera looks at"
     )
-    azimuth_deg: Azimuth | None = field(
-        None, "direction of the camera from +Y towards +X", "null, or a number from -360 to 360"
-    )
+    azimuth_deg: Azimuth | None = field(None, "direction of the camera from +Y towards +X")
     elevation_deg: Elevation | None = field(
-        None,
-        "direction of the camera above the structure's plane",
-        "null, or a number above 0, at most 90",
+        None, "direction of the camera above the structure's plane"
     )
 
     @property
@@ -271,13 +251,11 @@ class CameraFiles(Part):
 class BoardSpec(Part):
     """The calibration board: a checkerboard."""
 
-    columns: int = field(9, "tiles along x", "a whole number from 4 to 100", ge=4, le=100)
-    rows: int = field(9, "tiles along y", "a whole number from 4 to 100", ge=4, le=100)
-    tile_mm: Positive = field(45.0, "side of a tile", POSITIVE)
-    margin_mm: float = field(
-        45.0, "width of the white margin", "a number from 0 to 100000", ge=0, le=1e5
-    )
-    two_sided: bool = field(True, "whether it is printed on both sides", "true or false")
+    columns: int = field(9, "tiles along x", ge=4, le=100)
+    rows: int = field(9, "tiles along y", ge=4, le=100)
+    tile_mm: Positive = field(45.0, "side of a tile")
+    margin_mm: float = field(45.0, "width of the white margin", ge=0, le=1e5)
+    two_sided: bool = field(True, "whether it is printed on both sides")
 
     @property
     def board(self) -> Board:
@@ -288,36 +266,26 @@ class BoardSpec(Part):
 class Excitation(Part):
     """How the structure is driven, and what the sound tracks carry."""
 
-    frequency_hz: float | None = field(
-        4.25, "frequency of the vibration; null looks for it",
-        "null, or a number above 0, at most 100000", gt=0, le=1e5,
-    )  # fmt: skip
+    frequency_hz: Positive | None = field(4.25, "frequency of the vibration; null looks for it")
     undersampled: bool = field(
         False,
         "whether frequency_hz is so well known that it may exceed half of the frame rate",
-        "true or false",
     )
     amplitude_mm: Positive | None = field(
-        None, "largest deflection that is expected, for the warnings before measuring", OPTIONAL
+        None, "largest deflection that is expected, for the warnings before measuring"
     )
     sound: Literal["force", "room"] = field(
         "force",
         "what the sound tracks carry: the force's signal, or what microphones hear",
-        '"force" or "room"',
     )
     steady_s: tuple[float, float] | None = field(
         None,
         "from when to when the vibration is steady, on the first camera's clock; null looks for it "
         "in the force's signal, or takes all after rest_s",
-        "null, or [begin, end] in s, from 0 to 100000, in this order",
+        "null, or [begin, end] in this order, from 0 to 100000",
     )
-    rest_s: float = field(
-        1.0, "time at rest at the start", "a number from 0 to 3600, in s", ge=0, le=3600
-    )
-    force_per_full_scale_n: float | None = field(
-        None, "force at the sound's full scale", "null, or a number above 0, at most 100000, in N",
-        gt=0, le=1e5,
-    )  # fmt: skip
+    rest_s: float = field(1.0, "time at rest at the start", ge=0, le=3600)
+    force_per_full_scale_n: Positive | None = field(None, "force at the sound's full scale")
 
     @model_validator(mode="after")
     def _check(self) -> Excitation:
@@ -343,8 +311,8 @@ class Manifest(Part):
     def _check(self) -> Manifest:
         for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
             for name in ("name", "video"):
-                if getattr(one, name) == getattr(other, name):
-                    refuse(f"cameras[{j}].{name}", getattr(other, name),
-                           f"the same as cameras[{i}].{name}, allowed: "
-                           f"{allowed_text(CameraFiles, name)}")  # fmt: skip
+                given, allowed = getattr(other, name), allowed_text(CameraFiles, name)
+                if given == getattr(one, name):
+                    why = f"the same as cameras[{i}].{name}, allowed: {allowed}"
+                    refuse(f"cameras[{j}].{name}", given, why)
         return self

@@ -1,0 +1,117 @@
+"""What all camera studies ask: the lens, the vibration, and cameras in different places."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting
+from thesis_lib.studies.request import Study, beyond, refuse, shown
+from thesis_lib.studies.vocabulary import (
+    Estimator,
+    FocalLength,
+    Mode,
+    Positive,
+    SensorWidth,
+    Several,
+    field,
+)
+from thesis_lib.vibration.structure import peak_deflection
+from thesis_lib.vision.pinhole import hemisphere_directions
+from thesis_lib.vision.simulation import LEAST_SQUARES
+
+
+class CameraStudy(Study):
+    """Parameters that all camera studies share."""
+
+    focal_length_mm: FocalLength = field(...)
+    sensor_width_mm: SensorWidth = field(...)
+    amplitude_mm: Positive | list[Positive] | Literal["force"] = field(
+        ...,
+        "peak of the deflection over the structure",
+        'a number above 0, a list with one for each mode, or "force" (the response to 1 N)',
+    )
+    rest: Literal["rebuilt", "known"] = field(
+        ..., "whether the rest position is rebuilt from rounded pixels or known"
+    )
+    azimuth_zero: Literal["Y", "X"] = field(
+        ..., "axis from which azimuths are measured, towards the other one"
+    )
+    principal_offset_px: Annotated[float, Field(ge=-0.5, le=0.5)] = field(
+        ..., "how far right and down of the sensor's middle the principal point is"
+    )
+    estimator: Estimator = field(
+        "least-squares",
+        "how points are estimated from rounded pixels; the thesis takes least squares",
+    )
+    modes: Several[Mode] = field(lambda: [1, 2, 3], "modes to measure")
+
+    def printed(self) -> list[Setting]:
+        """The study's settings with azimuths as they are given."""
+        raise NotImplementedError
+
+    def settings(self) -> list[Setting]:
+        """The study's settings in the order of the thesis's tables, azimuths measured from +Y."""
+        return [s.turned() if self.azimuth_zero == "X" else s for s in self.printed()]
+
+    @property
+    def law(self) -> str:
+        """Long name of `predicted_error`, which is a law of least squares for every estimator."""
+        law = "rms error over the trials by the law of rounding"
+        return law if self.estimator == LEAST_SQUARES else f"{law}, of least squares"
+
+    @property
+    def predicted_by(self) -> str:
+        """What `predicted_error` stands for, as legends say it."""
+        least = self.estimator == LEAST_SQUARES
+        return self.predicts if least else f"{self.predicts} of least squares"
+
+    @property
+    def peaks_m(self) -> list[float]:
+        """Peak deflection of each mode in m."""
+        if self.amplitude_mm == "force":
+            return [peak_deflection(self.structure, mode) for mode in self.modes]
+        if isinstance(self.amplitude_mm, list):
+            return [peak / 1000 for peak in self.amplitude_mm]
+        return [float(self.amplitude_mm) / 1000] * len(self.modes)
+
+    @model_validator(mode="after")
+    def _check_together(self) -> CameraStudy:
+        if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
+            self.refuse("amplitude_mm")
+        settings = self.printed()  # as given, so that a refusal says what was given
+        _check_reach(self, settings)
+        for setting in settings:
+            _check_coincidence(self, setting)
+        return self
+
+
+def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
+    length, width = study.structure.extent
+    reach = 1000 * (math.hypot(length, width) / 2 + max(study.peaks_m))
+    field = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
+    for setting in settings:
+        if setting.distance_mm <= reach:
+            refuse(field, setting.distance_mm, beyond(reach))
+
+
+def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
+    angles = np.radians(setting.directions_deg)
+    directions = hemisphere_directions(angles[:, 0], angles[:, 1])
+    apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)
+    first, second = np.nonzero(np.triu(apart < 1e-6, k=1))
+    if len(first):
+        if setting.case in getattr(study, "layouts", {}):
+            field = "layouts"
+        elif setting.directions_deg[first[0]][1] < 90:
+            field = "azimuth_deg"
+        else:
+            field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
+        given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
+        where = f"case {shown(setting.case)}, {setting.label}"
+        same = f"two cameras at the same place in {where} ([azimuth, elevation] in °)"
+        refuse(field, given, f"{same}, allowed: different places")
