@@ -154,10 +154,8 @@ def plan(request: PlanRequest, body: Body | None = None,
     rate = request.frame_rate(body)
     options: list[Option] = []
     total = 0
-    for aspect, kinds in _aspects(request).items():
-        scene = Scene(body, request.peaks_m, request.rules,
-                      tuple(f / request.sensor_width_mm for f in request.focal_lengths_mm),
-                      float(aspect))  # fmt: skip
+    for kinds in _aspects(request).values():
+        scene = request.scene(body, kinds[0])
         grid = candidates(scene, np.radians(request.step_deg))
         if not len(grid):
             raise _nowhere(scene, request)
@@ -212,7 +210,7 @@ def _options(
     if all(layout is None for layout in made):
         raise _no_room(scene, grid, counts[0], request)
     known = information(scene, grid)
-    factor = float(np.max(errors.percent(scene))) * np.sqrt(errors.MOTION)
+    factor = errors.averaged(scene)
     options = []
     for layout in made:
         if layout is None:

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.bodies import Body, body_of
-from thesis_lib.planning.places import Rules
+from thesis_lib.planning.places import Rules, Scene
 from thesis_lib.studies.request import Study, refuse, validated
 from thesis_lib.studies.vocabulary import Mode, Positive, Resolution, field
 from thesis_lib.vibration.structure import Structure
@@ -199,6 +199,12 @@ class PlanRequest(Study):
             self.in_view, self.separation_mm / 1000, boxes / 1000, spheres / 1000,
             np.radians(sectors),
         )  # fmt: skip
+
+    def scene(self, body: Body | None = None, kind: int = 0) -> Scene:
+        """What is measured with pictures in the proportion of one of the resolutions."""
+        width, height = self.resolutions_px[kind]
+        focals = tuple(f / self.sensor_width_mm for f in self.focal_lengths_mm)
+        return Scene(body or self.measured, self.peaks_m, self.rules, focals, height / width)
 
     def frame_rate(self, body: Body) -> float:
         """The lowest frame rate in Hz that the highest mode allows."""
