@@ -60,6 +60,11 @@ def percent(scene: Scene) -> Array:
     return np.asarray(100 / largest[:, None])
 
 
+def averaged(scene: Scene) -> float:
+    """Largest error of a mode in %, averaged over amplitudes, over √cost and times width in px."""
+    return float(np.max(percent(scene)) * np.sqrt(MOTION))
+
+
 def counted(point: Array, objective: str) -> Array:
     """The error that counts, of errors (modes, markers): rms or largest."""
     return np.sqrt(np.mean(point**2, axis=-1)) if objective == "mean" else point.max(axis=-1)

@@ -260,9 +260,9 @@ def permitted(scene: Scene, places: Array) -> Mask:
     return allowed
 
 
-def at(grid: Array, distance: Array, focal: Array | float) -> Array:
+def at(grid: Array, distance: Array | float, focal: Array | float) -> Array:
     """Places in directions (places, 2) from the centre."""
-    return np.column_stack([grid, distance, np.broadcast_to(focal, len(grid))])
+    return np.column_stack([grid, *(np.broadcast_to(one, len(grid)) for one in (distance, focal))])
 
 
 def nearest(scene: Scene, grid: Array, focal: Array | float) -> Array:

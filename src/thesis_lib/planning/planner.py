@@ -155,9 +155,8 @@ def plan(
     rate = request.frame_rate(body)
     options: list[Option] = []
     total = 0
-    for aspect, kinds in _aspects(request).items():
-        focals = tuple(f / request.sensor_width_mm for f in request.focal_lengths_mm)
-        scene = Scene(body, request.peaks_m, request.rules, focals, float(aspect))
+    for kinds in _aspects(request).values():
+        scene = request.scene(body, kinds[0])
         grid = candidates(scene, np.radians(request.step_deg))
         if not len(grid):
             raise _nowhere(scene, request)
@@ -215,7 +214,7 @@ def _options(
     if all(layout is None for layout in made):
         raise _no_room(scene, grid, counts[0], request)
     known = information(scene, grid)
-    factor = float(np.max(errors.percent(scene))) * np.sqrt(errors.MOTION)
+    factor = errors.averaged(scene)
     options = []
     for layout in made:
         if layout is None:

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.bodies import Body, body_of
-from thesis_lib.planning.places import Rules
+from thesis_lib.planning.places import Rules, Scene
 from thesis_lib.studies.request import Study, beyond, refuse, validated
 from thesis_lib.studies.vocabulary import (
     Azimuth,
@@ -186,6 +186,12 @@ class PlanRequest(Study):
             spheres=spheres / 1000,
             sectors=np.radians(sectors),
         )
+
+    def scene(self, body: Body | None = None, kind: int = 0) -> Scene:
+        """What is measured with pictures in the proportion of one of the resolutions."""
+        width, height = self.resolutions_px[kind]
+        focals = tuple(f / self.sensor_width_mm for f in self.focal_lengths_mm)
+        return Scene(body or self.measured, self.peaks_m, self.rules, focals, height / width)
 
     def frame_rate(self, body: Body) -> float:
         """The lowest frame rate in Hz that the highest mode allows."""

@@ -49,7 +49,6 @@ WORKER = {
 }
 
 
-
 class SchedulerError(RuntimeError):
     """Workers that cannot be had; the message is one line: which, what is wrong, how to go on."""
 

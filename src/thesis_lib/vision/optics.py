@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.vision.pinhole import CameraArray
+from thesis_lib.vision.pinhole import CameraArray, pixelate
 
 Array = NDArray[np.float64]
 
@@ -122,6 +122,30 @@ def depth_error(
     """First-order error Z²/(b f) · δ of a depth for an error δ in px of the disparity."""
     z = np.asarray(depth, float)
     return z**2 / (np.asarray(baseline, float) * focal_px) * np.asarray(disparity_error, float)
+
+
+def rounded_depth(
+    depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike, shifts: ArrayLike
+) -> Array:
+    """Depths that two parallel cameras find in whole pixels of a point midway between them.
+
+    Parameters
+    ----------
+    depth, baseline, focal_px : array_like
+        Depth Z and baseline b in one unit, focal length f in px.
+    shifts : array_like, shape (trials, 2)
+        How far the columns of either camera's pixel grid are shifted, in px.
+
+    Returns
+    -------
+    ndarray, shape (trials, ...)
+        Depths in the unit of Z; NaN where the disparity is at most 1 px.
+    """
+    true = disparity(depth, baseline, focal_px)
+    images = np.stack([true, -true]) / 2
+    shift = np.reshape(shifts, (*np.shape(shifts), *(1,) * true.ndim))
+    left, right = np.moveaxis(pixelate(images + shift) - shift, 1, 0)
+    return stereo_depth(np.where(true > 1, left - right, np.nan), baseline, focal_px)
 
 
 # Projections (2.1) and homogeneous coordinates (Appendix C).

@@ -42,12 +42,8 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
     settings = study.settings()
     results: list[dict[str, Any]] = []
     for setting in settings:
-        names = "".join(n for n, d in study.directions_deg.items() if d in setting.directions_deg)
-        index = [NAMES.index(name) for name in names]
-        method = method_of(setting.case)
-        tracks = tracks_of(data, markers, names, setting.resolution_px[0],
-                           "full" if method == "harmonic" else "literal",
-                           method == "matched", beam.damping)  # fmt: skip
+        index = [NAMES.index(name) for name in _names(study, setting)]
+        method, tracks = method_of(setting.case), tracks_for(study, setting, data)
         exposures = data["exposure"].values[index]
         first = deflection(tracks, instant, method, exposures)
         drawn = trials(tracks, instant, method, draws, index, exposures)
@@ -76,6 +72,19 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
             }
         )
     return _cube(study, settings, reference, results, data)
+
+
+def tracks_for(study: Experiment, setting: setups.Setting, data: xr.Dataset) -> Tracks:
+    """The tracks that a setting is made of: its cameras' at its width, as its method takes them."""
+    beam, method = setups.beam(), method_of(setting.case)
+    calibration = "full" if method == "harmonic" else "literal"
+    return tracks_of(data, rows_on(beam), _names(study, setting), setting.resolution_px[0],
+                     calibration, method == "matched", beam.damping)  # fmt: skip
+
+
+def _names(study: Experiment, setting: setups.Setting) -> str:
+    """The setting's cameras."""
+    return "".join(n for n, d in study.directions_deg.items() if d in setting.directions_deg)
 
 
 def _rms(values: Array) -> float:

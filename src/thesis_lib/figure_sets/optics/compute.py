@@ -17,7 +17,7 @@ from thesis_lib.figure_sets.optics import pictures as optics_pictures
 from thesis_lib.figure_sets.optics.parameters import FARTHEST, Cameras
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics, rounding
-from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
+from thesis_lib.vision.pinhole import hemisphere_cameras, project
 
 Array = NDArray[np.float64]
 
@@ -248,13 +248,10 @@ def _sharpness(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 def _stereo(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     """Depth error of two parallel cameras (Appendix B)."""
     z, b, f = cube["distance"].values, cube["baseline"].values[:, None], focal_px(study)
-    true = optics.disparity(z, b, f)
-    shifts = rounding.grid_shifts(study.seed, study.trials, 2)[1:, :, 0, None, None]
-    images = np.stack([true, -true]) / 2
-    left, right = np.moveaxis(pixelate(images + shifts) - shifts, 1, 0)
-    found = optics.stereo_depth(np.where(true > 1, left - right, np.nan), b, f)
+    shifts = rounding.grid_shifts(study.seed, study.trials, 2)[1:, :, 0]
+    found = optics.rounded_depth(z, b, f, shifts)
     return {
-        "disparity": true,
+        "disparity": optics.disparity(z, b, f),
         "depth_error": optics.depth_error(z, b, f, study.disparity_error_px),
         "rounding_depth_error": optics.depth_error(z, b, f, ROUNDED_PX),
         "rounded_depth_error": np.sqrt(np.mean((found - z) ** 2, axis=0)),

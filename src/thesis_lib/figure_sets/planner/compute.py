@@ -9,7 +9,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.planner.parameters import THESIS, Planner
 from thesis_lib.planning import errors
 from thesis_lib.planning.cube import as_cube
@@ -85,24 +84,14 @@ def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
 def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
     """Errors of the thesis's layouts of as many cameras, at the first of the resolutions."""
     scene, width = made.options[0].scene, study.resolutions_px[0][0]
-    table, counts = setups.table(body, "arrays"), sorted(study.counts)
-    cases = list(setups.pairs())
-    order = reading(body)["pair_order"]
-    size = study.resolutions_px[0]
+    cases, counts = list(setups.pairs()), sorted(study.counts)
     found: Array = np.full((3, len(cases), len(counts)), np.nan)
-    factor = float(np.max(errors.percent(scene))) * np.sqrt(errors.MOTION) / width
-    for setting in setups.array_settings(cases, order, {}, table["distance_mm"], size):
-        number = len(setting.directions_deg)
-        if number not in counts:
-            continue
-        at = (slice(None), cases.index(setting.case), counts.index(number))
-        layout = np.column_stack([
-            np.radians(setting.directions_deg), np.full(number, setting.distance_mm / 1000),
-            np.full(number, study.focal_length_mm / study.sensor_width_mm),
-        ])  # fmt: skip
+    factor = errors.averaged(scene) / width
+    for (case, number), layout in study.thesis_layouts(body).items():
         cost = layout_cost(scene, layout, "mean")
-        if not np.isfinite(cost):
+        if number not in counts or not np.isfinite(cost):
             continue
+        at = (slice(None), cases.index(case), counts.index(number))
         point = errors.predicted(scene, layout, width)
         drawn = errors.simulated(scene, layout, width, study.trials, study.seed, "least-squares")
         best = first_most(point)

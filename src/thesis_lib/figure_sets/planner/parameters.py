@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
+from thesis_lib.planning.places import at
 from thesis_lib.planning.request import Count, PlanRequest, Tilt
 from thesis_lib.studies.request import Study, refuse
 from thesis_lib.studies.vocabulary import (
@@ -103,6 +105,17 @@ class Planner(Study):
         asked["beam: a wall behind it"] = "beam", {"distances_mm": room("beam"), **wall}
         asked["plate: a machine beside it"] = "plate", {"distances_mm": room("plate"), **machine}
         return {name: self._question(body, more) for name, (body, more) in asked.items()}
+
+    def thesis_layouts(self, body: str) -> dict[tuple[str, int], NDArray[np.float64]]:
+        """Places of the thesis's growing arrays, by case and number of cameras."""
+        order, near = reading(body)["pair_order"], setups.table(body, "arrays")["distance_mm"]
+        grown = setups.array_settings(list(setups.pairs()), order, {}, near, self.resolutions_px[0])
+        focal = self.focal_length_mm / self.sensor_width_mm
+        return {
+            (one.case, len(one.directions_deg)):
+                at(np.radians(one.directions_deg), one.distance_mm / 1000, focal)
+            for one in grown
+        }  # fmt: skip
 
     def _question(self, body: str, more: dict[str, Any]) -> PlanRequest:
         amplitude = self.beam_amplitude_mm if body == "beam" else self.plate_amplitude_mm
