@@ -8,11 +8,11 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from thesis_lib.runs.kernel_main import FIXED
+from thesis_lib.runs.kernel_main import fixed
 
 hypothesis.settings.register_profile("project", deadline=None)  # other jobs may have the machine
 hypothesis.settings.load_profile("project")
-os.environ.update(FIXED)  # before NumPy is imported, as every command does
+os.environ.update(fixed())  # before NumPy is imported, as every command does
 
 SLOW_NOTEBOOKS = ["claims", "design-law", "planner", "experiment-*", "lab-*", "shape-holes"]
 SLOW_NOTEBOOKS += ["*-arrays", "*-aperture"]

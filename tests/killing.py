@@ -98,7 +98,7 @@ def wrong(canned: Path, out: Path, which: str) -> str:
 def main(folder: Path, every: int) -> None:
     """Print how many points there are, and what went wrong at which, as JSON."""
     work = folder / "work"
-    tasks.project_root = lambda: work
+    tasks.workplace = lambda: work
     bad, counts = [], []
     for before in ("", "A"):  # into a new folder; B into A's folder, and then A again
         which = "B" if before else "A"

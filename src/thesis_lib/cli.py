@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from thesis_lib import files
 from thesis_lib.runs.requested import (
     FAILED,
     INTERRUPTED,
+    REFUSED,
     Refused,
     assigned_values,
     is_folder,
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from thesis_lib.runs.execute import Job
+_PATH = click.Path(path_type=Path)
 _ASSIGNMENTS = click.option(
     "-p",
     "assignments",
@@ -76,21 +79,14 @@ def list_(name: str | None) -> None:
         chosen = [type(validate(set_, {})) for set_ in sets]
     except ParameterError as error:
         raise Refused(str(error)) from None
-    for study in chosen:
-        click.echo(f"{study.name}: {study.title}\n")
-        click.echo("\n".join(_parameter_lines(describe(study))))
-        if study is not chosen[-1]:
-            click.echo()
+    texts = ["\n".join([f"{s.name}: {s.title}\n", *_parameter_lines(describe(s))]) for s in chosen]
+    click.echo("\n\n".join(texts))
 
 
 @cli.command()
 @click.argument("names", nargs=-1, required=True, metavar="NAME...")
 @_ASSIGNMENTS
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="Folder to write to.  [default: runs/NAME-HASH]",
-)
+@click.option("--out", type=_PATH, help="Folder to write to.  [default: runs/NAME-HASH]")
 @click.option(
     "--scheduler",
     metavar="processes|tcp://HOST:PORT",
@@ -106,13 +102,12 @@ def run(
     Writes notebook, cube and one self-contained page of each set, and prints what changed against
     the published run.
     """
-    from thesis_lib.figure_sets.registry import CHAPTERS, TITLES
+    from thesis_lib.figure_sets.registry import TITLES
 
     studies = requests_of(names, assigned_values(assignments))
     folder = output_folder(names, studies, out)
     if scheduler is not None:
         use_scheduler(scheduler, studies)
-    from thesis_lib import files
     from thesis_lib.runs import execute as runs
     from thesis_lib.runs import tasks
     from thesis_lib.studies import comparison
@@ -127,11 +122,8 @@ def run(
         from thesis_lib.web.page import index_page
 
         entries = [(job.study.title, f"{job.study.name}.html") for job in jobs]
-        title = "Runs"
-        if names[0] in CHAPTERS and len(names) == 1:
-            title = TITLES[names[0]]
-        html = index_page(title, entries)
-        files.whole_text(folder / "index.html", html)
+        title = TITLES.get(names[0], "Runs") if len(names) == 1 else "Runs"
+        files.whole_text(folder / "index.html", index_page(title, entries))
     for job in jobs:
         click.echo(f"\n{job.study.name}")
         click.echo("\n".join(comparison.difference_lines(_own_cube(job))))
@@ -157,15 +149,11 @@ def _own_cube(job: Job) -> Dataset:
 @_ASSIGNMENTS
 @click.option(
     "--structure",
-    type=click.Path(path_type=Path),
+    type=_PATH,
     metavar="FILE.nc",
     help="Markers and mode shapes to measure, in place of beam or plate.",
 )
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="Folder to write to.  [default: runs/plan-HASH]",
-)
+@click.option("--out", type=_PATH, help="Folder to write to.  [default: runs/plan-HASH]")
 @click.option("--parameters", is_flag=True, help="Only list the parameters.")
 def plan(
     assignments: Sequence[str], structure: Path | None, out: Path | None, parameters: bool
@@ -205,14 +193,8 @@ def plan(
 
 def _parameter_lines(rows: Sequence[dict[str, str]]) -> list[str]:
     """Parameters with defaults, units, meanings and bounds, two lines each."""
-    return [
-        line
-        for row in rows
-        for line in (
-            f"{row['name']} = {row['default']} {row['unit']}".strip(),
-            f"    {row['meaning']}: {row['allowed']}",
-        )
-    ]
+    what, how = "{name} = {default} {unit}", "    {meaning}: {allowed}"
+    return [line for row in rows for line in (what.format(**row).strip(), how.format(**row))]
 
 
 @cli.command()
@@ -220,6 +202,7 @@ def _parameter_lines(rows: Sequence[dict[str, str]]) -> list[str]:
 @click.option("--from-nothing", is_flag=True, help="Film and run everything anew.")
 def book(publish: bool, from_nothing: bool) -> None:
     """Run what is stale, render the book, say where to open it."""
+    files.project_root()  # refused without a clone
     from thesis_lib.book import unchanged
 
     index = None if publish or from_nothing else unchanged.is_unchanged()
@@ -242,6 +225,7 @@ def record() -> None:
     Its results are computed from data/recordings, which are taken as they are while the code that
     made them is the same. Takes a quarter of an hour.
     """
+    files.project_root()  # refused without a clone
     _record()
 
 
@@ -256,10 +240,10 @@ def _record() -> None:
 @cli.command()
 def pdf() -> None:
     """Print the book that `thesis book` has made as one PDF; needs Chromium."""
-    from thesis_lib import files
+    root = files.project_root()
     from thesis_lib.book import pdf as printing
 
-    click.echo(f"Open {printing.build(files.project_root())}")
+    click.echo(f"Open {printing.build(root)}")
 
 
 @cli.command()
@@ -269,6 +253,7 @@ def claims(as_json: bool) -> None:
 
     Exits 0 whatever the verdicts.
     """
+    files.project_root()  # refused without a clone
     from thesis_lib.figure_sets.claims import compute
     from thesis_lib.figure_sets.claims import own_runs as ledger_runs
     from thesis_lib.figure_sets.claims.figure_set import OWN_RUNS
@@ -286,18 +271,14 @@ def claims(as_json: bool) -> None:
 
 
 @cli.command()
-@click.argument(
-    "manifest", type=click.Path(path_type=Path), required=False, metavar="MANIFEST.yaml"
-)
+@click.argument("manifest", type=_PATH, required=False, metavar="MANIFEST.yaml")
 @click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="Folder to write to.  [default: measured, beside the manifest]",
+    "--out", type=_PATH, help="Folder to write to.  [default: measured, beside the manifest]"
 )
 @click.option("--check", is_flag=True, help="Only tell what the recordings could reach.")
 @click.option(
     "--example",
-    type=click.Path(path_type=Path),
+    type=_PATH,
     metavar="DIR",
     help="Instead of measuring, write a small rendered recording into DIR.",
 )
@@ -363,8 +344,8 @@ def _one_line(place: Path) -> Iterator[None]:
 
 
 @cli.command()
-@click.argument("new", type=click.Path(path_type=Path), metavar="A.nc")
-@click.argument("old", type=click.Path(path_type=Path), required=False, metavar="[B.nc]")
+@click.argument("new", type=_PATH, metavar="A.nc")
+@click.argument("old", type=_PATH, required=False, metavar="[B.nc]")
 def compare(new: Path, old: Path | None) -> None:
     """Show how cube A differs from B, in everything, or from the published run, in errors."""
     from thesis_lib.figure_sets import cube_file
@@ -372,16 +353,13 @@ def compare(new: Path, old: Path | None) -> None:
 
     try:
         first = cube_file.read(new)
-        second = cube_file.read(old) if old else None
-    except storage.CubeError as error:
-        raise Refused(str(error)) from None
-    sets = [cube.attrs["figure_set"] for cube in (first, second) if cube is not None]
-    if len(set(sets)) > 1:
-        raise Refused(f"{old}: given a cube of {sets[1]}, allowed: one of {sets[0]}, as {new} is")
-    try:
-        name = old.name if old else ""
-        click.echo("\n".join(comparison.all_difference_lines(first, second, name)))
-    except storage.CubeError as error:  # of the published run
+        second = cube_file.read(old) if old else first
+        one, other = (cube.attrs["figure_set"] for cube in (first, second))
+        if one != other:
+            raise Refused(f"{old}: given a cube of {other}, allowed: one of {one}, as {new} is")
+        earlier = (second, old.name) if old else (None, "")
+        click.echo("\n".join(comparison.all_difference_lines(first, *earlier)))
+    except storage.CubeError as error:  # the published run's, too
         raise Refused(str(error)) from None
 
 
@@ -409,8 +387,8 @@ def main() -> None:
     """Run the command; errors are lines on standard error, and nothing else is."""
     from thesis_lib.runs import ending
 
-    ending.prepare()
     try:
+        ending.prepare()
         status = cli.main(standalone_mode=False)
     except (click.exceptions.Abort, KeyboardInterrupt):
         ending.stop(INTERRUPTED)
@@ -419,5 +397,5 @@ def main() -> None:
         status = error.exit_code
     except Exception as error:
         click.echo(f"thesis: {_said(error)}", err=True)
-        status = FAILED
+        status = REFUSED if isinstance(error, files.NoCloneError) else FAILED
     sys.exit(status)

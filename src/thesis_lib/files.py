@@ -16,10 +16,24 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
+_SHIPPED = "_project"  # what of the project a wheel has beside the library
 _STAGING = ".staging-"
 _NAME = re.compile(re.escape(_STAGING) + r"[a-z0-9_]{8}")  # as mkdtemp makes them
 _LOCK = ".lock"
 _held: set[Path] = set()  # staging folders of this process
+
+
+class NoCloneError(RuntimeError):
+    """What needs a clone of the project was asked of a library that is installed without one."""
+
+
+def shipped() -> Path:
+    """Where notebooks, facts, published values, recordings and the lock are, to be read.
+
+    The checkout; of a library that was installed without one, a folder in its package.
+    """
+    inside = Path(__file__).with_name(_SHIPPED)
+    return inside if inside.is_dir() else inside.parents[2]
 
 
 def project_root() -> Path:
@@ -27,30 +41,40 @@ def project_root() -> Path:
 
     Raises
     ------
-    FileNotFoundError
+    NoCloneError
         If the library was installed without its checkout.
     """
-    root = Path(__file__).parents[2]
-    if not (root / "notebooks").is_dir():
-        raise FileNotFoundError(
-            f"{root}: no notebooks here; run this from a clone of the project, "
-            "in which the library is installed with `pip install -e .`"
-        )
+    root, package = shipped(), Path(__file__).parent
+    if root.parent == package:
+        wanted = "this needs a clone of the project, installed with `pip install -e .`"
+        raise NoCloneError(f"{package}: {wanted}")
     return root
 
 
-def library_files() -> list[Path]:
-    """Files that every result depends on: the library, the thesis's facts, the lock.
+def workplace() -> Path:
+    """Where runs, caches and logs are written: the checkout, else the working directory."""
+    try:
+        return project_root()
+    except NoCloneError:
+        return _began_in()
 
-    Of a package that was installed without its checkout: all its files, the facts among them.
+
+@cache
+def _began_in() -> Path:
+    """The working directory when this was first asked: a kernel has a home of its own later."""
+    return Path.cwd()
+
+
+def library_files() -> list[Path]:
+    """Files that every result depends on: the thesis's facts, the lock, the library.
+
+    Their order is the same in a checkout and in an installed package.
     """
-    package = Path(__file__).parent
-    files = [p for p in package.rglob("*") if p.is_file()]
-    files = [p for p in files if p.suffix != ".pyc" and "__pycache__" not in p.parts]
-    root = package.parents[1]
-    if (lock := root / "requirements" / "book.txt").is_file():
-        files += [*(root / "data" / "thesis").iterdir(), lock]
-    return sorted(files)
+    package, root = Path(__file__).parent, shipped()
+    files = [p for p in package.rglob("*") if p.is_file() and p.suffix != ".pyc"]
+    files = [p for p in files if not {"__pycache__", _SHIPPED} & {*p.relative_to(package).parts}]
+    facts = (root / "data" / "thesis").iterdir()
+    return [*sorted(facts), root / "requirements" / "book.txt", *sorted(files)]
 
 
 @cache

@@ -195,7 +195,7 @@ def test_a_book_shows_the_published_report_and_marks_what_changed_since(tmp_path
     published = tmp_path / "published.json"
     monkeypatch.setattr(conformance, "published_path", lambda: published)
 
-    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(tasks, "workplace", lambda: tmp_path)
 
     def pieces():
         plan = publishing._Plan(tmp_path, [], False)

@@ -67,8 +67,8 @@ def test_recordings_rest_on_what_films_and_follows_and_on_nothing_that_only_asks
 @pytest.fixture
 def own(tmp_path, monkeypatch):
     """Recordings of which the film is quickly made, in a project of their own."""
-    for module in (recorded, cache):
-        monkeypatch.setattr(module, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(recorded, "shipped", lambda: tmp_path)
+    monkeypatch.setattr(cache, "workplace", lambda: tmp_path)
     (tmp_path / "requirements").mkdir()
     (tmp_path / "requirements" / "book.txt").touch()
     code = tmp_path / "film.py"

@@ -221,7 +221,7 @@ def test_compact_cube_keeps_errors_exactly_and_shapes_to_thirteen_bits(tmp_path)
 
 
 def test_what_a_cache_spares_is_counted(monkeypatch, tmp_path):
-    monkeypatch.setattr(cache, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(cache, "workplace", lambda: tmp_path)
     monkeypatch.setattr(effort, "_loaded", effort._Loaded())
     request = validate("plate-distance", {"trials": 1})
     calls = []

@@ -20,11 +20,10 @@ import xarray as xr
 from conftest import until_study
 from thesis_lib import files
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.runs import execute as runs
 from thesis_lib.runs import tasks
-from thesis_lib.studies import published, reach
+from thesis_lib.studies import reach
 
 GOOD, SLOW = "beam-resolution", "beam-distance"
 BOTH = ["run", GOOD, SLOW, "-p", "trials=1", "--out", "out"]
@@ -204,8 +203,6 @@ def test_a_failure_keeps_the_files_of_the_run_before(own_checkout, tmp_path):
 
 @pytest.fixture
 def root(own_checkout, monkeypatch):
-    for module in (runs, published, files, tasks, reach, keys):
-        monkeypatch.setattr(module, "project_root", lambda: own_checkout.root)
     for module, place in (
         (files, "files.py"),
         (reach, "studies/reach.py"),
@@ -343,7 +340,7 @@ def test_edited_library_runs_again_and_new_outputs_do_not(own_checkout, tmp_path
 @pytest.fixture
 def task(tmp_path, monkeypatch):
     """A task whose record is in a folder of this test."""
-    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path / "project")
+    monkeypatch.setattr(tasks, "workplace", lambda: tmp_path / "project")
     return tasks.task
 
 

@@ -332,7 +332,7 @@ def test_a_message_is_one_printable_line():
 
 def test_logs_that_cannot_be_written_are_said(tmp_path, monkeypatch):
     (tmp_path / "build").write_text("a file")
-    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(tasks, "workplace", lambda: tmp_path)
 
     def fails() -> None:
         raise ValueError("no\nink\x1b left")
@@ -372,7 +372,7 @@ def test_bytecode_of_an_edit_that_keeps_size_and_time_is_not_used(tmp_path):
 def test_a_full_disk_is_called_so(tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)._replace(free=4096)
     monkeypatch.setattr(tasks.shutil, "disk_usage", lambda _: usage)
-    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(tasks, "workplace", lambda: tmp_path)
 
     def fails() -> None:
         raise RuntimeError("NetCDF: HDF error")
@@ -382,7 +382,7 @@ def test_a_full_disk_is_called_so(tmp_path, monkeypatch):
 
 
 def test_nobody_listening_is_no_failure(tmp_path, monkeypatch):
-    monkeypatch.setattr(tasks, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(tasks, "workplace", lambda: tmp_path)
     monkeypatch.setattr(sys, "stderr", open(os.devnull))  # noqa: PTH123, SIM115
     made = tmp_path / "made"
     tasks.run([tasks.task("good", made.touch, [], [made])])

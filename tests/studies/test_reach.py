@@ -39,8 +39,8 @@ def project(tmp_path, monkeypatch):
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    for module in (reach, quick):
-        monkeypatch.setattr(module, "project_root", lambda: tmp_path)
+    monkeypatch.setattr(reach, "shipped", lambda: tmp_path)
+    monkeypatch.setattr(quick, "project_root", lambda: tmp_path)
     monkeypatch.setattr(reach, "__file__", str(tmp_path / "src" / "lib" / "studies" / "reach.py"))
     return tmp_path
 

@@ -224,7 +224,7 @@ from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import blocks, cache, effort, storage
 blocks.HELD_BYTES = storage.HELD_BYTES = 2**20
 blocks.BLOCK_BYTES = 2 * 2**20
-cache.project_root = lambda: Path(sys.argv[1])
+cache.workplace = lambda: Path(sys.argv[1])
 values = {"trials": int(sys.argv[2]), "distances_mm": [500.0, 900.0]}
 plate = notebook.study("plate-distance", {**values, "cube": sys.argv[1] + "/plate.nc"})
 cube = notebook.study("sound-distance", {**values, "plane_shape": [15, 10]})
@@ -358,7 +358,8 @@ def library_in(folder: Path) -> Path:
     library = folder / "thesis_lib"
     ours = files.project_root() / "src" / "thesis_lib"
     shutil.copytree(ours, library, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(files.project_root() / "data" / "thesis", library / "data")
+    for part in ("data/thesis", "requirements"):
+        shutil.copytree(files.project_root() / part, library / "_project" / part)
     return library
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from thesis_lib.files import shipped
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
@@ -72,9 +73,8 @@ class Setting:
 
 
 def data_folder() -> Path:
-    """Folder with the thesis's facts: inside an installed package, else in the checkout."""
-    packaged = Path(__file__).parents[1] / "data"
-    return packaged if packaged.is_dir() else Path(__file__).parents[3] / "data" / "thesis"
+    """Folder with the thesis's facts."""
+    return shipped() / "data" / "thesis"
 
 
 @cache

@@ -13,7 +13,7 @@ import xarray as xr
 
 from thesis_lib.figure_sets import keys, outside
 from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
-from thesis_lib.files import project_root
+from thesis_lib.files import workplace
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import ParameterError, Study
 from thesis_lib.studies.storage import CubeError, opened
@@ -40,7 +40,7 @@ def read(path: Path) -> xr.Dataset:
 
 def built(study: Study) -> xr.Dataset | str:
     """The cube of the last ``thesis book``, or in one line why there is none to judge by."""
-    return usable(project_root() / "data" / "results" / f"{study.name}.nc", study)
+    return usable(workplace() / "data" / "results" / f"{study.name}.nc", study)
 
 
 def usable(path: Path, study: Study) -> xr.Dataset | str:

@@ -15,7 +15,7 @@ from pathlib import Path
 from thesis_lib.facts.setups import data_folder
 from thesis_lib.figure_sets.figure_set import FigureSet, Product
 from thesis_lib.figure_sets.registry import FIGURE_SETS
-from thesis_lib.files import code, project_root
+from thesis_lib.files import code, shipped
 from thesis_lib.studies import reach
 from thesis_lib.studies.request import Study
 
@@ -23,7 +23,7 @@ from thesis_lib.studies.request import Study
 def library(product: Product, asked: Study) -> str:
     """Digest of the code and facts that a product rests on, and of the lock."""
     files = code_of(product.module, type(asked).__module__)
-    return digest([*files, *facts_of(files), *_lock()])
+    return digest([*files, *facts_of(files), _lock()])
 
 
 def key(product: Product, asked: Study) -> str:
@@ -75,9 +75,6 @@ def _words(files: Iterable[Path]) -> set[str]:
     return {word for file in files for word in re.findall(r'"([\w.-]+)"', code(file).decode())}
 
 
-def _lock() -> list[Path]:
-    """The versions that the book computes with; of an installed package there is no lock."""
-    try:
-        return [project_root() / "requirements" / "book.txt"]
-    except FileNotFoundError:
-        return []
+def _lock() -> Path:
+    """The versions that the book computes with."""
+    return shipped() / "requirements" / "book.txt"

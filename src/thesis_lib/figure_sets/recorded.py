@@ -23,7 +23,7 @@ from thesis_lib.asides import aside
 from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.figure_set import Product
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
-from thesis_lib.files import project_root
+from thesis_lib.files import shipped
 from thesis_lib.studies import effort
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.cache import cached
@@ -67,7 +67,7 @@ class Recordings:
 
 def folder() -> Path:
     """Where all of the data are."""
-    return project_root() / "data" / "recordings"
+    return shipped() / "data" / "recordings"
 
 
 def recordings_of(product: Product, request: Study) -> Recordings:
@@ -115,8 +115,8 @@ def _filmed(film: Callable[[Any], Any], request: Study) -> xr.Dataset:
 
 def _coordinates(data: xr.Dataset) -> list[str]:
     """Variables that hold image coordinates of every frame."""
-    return [str(name) for name, values in data.data_vars.items()
-            if "frame" in values.dims and values.attrs.get("units") == "px"]  # fmt: skip
+    pixels = data.filter_by_attrs(units="px").data_vars
+    return [str(name) for name, values in pixels.items() if "frame" in values.dims]
 
 
 def _record(path: Path) -> Path:

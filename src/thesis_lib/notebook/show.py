@@ -54,7 +54,7 @@ def cube_of(asked: Study) -> xr.Dataset:
     """The cube of a request; also written to the file that its parameter `cube` names, if any."""
     result = run.cube_of(asked, _scheduler(asked))
     if asked.cube:  # an absolute path stands
-        storage.write(result, files.project_root() / asked.cube, compact=True)
+        storage.write(result, files.workplace() / asked.cube, compact=True)
     return result
 
 

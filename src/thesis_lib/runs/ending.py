@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from thesis_lib import files
-from thesis_lib.runs.kernel_main import FIXED
+from thesis_lib.runs.kernel_main import fixed
 
 _SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -29,7 +29,7 @@ def prepare() -> None:
     The libraries' threads are fixed for this process and those that it starts. Terminating or
     hanging up does what Ctrl-C does, unless whoever started this has it ignored (``nohup``).
     """
-    os.environ.update(FIXED | {"MPLBACKEND": "agg"})  # the reader may have named one there is not
+    os.environ.update(fixed() | {"MPLBACKEND": "agg"})  # the reader may have named one there is not
     warnings.simplefilter("ignore")  # of libraries; ours are errors or results
     logging.getLogger().addHandler(logging.NullHandler())
     sys.unraisablehook = threading.excepthook = _say_nothing

@@ -21,7 +21,7 @@ from thesis_lib import files, records
 from thesis_lib.asides import aside
 from thesis_lib.figure_sets import cube_file, keys, outside, recorded
 from thesis_lib.figure_sets.registry import FIGURE_SETS
-from thesis_lib.files import digest_of, project_root, staging
+from thesis_lib.files import digest_of, shipped, staging, workplace
 from thesis_lib.runs import edits as executed_notebook
 from thesis_lib.runs.tasks import RunError, Task, full_disk, log
 from thesis_lib.studies import comparison, effort, reach
@@ -59,7 +59,7 @@ class Job:
 
 def source(name: str) -> Path:
     """The parameterised notebook of a figure set."""
-    return outside.notebook(name) or project_root() / "notebooks" / f"{name}.ipynb"
+    return outside.notebook(name) or shipped() / "notebooks" / f"{name}.ipynb"
 
 
 def digest(job: Job) -> str:
@@ -205,6 +205,6 @@ def _judged(jobs: Sequence[Job]) -> list[Path]:
     """Cubes that the ledger is made from: those of this run, else those of the last book."""
     others = {name for name, one in FIGURE_SETS.items() if not one.judges}
     made = {job.cube.name: job.cube for job in jobs if job.study.name in others}
-    results = project_root() / "data" / "results"
+    results = workplace() / "data" / "results"
     there = {path.name: path for path in results.glob("*.nc") if path.stem in others}
     return sorted({**there, **{n: p for n, p in made.items() if p.parent == results}}.values())

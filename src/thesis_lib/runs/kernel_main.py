@@ -16,21 +16,22 @@ from collections.abc import Mapping
 from pathlib import Path
 
 SOURCE = next(p.parent for p in Path(__file__).resolve().parents if p.name == "thesis_lib")
-FIXED = {
-    "OPENBLAS_NUM_THREADS": "1",  # sums depend on it, and every core has a notebook already
-    "OMP_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "BLIS_NUM_THREADS": "1",
-    "NUMEXPR_NUM_THREADS": "1",
-    "VECLIB_MAXIMUM_THREADS": "1",
-    "MPLCONFIGDIR": str(SOURCE.parent / "build" / "cache" / "matplotlib"),  # list of fonts
-}
+THREADS = [f"{of}_NUM_THREADS" for of in ("OPENBLAS", "OMP", "MKL", "BLIS", "NUMEXPR")]
+THREADS += ["VECLIB_MAXIMUM_THREADS"]
 KEPT = (
     "PATH", "TMPDIR", "TEMP", "TMP", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT",
     "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "OPENCV_CPU_DISABLE",
     "NUMBA_CPU_NAME",  # these five let libraries compute as on an older processor
     "THESIS_SCHEDULER", "THESIS_FIGURE_SETS", "JPY_PARENT_PID", "GIT_CONFIG_GLOBAL",
 )  # fmt: skip
+
+
+def fixed() -> dict[str, str]:
+    """What every process has: threads, since sums depend on them, and where fonts are listed."""
+    from thesis_lib.files import workplace
+
+    fonts = workplace() / "build" / "cache" / "matplotlib"
+    return {**dict.fromkeys(THREADS, "1"), "MPLCONFIGDIR": str(fonts)}
 
 
 def environment(of: Mapping[str, str], home: Path) -> dict[str, str]:
@@ -40,7 +41,7 @@ def environment(of: Mapping[str, str], home: Path) -> dict[str, str]:
     kept = {name: of[name] for name in KEPT if name in of}
     git = Path(of.get("HOME", os.sep)) / ".gitconfig"  # which owners of checkouts are trusted
     own = {"HOME": str(home), "LANG": "C.UTF-8", "GIT_CONFIG_GLOBAL": str(git), QUIET: "1"}
-    return own | kept | FIXED
+    return own | kept | fixed()
 
 
 def main(arguments: list[str]) -> None:

@@ -120,7 +120,7 @@ def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | No
     """Where a run is written: what was asked for, or a folder named by the requests."""
     import hashlib
 
-    from thesis_lib.files import project_root
+    from thesis_lib.files import workplace
 
     if out is None:
         words = [Path(name).resolve().name if is_folder(name) else name for name in names]
@@ -128,7 +128,7 @@ def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | No
         if len(studies) > 1:
             joined = " ".join(study.digest for study in studies)
             digest = hashlib.sha256(joined.encode()).hexdigest()[:10]
-        out = project_root() / "runs" / f"{'+'.join(dict.fromkeys(words))}-{digest}"
+        out = workplace() / "runs" / f"{'+'.join(dict.fromkeys(words))}-{digest}"
     return new_folder(out)
 
 

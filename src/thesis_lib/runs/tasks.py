@@ -19,7 +19,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 from thesis_lib import records
-from thesis_lib.files import digest_of, project_root, sweep
+from thesis_lib.files import digest_of, sweep, workplace
 from thesis_lib.text import message, of_error
 from thesis_lib.web.page import BookError
 
@@ -96,7 +96,7 @@ def task(
     key: str = "", record: Path | None = None, always: bool = False,
 ) -> Task:  # fmt: skip
     """A task whose record is a file of its own."""
-    place = record or project_root() / "build" / "made" / f"{_slug(name)}.json"
+    place = record or workplace() / "build" / "made" / f"{_slug(name)}.json"
 
     def act(made_from: str) -> None:
         action()
@@ -136,7 +136,7 @@ def run(tasks: Sequence[Task], workers: int = 2) -> None:
     RunError
         If a task failed; the others have been run all the same.
     """
-    build = project_root() / "build"
+    build = workplace() / "build"
     made = [file.parent for one in tasks for file in (one.record, *one.makes)]
     sweep(*dict.fromkeys([build, build / "cache", *made]))
     progress = _Progress(len(tasks))
@@ -213,7 +213,7 @@ def _slug(name: str) -> str:
 
 def full_disk(*places: Path) -> str:
     """What to say if one of the disks in use is full; libraries find odd words for that."""
-    for place in (*places, project_root()):
+    for place in (*places, workplace()):
         with contextlib.suppress(OSError):
             if shutil.disk_usage(place).free < _FULL:
                 return f"the disk of {place} is full; make room, and run the same command again"
@@ -222,7 +222,7 @@ def full_disk(*places: Path) -> str:
 
 def log(name: str, text: str = "") -> str:
     """Keep a traceback, by default of what is being handled; says where it is, or why it is not."""
-    path = project_root() / "build" / "logs" / f"{_slug(name)}.txt"
+    path = workplace() / "build" / "logs" / f"{_slug(name)}.txt"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text or traceback.format_exc(), encoding="utf-8")

@@ -7,14 +7,13 @@ import importlib.metadata
 import json
 import platform
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.facts import setups
-from thesis_lib.files import library_digest
+from thesis_lib.files import NoCloneError, library_digest, project_root
 from thesis_lib.studies import effort, outlines
 from thesis_lib.studies.request import Study
 
@@ -24,12 +23,12 @@ RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
 
 def _commit() -> str:
     """Commit of the checkout, with a plus sign if it has changes; `unknown` elsewhere."""
-    command = ["git", "-C", str(Path(__file__).parents[1]), "describe", "--always", "--abbrev=12"]
-    try:
+    try:  # where there is no checkout, a commit would be of whatever the package lies in
+        command = ["git", "-C", str(project_root()), "describe", "--always", "--abbrev=12"]
         done = subprocess.run(
             [*command, "--dirty=+", "--exclude=*"], capture_output=True, text=True, timeout=10
         )
-    except (OSError, subprocess.TimeoutExpired):
+    except (NoCloneError, OSError, subprocess.TimeoutExpired):
         return "unknown"
     return done.stdout.strip() or "unknown"
 

@@ -20,9 +20,9 @@ from thesis_lib.files import (
     digest_of,
     library_digest,
     library_files,
-    project_root,
     sha256,
     whole_text,
+    workplace,
 )
 from thesis_lib.studies import effort, storage
 from thesis_lib.studies.attributes import with_provenance
@@ -76,7 +76,7 @@ def cached(
     """
     key = key or digest_of(library_files())
     name = hashlib.sha256(f"{study.name} {study.digest} {key}".encode()).hexdigest()[:16]
-    path = project_root() / "build" / "cache" / f"{study.name}-{name}.nc"
+    path = workplace() / "build" / "cache" / f"{study.name}-{name}.nc"
     if (cube := read(path)) is not None:
         spared = float(cube.attrs["run_time_s"])
         effort.note_loaded(spared, float(cube.attrs.get("peak_memory_mb", 0)))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from thesis_lib.asides import asides
-from thesis_lib.files import project_root, whole_file
+from thesis_lib.files import shipped, whole_file
 
 FIELDS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
 MINUTE = 60.0
@@ -160,7 +160,7 @@ def of(notebook: Path) -> Effort:
 
 def published_path() -> Path:
     """Where the measured efforts of the published run are kept."""
-    return project_root() / "data" / "published" / "effort.csv"
+    return shipped() / "data" / "published" / "effort.csv"
 
 
 def read(path: Path | None = None) -> dict[str, Effort]:

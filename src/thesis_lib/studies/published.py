@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from thesis_lib.files import project_root, whole_file
+from thesis_lib.files import shipped, whole_file
 from thesis_lib.studies import cubes
 from thesis_lib.studies.storage import CubeError
 from thesis_lib.text import hidden, one_line
@@ -42,7 +42,7 @@ KEYS = (*cubes.KEYS, "error"), ("quantity",), ("claim",)
 
 def published_path(name: str) -> Path:
     """Where the published figures of a figure set are kept."""
-    return project_root() / "data" / "published" / f"{name}.csv"
+    return shipped() / "data" / "published" / f"{name}.csv"
 
 
 def publish(cube: xr.Dataset) -> Path:
@@ -111,4 +111,5 @@ def read_table(path: Path, columns: Columns) -> dict[str, list[Any]]:
 
 def damaged(path: Path, line: int, problem: str) -> CubeError:
     """The refusal of a published file."""
-    return CubeError(f"{path}: damaged: line {line} {problem}; `git checkout {path}` restores it")
+    mend = f"`git checkout {path}`, or installing the library anew, restores it"
+    return CubeError(f"{path}: damaged: line {line} {problem}; {mend}")

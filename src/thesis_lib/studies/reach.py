@@ -11,7 +11,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from thesis_lib.files import project_root
+from thesis_lib.files import shipped
 
 
 def library() -> Path:
@@ -21,10 +21,7 @@ def library() -> Path:
 
 def folders() -> list[Path]:
     """Where modules of the project are: the library, its tests with their scenes, benchmarks."""
-    try:
-        root = project_root()
-    except FileNotFoundError:
-        return [library().parent]
+    root = shipped()
     return [library().parent, root / "tests", root]
 
 

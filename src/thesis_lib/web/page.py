@@ -26,6 +26,7 @@ from pygments.lexers import PythonLexer  # type: ignore[import-untyped, unused-i
 
 from thesis_lib import records
 from thesis_lib.asides import aside
+from thesis_lib.files import workplace
 
 __all__ = ["INSTALLED", "MATHJAX", "BookError", "index_page", "page", "shell"]
 
@@ -137,7 +138,7 @@ def page(notebook: Path, title: str) -> str:
 
 def mathjax_path() -> Path:
     """Where MathJax is, once a book was rendered."""
-    return Path(__file__).resolve().parents[3] / "build" / "assets" / MATHJAX
+    return workplace() / "build" / "assets" / MATHJAX
 
 
 def damaged_assets(assets: Path) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import chain
 from thesis_lib.figure_sets.experiment.parameters import Laboratory
-from thesis_lib.files import project_root, staging
+from thesis_lib.files import staging, workplace
 from thesis_lib.laboratory.direct import WRONG, true_centres
 from thesis_lib.laboratory.film import film
 from thesis_lib.laboratory.render import Sensor
@@ -62,7 +62,7 @@ def run(request: Laboratory) -> xr.Dataset:
         steps; pictures for the book.
     """
     rig = rig_of(request)
-    with staging(project_root() / "build" / "cache") as folder:
+    with staging(workplace() / "build" / "cache") as folder:
         path = film(rig, folder, "h264" if request.codec == "h264" else "ffv1")
         manifest = read_manifest(path)
         calibrations = chain.calibrate(manifest, folder)

@@ -1,0 +1,171 @@
+"""The wheel without the project: what a reader has who installs it in a project of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+from conftest import PARTS
+from thesis_lib import files
+from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.runs import execute
+from thesis_lib.studies import storage
+
+PROJECT = Path(__file__).parents[1]
+NAME, VALUES = "beam-distance", {"trials": 3, "modes": [1]}
+PARAMETERS = [part for key, value in VALUES.items() for part in ("-p", f"{key}={value}")]
+GUARD = """
+import sys
+
+def refuse(event, given):
+    if event == "open" and str(given[0]).startswith({project}):
+        raise RuntimeError(f"{{given[0]}} is of the project")
+
+sys.addaudithook(refuse)
+"""
+
+
+class Reader:
+    """A folder under git with an environment that has the wheel, and packages of this one."""
+
+    def __init__(self, root: Path) -> None:
+        self.root, self.bin = root, root / ".venv" / "bin"
+        who = ["-c", "user.name=a", "-c", "user.email=a@b.c"]
+        for command in (["init", "-q"], [*who, "commit", "-qm", "mine", "--allow-empty"]):
+            subprocess.run(["git", *command], cwd=root, check=True)
+        # Wheels are built, as `pip wheel` does, by the build backend.
+        build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", root]
+        subprocess.run(build, cwd=PROJECT, check=True, capture_output=True)
+        subprocess.run([sys.executable, "-m", "venv", root / ".venv"], check=True)
+        (wheel,) = root.glob("*.whl")
+        self.python(
+            "-m", "pip", "install", "-q", "--no-index", "--no-deps", wheel
+        ).check_returncode()
+        wheel.unlink()
+        ours = sysconfig.get_paths(vars={"base": str(root / ".venv")})["purelib"]
+        (Path(ours) / "present.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
+        project = tuple(str(PROJECT / part) for part in PARTS)
+        (Path(ours) / "sitecustomize.py").write_text(GUARD.format(project=project))
+        self.package = Path(ours) / "thesis_lib"
+
+    def python(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        return self.call("python", *arguments)
+
+    def thesis(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        return self.call("thesis", *arguments)
+
+    def call(self, program: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        other = {"PYTHONPATH", "PYTHONHOME"}
+        own = {k: v for k, v in os.environ.items() if k not in other and "JUPYTER" not in k}
+        return subprocess.run(
+            [self.bin / program, *map(str, arguments)], cwd=self.root, env=own, text=True,
+            capture_output=True, encoding="utf-8", stdin=subprocess.DEVNULL, timeout=600,
+        )  # fmt: skip
+
+    def written(self) -> list[str]:
+        """What there is besides the environment."""
+        return sorted({path.name for path in self.root.iterdir()} - {".git", ".venv"})
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory):
+    return Reader(tmp_path_factory.mktemp("reader"))
+
+
+@pytest.fixture(scope="module")
+def run(reader):
+    """The folder of a run."""
+    done = reader.thesis("run", NAME, *PARAMETERS)
+    assert done.returncode == 0, done.stderr
+    (folder,) = (reader.root / "runs").iterdir()
+    assert f"Open {folder / NAME}.html" in done.stdout
+    return folder
+
+
+def test_the_project_is_out_of_reach(reader):
+    done = reader.python("-c", f"open({str(PROJECT / 'pyproject.toml')!r})")
+    assert "is of the project" in done.stderr
+    everything = (
+        "import pkgutil, sys, thesis_lib; "
+        "[__import__(m.name) for m in pkgutil.walk_packages(thesis_lib.__path__, 'thesis_lib.') "
+        "if not m.name.endswith(('__main__', 'compiled'))]; "
+        "print(*{m.__file__ for n, m in sys.modules.items() if n.startswith('thesis_lib')})"
+    )
+    done = reader.python("-c", everything)
+    places = [Path(one) for one in done.stdout.split()]
+    assert len(places) > 200, done.stderr
+    assert all(place.is_relative_to(reader.package) for place in places)
+
+
+@pytest.mark.parametrize("command", ["book", "record", "pdf", "claims"])
+def test_what_needs_a_clone_says_so(reader, command):
+    done = reader.thesis(command)
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert "this needs a clone of the project" in line
+
+
+def test_lists_write_nothing(reader):
+    before = reader.written()
+    done = reader.thesis("list")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert NAME in done.stdout
+    assert "MB" in done.stdout  # of the published run
+    assert reader.thesis("list", NAME).returncode == 0
+    assert reader.thesis("run", NAME, "-p", "trials=-1").returncode == 2
+    assert reader.written() == before
+
+
+def test_a_run_is_the_one_of_a_clone(reader, run):
+    assert (
+        storage.opened(run / f"{NAME}.nc").attrs["commit"].strip() == "unknown"
+    )  # and not the reader's own
+    targets = (run / f"{NAME}.{kind}" for kind in ("ipynb", "nc", "html"))
+    job = execute.Job(validate(NAME, VALUES), *targets)
+    assert execute.digest(job) in job.notebook.read_text(encoding="utf-8")
+    assert files.sha256(job.cube) in job.page.read_text(encoding="utf-8")
+    again = reader.thesis("run", NAME, *PARAMETERS)
+    assert f"{NAME}: up to date" in again.stderr
+    assert set(reader.written()) <= {"build", "example", "plan", "runs"}
+
+
+def test_it_is_compared_with_the_published_run(reader, run):
+    done = reader.thesis("compare", run / f"{NAME}.nc")
+    assert done.returncode == 0, done.stderr
+    assert "published" in done.stdout
+    assert "500 mm" in done.stdout
+
+
+def test_the_library_and_its_recordings_are_those_of_the_clone(reader):
+    code = (
+        "import json; from thesis_lib import files; from thesis_lib.figure_sets import recorded; "
+        "print(json.dumps([files.library_digest(), "
+        "*(one.made_from for one in recorded.every() if recorded._kept(one) is not None)]))"
+    )
+    done = reader.python("-c", code)
+    here = [files.library_digest(), *(one.made_from for one in recorded.every())]
+    assert json.loads(done.stdout or "0") == here, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("commands", "made"),
+    [
+        ([["plan", "--out", "plan"]], "plan/plan.html"),
+        ([["measure", "--example", "example"], ["measure", "example/manifest.yaml"]],
+         "example/measured/report.html"),
+    ],
+    ids=["plan", "measure"],
+)  # fmt: skip
+def test_plans_and_measurements_need_no_clone(reader, commands, made):
+    for command in commands:
+        done = reader.thesis(*command)
+        assert done.returncode == 0, done.stderr
+    assert (reader.root / made).is_file()
