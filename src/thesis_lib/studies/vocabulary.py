@@ -79,7 +79,7 @@ def field(default: Any, what: str = "", allowed: str = "", **bounds: Any) -> Any
     what, allowed : str
         Its meaning, and what is allowed in words; what is empty is left to its type.
     **bounds
-        As :func:`pydantic.Field` takes them.
+        As pydantic takes them.
     """
     told: dict[str, Any] = {"default_factory" if callable(default) else "default": default}
     if what:

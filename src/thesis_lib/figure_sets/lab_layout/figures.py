@@ -23,13 +23,13 @@ from thesis_lib.figure_sets.lab_layout.optima import complete, expected, optimum
 from thesis_lib.plotting.panels import setup_panel
 from thesis_lib.plotting.selection import select
 from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, subplots
+from thesis_lib.studies.vocabulary import unit
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 Array = NDArray[np.float64]
 
 DARK = "#222222"
-AXES = {"elevation_deg": "elevation φ in °", "distance_mm": "distance d in mm",
-        "aperture_deg": "aperture α in °"}  # fmt: skip
+VARIED = {"elevation_deg": "elevation φ", "distance_mm": "distance d", "aperture_deg": "aperture α"}
 
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
@@ -45,8 +45,7 @@ def _sweep(cube: xr.Dataset, part: xr.Dataset) -> Figure:
     part = part.isel(setting=np.argsort(part["value"].values, kind="stable"))
     drawing, axes = subplots(2, 2, figsize=(7.6, 6.0), layout="constrained")
     setup_panel(axes[0, 0], cube, part)
-    varied = AXES[str(part["parameter"].values[0])].partition(" in ")[0]
-    axes[0, 0].set_title(f"(a) setups: {varied} varied")
+    axes[0, 0].set_title(f"(a) setups: {VARIED[str(part['parameter'].values[0])]} varied")
     _errors(axes[0, 1], part)
     _centres(axes[1, 0], part)
     if part["parameter"].values[0] == "elevation_deg":
@@ -67,8 +66,9 @@ def _value_axis(axes: Axes, part: xr.Dataset) -> None:
     axes.xaxis.set_major_locator(FixedLocator(values.tolist()))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xticklabels([f"{value:g}" for value in values])
-    axes.set(xlabel=AXES[str(part["parameter"].values[0])],
-             xlim=(values.min() / 1.15, values.max() * 1.15))  # fmt: skip
+    varied = str(part["parameter"].values[0])
+    axes.set_xlabel(f"{VARIED[varied]} in {unit(varied)}")
+    axes.set_xlim(values.min() / 1.15, values.max() * 1.15)
 
 
 def _plain_ticks(axis: Axis) -> None:
