@@ -18,6 +18,7 @@ from thesis_lib.figure_sets.registry import validate
 from thesis_lib.runs import execute
 from thesis_lib.studies import storage
 
+pytestmark = pytest.mark.slow  # installs a wheel, and runs it
 PROJECT = Path(__file__).parents[1]
 NAME, VALUES = "beam-distance", {"trials": 3, "modes": [1]}
 PARAMETERS = [part for key, value in VALUES.items() for part in ("-p", f"{key}={value}")]
@@ -154,7 +155,6 @@ def test_the_library_and_its_recordings_are_those_of_the_clone(reader):
     assert json.loads(done.stdout or "0") == here, done.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("commands", "made"),
     [
