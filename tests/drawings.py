@@ -26,7 +26,7 @@ from thesis_lib.files import project_root
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting.style import svg
 
-_DRAWS = re.compile(r"[\w.]*(?:figure|figures|picture|aliases)\(result\b.*\)", re.DOTALL)
+_DRAWS = re.compile(r"[\w.]*(?:figures|picture)\(result\b.*\)", re.DOTALL)
 _THREAD = threading.local()
 
 
@@ -48,9 +48,8 @@ def of_cube(cube: xr.Dataset) -> Iterator[tuple[str, bytes]]:
                 shown += [made] if made is not None else []
     finally:
         del _THREAD.shown
-    pictures = [text.data for text in shown if "svg" in str(text.data)]
-    for number, picture in enumerate(pictures):
-        yield f"{name}-{number}", str(picture).encode()
+    for number, picture in enumerate(shown):
+        yield f"{name}-{number}", picture.svg.encode()
 
 
 def of_conclusions(results: Path) -> bytes:

@@ -17,6 +17,7 @@ from thesis_lib.book.pieces import thesis_index
 from thesis_lib.book.pieces.thesis_index import CHAPTERS
 from thesis_lib.facts import index as facts_index
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets.display import promised
 from thesis_lib.figure_sets.experiment import compute as experiment_study
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -109,9 +110,9 @@ def documents():
 def anchors(document):
     """Labels, equations, figures and headings of a page."""
     if document.startswith("executed/"):
-        path = ROOT / "notebooks" / f"{document.removeprefix('executed/')}.ipynb"
-        cells = nbformat.read(path, as_version=4).cells
-        return {cell.metadata.get("mystnb", {}).get("figure", {}).get("name") for cell in cells}
+        name = document.removeprefix("executed/")
+        cells = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4).cells
+        return {one.name for cell in cells for one in promised(STUDIES[name](), cell.source)}
     text = (BOOK / f"{document}.md").read_text(encoding="utf-8")
     named = re.findall(r"^(?:\((.+)\)=|:name: (.+)|\$\$ \((.+)\))$", text, re.MULTILINE)
     headings = re.findall(r"^#{1,3} (.+)$", text, re.MULTILINE)

@@ -13,10 +13,11 @@ from scipy.special import zeta
 from scipy.stats import qmc
 
 from thesis_lib.facts import setups
+from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets import cube_file
+from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.design_law import dither, share_tables
-from thesis_lib.figure_sets.design_law import figures as design_figures
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
 from thesis_lib.figure_sets.design_law import tables as design_tables
@@ -513,7 +514,7 @@ def test_a_further_estimator_is_drawn_beside_least_squares(monkeypatch):
     assert both["estimator"].values.tolist() == ["least squares", "analytic centre", "linear"]
     assert np.all(both["drawn_frame_error"][0] != both["drawn_frame_error"][2])
     assert "linear" in shares(both)
-    assert "linear" in svg(design_figures.figure(both, "shares")).replace("<!-- ", "")
+    assert "linear" in svg(figure_sets_display.picture(both, "shares")).replace("<!-- ", "")
 
 
 # The cube, its figures and tables.
@@ -557,12 +558,12 @@ def test_another_seed_draws_anew_and_keeps_the_laws(cube):
         assert np.all(other[name] != cube[name])
 
 
-@pytest.mark.parametrize("name", design_figures.FIGURES)
+@pytest.mark.parametrize("name", read_toml("captions.toml")["design-law"])
 def test_figures_are_drawn_from_the_cube_alone(cube, name):
     bare = cube.drop_attrs()
-    one, other = (svg(design_figures.figure(part, name)) for part in (bare, cube))
+    one, other = (svg(figure_sets_display.picture(part, name)) for part in (bare, cube))
     assert one == other
-    assert len(design_figures.figure(cube, name).axes) >= 1
+    assert len(figure_sets_display.picture(cube, name).axes) >= 1
 
 
 FROM = {"motion": "motion_error", "settings": "law_error", "cone": "cone_error",

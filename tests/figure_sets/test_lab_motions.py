@@ -11,9 +11,9 @@ from scenes.motions import films, look
 
 from thesis_lib.acoustics.plate_sound import PlateSound
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study
-from thesis_lib.figure_sets.lab_modes import figures as lab_figures
 from thesis_lib.figure_sets.lab_modes import methods as lab_modes
 from thesis_lib.figure_sets.lab_modes import recordings as beam_films
 from thesis_lib.figure_sets.lab_modes import spectra
@@ -450,8 +450,8 @@ def test_every_figure_table_and_viewer_is_made(name, request):
         assert "<svg" in as_svg(cube, case, int(cube["mode"][0]))
     json.dumps(viewer_data.viewer_data(cube))
     if name == "beam_cube":
-        assert "<svg" in svg(lab_figures.aliases_figure(cube, 3))
-        assert lab_tables.aliases(cube, 1) is None
+        assert "<svg" in svg(figure_sets_display.picture(cube, "aliases", 3))
+        assert figure_sets_display.picture(cube, "aliases", 1) is None
         texts = [lab_tables.frequency_table(cube), lab_tables.parts_table(cube),
                  lab_tables.conditions_table(cube)]  # fmt: skip
     else:

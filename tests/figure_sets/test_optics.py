@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.facts import setups
+from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets import cube_file
+from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.optics import compute as optics_study
-from thesis_lib.figure_sets.optics import figures as optics_figures
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
 from thesis_lib.figure_sets.optics import tables as optics_tables
 from thesis_lib.figure_sets.registry import validate
@@ -440,8 +441,8 @@ def test_odd_requests_run_and_are_shown(values):
     made = with_provenance(optics_study.run(request), request, 0.0)
     for name in optics_tables.TABLES:
         assert "|" in optics_tables.show(made, name).data
-    for name in optics_figures.FIGURES:
-        assert "<svg" in svg(optics_figures.figure(made, name))
+    for name in read_toml("captions.toml")["cameras"]:
+        assert "<svg" in svg(figure_sets_display.picture(made, name))
     assert cubes.summary(made)["quantity"].is_unique
 
 
@@ -496,8 +497,8 @@ def test_what_is_published_is_what_comes_out(cube):
 
 
 def test_the_same_cube_gives_the_same_pictures(cube):
-    for name in optics_figures.FIGURES:
-        texts = {svg(optics_figures.figure(cube, name)) for _ in range(2)}
+    for name in read_toml("captions.toml")["cameras"]:
+        texts = {svg(figure_sets_display.picture(cube, name)) for _ in range(2)}
         assert len(texts) == 1
 
 

@@ -116,7 +116,7 @@ def test_a_notebook_beside_it_finds_it_without_the_command(footprint, monkeypatc
     monkeypatch.chdir(footprint)
     cube = show.study("footprint", {"distances_mm": [100.0]})
     assert cube["quantity"].values.tolist() == ["pixel at 100 mm"]
-    assert "<svg" in show.picture(cube, "line").data
+    assert "<svg" in show.picture(cube, "line").svg
 
 
 def rewrite(file: Path, old: str, new: str) -> None:

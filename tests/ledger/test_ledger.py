@@ -19,6 +19,7 @@ from thesis_lib.figure_sets.claims import readings
 from thesis_lib.figure_sets.claims.compute import judged
 from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
 from thesis_lib.figure_sets.claims.widget import LedgerTable
+from thesis_lib.figure_sets.display import promised
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import STUDIES, validate
@@ -316,8 +317,8 @@ def labels():
     made = {}
     for path in (project_root() / "notebooks").glob("*.ipynb"):
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-        figures = (cell["metadata"].get("mystnb", {}).get("figure", {}) for cell in cells)
-        made[path.stem] = {figure["name"] for figure in figures if "name" in figure}
+        asked, sources = STUDIES[path.stem](), ("".join(cell["source"]) for cell in cells)
+        made[path.stem] = {one.name for source in sources for one in promised(asked, source)}
     return made
 
 

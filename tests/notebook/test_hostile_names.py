@@ -12,6 +12,7 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.parametric.tables import claims_table, error_table
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.notebook import show as notebook
+from thesis_lib.runs import edits
 from thesis_lib.web import page as pages
 
 NAMES = {
@@ -67,11 +68,9 @@ def page_of(name: str, folder, monkeypatch) -> str:
     cube, shown = hostile(name), []
     assert float(cube["in_view"].min()) < 1  # so that the note under the table names the layout
     monkeypatch.setattr(notebook, "display", shown.append)
-    notebook.other_figures(cube, [], [])
-    made = [error_table(cube), claims_table(cube), *shown]
-    outputs = [{"text/markdown" if type(m).__name__ == "Markdown" else "text/html": m.data}
-               for m in made]  # fmt: skip
-    outputs.append({"text/html": notebook.viewer(cube)._repr_mimebundle_()[0]["text/html"]})
+    notebook.figures(cube)
+    outputs = [{"text/markdown": made.data} for made in (error_table(cube), claims_table(cube))]
+    outputs += [one._repr_mimebundle_()[0] for one in (*shown, notebook.viewer(cube))]
     given = nbformat.v4.new_code_cell(f"layouts = {{{name!r}: 1}}")
     given.metadata["tags"] = ["injected-parameters"]
     cells = [nbformat.v4.new_markdown_cell("# Title\n\n$a$"), given]
@@ -79,8 +78,14 @@ def page_of(name: str, folder, monkeypatch) -> str:
         cell = nbformat.v4.new_code_cell("1")
         cell.outputs = [nbformat.v4.new_output("display_data", data)]
         cells.append(cell)
+    (figure,) = shown
+    page = nbformat.v4.new_notebook(cells=cells)
+    page.cells.append(nbformat.v4.new_code_cell("notebook.figures(result)"))
+    data, about = figure._repr_mimebundle_()
+    page.cells[-1].outputs = [nbformat.v4.new_output("display_data", data, metadata=about)]
+    edits.place_figures(page)  # as text of a caption, beside that of a front end
     path = folder / "n.ipynb"
-    nbformat.write(nbformat.v4.new_notebook(cells=cells), path)
+    nbformat.write(page, path)
     return pages.page(path, name)
 
 

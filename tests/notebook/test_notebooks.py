@@ -14,15 +14,18 @@ from nbval.plugin import get_sanitize_patterns
 
 from conftest import until_study
 from thesis_lib.figure_sets.design_law import compute as law
+from thesis_lib.figure_sets.display import promised
 from thesis_lib.figure_sets.planner import compute as planned
-from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.notebook import show
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
+from thesis_lib.notebook import show as notebook
 from thesis_lib.notebook.show import cube_of
+from thesis_lib.runs import edits
 from thesis_lib.studies.request import Study
 
 PROJECT = Path(__file__).parents[2]
 SANITIZE = PROJECT / "tests" / "nbval_sanitize.cfg"
 MARK = "# NBVAL_CHECK_OUTPUT"
+LAYOUT = {"m*y": [[[60, 30], [-60, 30]]]}
 
 
 def cells(path: Path) -> list[nbformat.NotebookNode]:
@@ -176,7 +179,7 @@ def of_the_steps(asked: Study) -> xr.Dataset:
 def test_the_steps_are_the_first_row_of_the_cube_whatever_is_asked(
     name, values, capsys, monkeypatch
 ):
-    monkeypatch.setattr(show, "cube_of", of_the_steps)
+    monkeypatch.setattr(notebook, "cube_of", of_the_steps)
     namespace = {}
     for cell in committed(name):
         if "result" in namespace and "-step-" not in cell.id:
@@ -197,6 +200,61 @@ def test_no_cell_is_cut_from_a_page_but_the_live_one(name):
     cut = {"remove-input", "remove_input", "remove-cell", "remove_cell"}
     cells = [cell for cell in committed(name) if cut & set(cell.metadata.get("tags", []))]
     assert [cell.id for cell in cells] in ([], [f"{name}-live"])
+
+
+# Captions.
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_captions_come_from_the_data(name):
+    document = nbformat.read(PROJECT / "notebooks" / f"{name}.ipynb", as_version=4)
+    assert not any(set(cell.metadata) - {"tags"} for cell in document.cells)
+    found = [one for cell in document.cells for one in promised(STUDIES[name](), cell.source)]
+    assert len({one.name for one in found}) == len({one.text for one in found}) == len(found) > 0
+    shown = [c for c in document.cells if re.search(r"\.(figures|picture)\(", c.source)]
+    for cell in shown:
+        assert list(promised(STUDIES[name](), cell.source)), cell.source
+        assert cell.metadata.tags == ["hide-input", "nbval-ignore-output"]
+    for one in found:
+        assert re.fullmatch(r"fig-[a-z0-9-]+", one.name)
+        assert one.text.endswith(".")
+        assert "{" not in one.name + one.text + one.alt
+        assert one.alt or FIGURE_SETS[name].figure  # of which the panels tell
+
+
+def test_each_figure_gets_a_cell_with_its_words():
+    request = validate("beam-arrays", {"trials": 1, "cases": ["4a'"], "layouts": LAYOUT})
+    shown = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(notebook, "display", shown.append)
+        notebook.figures(cube_of(request).sel(mode=[1, 3]))
+    cell = nbformat.v4.new_code_cell("notebook.figures(result)", id="all")
+    for data, about in (one._repr_mimebundle_() for one in shown):
+        assert 'alt="Panels: (a) setups: cameras varied; (b) ' in data["text/html"]
+        cell.outputs.append(nbformat.v4.new_output("display_data", data, metadata=about))
+    page = nbformat.v4.new_notebook(cells=[cell])
+    edits.place_figures(page)
+    nbformat.validate(page)
+    words = [cell.metadata.mystnb.figure for cell in page.cells]
+    assert [one.name for one in words] == [
+        "fig-3-25", "fig-3-27", "fig-beam-arrays-m-y-mode-1", "fig-beam-arrays-m-y-mode-3"
+    ]  # fmt: skip
+    title = "beside the beam, wide to narrow"
+    assert words[0].caption == f"Figure 3.25 of the thesis. Case 4a′, mode 1: {title}."
+    assert words[2].caption == "Case m&#42;y, mode 1."
+    for cell in page.cells:
+        assert cell.source.strip()  # or a book leaves it out
+        assert [list(output.data) for output in cell.outputs] == [["image/svg+xml"]]
+        assert "law of rounding" in cell.metadata.mystnb.image.alt
+
+
+def test_a_figure_of_another_lens_says_that_it_is_the_thesiss_only_in_kind(monkeypatch):
+    shown = []
+    monkeypatch.setattr(notebook, "display", shown.append)
+    given = {"trials": 1, "modes": [1], "focal_length_mm": 35}
+    notebook.figures(cube_of(validate("beam-distance", given)))
+    words = "With the parameters of this run, after: Figure 3.4 of the thesis. Case 1, mode 1: "
+    assert shown[0].about["caption"].startswith(words)
 
 
 # nbval.

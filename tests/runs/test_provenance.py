@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting import numbers as plotted
-from thesis_lib.runs import provenance
+from thesis_lib.runs import edits, provenance
 from thesis_lib.studies import cache, commands, effort, storage
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.cache import cached
@@ -68,15 +68,16 @@ class Parsed(HTMLParser):
 
 def executed(cube, modes=(1,)):
     """A notebook that has shown the figures of all cases."""
-    cells = [nbformat.v4.new_markdown_cell("# Page")]
-    for case in dict.fromkeys(cube["case"].values.tolist()):
-        for mode in modes:
-            data, metadata = notebook.figure(cube, case, mode)._repr_svg_()
-            output = nbformat.v4.new_output(
-                "display_data", {"image/svg+xml": data}, metadata={"image/svg+xml": metadata}
-            )
-            cells.append(nbformat.v4.new_code_cell("figure", outputs=[output]))
-    return nbformat.v4.new_notebook(cells=cells)
+    shown = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(notebook, "display", shown.append)
+        notebook.figures(cube.sel(mode=list(modes)))
+    cell = nbformat.v4.new_code_cell("notebook.figures(result)")
+    for data, about in (one._repr_mimebundle_() for one in shown):
+        cell.outputs.append(nbformat.v4.new_output("display_data", data, metadata=about))
+    page = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Page"), cell])
+    edits.place_figures(page)
+    return page
 
 
 def record(request, cube, tmp_path):

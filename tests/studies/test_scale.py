@@ -220,6 +220,7 @@ MEMORY = """
 import sys
 from pathlib import Path
 from thesis_lib.figure_sets.parametric.tables import claims_table, error_table
+from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import blocks, cache, effort, storage
 blocks.HELD_BYTES = storage.HELD_BYTES = 2**20
@@ -229,7 +230,7 @@ values = {"trials": int(sys.argv[2]), "distances_mm": [500.0, 900.0]}
 plate = notebook.study("plate-distance", {**values, "cube": sys.argv[1] + "/plate.nc"})
 cube = notebook.study("sound-distance", {**values, "plane_shape": [15, 10]})
 error_table(plate), notebook.viewer(plate), claims_table(plate)
-notebook.figure(plate, "1", 1)
+figure_sets_display.as_svg(plate, "1", 1)
 error_table(cube)
 print(plate.nbytes, effort.peak_memory_mb())
 """

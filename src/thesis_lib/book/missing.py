@@ -7,7 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from thesis_lib.figure_sets.display import promised
+from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import whole_file, whole_text
+from thesis_lib.runs.edits import figure_cell, mystnb
 from thesis_lib.web.markdown import escape
 
 _PICTURE = (
@@ -51,13 +54,13 @@ def page(source: Path, name: str, reason: str) -> Any:
     for cell in given.cells:
         if cell.cell_type == "markdown":
             cells.append(cell)
-        elif "figure" in cell.metadata.get("mystnb", {}):
-            cell.metadata["mystnb"]["image"] = {"alt": _WORDS}
-            cell.metadata["tags"] = ["remove-input"]
-            cell.outputs = [
-                nbformat.v4.new_output("display_data", {"image/svg+xml": _PICTURE % _WORDS})
-            ]
-            cells.append(cell)
+            continue
+        for number, caption in enumerate(promised(STUDIES[name](), cell.source), 1):
+            words = mystnb(caption.name, caption.text, _WORDS)
+            place = figure_cell(f"{cell.id}-{number}", mystnb=words)
+            picture = {"image/svg+xml": _PICTURE % _WORDS}
+            place.outputs = [nbformat.v4.new_output("display_data", picture)]
+            cells.append(place)
     if not cells or not cells[0].source.startswith("# "):
         cells.insert(0, nbformat.v4.new_markdown_cell(f"# {name}", id=f"{name}-title"))
     cells.insert(1, nbformat.v4.new_markdown_cell(warning, id=f"{name}-missing"))

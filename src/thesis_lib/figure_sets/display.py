@@ -1,12 +1,26 @@
-"""The figure of any cube, and its SVG."""
+"""The figures of any cube: one for each case and mode, or pictures by name."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets.registry import FIGURE_SETS
+from thesis_lib.plotting import captions
+from thesis_lib.plotting.captions import Caption
 from thesis_lib.plotting.style import in_style, svg
+from thesis_lib.studies.attributes import described
+from thesis_lib.studies.request import Study
+
+_PICTURE = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
@@ -28,3 +42,57 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
     """The figure of one case and mode as SVG; the same cube gives the same text."""
     return svg(figure(cube, case, mode))
+
+
+def picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
+    """What a function of the module `figures` of a cube's figure set draws of it.
+
+    Parameters
+    ----------
+    cube : xarray.Dataset
+        Cube of the figure set.
+    name : str
+        Name of the function.
+    *which : int
+        What else it is given, such as a mode; it draws nothing of a mode that was not run.
+    """
+    of = str(cube.attrs["figure_set"])
+    with in_style(picture_style(of)):
+        drawing: Figure | None = getattr(_figures(of), name)(cube, *which)
+        return drawing
+
+
+def caption(figure_set: str, name: str, *which: int) -> Caption:
+    """Caption of a picture; empty if ``captions.toml`` has none."""
+    words = read_toml("captions.toml").get(figure_set, {}).get(name, {})
+    return Caption(**{key: text.format(*which) for key, text in words.items()})
+
+
+def picture_style(figure_set: str) -> Mapping[str, Any]:
+    """Parameters of Matplotlib for a figure set's pictures, by its module's ``STYLE``."""
+    style: Mapping[str, Any] = getattr(_figures(figure_set), "STYLE", {})
+    return style
+
+
+def promised(study: Study, source: str) -> Iterator[Caption]:
+    """Captions of what a cell of a notebook will show, before anything is run.
+
+    Parameters
+    ----------
+    study : Study
+        Parameters of the notebook.
+    source : str
+        The cell.
+    """
+    if "notebook.figures(result)" in source:
+        cases = [setting.case for setting in study.settings()]
+        modes = np.array(getattr(study, "modes", []), int)
+        known = xr.Dataset(coords={"case": ("setting", cases), "mode": modes})
+        cube = described(known.assign_attrs(figure_set=study.name), study)
+        yield from captions.of_cases(cube).values()
+    for name, which in _PICTURE.findall(source):
+        yield caption(study.name, name, *([int(which)] if which else []))
+
+
+def _figures(figure_set: str) -> ModuleType:
+    return import_module(f"{FIGURE_SETS[figure_set].module.rpartition('.')[0]}.figures")

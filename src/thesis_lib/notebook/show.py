@@ -7,23 +7,26 @@ import base64
 import html
 import sys
 from collections.abc import Iterable, Mapping
-from importlib import import_module
+from dataclasses import dataclass
 from typing import Any
 
 import xarray as xr
-from IPython.display import HTML, SVG, Markdown, display
+from IPython.display import SVG, display
+from matplotlib.figure import Figure
 
 from thesis_lib import files
+from thesis_lib.figure_sets import display as figure_sets
 from thesis_lib.figure_sets import outside, run
-from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
-from thesis_lib.plotting.selection import has
-from thesis_lib.plotting.style import in_style, svg
+from thesis_lib.plotting import captions
+from thesis_lib.plotting.captions import Caption
+from thesis_lib.plotting.style import svg
 from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import schedulers, storage
 from thesis_lib.studies.request import ParameterError, Study
-from thesis_lib.web.markdown import escape
 from thesis_lib.web.viewer import Viewer
+
+_MIME = "image/svg+xml"
 
 
 def checked(name: str, namespace: Mapping[str, Any]) -> Any:
@@ -94,14 +97,38 @@ def viewer(cube: xr.Dataset) -> Viewer:
     return Viewer(data=data, case=data["cases"][0]["name"], mode=data["modes"][0]["mode"])
 
 
-def figure(cube: xr.Dataset, case: str, mode: int) -> SVG | None:
-    """The four-panel figure of a case and mode, or nothing if it was not run."""
-    if not has(cube, case, mode):
-        return None
-    return SVG(as_svg(cube, case, mode), metadata={"case": case, "mode": mode})
+@dataclass(frozen=True)
+class Shown:
+    """A figure with its words: a picture for pages, and in a front end its caption, too.
+
+    Parameters
+    ----------
+    svg : str
+        The picture.
+    about : mapping
+        Its ``name``, ``caption`` and ``alt``, and ``case`` and ``mode`` if it is of one.
+    """
+
+    svg: str
+    about: Mapping[str, Any]
+
+    def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, str], dict[str, Any]]:
+        alt, caption = (html.escape(self.about[key]) for key in ("alt", "caption"))
+        source = f"data:image/svg+xml;base64,{base64.b64encode(self.svg.encode()).decode()}"
+        image = f'<img alt="{alt}" src="{source}">'
+        words = f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
+        return {_MIME: self.svg, "text/html": words}, {_MIME: dict(self.about)}
 
 
-def picture(cube: xr.Dataset, name: str) -> SVG:
+def figures(cube: xr.Dataset) -> None:
+    """Display the figure of each case and mode, one after the other."""
+    for (case, mode), caption in captions.of_cases(cube).items():
+        drawing = figure_sets.figure(cube, case, mode)
+        about = _about(cube, drawing, caption) | {"case": case, "mode": mode}
+        display(Shown(SVG(svg(drawing)).data, about))
+
+
+def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
     """What a function of the module `figures` of a cube's figure set draws of it.
 
     Parameters
@@ -110,21 +137,20 @@ def picture(cube: xr.Dataset, name: str) -> SVG:
         Cube of the figure set.
     name : str
         Name of the function, from cube to figure.
+    *which : int
+        What else it is given, such as a mode; nothing is shown of a mode that was not run.
     """
-    package = FIGURE_SETS[cube.attrs["figure_set"]].module.rpartition(".")[0]
-    with in_style():
-        drawing = getattr(import_module(f"{package}.figures"), name)(cube)
-    return SVG(svg(drawing))
+    drawing = figure_sets.picture(cube, name, *which)
+    if drawing is None:
+        return None
+    of = str(cube.attrs["figure_set"])
+    caption, style = figure_sets.caption(of, name, *which), figure_sets.picture_style(of)
+    return Shown(SVG(svg(drawing, style)).data, _about(cube, drawing, caption))
 
 
-def other_figures(cube: xr.Dataset, shown: Iterable[str], modes: Iterable[int] = (1, 2, 3)) -> None:
-    """Display the figures of cases, layouts and modes that have no cell of their own."""
-    own = {(case, mode) for case in shown for mode in modes}
-    for case in dict.fromkeys(cube["case"].values.tolist()):
-        for mode in cube["mode"].values.tolist():
-            if (case, mode) not in own:
-                display(Markdown(f"**{escape(case)}, mode {mode}**"))
-                picture = base64.b64encode(as_svg(cube, case, mode).encode()).decode()
-                words = html.escape(f"The figure of {case} in mode {mode}, with the same panels")
-                picture = f'<img alt="{words}" src="data:image/svg+xml;base64,{picture}">'
-                display(HTML(picture, metadata={"case": case, "mode": mode}))
+def _about(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dict[str, Any]:
+    """The words of a drawing, which tell if it is the thesis's only in kind."""
+    ours = cube.attrs["in_the_thesis"] or FIGURE_SETS[cube.attrs["figure_set"]].judges
+    after = "" if ours or not caption.text else "With the parameters of this run, after: "
+    alt = caption.alt or captions.panels(drawing)
+    return {"name": caption.name, "caption": after + caption.text, "alt": alt}

@@ -20,11 +20,6 @@ def select(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
     return cube.isel(setting=rows).sel(mode=mode)
 
 
-def has(cube: xr.Dataset, case: str, mode: int) -> bool:
-    """Whether a cube holds a case and a mode."""
-    return case in cube["case"].values and mode in cube["mode"].values
-
-
 def best_and_worst(part: xr.Dataset) -> list[int]:
     """Indices of the settings with the least and the largest mean error in the literal run."""
     name = "mean_error" if "mean_error" in part else "deflection_error"

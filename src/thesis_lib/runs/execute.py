@@ -103,6 +103,7 @@ def execute(job: Job, made_from: str) -> None:
         _in_kernel(job, folder, executed, cube)
         notebook = nbformat.read(executed, as_version=4)
         executed_notebook.hide_staging(notebook, name)
+        executed_notebook.place_figures(notebook)
         said = notebook.cells.pop().outputs[0]["text"]
         for told in json.loads(said)["asides"]:
             aside(f"{name}: {told}")
@@ -180,8 +181,6 @@ def _stand_alone(notebook: Any, study: Study, result: Any) -> None:
     notebook.cells.insert(-1, cell)
     if FIGURE_SETS[study.name].judges:
         executed_notebook.cut_links(notebook)
-    elif not result.attrs["in_the_thesis"]:
-        executed_notebook.disown_captions(notebook)
 
 
 def job_tasks(jobs: Sequence[Job]) -> list[Task]:

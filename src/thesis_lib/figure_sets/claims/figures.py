@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from thesis_lib.ledger.cube import from_cube
 from thesis_lib.ledger.entries import Entry
-from thesis_lib.plotting.style import COLORS, REFERENCE, in_style, subplots
+from thesis_lib.plotting.style import COLORS, REFERENCE, subplots
 
 MARKS = {  # verdict: colour and shape, so that neither says it alone
     "agrees": (COLORS[0], "o"),
@@ -19,22 +21,13 @@ MARKS = {  # verdict: colour and shape, so that neither says it alone
 }
 
 
-def chapter_figure(found: Sequence[Entry], chapter: int) -> Figure:
-    """Stated against reproduced errors of a chapter, and how many times too large they are.
-
-    Parameters
-    ----------
-    found : sequence of Entry
-        The ledger.
-    chapter : int
-        Chapter of the thesis.
-    """
-    part = [e for e in found if e.kind == "figure" and e.chapter == chapter]
+def chapter(cube: xr.Dataset, number: int) -> Figure:
+    """Stated against reproduced errors of a chapter, and how many times too large they are."""
+    part = [e for e in from_cube(cube) if e.kind == "figure" and e.chapter == number]
     part = [e for e in part if np.isfinite([e.least, e.most, e.median]).all()]
-    with in_style():
-        drawing, (left, right) = subplots(1, 2, figsize=(7.6, 3.6), layout="constrained")
-        _against(left, part)
-        _ratios(right, part)
+    drawing, (left, right) = subplots(1, 2, figsize=(7.6, 3.6), layout="constrained")
+    _against(left, part)
+    _ratios(right, part)
     return drawing
 
 
@@ -82,29 +75,20 @@ def _plain_ticks(axes: Axes) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def readings_figure(names: Sequence[str], inside: np.ndarray, total: int) -> Figure:
-    """How many stated figures each reading meets, as bars by chapter.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Readings, the adopted one first.
-    inside : ndarray, shape (readings, chapters)
-        Stated figures that the band of the trials meets.
-    total : int
-        How many there are.
-    """
-    with in_style():
-        drawing, axes = subplots(figsize=(7.6, 0.5 + 0.22 * len(names)), layout="constrained")
-        place = np.arange(len(names))[::-1]
-        left = np.zeros(len(names))
-        for chapter, color, part in zip((3, 4, 6), COLORS, inside.T, strict=False):
-            axes.barh(place, part, 0.75, left, color=color, label=f"chapter {chapter}")
-            left += part
-        axes.axvline(left[0], color="#222222", linewidth=0.8, linestyle="--")
-        axes.set_yticks(place, names, fontsize=8)
-        axes.set(xlim=(0, total), xlabel=f"stated figures met, of {total}")
-        axes.grid(visible=False, axis="y")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.4, 1.0), ncols=3,
-                    bbox_transform=drawing.transFigure)  # fmt: skip
+def readings(cube: xr.Dataset) -> Figure:
+    """How many stated figures each reading meets, as bars by chapter; the adopted one is first."""
+    names, inside = cube["reading"].values.tolist(), cube["reading_inside"].values
+    total = int(cube["reading_claims"].isel(reading=0).sum())
+    drawing, axes = subplots(figsize=(7.6, 0.5 + 0.22 * len(names)), layout="constrained")
+    place = np.arange(len(names))[::-1]
+    left = np.zeros(len(names))
+    for number, color, part in zip((3, 4, 6), COLORS, inside.T, strict=False):
+        axes.barh(place, part, 0.75, left, color=color, label=f"chapter {number}")
+        left += part
+    axes.axvline(left[0], color="#222222", linewidth=0.8, linestyle="--")
+    axes.set_yticks(place, names, fontsize=8)
+    axes.set(xlim=(0, total), xlabel=f"stated figures met, of {total}")
+    axes.grid(visible=False, axis="y")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.4, 1.0), ncols=3,
+                bbox_transform=drawing.transFigure)  # fmt: skip
     return drawing

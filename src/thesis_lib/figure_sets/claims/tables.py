@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from IPython.display import SVG, Markdown
+from IPython.display import Markdown
 from scipy.stats import binomtest
 
 from thesis_lib.facts.readings import READINGS
-from thesis_lib.figure_sets.claims import figures as ledger_figures
 from thesis_lib.figure_sets.claims import power, readings
 from thesis_lib.figure_sets.claims.widget import LedgerTable
 from thesis_lib.ledger import entries as ledger
@@ -16,7 +15,6 @@ from thesis_lib.ledger import trend_tests
 from thesis_lib.ledger.cube import from_cube
 from thesis_lib.ledger.trends import CONFIDENT, RESAMPLES
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, WIDER, WIDER_BELOW_10
-from thesis_lib.plotting.style import svg
 from thesis_lib.web.markdown import markdown_table
 
 KINDS = {"figure": "stated figures", "trend": "trends", "number": "stray numbers"}
@@ -103,12 +101,6 @@ def ledger_table(cube: xr.Dataset) -> LedgerTable:
     return LedgerTable(data={"rows": [entry.row for entry in from_cube(cube)]})
 
 
-def chapter_picture(cube: xr.Dataset, chapter: int) -> SVG:
-    """Stated against reproduced, of one chapter."""
-    drawing = ledger_figures.chapter_figure(from_cube(cube), chapter)
-    return SVG(svg(drawing))
-
-
 def readings_table(cube: xr.Dataset) -> Markdown:
     """Agreement under each reading, beside the adopted one."""
     totals = cube["reading_claims"].sum("outcome")
@@ -132,14 +124,6 @@ def readings_table(cube: xr.Dataset) -> Markdown:
         "chapters 3 / 4 / 6."
     )
     return markdown_table(header, rows, note)
-
-
-def readings_picture(cube: xr.Dataset) -> SVG:
-    """Stated figures met under each reading."""
-    inside = cube["reading_inside"].values
-    total = int(cube["reading_claims"].isel(reading=0).sum())
-    names = cube["reading"].values.tolist()
-    return SVG(svg(ledger_figures.readings_figure(names, inside, total)))
 
 
 def readings_commands(cube: xr.Dataset) -> Markdown:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from thesis_lib.plotting.style import (
     INK,
     REFERENCE,
     color,
-    in_style,
     logarithmic,
     subplots,
 )
@@ -28,12 +26,6 @@ from thesis_lib.vision.cone_law import ISOTROPIC, MOTION_PX
 SIZE = (7.2, 3.3)  # inches
 EVERY = 5  # of the drawn angles, so that dots stand apart
 PERCENT = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
-
-
-def figure(cube: xr.Dataset, name: str) -> Figure:
-    """One of :data:`FIGURES` by name."""
-    with in_style():
-        return FIGURES[name](cube)
 
 
 def motion(cube: xr.Dataset) -> Figure:
@@ -213,7 +205,7 @@ def shares(cube: xr.Dataset) -> Figure:
     return drawing
 
 
-def estimated(cube: xr.Dataset) -> Figure:
+def estimators(cube: xr.Dataset) -> Figure:
     """Errors of the estimators against the number of cameras and the noise of pixels."""
     drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
     n = cube["crowd"].values
@@ -235,7 +227,7 @@ def estimated(cube: xr.Dataset) -> Figure:
     return drawing
 
 
-def dithered(cube: xr.Dataset) -> Figure:
+def dithering(cube: xr.Dataset) -> Figure:
     """What is left of the rounding error by motion, shake, and size of the markers."""
     drawing, grid = subplots(1, 3, figsize=(7.6, 3.1), layout="constrained")
     panels = (("swing", "(a) fitted amplitude, px", "amplitude of the image, px"),
@@ -256,9 +248,3 @@ def dithered(cube: xr.Dataset) -> Figure:
     for axes in grid[:2]:
         axes.legend(loc="lower left", fontsize=7)
     return drawing
-
-
-FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
-    "motion": motion, "settings": settings, "cone": cone, "findings": findings, "shares": shares,
-    "estimators": estimated, "dither": dithered,
-}  # fmt: skip

@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import xarray as xr
-from IPython.display import SVG, Markdown
+from IPython.display import Markdown
 
 from thesis_lib.figure_sets.design_law import dither as design_dither
-from thesis_lib.figure_sets.design_law import figures as design_figures
 from thesis_lib.figure_sets.design_law.pairs import paired
 from thesis_lib.figure_sets.design_law.share_tables import asked, few_shares, shares
-from thesis_lib.plotting.style import svg
 from thesis_lib.vision import dither
 from thesis_lib.vision.estimators import exponent
 from thesis_lib.web.markdown import table
@@ -23,11 +21,6 @@ REFINED = ("linear", "least-squares")
 def show(cube: xr.Dataset, name: str) -> Markdown:
     """One of :data:`TABLES`, for a notebook."""
     return Markdown(TABLES[name](cube))
-
-
-def picture(cube: xr.Dataset, name: str) -> SVG:
-    """One of the figures, for a notebook."""
-    return SVG(svg(design_figures.figure(cube, name)))
 
 
 def _structures(cube: xr.Dataset) -> list[str]:

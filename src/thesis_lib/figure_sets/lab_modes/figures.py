@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, select
-from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, in_style, subplots
+from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, subplots
 
 Array = NDArray[np.float64]
+STYLE = POWERS  # of pictures
 MANY = 3.0  # over what noise makes of it, beyond which cameras disagree
 
 
@@ -63,27 +64,28 @@ def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[i
     axes.set_ylim(low, high + 0.2 * (high - low))
 
 
-def aliases_figure(cube: xr.Dataset, mode: int) -> Figure:
+def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     """Where a mode shows at each frame rate, at which alias cameras agree, what detuning costs."""
+    if mode not in cube["mode"]:
+        return None
     part = cube.sel(mode=mode)
     rates = part["frame_rate"].values
     n = len(rates)
-    with in_style(POWERS):
-        drawing = Figure(figsize=(7.6, 1.2 + 1.15 * max(n, 3)), layout="constrained")
-        halves = drawing.add_gridspec(1, 2)
-        left, right = (drawing.add_subfigure(halves[0, column]) for column in (0, 1))
-        for r, axes in enumerate(np.atleast_1d(left.subplots(n, 1))):
-            _spectrum_panel(axes, part, r)
-        misfits, costs = right.subplots(2, 1)
-        _misfit_panel(misfits, part)
-        for r, rate in enumerate(rates):
-            costs.plot(part["cycles"], part["detuned_error"].values[r], "o", markersize=4,
-                       color=color(r), label=f"{rate:g} fps")  # fmt: skip
-        costs.plot(part["cycles"], part["detuned_prediction"], color="#222222", linewidth=1,
-                   label="loss of amplitude")  # fmt: skip
-        costs.set(title="(c) if the known frequency is wrong", ylim=(0, None),
-                  xlabel="error in periods per recording", ylabel="mean error in %")  # fmt: skip
-        costs.legend(ncols=2, columnspacing=1, handlelength=1.2)
+    drawing = Figure(figsize=(7.6, 1.2 + 1.15 * max(n, 3)), layout="constrained")
+    halves = drawing.add_gridspec(1, 2)
+    left, right = (drawing.add_subfigure(halves[0, column]) for column in (0, 1))
+    for r, axes in enumerate(np.atleast_1d(left.subplots(n, 1))):
+        _spectrum_panel(axes, part, r)
+    misfits, costs = right.subplots(2, 1)
+    _misfit_panel(misfits, part)
+    for r, rate in enumerate(rates):
+        costs.plot(part["cycles"], part["detuned_error"].values[r], "o", markersize=4,
+                   color=color(r), label=f"{rate:g} fps")  # fmt: skip
+    costs.plot(part["cycles"], part["detuned_prediction"], color="#222222", linewidth=1,
+               label="loss of amplitude")  # fmt: skip
+    costs.set(title="(c) if the known frequency is wrong", ylim=(0, None),
+              xlabel="error in periods per recording", ylabel="mean error in %")  # fmt: skip
+    costs.legend(ncols=2, columnspacing=1, handlelength=1.2)
     return drawing
 
 

@@ -6,22 +6,15 @@ import json
 
 import numpy as np
 import xarray as xr
-from IPython.display import SVG, Markdown
+from IPython.display import Markdown
 from numpy.typing import NDArray
 
-from thesis_lib.figure_sets.lab_modes.figures import aliases_figure
 from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting.selection import select
-from thesis_lib.plotting.style import POWERS, svg
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.markdown import table
 
 Array = NDArray[np.float64]
-
-
-def aliases(cube: xr.Dataset, mode: int) -> SVG | None:
-    """The figure of a mode's aliases, or nothing if the mode was not run."""
-    return SVG(svg(aliases_figure(cube, mode), POWERS)) if mode in cube["mode"] else None
 
 
 def frequency_table(cube: xr.Dataset) -> Markdown:

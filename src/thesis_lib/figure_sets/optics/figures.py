@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from thesis_lib.plotting.style import COLORS, INK, REFERENCE, color, in_style, logarithmic, subplots
+from thesis_lib.plotting.style import COLORS, INK, REFERENCE, color, logarithmic, subplots
 
 Array = NDArray[np.float64]
 
 SIZE = (7.2, 3.3)  # inches
 EVERY = 6  # of the drawn depths, so that dots stand apart
-
-
-def figure(cube: xr.Dataset, name: str) -> Figure:
-    """One of :data:`FIGURES` by name."""
-    with in_style():
-        return FIGURES[name](cube)
 
 
 def view(cube: xr.Dataset) -> Figure:
@@ -173,13 +165,3 @@ def stereo(cube: xr.Dataset) -> Figure:
 def _distances(axes: Axes, d: Array, label: str = "distance d in mm") -> None:
     logarithmic(axes.xaxis, [500, 1000, 2000, 5000, 10000])
     axes.set(xlim=(d.min(), d.max()), xlabel=label)
-
-
-FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
-    "view": view,
-    "projection": projection,
-    "pixels": pixels,
-    "mosaic": mosaic,
-    "sharpness": sharpness,
-    "stereo": stereo,
-}

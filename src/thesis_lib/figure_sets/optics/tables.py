@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from IPython.display import SVG, Markdown
+from IPython.display import Markdown
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.numbers import StatedNumber, read_numbers
-from thesis_lib.figure_sets.optics import figures as optics_figures
-from thesis_lib.plotting.style import svg
 from thesis_lib.vision.optics import picture_height
 from thesis_lib.web.markdown import escape, table
 
@@ -28,11 +26,6 @@ WORDS = {"width": "across", "height": "up", "diagonal": "diagonally"}
 def show(cube: xr.Dataset, name: str) -> Markdown:
     """One of :data:`TABLES`, for a notebook."""
     return Markdown(TABLES[name](cube))
-
-
-def picture(cube: xr.Dataset, name: str) -> SVG:
-    """One of the figures, for a notebook."""
-    return SVG(svg(optics_figures.figure(cube, name)))
 
 
 def _asked(cube: xr.Dataset, name: str) -> Any:

@@ -8,15 +8,12 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from IPython.display import HTML, SVG, Markdown
-from matplotlib.figure import Figure
+from IPython.display import HTML, Markdown
 
 from thesis_lib.figure_sets.planner.compute import cheapest
 from thesis_lib.figure_sets.planner.parameters import THESIS
-from thesis_lib.planning.figures import VIEWS, front_panel, layout_panel
 from thesis_lib.planning.lattice import TIE
 from thesis_lib.planning.layout_view import layout_view
-from thesis_lib.plotting.style import REFERENCE, color, in_style, logarithmic, subplots, svg
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.markdown import table
 
@@ -24,14 +21,15 @@ FRONT = "beam: nearer or farther, too"  # of which the front is drawn
 DRAWN = 4  # cameras of the layouts that are drawn, or the number next to it
 
 
-def _asked(cube: xr.Dataset, name: str) -> Any:
+def asked(cube: xr.Dataset, name: str) -> Any:
+    """A parameter of the run."""
     return json.loads(cube.attrs["parameters"])[name]
 
 
-def _coarse(cube: xr.Dataset, question: str) -> xr.Dataset:
+def coarse(cube: xr.Dataset, question: str) -> xr.Dataset:
     """The options of a question with the first of the resolutions."""
     one = cube.sel(question=question)
-    return one.isel(option=np.flatnonzero(one["width_px"] == _asked(cube, "resolutions_px")[0][0]))
+    return one.isel(option=np.flatnonzero(one["width_px"] == asked(cube, "resolutions_px")[0][0]))
 
 
 def _text(value: float) -> str:
@@ -57,7 +55,7 @@ def against_thesis(cube: xr.Dataset) -> str:
     """Planned layouts beside the best of the thesis with as many cameras."""
     rows = []
     for body, question in THESIS.items():
-        one = _coarse(cube, question)
+        one = coarse(cube, question)
         for i, (case, own, drawn) in enumerate(_best_of_thesis(cube, body)):
             expected, bound = (float(one[name][i]) for name in ("expected_error", "bound"))
             simulated = float(one["simulated_error"][i].max())
@@ -67,7 +65,7 @@ def against_thesis(cube: xr.Dataset) -> str:
             ])  # fmt: skip
     header = ["", "cameras", "best case of the thesis", "its error", "planned", "less by, %",
               "bound", "simulated: thesis", "planned"]  # fmt: skip
-    width, height = _asked(cube, "resolutions_px")[0]
+    width, height = asked(cube, "resolutions_px")[0]
     return table(header, rows) + (
         f"\nErrors of the worst mode in % of its largest deflection, {width}×{height} px, averaged "
         "over amplitudes. No layout on the grid of the search is below the *bound*; one beside it "
@@ -81,14 +79,14 @@ def limits(cube: xr.Dataset) -> str:
     rows = []
     for question in cube["question"].values.tolist():
         body = str(question).partition(":")[0]
-        free = _coarse(cube, THESIS[body])["expected_error"].values
-        own = _coarse(cube, question)["expected_error"].values
+        free = coarse(cube, THESIS[body])["expected_error"].values
+        own = coarse(cube, question)["expected_error"].values
         cells = [
             _text(e) + ("" if np.isnan(more) or abs(more) < TIE else f" ({100 * more:+.0f} %)")
             for e, more in zip(own, own / free - 1, strict=True)
         ]
         rows.append([str(question), *cells])
-    tilt = _asked(cube, "tilt_deg")
+    tilt = asked(cube, "tilt_deg")
     return table(["", *(f"{n} cameras" for n in counts)], rows) + (
         "\nAveraged errors in %, and how much more than in the first row of the structure. But for "
         f"that row markers are read up to {tilt:g}° from their normals. With a wall or a machine "
@@ -114,7 +112,7 @@ def front(cube: xr.Dataset) -> str:
 
 def targets(cube: xr.Dataset) -> str:
     """The cheapest layout that reaches the target, question by question."""
-    target = _asked(cube, "target_percent")
+    target = asked(cube, "target_percent")
     rows = []
     for question in cube["question"].values.tolist():
         one = cube.sel(question=question)
@@ -146,68 +144,12 @@ def verification(cube: xr.Dataset) -> str:
     return table(header, rows)
 
 
-def _near(cube: xr.Dataset, question: str, count: int) -> int:
+def near(cube: xr.Dataset, question: str, count: int) -> int:
+    """The option of a question with about as many cameras."""
     counts = cube.sel(question=question)["n_cameras"].values
     return int(np.argmin(np.abs(counts - count)))
 
 
-def gain_figure(cube: xr.Dataset) -> Figure:
-    """Errors of the thesis's layouts and of planned ones against the number of cameras."""
-    drawing, axes = subplots(1, 2, figsize=(7.4, 3.4), layout="constrained")
-    n = cube["count"].values
-    for panel, (body, question) in zip(axes, THESIS.items(), strict=True):
-        own = cube.sel(structure=body)["thesis_expected"]
-        for i, case in enumerate(cube["thesis_case"].values):
-            panel.plot(n, own.sel(thesis_case=case), "o--", color=color(i), markersize=3.5,
-                       linewidth=0.8, label=f"case {case}")  # fmt: skip
-        one = _coarse(cube, question)
-        panel.plot(n, one["expected_error"], "o-", color="#222222", linewidth=2, label="planned")
-        panel.plot(n, one["bound"], "_", color="#222222", markersize=12, label="bound")
-        read = _coarse(cube, f"{body}: markers that can be read")
-        panel.plot(n, read["expected_error"], "s-", color=REFERENCE, linewidth=1.4, markersize=4,
-                   label="planned, readable")  # fmt: skip
-        logarithmic(panel.xaxis, n.tolist())
-        logarithmic(panel.yaxis, [2, 5, 10, 20, 50])
-        panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
-    axes[1].legend(fontsize=7)
-    return drawing
-
-
-def layouts_figure(cube: xr.Dataset) -> Figure:
-    """Planned layouts of some questions from a corner and from above."""
-    shown = [q for q in cube["question"].values.tolist() if "read" not in str(q)]
-    across = 3
-    rows = -(-len(shown) // across)
-    drawing, grid = subplots(2 * rows, across, figsize=(7.6, 3.6 * rows), layout="constrained",
-                             squeeze=False)  # fmt: skip
-    columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
-    for column, question in zip(columns, shown, strict=False):
-        part = cube.sel(question=question).isel(option=_near(cube, question, DRAWN))
-        for panel, (_, azimuth, elevation) in zip(column, VIEWS, strict=False):
-            layout_panel(panel, part, azimuth, elevation)
-        column[0].set_title(str(question))
-    for column in columns[len(shown) :]:
-        for panel in column:
-            panel.axis("off")
-    return drawing
-
-
-def front_picture(cube: xr.Dataset) -> Figure:
-    """Error against cost for one question."""
-    drawing, panel = subplots(figsize=(7.2, 3.8), layout="constrained")
-    one = cube.sel(question=FRONT)
-    best = cheapest(one, _asked(cube, "target_percent"))
-    one = one.isel(option=np.flatnonzero(np.isfinite(one["cost"].values)))
-    target = None if best is None else _asked(cube, "target_percent")
-    kept = np.isfinite(cube.sel(question=FRONT)["cost"].values)
-    chosen = 0 if best is None else int(np.sum(kept[:best]))
-    front_panel(panel, one.assign(chosen=chosen), target)
-    return drawing
-
-
-FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
-    "gain": gain_figure, "layouts": layouts_figure, "front": front_picture,
-}  # fmt: skip
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
     "thesis": against_thesis, "limits": limits, "front": front, "targets": targets,
     "verification": verification,
@@ -226,13 +168,6 @@ def view(cube: xr.Dataset) -> HTML:
     for question in cube["question"].values.tolist():
         one = cube.sel(question=question)
         found = np.flatnonzero(np.isfinite(one["cost"].values))
-        first = int(np.searchsorted(found, _near(cube, question, DRAWN)))
+        first = int(np.searchsorted(found, near(cube, question, DRAWN)))
         plans.append((str(question), one.isel(option=found), first))
     return HTML(layout_view(plans))
-
-
-def picture(cube: xr.Dataset, name: str) -> SVG:
-    """One of :data:`FIGURES`, for a notebook."""
-    with in_style():
-        drawing = FIGURES[name](cube)
-    return SVG(svg(drawing))

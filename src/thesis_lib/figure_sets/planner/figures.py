@@ -1,0 +1,67 @@
+"""Figures of ``planner``, drawn from its cube."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from thesis_lib.figure_sets.planner.compute import cheapest
+from thesis_lib.figure_sets.planner.parameters import THESIS
+from thesis_lib.figure_sets.planner.tables import DRAWN, FRONT, asked, coarse, near
+from thesis_lib.planning.figures import VIEWS, front_panel, layout_panel
+from thesis_lib.plotting.style import REFERENCE, color, logarithmic, subplots
+
+
+def gain(cube: xr.Dataset) -> Figure:
+    """Errors of the thesis's layouts and of planned ones against the number of cameras."""
+    drawing, axes = subplots(1, 2, figsize=(7.4, 3.4), layout="constrained")
+    n = cube["count"].values
+    for panel, (body, question) in zip(axes, THESIS.items(), strict=True):
+        own = cube.sel(structure=body)["thesis_expected"]
+        for i, case in enumerate(cube["thesis_case"].values):
+            panel.plot(n, own.sel(thesis_case=case), "o--", color=color(i), markersize=3.5,
+                       linewidth=0.8, label=f"case {case}")  # fmt: skip
+        one = coarse(cube, question)
+        panel.plot(n, one["expected_error"], "o-", color="#222222", linewidth=2, label="planned")
+        panel.plot(n, one["bound"], "_", color="#222222", markersize=12, label="bound")
+        read = coarse(cube, f"{body}: markers that can be read")
+        panel.plot(n, read["expected_error"], "s-", color=REFERENCE, linewidth=1.4, markersize=4,
+                   label="planned, readable")  # fmt: skip
+        logarithmic(panel.xaxis, n.tolist())
+        logarithmic(panel.yaxis, [2, 5, 10, 20, 50])
+        panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
+    axes[1].legend(fontsize=7)
+    return drawing
+
+
+def layouts(cube: xr.Dataset) -> Figure:
+    """Planned layouts of some questions from a corner and from above."""
+    shown = [q for q in cube["question"].values.tolist() if "read" not in str(q)]
+    across = 3
+    rows = -(-len(shown) // across)
+    drawing, grid = subplots(2 * rows, across, figsize=(7.6, 3.6 * rows), layout="constrained",
+                             squeeze=False)  # fmt: skip
+    columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
+    for column, question in zip(columns, shown, strict=False):
+        part = cube.sel(question=question).isel(option=near(cube, question, DRAWN))
+        for panel, (_, azimuth, elevation) in zip(column, VIEWS, strict=False):
+            layout_panel(panel, part, azimuth, elevation)
+        column[0].set_title(str(question))
+    for column in columns[len(shown) :]:
+        for panel in column:
+            panel.axis("off")
+    return drawing
+
+
+def front(cube: xr.Dataset) -> Figure:
+    """Error against cost for one question."""
+    drawing, panel = subplots(figsize=(7.2, 3.8), layout="constrained")
+    one = cube.sel(question=FRONT)
+    best = cheapest(one, asked(cube, "target_percent"))
+    one = one.isel(option=np.flatnonzero(np.isfinite(one["cost"].values)))
+    target = None if best is None else asked(cube, "target_percent")
+    kept = np.isfinite(cube.sel(question=FRONT)["cost"].values)
+    chosen = 0 if best is None else int(np.sum(kept[:best]))
+    front_panel(panel, one.assign(chosen=chosen), target)
+    return drawing
