@@ -12,7 +12,7 @@ from thesis_lib.book.conclusions import figure as conclusions_figure
 from thesis_lib.book.conclusions import pixels
 from thesis_lib.book.conclusions import strengths as conclusions
 from thesis_lib.book.conclusions import tables as conclusions_tables
-from thesis_lib.book.conclusions.strengths import KNOBS
+from thesis_lib.book.conclusions.knobs import KNOBS
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies

@@ -13,7 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from thesis_lib import files
-from thesis_lib.book.conclusions.strengths import KNOBS, Cubes, Curve, Knob, curves
+from thesis_lib.book.conclusions.knobs import KNOBS, Knob
+from thesis_lib.book.conclusions.strengths import Cubes, Curve, curves
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.plotting.style import COLORS, in_style, subplots, svg
 

@@ -8,55 +8,24 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from thesis_lib.acoustics import planes, radiation
-from thesis_lib.acoustics.planes import full_factor
 from thesis_lib.book.pieces.opened import Opened
-from thesis_lib.facts import claims, setups
-from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
+from thesis_lib.facts import claims
+from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.cube import from_cube
 from thesis_lib.ledger.verdicts import VERDICTS
 from thesis_lib.plotting.selection import error_bars, select, stated
-from thesis_lib.studies import cubes, effort
-from thesis_lib.studies.request import Study, describe
-from thesis_lib.vibration.structure import (
-    Structure,
-    modal_overlap,
-    peak_deflection,
-    resonance,
-    single_mode_distance,
-)
+from thesis_lib.studies import cubes
 from thesis_lib.web.markdown import table
 
 Array = NDArray[np.float64]
-GRAVITY = 9.80665
 
 
 def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
     if isinstance(opened, Opened):
         opened.wanted |= {name for name in opened.without if STUDIES[name].subject == subject}
     return [cube for name, cube in opened.items() if STUDIES[name].subject == subject]
-
-
-def structure_model(structure: Structure, unit: str, scale: float) -> str:
-    """What sections 3.1 and 4.1 assume of a structure, mode by mode."""
-    rows = []
-    for mode in (1, 2, 3):
-        omega = resonance(structure, mode)
-        rows.append(
-            [
-                str(mode),
-                f"{structure.angular_frequencies(mode)[-1] / (2 * np.pi):.4g}",
-                f"{scale * peak_deflection(structure, mode):.3g}",
-                f"{float(modal_overlap(structure, omega)):.3f}",
-                f"{100 * single_mode_distance(structure, mode):.2g}",
-            ]
-        )
-    header = ["mode", "natural frequency, Hz", f"peak for 1 N, {unit}", "modal overlap",
-              "one mode against all, %"]  # fmt: skip
-    return table(header, rows)
 
 
 def beam_results(opened: dict[str, xr.Dataset]) -> str:
@@ -246,91 +215,3 @@ def _square_to_the_plate(part: xr.Dataset) -> Array:
     azimuth = part["camera_azimuth"].values
     off = np.abs((azimuth + 45) % 90 - 45)
     return np.nanmean(np.where(np.isnan(azimuth), np.nan, off < 1e-6), axis=1)
-
-
-def markers(opened: dict[str, xr.Dataset]) -> str:
-    """κ of independent errors, relative to the antinode's peak, against the number of markers."""
-    request = camera_study("sound-distance")
-    plane = request.planes[0]  # type: ignore[attr-defined]
-    rows, counts, ratios = [], [], []
-    for grid in ((12, 8), (15, 10), (24, 16), (36, 24)):
-        plate = setups.plate(grid)
-        omega = resonance(plate, 1)
-        op = planes.operator(plate, plane, omega)
-        shape = plate.mode_shapes([1], plate.markers)[0]
-        largest = np.max(np.abs(op.field(shape)))
-        ratio = np.linalg.norm(full_factor(op)) * plate.shape_peak(1) / largest
-        counts.append(plate.markers.shape[1])
-        ratios.append(float(ratio))
-        rows.append([f"{grid[0]}×{grid[1]}", str(counts[-1]), f"{ratio:.4f}",
-                     f"{ratio * np.sqrt(counts[-1]):.2f}"])  # fmt: skip
-    slope = np.polyfit(np.log(counts), np.log(ratios), 1)[0]
-    return table(["grid", "markers M", "κ (mode 1, XZ)", "κ √M"], rows) + (
-        f"\nThe fitted exponent of M is {slope:.3f}.\n"
-    )
-
-
-def levels(opened: dict[str, xr.Dataset]) -> str:
-    """Absolute levels: of a force of 1 N, and what the 10 mm of the study would mean."""
-    request = camera_study("sound-distance")
-    plate = setups.plate()
-    parts = planes.pistons(plate)
-    peak = f"{1000 * request.peaks_m[0]:g} mm"
-    rows = []
-    for mode in (1, 2, 3):
-        omega = resonance(plate, mode)
-        shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)
-        velocity = omega * peak_deflection(plate, mode) * shape
-        power = radiation.sound_power(parts, velocity, omega)
-        largest = max(
-            np.max(np.abs(planes.operator(plate, plane, omega).field(velocity)))
-            for plane in request.planes  # type: ignore[attr-defined]
-        )
-        scale = request.peaks_m[mode - 1] / peak_deflection(plate, mode)
-        level = float(radiation.pressure_level(largest))
-        rows.append(
-            [
-                str(mode),
-                f"{radiation.radiation_efficiency(parts, velocity, omega):.3f}",
-                f"{float(radiation.power_level(power)):.0f}",
-                f"{level:.0f}",
-                f"{level + 20 * np.log10(scale):.0f}",
-                f"{omega**2 * request.peaks_m[mode - 1] / GRAVITY:.0f} g",
-            ]
-        )
-    header = ["mode", "radiation efficiency", "sound power for 1 N, dB",
-              "largest pressure level for 1 N, dB",
-              f"level for {peak}, dB", f"acceleration for {peak}"]  # fmt: skip
-    return table(header, rows)
-
-
-def effort_table(_: dict[str, xr.Dataset]) -> str:
-    """What each figure set costs, as measured in the published run."""
-    known = effort.read()
-    rows = [
-        [f"`{name}`", one.kind, one.time, one.memory, f"{one.cube_mb:.1f} MB"]
-        for name in STUDIES
-        for one in [known.get(name)]
-        if one is not None
-    ]
-    if not rows:
-        return "Nothing was measured yet; `thesis book --publish` does.\n"
-    return table(["figure set", "takes", "time", "memory", "cube"], rows)
-
-
-def parameters(opened: dict[str, xr.Dataset]) -> str:
-    """The parameters of every figure set, to be folded out."""
-    parts = []
-    for name in [name for chapter in CHAPTERS.values() for name in chapter]:
-        parts.append(f":::{{dropdown}} `{name}`\n{parameter_table(STUDIES[name])}:::\n")
-    return "\n".join(parts)
-
-
-def parameter_table(model: type[Study], without: Sequence[str] = ()) -> str:
-    """Every parameter of a request with its default, unit, meaning and bounds."""
-    rows = [
-        [f"`{row['name']}`", f"`{row['default']}`", row["unit"], row["meaning"], row["allowed"]]
-        for row in describe(model)
-        if row["name"] not in without
-    ]
-    return table(["parameter", "default", "unit", "meaning", "allowed"], rows)

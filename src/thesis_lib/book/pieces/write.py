@@ -14,20 +14,22 @@ from thesis_lib.book.conclusions import tables as conclusions_tables
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces.chapters import (
     beam_results,
-    effort_table,
     experiment_results,
     layouts,
     ledger_totals,
+    plate_results,
+    scatter_table,
+    sound_results,
+)
+from thesis_lib.book.pieces.opened import Opened
+from thesis_lib.book.pieces.structures import (
+    effort_table,
     levels,
     markers,
     parameter_table,
     parameters,
-    plate_results,
-    scatter_table,
-    sound_results,
     structure_model,
 )
-from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.design_law import tables as design_tables
