@@ -280,31 +280,3 @@ def nearest(scene: Scene, grid: Array, focal: Array | float) -> Array:
             high, low = np.where(good, np.minimum(middle, high), high), np.where(good, low, middle)
         found[part] = high
     return lattice.length_at(found, limits)
-
-
-FIELDS = ("tilt_deg", "in_view", "elevations_deg", "azimuths_deg", "distances_mm",
-          "forbidden_boxes_mm", "forbidden_spheres_mm", "forbidden_sectors_deg")  # fmt: skip
-
-
-def without(rules: Rules, field: str, reach: float) -> Rules:
-    """The rules without the limit that a parameter sets; distances keep clear of the body."""
-    full: dict[str, dict[str, object]] = {
-        "tilt_deg": {"tilt": np.pi / 2},
-        "in_view": {"in_view": 1e-6},  # one marker
-        "elevations_deg": {"elevations": (-np.pi / 2, np.pi / 2)},
-        "azimuths_deg": {"azimuths": (-np.pi, np.pi)},
-        "distances_mm": {"distances": (1.05 * reach, 100 * max(reach, rules.distances[1]))},
-        "forbidden_boxes_mm": {"boxes": np.zeros((0, 3, 2))},
-        "forbidden_spheres_mm": {"spheres": np.zeros((0, 4))},
-        "forbidden_sectors_deg": {"sectors": np.zeros((0, 4))},
-        "separation_mm": {"separation": 0.0},
-    }
-    return replace(rules, **full[field])  # type: ignore[arg-type]
-
-
-def binding(scene: Scene, step: float) -> list[str]:
-    """Parameters each of which alone leaves no place: without its limit there are some."""
-    reach = scene.body.reach + max(scene.peaks)
-    eased = {f: replace(scene, rules=without(scene.rules, f, reach)) for f in FIELDS}
-    eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
-    return [field for field, one in eased.items() if len(candidates(one, step))]

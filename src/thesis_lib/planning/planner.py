@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -14,16 +14,14 @@ from pydantic_core import PydanticCustomError
 from thesis_lib.planning import errors
 from thesis_lib.planning.bodies import Body
 from thesis_lib.planning.lattice import first_most
+from thesis_lib.planning.limits import no_room, nowhere, unreached
 from thesis_lib.planning.optimum import (
-    cost,
-    exchange,
     information,
     layout_cost,
     lower_bound,
-    too_near,
     variances,
 )
-from thesis_lib.planning.places import FIELDS, Scene, binding, candidates, sees_enough, without
+from thesis_lib.planning.places import Scene, candidates
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.planning.search import best_layouts
 from thesis_lib.studies.request import ParameterError
@@ -122,10 +120,6 @@ class Plan:
     candidates: int
 
 
-class ImpossibleError(ParameterError):
-    """A plan that cannot be; the message is one line and names the binding limit."""
-
-
 def plan(
     request: PlanRequest, body: Body | None = None, tell: Callable[[str], object] = lambda _: None
 ) -> Plan:
@@ -159,7 +153,7 @@ def plan(
         scene = request.scene(body, kinds[0])
         grid = candidates(scene, np.radians(request.step_deg))
         if not len(grid):
-            raise _nowhere(scene, request)
+            raise nowhere(scene, request)
         total += len(grid)
         options += _options(scene, grid, kinds, request, rate, tell)
     options.sort(key=lambda one: (one.kind, len(one.layout)))
@@ -212,7 +206,7 @@ def _options(
     asked = request.objective, request.starts, request.seed
     made = best_layouts(scene, grid, counts, *asked, placed)
     if all(layout is None for layout in made):
-        raise _no_room(scene, grid, counts[0], request)
+        raise no_room(scene, grid, counts[0], request)
     known = information(scene, grid)
     factor = errors.averaged(scene)
     options = []
@@ -250,105 +244,4 @@ def _cheapest(
     for i in order:
         if max(options[i].error, float(verified[i].simulated.max())) <= target:
             return i
-    raise _unreached(options[front[-1]], request)
-
-
-# What cannot be, and which limit it is that binds.
-
-
-def _text(request: PlanRequest, field: str) -> str:
-    value = getattr(request, field)
-    return f"{field}={list(value) if isinstance(value, tuple) else value}"
-
-
-def _nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
-    """No place is allowed: because of which limits."""
-    step = np.radians(request.step_deg)
-    found = binding(scene, step)
-    if found:
-        text = " or ".join(_text(request, field) for field in found)
-        why = f"binding: {text} (any of these eased alone leaves places)"
-        return ImpossibleError(f"plan: no camera may stand anywhere; {why}")
-    bare = scene
-    for field in FIELDS:
-        if field not in ("tilt_deg", "in_view"):
-            reach = scene.body.reach + max(scene.peaks)
-            bare = replace(bare, rules=without(bare.rules, field, reach))
-    if not np.any(sees_enough(bare, candidates(bare, step))):
-        return ImpossibleError(
-            f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} and "
-            f"{_text(request, 'in_view')}"
-        )
-    return ImpossibleError(
-        "plan: no camera may stand anywhere; binding: several limits together, of which to ease "
-        "one alone is not enough"
-    )
-
-
-def _no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> ImpossibleError:
-    """Places there are, but no layout: cameras too close, or a marker that two do not see."""
-    seen = (information(scene, grid)[0] > 0).sum(axis=0)
-    if seen.min() < 2:
-        worst = int(np.argmin(seen))
-        return ImpossibleError(
-            f"plan: marker {worst + 1} of {len(seen)} is in view of {seen[worst]} of {len(grid)} "
-            f"places, and two cameras must see it; binding: {_text(request, 'tilt_deg')}, "
-            f"{_text(request, 'elevations_deg')}, {_text(request, 'azimuths_deg')}"
-        )
-    open_ = replace(scene, rules=without(scene.rules, "separation_mm", 0))
-    layout, _ = exchange(
-        information(open_, grid), too_near(open_, grid), [-1] * count, request.objective
-    )
-    if -1 not in layout and np.isfinite(layout_cost(open_, grid[layout], request.objective)):
-        return ImpossibleError(
-            f"plan: {count} cameras find no room; binding: {_text(request, 'separation_mm')}"
-        )
-    return ImpossibleError(
-        f"plan: {count} cameras cannot see every marker twice; binding: {_text(request, 'counts')} "
-        f"and {_text(request, 'in_view')}"
-    )
-
-
-def _unreached(best: Option, request: PlanRequest) -> ImpossibleError:
-    """The target is out of reach: what would be needed, and which limit on places costs most."""
-    target, n, scene = request.target_percent, len(best.layout), best.scene
-    assert target is not None
-    ratio = best.error / target
-    eased: dict[str, float] = {}
-    start = _grid_cost(scene, n, request)
-    for field in ("separation_mm", *FIELDS):
-        reach = scene.body.reach + max(scene.peaks)
-        free = replace(scene, rules=without(scene.rules, field, reach))
-        if field == "in_view" or _same(free, scene):
-            continue
-        eased[field] = best.error * np.sqrt(_grid_cost(free, n, request) / start)
-    most = min(eased, key=lambda field: eased[field], default="")
-    text = (
-        f"plan: target_percent: given {target:g}, but the best of these plans ({n} cameras, "
-        f"{best.resolution[0]}×{best.resolution[1]} px) reaches {best.error:.3g}; binding: "
-        f"resolutions_px and counts (it takes about {best.resolution[0] * ratio:.0f} px across, or "
-        f"{int(np.ceil(n * ratio**2))} cameras)"
-    )
-    if most and eased[most] < 0.99 * best.error:
-        least = f"(without it about {eased[most]:.3g})"
-        text += f"; of the limits on places {_text(request, most)} costs most {least}"
-    return ImpossibleError(text)
-
-
-def _same(one: Scene, other: Scene) -> bool:
-    return all(
-        np.array_equal(getattr(one.rules, name), getattr(other.rules, name))
-        for name in one.rules.__dataclass_fields__
-    )
-
-
-def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
-    """Cost of the best layout on a coarse grid; infinite if there is no room."""
-    grid = candidates(scene, np.radians(max(request.step_deg, 15.0)))
-    if not len(grid):
-        return np.inf
-    known = information(scene, grid)
-    chosen, _ = exchange(known, too_near(scene, grid), [-1] * n, request.objective)
-    if -1 in chosen:
-        return np.inf
-    return float(cost(variances(known[:, chosen].sum(axis=1)), request.objective))
+    raise unreached(options[front[-1]], request)

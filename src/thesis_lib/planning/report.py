@@ -24,7 +24,7 @@ from thesis_lib.planning.structure_file import read_body
 from thesis_lib.plotting.style import svg
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_provenance
-from thesis_lib.web.page import shell
+from thesis_lib.web.shell import shell
 
 COLUMNS = ("camera", "x_mm", "y_mm", "z_mm", "azimuth_deg", "elevation_deg", "distance_mm",
            "focal_length_mm", "width_px", "height_px", "frame_rate_hz")  # fmt: skip

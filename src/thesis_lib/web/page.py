@@ -1,7 +1,6 @@
 """Self-contained pages: an executed notebook, or a list of links, as one HTML file.
 
-A page loads nothing, which its own content security policy enforces. It is for a single run; the
-book is rendered by :mod:`thesis_lib.book.site`.
+It is for a single run; the book is rendered by :mod:`thesis_lib.book.site`.
 """
 
 from __future__ import annotations
@@ -27,8 +26,7 @@ from pygments.lexers import PythonLexer  # type: ignore[import-untyped, unused-i
 from thesis_lib import records
 from thesis_lib.asides import aside
 from thesis_lib.files import workplace
-
-__all__ = ["INSTALLED", "MATHJAX", "BookError", "index_page", "page", "shell"]
+from thesis_lib.web.shell import shell
 
 MATHJAX = "mathjax/tex-svg-full.js"
 """Path of MathJax inside ``build/assets``: one file, drawing with SVG, without fonts to load."""
@@ -42,54 +40,6 @@ _TARGET = re.compile(r"(.+?)\s*<([^<>]+)>", re.DOTALL)
 _BOOK_LINK = re.compile(r'<a href="(?![\w+.-]+:|#|[^"]*\.html)[^"]*">(.*?)</a>', re.DOTALL)
 _LABELLED = re.compile(r"\$\$\s*\(([\w:.-]+)\)")
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' blob: data:; style-src 'unsafe-inline'; "
-    "img-src data: blob:; media-src data: blob:; font-src data:; connect-src data: blob:"
-)
-_CSS = """
-:root { color-scheme: light dark; --line: #8886; --soft: #8881; --link: light-dark(#0a5aa8, #8cc2ff); }
-body { font: 1rem/1.55 system-ui, sans-serif; margin: 0 auto; max-width: 54rem; padding: 1rem;
-  background: light-dark(#fff, #14181e); color: light-dark(#222, #ddd); overflow-wrap: break-word; }
-a { color: var(--link); }
-h1, h2, h3 { line-height: 1.25; }
-img, svg, canvas, video { max-width: 100%; }
-select, input { max-width: 100%; font: inherit; }
-figure { margin: 1.5rem 0; }
-figure img { background: #fff; border-radius: 4px; display: block; height: auto; margin: 0 auto; }
-figcaption { font-size: .9rem; opacity: .85; margin-top: .4rem; }
-pre { background: var(--soft); font-size: .82rem; line-height: 1.35; padding: .6rem; }
-pre, .output, .scroll, .math.block { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .85rem; }
-.output :is(th, td) { white-space: nowrap; }
-th, td { border-bottom: 1px solid var(--line); padding: .25rem .6rem; text-align: right; }
-aside { border-left: 3px solid var(--link); padding: .1rem 1rem; background: var(--soft); }
-details { border-left: 3px solid var(--line); margin: .5rem 0; padding-left: .6rem; }
-summary { cursor: pointer; font-size: .8rem; opacity: .75; }
-.tl-under-figure { font-size: .82rem; margin-top: -1rem; }
-.tl-provenance :is(dd, code) { overflow-wrap: anywhere; }
-.tl-provenance .tl-download { border: 1px solid; border-radius: 4px; padding: .2rem .7rem; }
-mjx-container[jax="SVG"] { max-width: 100%; overflow: auto hidden; vertical-align: bottom; }
-mjx-container[jax="SVG"] > svg { max-width: none; }
-@media (prefers-color-scheme: dark) {
-  .output.html:not(:has(table.dataframe, .tl-fragment, .theme-aware)) { background: #fff; color: #222;
-    color-scheme: light; border-radius: 4px; padding: .5rem; } }
-@media (max-width: 600px) { pre, table { font-size: .72rem; } }
-@media print { details::details-content { content-visibility: visible !important; } pre { white-space: pre-wrap; } }
-"""  # noqa: E501
-# Equations are where `_math` has put them, and nowhere else: not in what readers have named. And
-# what they say makes no links, attributes or scripts.
-_MATHJAX_SETUP = """{
-  options: {enableMenu: false, ignoreHtmlClass: "plain", processHtmlClass: "math"},
-  tex: {packages: {"[-]": ["html", "require", "autoload"]}},
-  svg: {fontCache: "local"}}"""
-_CODE_CSS = "\n".join(
-    (
-        HtmlFormatter(style="xcode", nobackground=True).get_style_defs(".highlight"),
-        "@media (prefers-color-scheme: dark) {",
-        HtmlFormatter(style="github-dark", nobackground=True).get_style_defs(".highlight"),
-        "}",
-    )
-)
 
 
 class BookError(RuntimeError):
@@ -305,29 +255,3 @@ def _myst(cell: Mapping[str, Any], key: str) -> dict[str, Any]:
     options = cell["metadata"].get("mystnb", {})
     found = options.get(key, {}) if isinstance(options, dict) else {}
     return dict(found) if isinstance(found, dict) else {}
-
-
-def shell(title: str, body: str, mathjax: str = "") -> str:
-    """A whole HTML page around `body`, which loads nothing; with MathJax if that is given."""
-    body = body.replace("<pre>", '<pre tabindex="0">')  # wide ones scroll, also by keyboard
-    scripts = ""
-    if mathjax:
-        setup = f"window.MathJax = {_MATHJAX_SETUP};"
-        scripts = f"<script>{setup}</script>\n<script>{mathjax}</script>\n"
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{escape(title)}</title>
-<link rel="icon" href="data:,">
-<style>{_CSS}{_CODE_CSS}</style>
-</head>
-<body class="plain">
-<main>
-{body}
-</main>
-{scripts}</body>
-</html>
-"""

@@ -21,7 +21,7 @@ from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import saved
 from thesis_lib.vision.lens import project
-from thesis_lib.web.page import shell
+from thesis_lib.web.shell import shell
 
 Pictures = dict[str, tuple[str, bytes]]  # name: kind of file and content
 LOST = 0.05  # share of the frames from which on a camera's lost markers are told
