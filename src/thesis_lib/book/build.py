@@ -138,7 +138,7 @@ def _stand_in(plan: _Plan, steps: Sequence[tasks.Task], failed: Mapping[str, str
 
 def _tasks(plan: _Plan) -> list[tasks.Task]:
     """All steps of the book that have not failed."""
-    root, executed = plan.root, plan.executed
+    root, executed, library = plan.root, plan.executed, files.library_files()
     made = [job.cube for job in plan.ran]
     numbers = [executed / f"{name}.md" for name in pieces_write.PIECES]
     pages = [p for p in (root / "book").rglob("*") if p.is_file() and executed not in p.parents]
@@ -179,46 +179,37 @@ def _tasks(plan: _Plan) -> list[tasks.Task]:
         tasks.task(
             "numbers",
             lambda: pieces_write.write(made, executed, without),
-            [*made, *costs, *files.library_files()],
+            [*made, *costs, *library],
             numbers,
         ),
         tasks.task(
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),
-            [*made, *files.library_files()],
+            [*made, *library],
             [picture_of_all],
         ),
         tasks.task(
             "walk through chapter 5",
             lambda: _walk_through(executed),
-            [*made, *files.library_files()],
+            [*made, *library],
             walk,
         ),
         tasks.task(
             "reference of own recordings",
             lambda: reference.write(executed),
-            files.library_files(),
+            library,
             told,
         ),
         tasks.task(
             "index, assumptions, explorer, form",
             lambda: _tell(executed),
-            [*files.library_files(), *(root / "book").glob("*.md"), *published],
+            [*library, *(root / "book").glob("*.md"), *published],
             own_words,
         ),
         tasks.task(
             "pages",
             lambda: _render(plan),
-            [
-                *sources,
-                picture_of_all,
-                *walk,
-                *told,
-                *own_words,
-                *checked,
-                *mathjax,
-                *files.library_files(),
-            ],
+            [*sources, picture_of_all, *walk, *told, *own_words, *checked, *mathjax, *library],
             [plan.index.parent, plan.archive],
         ),
     ]

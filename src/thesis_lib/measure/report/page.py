@@ -236,9 +236,7 @@ def _tracking(data: xr.Dataset) -> pd.DataFrame:
             "frames": data["frames"].values,
             "lost in %": _texts(100 * data["missing"].mean("marker").values, ".2f"),
             "markers never found": (data["missing"].values > 0.999).sum(axis=1),
-            "scatter of centres in px": _texts(
-                np.array([rms(own) for own in data["centre_scatter"].values]), ".3f"
-            ),
+            "scatter of centres in px": _texts(map(rms, data["centre_scatter"].values), ".3f"),
             "start in ms": _texts(1e3 * data["delay"].values, "+.3f"),
         }
     )
@@ -274,7 +272,7 @@ def _spread(data: xr.Dataset) -> float:
         return rms(change / data["without_deviation"].values)
 
 
-def _texts(values: np.ndarray, form: str) -> list[str]:
+def _texts(values: Iterable[float], form: str) -> list[str]:
     return ["—" if np.isnan(value) else format(float(value), form) for value in values]
 
 
