@@ -44,8 +44,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             axes.vlines(position, low, high, color="#222222", linewidth=1.2)
             axes.plot([], [], "|", color="#222222", markersize=10, markeredgewidth=1.2,
                       label=hidden + "5–95 % of trials")  # fmt: skip
-            axes.plot(position, median, "o", color="#222222", markersize=4,
-                      label=hidden + "median")  # fmt: skip
+            axes.plot(position, median, "o", color="#222222", markersize=4, label=hidden + "median")
         axes.plot(position, bars.predicted, "_", color="#222222", markersize=18 / len(groups),
                   label=hidden + part.attrs["predicts"])  # fmt: skip
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]

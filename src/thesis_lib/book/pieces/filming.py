@@ -72,8 +72,7 @@ def _elevations() -> str:
         of = seen_from((0, 180), float(degrees)).table[0]
         rows.append([f"{degrees}°", f"{100 * np.cos(phi):.0f} %", f"{of.across_px:.1f}",
                      f"{1 / np.tan(phi):.1f}", f"{one:.0f}"])  # fmt: skip
-    header = ["elevation", "deflection seen", "markers high, px", "slides, mm/mm",
-              "one frame, µm"]  # fmt: skip
+    header = ["elevation", "deflection seen", "markers high, px", "slides, mm/mm", "one frame, µm"]
     return table(header, rows) + (
         "\nTwo cameras that face each other. *Slides*: along the plane at rest, where its "
         "neighbours are, a marker seems to move so far for each mm of deflection. The last column "

@@ -28,9 +28,8 @@ def totals_table(cube: xr.Dataset) -> Markdown:
         for kind, words in KINDS.items():
             for counted in (True, False):
                 part = [
-                    e for e in found
-                    if (e.chapter, e.kind, e.counted) == (chapter, kind, counted)
-                ]  # fmt: skip
+                    e for e in found if (e.chapter, e.kind, e.counted) == (chapter, kind, counted)
+                ]
                 if part:
                     mark = "" if counted else " †"
                     numbers = [str(n) for n in ledger.totals(part).values()]

@@ -197,8 +197,7 @@ def _dataset(
     add("rest", (), manifest.excitation.rest_s, "s", "time at rest at the start")
     add("full_scale", (), manifest.excitation.force_per_full_scale_n or np.nan, "N",
         "force at full scale of the audio tracks")  # fmt: skip
-    add("frame_rate", ("camera",), [c.frame_rate_hz for c in manifest.cameras], "Hz",
-        "frame rate")  # fmt: skip
+    add("frame_rate", ("camera",), [c.frame_rate_hz for c in manifest.cameras], "Hz", "frame rate")
     add("delay", ("camera",), found.delays, "s", "start after the reference camera's")
     add("delay_frames", ("camera",), found.frames, "1", "the same in whole frames")
     add("frequency", (), sound.frequency, "Hz", "frequency of the force")
@@ -208,8 +207,7 @@ def _dataset(
     add("steady", ("end",), sound.steady, "s", "steady part on the reference camera's clock")
     poses = ("calibration", "camera")
     cameras = [adjusted.cameras for adjusted in both]
-    add("K", (*poses, "i", "j"), [[c.K for c in row] for row in cameras], "px",
-        "intrinsic matrix")  # fmt: skip
+    add("K", (*poses, "i", "j"), [[c.K for c in row] for row in cameras], "px", "intrinsic matrix")
     add("distortion", (*poses, "coefficient"), [[c.distortion for c in row] for row in cameras],
         "1", "k1, k2, p1, p2, k3")  # fmt: skip
     add("R_camera_world", (*poses, "i", "j"), [[c.R_camera_world for c in row] for row in cameras],

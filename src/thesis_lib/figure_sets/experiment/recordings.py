@@ -161,7 +161,7 @@ def _pictures(rig: Rig, camera: lens.Camera, folder: Path) -> xr.Dataset:
             ),
             "picture_sound": (("camera", "sample"), sound),
         },
-    )  # fmt: skip
+    )
     data.attrs["spare_matches"] = spare
     data["picture_sound"].attrs["rate_hz"] = 1000.0
     data["picture_moved"].attrs["frame"] = peak

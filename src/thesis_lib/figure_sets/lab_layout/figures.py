@@ -85,8 +85,7 @@ def _errors(axes: Axes, part: xr.Dataset) -> None:
     error = part["mean_error"].transpose("setting", "trial").values
     axes.plot(values, part["predicted_error"], "--", color=DARK, linewidth=1.2,
               label="law, centres equally exact")  # fmt: skip
-    axes.plot(values, part["noise_error"], "-", color=COLORS[5], linewidth=1,
-              label="scatter alone")  # fmt: skip
+    axes.plot(values, part["noise_error"], "-", color=COLORS[5], linewidth=1, label="scatter alone")
     axes.plot(values, part["bias_error"], "-", color=COLORS[1], linewidth=1, label="bias alone")
     if error.shape[1] > 1:
         low, high = np.quantile(error[:, 1:], [0.05, 0.95], axis=1)
@@ -188,8 +187,7 @@ def _plans(place: SubFigure, part: xr.Dataset) -> None:
             axes.add_patch(Rectangle((-length / 2, -width / 2), length, width,
                                          color=REFERENCE, linewidth=0))  # fmt: skip
             axes.plot(*every.T, ".", color="#cccccc", markersize=3)
-            for name, (x, y) in zip(str(one["label"].item()).split("–"), _places(one),
-                                    strict=True):  # fmt: skip
+            for name, (x, y) in zip(str(one["label"].item()).split("–"), _places(one), strict=True):
                 axes.plot([0, x], [0, y], color=COLORS[0], linewidth=0.6, alpha=0.6)
                 axes.plot(x, y, "o", color=COLORS[0], markersize=4)
                 axes.annotate(name, (1.17 * x, 1.17 * y), ha="center", va="center", fontsize=7)

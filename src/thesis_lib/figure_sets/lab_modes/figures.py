@@ -95,8 +95,7 @@ def _spectrum_panel(axes: Axes, part: xr.Dataset, r: int) -> None:
               color=color(r), linewidth=1.2)  # fmt: skip
     true, shown = float(part["frequency"]), float(part["alias_frequency"][r])
     aliased = abs(true - shown) > 1e-6
-    axes.axvline(shown, color=HIGHLIGHT if aliased else "#222222", linewidth=0.8,
-                 linestyle="--")  # fmt: skip
+    axes.axvline(shown, color=HIGHLIGHT if aliased else "#222222", linewidth=0.8, linestyle="--")
     text = f"{shown:.1f} Hz" + (f", an alias of {true:.1f} Hz" if aliased else "")
     right = shown > 0.6 * rate / 2
     axes.annotate(text, (shown, 1.0), (-3 if right else 3, 1), textcoords="offset points",

@@ -82,8 +82,7 @@ def pixels(cube: xr.Dataset) -> Figure:
                              layout="constrained")  # fmt: skip
     for one, axis in zip(range(number), axes[:, 0], strict=True):
         part = cube.isel(width=one)
-        axis.imshow(part["pixelated"].values, cmap="gray", vmin=0, vmax=255,
-                    interpolation="none")  # fmt: skip
+        axis.imshow(part["pixelated"].values, cmap="gray", vmin=0, vmax=255, interpolation="none")
         axis.set_title(
             f"{int(part['width'])} pixels across: {1000 * float(part['pixel_size']):.2g} mm each; "
             f"contrast of the markers {float(part['marker_contrast']):.0f} %"

@@ -23,7 +23,7 @@ _THESIS = {  # of what is said of the thesis's own layouts
     "thesis_expected": "the averaged error of the thesis's layout",
     "thesis_predicted": "error of the worst mode of the thesis's layout by the law",
     "thesis_simulated": "rms error of the worst mode of the thesis's layout over the trials",
-}  # fmt: skip
+}
 
 
 def run(study: Planner) -> xr.Dataset:

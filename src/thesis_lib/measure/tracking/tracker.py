@@ -91,8 +91,7 @@ def _best_blur(image: Image, view: View, found: Array) -> float:
 
     if misfit(view.blur) == 1e3:
         return view.blur
-    return float(minimize_scalar(misfit, bounds=BLURS, method="bounded",
-                                 options={"xatol": 0.01}).x)  # fmt: skip
+    return float(minimize_scalar(misfit, bounds=BLURS, method="bounded", options={"xatol": 0.01}).x)
 
 
 def gate_of(markers: Markers) -> float:

@@ -181,8 +181,7 @@ def _measure(axes: Axes, start: tuple[float, float], end: tuple[float, float], t
     axes.annotate("", end, start, arrowprops={"arrowstyle": "<->", "color": INK, "linewidth": 0.8,
                                               "shrinkA": 0, "shrinkB": 0})  # fmt: skip
     u, v = np.mean([start, end], axis=0)
-    axes.text(u, v, text, ha="center", va="center", color=INK,
-              bbox=GROUND | {"pad": 1.5})  # fmt: skip
+    axes.text(u, v, text, ha="center", va="center", color=INK, bbox=GROUND | {"pad": 1.5})
 
 
 # The board.
