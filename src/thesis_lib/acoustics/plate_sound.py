@@ -63,8 +63,9 @@ class PlateSound:
         disordered = [omega * np.linalg.norm(F) * np.abs(reference).max() for F in factors]
         nodal = largest <= NODAL * np.maximum(largest, disordered).max()
         resistance = radiation_matrix(pistons(plate), omega, medium)
-        return cls(omega, reference, operators, factors, np.where(nodal, np.nan, largest),
-                   resistance)  # fmt: skip
+        return cls(
+            omega, reference, operators, factors, np.where(nodal, np.nan, largest), resistance
+        )
 
     def fields(self, deflection: ArrayLike) -> ComplexArray:
         """Pressure (planes, u, z) in Pa of a deflection (markers,) in m."""

@@ -127,10 +127,11 @@ def _structure(structure: Structure, markers: Markers) -> StructureSpec:
         "hole_mm": markers.hole and (_mm(markers.hole[0]), _mm(markers.hole[1])),
     }
     rows = {
-        "rows": len(markers.rows), "columns": markers.columns,
+        "rows": len(markers.rows),
+        "columns": markers.columns,
         "spacing_mm": _mm(float(np.diff(markers.centres[0, :2])[0])),
         "row_spacing_mm": _mm(markers.row_spacing) if len(markers.rows) > 1 else 10.0,
-    }  # fmt: skip
+    }
     points = tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)
 
     def spec(layout: dict[str, Any]) -> StructureSpec:

@@ -273,8 +273,9 @@ def light_of(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Senso
         grey: Any = (part + sensor.background).astype(np.float32)  # OpenCV's types are wide
         if sensor.spread > 0:
             taps = 2 * FINE * margin - 1
-            grey = cv2.GaussianBlur(grey, (taps, taps), FINE * sensor.spread,
-                                    borderType=cv2.BORDER_REPLICATE)  # fmt: skip
+            grey = cv2.GaussianBlur(
+                grey, (taps, taps), FINE * sensor.spread, borderType=cv2.BORDER_REPLICATE
+            )
         grey = cv2.resize(grey, (high - low).tolist(), interpolation=cv2.INTER_AREA)
         box = slice(int(top), int(bottom)), slice(int(left), int(right))
         picture[box] = grey

@@ -23,8 +23,9 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     for index in chosen:
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = "best" if index == chosen[0] else "worst"
-        axes[0, 1].plot(x, measured, ".-", color=color(index), linewidth=1,
-                        label=f"{labels[index]} ({name})")  # fmt: skip
+        axes[0, 1].plot(
+            x, measured, ".-", color=color(index), linewidth=1, label=f"{labels[index]} ({name})"
+        )
         error = part["point_error"].values[index]
         axes[1, 0].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
     axes[0, 1].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")

@@ -60,8 +60,9 @@ def _by_setting(cube: xr.Dataset, error: str) -> list[dict[str, Any]]:
     for case in dict.fromkeys(cube["case"].values.tolist()):
         rows = np.flatnonzero(cube["case"].values == case).tolist()
         for mode in modes:
-            said |= {(r, mode): c for r, c in zip(
-                rows, stated(cube, case, mode, error), strict=True)}  # fmt: skip
+            said |= {
+                (r, mode): c for r, c in zip(rows, stated(cube, case, mode, error), strict=True)
+            }
     return [
         {"parameter": str(cube["parameter"].values[s]),
          "predicted": np.nan if predicted is None else float(predicted[s, m]),

@@ -34,8 +34,9 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     cases = dict(zip(cube["case"].values.tolist(), cube["case_title"].values, strict=True))
     modes = cube["mode"].values.tolist()
     size: dict[str, Any] = {
-        "length_mm": round(1000 * length, 3), "width_mm": round(1000 * width, 3)
-    }  # fmt: skip
+        "length_mm": round(1000 * length, 3),
+        "width_mm": round(1000 * width, 3),
+    }
     if structure == "panel":
         cube = _in_cells(cube)
         size["contours_mm"] = [_rounded(1000 * c) for c in outlines.contours(cube)]

@@ -80,8 +80,9 @@ def _rig(setting: Setting, directions: Sequence[Direction], finer: float) -> Cam
     focal = reading["focal_length_mm"] / reading["sensor_width_mm"] * across
     width, height = (round(finer * side) for side in setting.resolution_px)
     azimuth, elevation = np.radians(directions).T
-    return hemisphere_cameras(setting.distance_mm / 1000, azimuth, elevation, focal,
-                              (width, height))  # fmt: skip
+    return hemisphere_cameras(
+        setting.distance_mm / 1000, azimuth, elevation, focal, (width, height)
+    )
 
 
 def pixels() -> str:

@@ -58,9 +58,10 @@ def find(rows: Sequence[Row], cameras: int, refined: bool, name: str) -> Row | N
 def fastest_peer(rows: Sequence[Row], cameras: int, refined: bool) -> Row | None:
     """The fastest of those that are not of this project, nor written for its benchmarks."""
     peers = [
-        row for row in rows
+        row
+        for row in rows
         if row["package"] not in OWN and (row["cameras"], row["refined"]) == (cameras, refined)
-    ]  # fmt: skip
+    ]
     return max(peers, key=rate) if peers else None
 
 

@@ -89,6 +89,7 @@ def readings(cube: xr.Dataset) -> Figure:
     axes.set_yticks(place, names, fontsize=8)
     axes.set(xlim=(0, total), xlabel=f"stated figures met, of {total}")
     axes.grid(visible=False, axis="y")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.4, 1.0), ncols=3,
-                bbox_transform=drawing.transFigure)  # fmt: skip
+    axes.legend(
+        loc="upper center", bbox_to_anchor=(0.4, 1.0), ncols=3, bbox_transform=drawing.transFigure
+    )
     return drawing

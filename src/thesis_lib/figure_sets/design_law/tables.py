@@ -42,8 +42,9 @@ def settings(cube: xr.Dataset) -> str:
         )  # fmt: skip
     header = ["", "settings × modes", "law over simulated, median", "least and largest",
               "independent roundings over law"]  # fmt: skip
-    where = np.unravel_index(np.argmax((cube["naive_error"] / cube["law_error"]).values),
-                             cube["law_error"].shape)  # fmt: skip
+    where = np.unravel_index(
+        np.argmax((cube["naive_error"] / cube["law_error"]).values), cube["law_error"].shape
+    )
     at = cube.isel(setting=int(where[0]), shape=int(where[1]))
     return table(header, rows) + (
         f"\nSimulated with {asked(cube, 'trials')} trials. Independent roundings are farthest "

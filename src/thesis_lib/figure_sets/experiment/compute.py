@@ -151,9 +151,10 @@ def _cube(
                          {"long_name": "frequency of the force", "units": "Hz"})  # fmt: skip
     cube["trial"].attrs["long_name"] = "draw of starts, clocks and noise, 0 for the chain's result"
     cube["reference_deflection"] = (
-        ("mode", "point"), reference[None],
+        ("mode", "point"),
+        reference[None],
         {"units": "m", "long_name": "reference deflection of the markers"},
-    )  # fmt: skip
+    )
     for name, (dims, dtype, units, long_name) in _VARIABLES.items():
         values = np.array([result[name] for result in results]).astype(dtype)
         cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
@@ -165,9 +166,10 @@ def _cube(
     stiffness = natural**2 - omega**2 + 2j * beam.damping * natural * omega
     mobility = 1j * omega * drive**2 / (beam.mass / 4 * stiffness)
     cube["mobility_reference"] = (
-        "part", [mobility.real, mobility.imag],
+        "part",
+        [mobility.real, mobility.imag],
         {"units": "m s-1 N-1", "long_name": "drive-point mobility of the beam, resonant there"},
-    )  # fmt: skip
+    )
     if "shots_used" in data:
         cube["shots_used"] = ("shots_camera", data["shots_used"].values, data["shots_used"].attrs)
     kept = {"missing_share": "tracking_missing", "wrong_share": "tracking_wrong",

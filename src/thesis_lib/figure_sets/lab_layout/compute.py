@@ -157,9 +157,10 @@ def _cube(study: Layouts, settings: list[Setting], results: list[dict[str, Any]]
         cube["value"].attrs["long_name"] += ", in the unit of its name"
     cube["axis"] = ("axis", ["u", "v"], {"long_name": "image coordinate", "units": "1"})
     cube["reference_deflection"] = (
-        ("mode", "point"), results[0]["reference"][None],
+        ("mode", "point"),
+        results[0]["reference"][None],
         {"units": "m", "long_name": "reference deflection of the markers"},
-    )  # fmt: skip
+    )
     for name, (dims, dtype, units, long_name) in _VARIABLES.items():
         values = np.array([result[name] for result in results]).astype(dtype)
         cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})

@@ -90,8 +90,9 @@ def _errors(axes: Axes, part: xr.Dataset) -> None:
     if error.shape[1] > 1:
         low, high = np.quantile(error[:, 1:], [0.05, 0.95], axis=1)
         axes.vlines(values, low, high, color=COLORS[0], linewidth=1.4, label="5–95 % of trials")
-        axes.plot(values, expected(part), "o", color=COLORS[0], markersize=4,
-                  label="rms over the trials")  # fmt: skip
+        axes.plot(
+            values, expected(part), "o", color=COLORS[0], markersize=4, label="rms over the trials"
+        )
     axes.plot(values, error[:, 0], "D", markerfacecolor="none", color=HIGHLIGHT, markersize=4,
               label="rendered run")  # fmt: skip
     whole = complete(part)
@@ -181,11 +182,13 @@ def _plans(place: SubFigure, part: xr.Dataset) -> None:
     for column, n in enumerate(shown):
         own = np.flatnonzero((count == n) & np.isfinite(error))
         order = own[np.argsort(error[own], kind="stable")]
-        for axes, index, word in zip(panels[:, column], order[[0, -1]], ("best", "worst"),
-                                     strict=True):  # fmt: skip
+        for axes, index, word in zip(
+            panels[:, column], order[[0, -1]], ("best", "worst"), strict=True
+        ):
             one = part.isel(setting=int(index))
-            axes.add_patch(Rectangle((-length / 2, -width / 2), length, width,
-                                         color=REFERENCE, linewidth=0))  # fmt: skip
+            axes.add_patch(
+                Rectangle((-length / 2, -width / 2), length, width, color=REFERENCE, linewidth=0)
+            )
             axes.plot(*every.T, ".", color="#cccccc", markersize=3)
             for name, (x, y) in zip(str(one["label"].item()).split("–"), _places(one), strict=True):
                 axes.plot([0, x], [0, y], color=COLORS[0], linewidth=0.6, alpha=0.6)
@@ -199,8 +202,9 @@ def _plans(place: SubFigure, part: xr.Dataset) -> None:
 
 def _places(setting: xr.Dataset) -> Array:
     """Cameras of one setting in plan, X and Y in mm, shape (cameras, 2)."""
-    azimuth, elevation = (np.radians(setting[f"camera_{a}"].values)
-                          for a in ("azimuth", "elevation"))  # fmt: skip
+    azimuth, elevation = (
+        np.radians(setting[f"camera_{a}"].values) for a in ("azimuth", "elevation")
+    )
     centres = 1000 * setting["camera_distance"].values[:, None] * hemisphere_directions(
         azimuth, elevation)  # fmt: skip
     return np.asarray(centres[np.isfinite(centres[:, 0]), :2])
@@ -248,12 +252,14 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
     rows = np.array([[function(error[known & (count == k)]) for k in n]
                      for function in (np.min, np.mean, np.max)])  # fmt: skip
     axes.plot(count, error, ".", color="#c8c8c8", markersize=4)
-    for values, style, name in zip(rows, ("v-", "o-", "^-"), ("best", "mean", "worst"),
-                                   strict=True):  # fmt: skip
+    for values, style, name in zip(
+        rows, ("v-", "o-", "^-"), ("best", "mean", "worst"), strict=True
+    ):
         axes.plot(n, values, style, color=COLORS[0], markersize=4, linewidth=1, label=name,
                   alpha=1.0 if name == "mean" else 0.6)  # fmt: skip
-    axes.plot(n, rows[0, 0] * np.sqrt(n[0] / n), "--", color=DARK, linewidth=1,
-              label="best pair, as 1/√n")  # fmt: skip
+    axes.plot(
+        n, rows[0, 0] * np.sqrt(n[0] / n), "--", color=DARK, linewidth=1, label="best pair, as 1/√n"
+    )
     axes.set(yscale="log", xlabel="cameras", ylabel="% of the largest deflection",
              title="(d) error by the number of cameras")  # fmt: skip
     _plain_ticks(axes.yaxis)

@@ -226,8 +226,9 @@ def shares(cube: xr.Dataset) -> str:
     every, whole = max(error, key=len), part.isel(setting=part.sizes["setting"] - 1)
     rows = []
     for number, name in enumerate(sorted(every)):
-        factor = [error[names | {name}] / without for names, without in error.items()
-                  if name not in names]  # fmt: skip
+        factor = [
+            error[names | {name}] / without for names, without in error.items() if name not in names
+        ]
         if factor:
             rows.append(
                 [name, f"{float(whole['camera_azimuth'][number]):g}°".replace("-", "−"),

@@ -214,8 +214,9 @@ def neighbours(errors: Array, grid: tuple[int, int]) -> float:
     return float(products / pairs / (np.sum(e**2) / (grid[0] * grid[1])))
 
 
-def _add(cube: xr.Dataset, name: str, dims: tuple[str, ...], values: object, units: str,
-         text: str) -> None:  # fmt: skip
+def _add(
+    cube: xr.Dataset, name: str, dims: tuple[str, ...], values: object, units: str, text: str
+) -> None:
     cube[name] = (dims, values, {"units": units, "long_name": text})
 
 
@@ -245,21 +246,24 @@ def _add_fields(cube: xr.Dataset, study: LabPlate, sounds: list[PlateSound]) -> 
     _add_complex(cube, "pressure_reference", ("mode", *plane), reference, "true pressure")
     _add_complex(cube, "pressure_measured", ("case", "mode", "extreme", *plane), measured,
                  "pressure of what was filmed")  # fmt: skip
-    size = [heard.omega / study.medium.speed_of_sound * max(pistons(plate).size)
-            for heard in sounds]  # fmt: skip
+    size = [
+        heard.omega / study.medium.speed_of_sound * max(pistons(plate).size) for heard in sounds
+    ]
     efficiency = []
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "k times the size of a piston")
         for heard in sounds:
             velocity = heard.omega * heard.reference
-            efficiency.append(radiation.radiation_efficiency(
-                pistons(plate), velocity, heard.omega, study.medium))  # fmt: skip
+            efficiency.append(
+                radiation.radiation_efficiency(pistons(plate), velocity, heard.omega, study.medium)
+            )
     extremes = np.array(list(chosen.values()))
     _add(cube, "best_and_worst", ("case", "mode", "extreme"), extremes, "1",
          "index of the setting with the lowest and highest deflection error as filmed")  # fmt: skip
     hertz, radius = cube["frequency"].values, MARKER * study.spacing / 2
-    waves = np.sqrt([h.omega * np.sqrt(plate.mass_per_area / plate.bending_stiffness)
-                     for h in sounds])  # fmt: skip
+    waves = np.sqrt(
+        [h.omega * np.sqrt(plate.mass_per_area / plate.bending_stiffness) for h in sounds]
+    )
     table: list[tuple[str, tuple[str, ...], Any, str, str]] = [
         ("largest_pressure", ("mode", "plane"), [heard.largest for heard in sounds], "Pa",
          "largest reference pressure, NaN where a plane is nodal"),
@@ -282,8 +286,9 @@ def _add_fields(cube: xr.Dataset, study: LabPlate, sounds: list[PlateSound]) -> 
         _add(cube, name, dims, np.asarray(numbers), units, text)
 
 
-def _add_complex(cube: xr.Dataset, name: str, dims: tuple[str, ...], values: ComplexArray,
-                 text: str) -> None:  # fmt: skip
+def _add_complex(
+    cube: xr.Dataset, name: str, dims: tuple[str, ...], values: ComplexArray, text: str
+) -> None:
     for part, numbers in (("real", values.real), ("imag", values.imag)):
         word = "real" if part == "real" else "imaginary"
         _add(cube, f"{name}_{part}", dims, numbers.astype("float32"), "Pa", f"{text}, {word} part")

@@ -48,16 +48,18 @@ def filmed_plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     return drawing
 
 
-def _deflections(drawing: Figure, axes: list[Axes], part: xr.Dataset, chosen: tuple[int, int],
-                 words: list[str]) -> None:  # fmt: skip
+def _deflections(
+    drawing: Figure, axes: list[Axes], part: xr.Dataset, chosen: tuple[int, int], words: list[str]
+) -> None:
     x, y = (np.unique(np.round(part[axis].values, 9)) * 1000 for axis in ("x", "y"))
     reference = part["reference_deflection"].values
     errors = [(part["measured_deflection"].values[i, 0] - reference) * 1e6 for i in chosen]
     largest = max(float(np.nanmax(np.abs(error))) for error in errors)
     peak = 1000 * float(np.abs(reference).max())
-    shown = [("(d) true deflection", reference * 1000, peak),
-             *((f"error, {word}", error, largest)
-               for word, error in zip(words, errors, strict=True))]  # fmt: skip
+    shown = [
+        ("(d) true deflection", reference * 1000, peak),
+        *((f"error, {word}", error, largest) for word, error in zip(words, errors, strict=True)),
+    ]
     pictures = []
     for one, (title, values, limit) in zip(axes, shown, strict=True):
         pictures.append(maps.draw_map(one, values.reshape(len(y), len(x)), x, y, limit))
@@ -68,8 +70,9 @@ def _deflections(drawing: Figure, axes: list[Axes], part: xr.Dataset, chosen: tu
     drawing.colorbar(pictures[1], ax=axes[1:], shrink=0.8, label="error in µm")
 
 
-def _fields(drawing: Figure, axes: list[Axes], cube: xr.Dataset, case: str, mode: int,
-            words: list[str]) -> None:  # fmt: skip
+def _fields(
+    drawing: Figure, axes: list[Axes], cube: xr.Dataset, case: str, mode: int, words: list[str]
+) -> None:
     """The true field on the louder plane, and the errors of the field there."""
     part = cube.sel(mode=mode)
     largest = part["largest_pressure"]
@@ -81,9 +84,10 @@ def _fields(drawing: Figure, axes: list[Axes], cube: xr.Dataset, case: str, mode
     filmed = part["pressure_measured_real"].isel(case=c).sel(plane=plane)
     errors = [100 * (filmed.sel(extreme=e).values - true) / scale for e in ("best", "worst")]
     limit = max(float(np.abs(error).max()) for error in errors)
-    shown = [(f"(e) true pressure, {plane}", 100 * true / scale, 100.0),
-             *((f"error, {word}", error, limit)
-               for word, error in zip(words, errors, strict=True))]  # fmt: skip
+    shown = [
+        (f"(e) true pressure, {plane}", 100 * true / scale, 100.0),
+        *((f"error, {word}", error, limit) for word, error in zip(words, errors, strict=True)),
+    ]
     pictures = []
     for one, (title, values, top) in zip(axes, shown, strict=True):
         pictures.append(maps.draw_map(one, values.T, u, z, top))

@@ -40,8 +40,9 @@ def view(cube: xr.Dataset) -> Figure:
 
 def projection(cube: xr.Dataset) -> Figure:
     """The markers by a pinhole and with one depth, and how far they are apart."""
-    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained",
-                                         width_ratios=[1.25, 1])  # fmt: skip
+    drawing, (left, right) = subplots(
+        1, 2, figsize=SIZE, layout="constrained", width_ratios=[1.25, 1]
+    )
     near = int(np.argmin(cube["shown_distance"].values))
     (u, v), (flat_u, flat_v) = cube["image"].values[near]
     for start, end in zip(zip(u, v, strict=True), zip(flat_u, flat_v, strict=True), strict=True):
@@ -78,8 +79,9 @@ def pixels(cube: xr.Dataset) -> Figure:
     number = cube.sizes["width"]
     rows, columns = cube["pixelated"].shape[1:]
     height = 6.6 * rows / columns + 0.3
-    drawing, axes = subplots(number, 1, figsize=(6.8, number * height), squeeze=False,
-                             layout="constrained")  # fmt: skip
+    drawing, axes = subplots(
+        number, 1, figsize=(6.8, number * height), squeeze=False, layout="constrained"
+    )
     for one, axis in zip(range(number), axes[:, 0], strict=True):
         part = cube.isel(width=one)
         axis.imshow(part["pixelated"].values, cmap="gray", vmin=0, vmax=255, interpolation="none")
@@ -96,9 +98,10 @@ def mosaic(cube: xr.Dataset) -> Figure:
     true, raw, found = cube["colour_picture"].values
     drawing, axes = subplots(2, 2, figsize=(6.4, 4.6), layout="constrained")
     shown = (
-        (true, "(a) what is there"), (raw, "(b) what the sensor records"),
+        (true, "(a) what is there"),
+        (raw, "(b) what the sensor records"),
         (found, "(c) interpolated"),
-    )  # fmt: skip
+    )
     for axis, (picture, title) in zip(axes.flat, shown, strict=False):
         axis.imshow(np.clip(picture, 0, 1), interpolation="none")
         axis.set_title(title)
@@ -127,8 +130,9 @@ def sharpness(cube: xr.Dataset) -> Figure:
         axes.plot(d, far, color=color(int(i)), linewidth=1.3)
     axes.plot(d, d, color=REFERENCE, linewidth=0.8)
     for name, word in (("nearest_depth", "nearest and farthest marker"), ("farthest_depth", "")):
-        axes.plot(d, cube[name].values * 1000, color=INK, linewidth=1, linestyle="--",
-                  label=word or "_")  # fmt: skip
+        axes.plot(
+            d, cube[name].values * 1000, color=INK, linewidth=1, linestyle="--", label=word or "_"
+        )
     _distances(axes, d, "focused distance d in mm")
     logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
     axes.set(ylabel="sharp depths in mm", ylim=(0.8 * least, top))
@@ -150,9 +154,10 @@ def stereo(cube: xr.Dataset) -> Figure:
         axes.plot(d, law, color=color(i), linewidth=1, linestyle="--")
         axes.plot(d[::EVERY], drawn[::EVERY], "o", color=color(i), markersize=3)
     for style, word in (
-        ({"linestyle": "-"}, "fine centres"), ({"linestyle": "--"}, "whole pixels, first order"),
+        ({"linestyle": "-"}, "fine centres"),
+        ({"linestyle": "--"}, "whole pixels, first order"),
         ({"linestyle": "none", "marker": "o", "markersize": 3}, "whole pixels, drawn"),
-    ):  # fmt: skip
+    ):
         axes.plot([], [], color=INK, linewidth=1, label=word, **style)
     _distances(axes, d)
     logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])

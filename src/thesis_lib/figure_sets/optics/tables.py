@@ -214,8 +214,9 @@ def horizons(cube: xr.Dataset) -> str:
     rows = []
     for part in _at_distances(cube):
         u, v = part["vanishing_point"].values
-        rows.append([_mm(part["distance"]), f"({u:.1f}, {v:.1f})",
-                     f"{float(part['edge_angle']):.2f}"])  # fmt: skip
+        rows.append(
+            [_mm(part["distance"]), f"({u:.1f}, {v:.1f})", f"{float(part['edge_angle']):.2f}"]
+        )
     width, height = _asked(cube, "resolution_px")
     header = ["distance, mm", "the edges meet at (u, v), px", "angle between them, °"]
     return table(header, rows) + f"\nThe picture is {width}×{height} px.\n"

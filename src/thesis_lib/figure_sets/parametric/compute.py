@@ -99,9 +99,10 @@ def outline(study: CameraStudy, scheduler: str = "", piece_bytes: int = PIECE_BY
     points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
     cube = xr.Dataset(coords=coordinates(study, study.modes, structure, settings))
     cube["reference_deflection"] = (
-        ("mode", "point"), reference,
+        ("mode", "point"),
+        reference,
         {"units": "m", "long_name": "reference deflection of the markers"},
-    )  # fmt: skip
+    )
     add_cameras(cube, settings)
     order = ("reference_deflection", *VARIABLES, *CAMERAS)
     large = {

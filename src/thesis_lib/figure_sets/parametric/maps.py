@@ -68,10 +68,11 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     nodal = part["independent_ratio"].isnull()
     ideal = part["pressure_reference_real"]
     limits = {
-        plane: max(float(abs(ideal.sel(plane=plane)).max()),
-                   float(abs(measured.sel(plane=plane)).max()))
+        plane: max(
+            float(abs(ideal.sel(plane=plane)).max()), float(abs(measured.sel(plane=plane)).max())
+        )
         for plane in ("XZ", "YZ")
-    }  # fmt: skip
+    }
     for row, plane in zip(("cde", "fgh"), ("XZ", "YZ"), strict=True):
         silent = bool(nodal.sel(plane=plane))
         limit = max(limits.values()) if silent else limits[plane]

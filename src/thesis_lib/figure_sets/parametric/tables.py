@@ -23,12 +23,13 @@ def error_table(cube: xr.Dataset) -> Markdown:
             law = cubes.predicted(cube, error).sel(mode=mode)
             rows = table.loc[[(error, mode)]].to_dict("records")
             columns[f"mode {mode}" + (f", {plane}" if plane else "")] = [
-                _of_larger(cube, number, mode, plane) if np.isnan(row["trial_0"]) else
-                f"{cubes.percent_text(row['trial_0'])} · "
+                _of_larger(cube, number, mode, plane)
+                if np.isnan(row["trial_0"])
+                else f"{cubes.percent_text(row['trial_0'])} · "
                 f"{cubes.band_text(row['median'], row['low'], row['high'])}"
                 f" · {cubes.percent_text(value)}"
                 for number, (row, value) in enumerate(zip(rows, law.values, strict=True))
-            ]  # fmt: skip
+            ]
     cases, labels = cube["case"].values.tolist(), cube["label"].values.tolist()
     shares = [f"{share:.0%}" for share in cube["in_view"].values]
     rows_ = [list(row) for row in zip(cases, labels, *columns.values(), shares, strict=True)]

@@ -40,8 +40,9 @@ def layouts(cube: xr.Dataset) -> Figure:
     shown = [q for q in cube["question"].values.tolist() if "read" not in str(q)]
     across = 3
     rows = -(-len(shown) // across)
-    drawing, grid = subplots(2 * rows, across, figsize=(7.6, 3.6 * rows), layout="constrained",
-                             squeeze=False)  # fmt: skip
+    drawing, grid = subplots(
+        2 * rows, across, figsize=(7.6, 3.6 * rows), layout="constrained", squeeze=False
+    )
     columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
     for column, question in zip(columns, shown, strict=False):
         part = cube.sel(question=question).isel(option=near(cube, question, DRAWN))

@@ -112,10 +112,11 @@ class Planner(Study):
         grown = setups.array_settings(list(setups.pairs()), order, {}, near, self.resolutions_px[0])
         focal = self.focal_length_mm / self.sensor_width_mm
         return {
-            (one.case, len(one.directions_deg)):
-                at(np.radians(one.directions_deg), one.distance_mm / 1000, focal)
+            (one.case, len(one.directions_deg)): at(
+                np.radians(one.directions_deg), one.distance_mm / 1000, focal
+            )
             for one in grown
-        }  # fmt: skip
+        }
 
     def _question(self, body: str, more: dict[str, Any]) -> PlanRequest:
         amplitude = self.beam_amplitude_mm if body == "beam" else self.plate_amplitude_mm

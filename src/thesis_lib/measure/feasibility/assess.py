@@ -284,8 +284,9 @@ def describe(assessment: Assessment) -> list[str]:
         ("whole-pixel centres, one frame near a maximum", rig.rounding),
     ):
         lines.append(f"  {what:<50}{_number(values[0]):>10}{_number(values[1]):>10}")
-    lines.append(f"{'smallest deflection, three errors of the fit, mm':<62}"
-                 f"{_number(rig.smallest_mm):>10}")  # fmt: skip
+    lines.append(
+        f"{'smallest deflection, three errors of the fit, mm':<62}{_number(rig.smallest_mm):>10}"
+    )
     alike: dict[tuple[str, ...], list[str]] = {}
     for one in assessment.warnings:
         alike.setdefault((one.code, one.text, one.where.split("]")[-1]), []).append(one.where)

@@ -138,10 +138,11 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     try:
         files = place.glob("*") if inside else folder.glob(camera.shots)
         pictures = [
-            file for file in files
+            file
+            for file in files
             if not file.name.startswith(".")  # as macOS puts beside those it copies
             and (not inside or file.suffix.lower() in PICTURES)
-        ]  # fmt: skip
+        ]
         return [*sorted(pictures, key=lambda file: _by_number(file.name))]
     except (ValueError, NotImplementedError):  # no pattern that pathlib knows
         return []

@@ -153,8 +153,9 @@ def photograph(own: Recording, video: Path, manifest: Manifest, outline: Array) 
     with in_style():
         figure = Figure(figsize=(WIDE, WIDE * (bottom - top) / (right - left)))
         axes: Axes = figure.add_axes((0, 0, 1, 1))
-        axes.imshow(image[::step, ::step], cmap="gray", vmin=0, vmax=255,
-                    extent=(0, width, height, 0))  # fmt: skip
+        axes.imshow(
+            image[::step, ::step], cmap="gray", vmin=0, vmax=255, extent=(0, width, height, 0)
+        )
         axes.plot(*found, "+", color=HIGHLIGHT, markersize=5, markeredgewidth=0.8)
         axes.plot(*np.column_stack([outline, outline[:, :1]]), color=COLORS[5], linewidth=0.8)
         axes.set_xlim(left, right)

@@ -91,8 +91,9 @@ def summary(data: xr.Dataset) -> list[str]:
 def warnings(data: xr.Dataset) -> list[str]:
     """What a reader should know before trusting the result, one line each."""
     lines = []
-    for name, share in zip(data["camera"].values, data["missing"].mean("marker").values,
-                           strict=True):  # fmt: skip
+    for name, share in zip(
+        data["camera"].values, data["missing"].mean("marker").values, strict=True
+    ):
         if share > LOST:
             lines.append(f"Camera {name} lost {share:.0%} of its marker images.")
     scatter = data["centre_scatter"].values

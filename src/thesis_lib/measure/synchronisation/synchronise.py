@@ -185,15 +185,17 @@ def synchronise(
     check_signals(signals, rates, shortest_of(frequency), names)
     if frequency is not None:
         check_rate(rates[0], frequency)
-    low = [decimated(x, rates[0], ROOM_RATE if sound == "room" else CORRELATION_RATE)
-           for x in signals]  # fmt: skip
+    low = [
+        decimated(x, rates[0], ROOM_RATE if sound == "room" else CORRELATION_RATE) for x in signals
+    ]
     first, low_rate = low[reference]
     matches = {
-        i: room_match(first, x, low_rate, max_delay) if sound == "room"
+        i: room_match(first, x, low_rate, max_delay)
+        if sound == "room"
         else force_match(first, x, low_rate, frequency, max_delay)
         for i, (x, _) in enumerate(low)
         if i != reference
-    }  # fmt: skip
+    }
     tones, tone_rate = [], rates[0]
     if frequency is not None:
         both = [decimated(x, rates[0], TONE_RATE * frequency) for x in signals]

@@ -139,8 +139,9 @@ def board(data: xr.Dataset) -> Figure:
         first = corners[:, part[0]]
         for there, name in ((corners[:, part[0] + 1], "x"), (corners[:, part[0] + nx], "y")):
             end = first + 1.5 * (there - first)
-            left.annotate("", end, first, arrowprops={"arrowstyle": "->", "color": RED,
-                                                      "linewidth": 2})  # fmt: skip
+            left.annotate(
+                "", end, first, arrowprops={"arrowstyle": "->", "color": RED, "linewidth": 2}
+            )
             _note(left, first + 1.75 * (there - first), name)
         zoomed = corners[:, part[20]]
         box = _around(zoomed[:, None], 1.0, 10, picture.shape[::-1])
@@ -223,8 +224,9 @@ def plane(data: xr.Dataset) -> Figure:
         for panel in axes[1:]:
             _edged(panel, SKY)
         _crosses(axes[1], grid, PINK, 11, rim=False)
-        axes[2].plot(*matches[:, taken], "o", color=GREEN, markersize=15, fillstyle="none",
-                     markeredgewidth=2)  # fmt: skip
+        axes[2].plot(
+            *matches[:, taken], "o", color=GREEN, markersize=15, fillstyle="none", markeredgewidth=2
+        )
         for panel, big in ((axes[0], 6.0), (axes[2], 15.0)):
             panel.plot(*matches[:, ~taken], "s", color=RED, markersize=big, fillstyle="none",
                        markeredgewidth=1.2 if panel is axes[0] else 2)  # fmt: skip
@@ -243,8 +245,9 @@ def centres(data: xr.Dataset) -> Figure:
     still, moved = _rest(data), _rest(data, frame=moved_frame)
     shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
     pictures = data["picture_first"].values, data["picture_moved"].values
-    box = _around(np.column_stack([still[:, shown], moved[:, shown]]), 2.5, 12,
-                  pictures[0].shape[::-1])  # fmt: skip
+    box = _around(
+        np.column_stack([still[:, shown], moved[:, shown]]), 2.5, 12, pictures[0].shape[::-1]
+    )
     with in_style():
         figure, axes = subplots(2, 1, figsize=(WIDE, 0.89 * WIDE), layout="constrained")
         for panel, picture in zip(axes, pictures, strict=True):

@@ -29,8 +29,9 @@ def sound(data: xr.Dataset) -> Figure:
     whole = data["delay_frames"].values / data["frame_rate"].values
     begin = float(data["steady"][0])
     with in_style():
-        figure, panels = mosaic([["own", "own"], ["whole", "part"]],
-                                            figsize=(WIDE, 5.2), layout="constrained")  # fmt: skip
+        figure, panels = mosaic(
+            [["own", "own"], ["whole", "part"]], figsize=(WIDE, 5.2), layout="constrained"
+        )
         top, below = panels["own"], [panels["whole"], panels["part"]]
         for i, (own, name) in enumerate(zip(signal, names_of(data), strict=True)):
             top.plot(seconds, own - i, color=color(i), linewidth=0.9)
@@ -78,13 +79,15 @@ def tracks(data: xr.Dataset) -> Figure:
     common = own + data["delay"].values[:, None]
     omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values
     with in_style():
-        figure, axes = subplots(3, 1, figsize=(WIDE, 6.4), layout="constrained",
-                                height_ratios=[1.1, 1.1, 0.8])  # fmt: skip
+        figure, axes = subplots(
+            3, 1, figsize=(WIDE, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
+        )
         for i, name in enumerate(names_of(data)):
             rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
             moved = v[i] - rest
-            axes[0].plot(own[i], moved, ".-", color=color(i), markersize=3.5, linewidth=0.6,
-                         label=name)  # fmt: skip
+            axes[0].plot(
+                own[i], moved, ".-", color=color(i), markersize=3.5, linewidth=0.6, label=name
+            )
             axes[1].plot(common[i], moved, ".", color=color(i), markersize=3.5)
             steady = (common[i] >= begin) & (common[i] <= end)
             fit = fit_harmonics(omega, common[i, steady], moved[steady], ORDER)

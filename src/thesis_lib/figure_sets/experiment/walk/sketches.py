@@ -76,8 +76,9 @@ def _cameras(axes: Axes, places: Array, looks: Array) -> None:
             letters = ", ".join(chr(ord("A") + n) for n in np.flatnonzero(hidden[i]))
             aside = 1 + 0.9 * (len(letters) > 1)
             u, v = place - [1.85 * aside, 1.3] * ahead
-            axes.text(u, v, letters, color=INK, weight="bold", fontsize=11, ha="center",
-                      va="center")  # fmt: skip
+            axes.text(
+                u, v, letters, color=INK, weight="bold", fontsize=11, ha="center", va="center"
+            )
 
 
 def _above(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
@@ -85,8 +86,9 @@ def _above(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
     axes.set_title("(a) from above")
     axes.add_patch(Rectangle((-width / 2, -length / 2), width, length, facecolor="#dcdcdc",
                              edgecolor=INK, linewidth=0.8, zorder=2))  # fmt: skip
-    axes.plot(*1e3 * markers.world[[1, 0], : markers.count], "o", color=INK, markersize=1.2,
-              zorder=3)  # fmt: skip
+    axes.plot(
+        *1e3 * markers.world[[1, 0], : markers.count], "o", color=INK, markersize=1.2, zorder=3
+    )
     axes.add_patch(Rectangle((-45, length / 2 * -1 - 42), 90, 42, facecolor="white", hatch="////",
                              edgecolor=INK, linewidth=0.8, zorder=2))  # fmt: skip
     axes.text(62, -length / 2 - 21, "clamp", va="center", color=INK)
@@ -139,8 +141,9 @@ def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
     length, width = 1e3 * np.array(markers.extent)
     places, radius = 1e3 * markers.positions, 500 * markers.diameter
     axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
-    axes.add_patch(Rectangle((0, 0), length, width, facecolor="#dcdcdc", edgecolor=INK,
-                             linewidth=0.8))  # fmt: skip
+    axes.add_patch(
+        Rectangle((0, 0), length, width, facecolor="#dcdcdc", edgecolor=INK, linewidth=0.8)
+    )
     for n, place in enumerate(places.T):
         hole = n >= markers.count
         axes.add_patch(Circle(place, radius, color=HIGHLIGHT if hole else INK, zorder=3))
@@ -160,8 +163,9 @@ def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
     right = places[0, 3] + 13
     for y in places[1, [row, 2 * row]]:
         axes.plot([places[0, 3], right + 2], [y, y], color=INK, linewidth=0.6)
-    _measure(axes, (right, places[1, row]), (right, places[1, 2 * row]),
-             f"{1e3 * markers.row_spacing:g}")  # fmt: skip
+    _measure(
+        axes, (right, places[1, row]), (right, places[1, 2 * row]), f"{1e3 * markers.row_spacing:g}"
+    )
     force = tuple(1e3 * setups.beam().force_point[:, 0])
     axes.plot(*force, "X", color=COLORS[4], markersize=9, markeredgecolor="white", zorder=5)
     axes.annotate("shaker beneath", force, (force[0] + 4, -7), color=COLORS[4], ha="left",
@@ -170,8 +174,9 @@ def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
         axes.annotate("hole", tuple(places[:, -1]), (places[0, -1] - 3, -7), color=HIGHLIGHT,
                       ha="right", va="center",
                       arrowprops={"arrowstyle": "-", "color": HIGHLIGHT})  # fmt: skip
-    axes.text(places[0, 2], width + 7, f"markers ⌀ {2 * radius:g}", ha="left", va="center",
-              color=INK)  # fmt: skip
+    axes.text(
+        places[0, 2], width + 7, f"markers ⌀ {2 * radius:g}", ha="left", va="center", color=INK
+    )
     axes.add_patch(Rectangle((-14, -3), 14, width + 6, facecolor="white", hatch="////",
                              edgecolor=INK, linewidth=0.8))  # fmt: skip
     _bare(axes, (-16, 118), (-12, width + 14))
@@ -204,8 +209,9 @@ def _sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
     residual = camera["corner_residuals"].transpose("axis", "shot", "corner").values.reshape(2, -1)
     width, height = (float(size) for size in camera["size"].values)
     unit = width / 1920
-    axes.add_patch(Rectangle((0, 0), width, height, facecolor="#f4f4f4", edgecolor=INK,
-                             linewidth=0.8))  # fmt: skip
+    axes.add_patch(
+        Rectangle((0, 0), width, height, facecolor="#f4f4f4", edgecolor=INK, linewidth=0.8)
+    )
     ends = corners + EXAGGERATED * unit * residual
     axes.add_patch(_segments(corners, ends, color(index), 0.7))
     axes.add_patch(_segments(corners - [[3], [0]], corners + [[3], [0]], INK, 1.6))
