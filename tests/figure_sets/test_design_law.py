@@ -560,7 +560,7 @@ def test_another_seed_draws_anew_and_keeps_the_laws(cube):
 
 @pytest.mark.parametrize("name", read_toml("captions.toml")["design-law"])
 def test_figures_are_drawn_from_the_cube_alone(cube, name):
-    bare = cube.drop_attrs()
+    bare = cube.drop_attrs().assign_attrs(figure_set="design-law")
     one, other = (svg(figure_sets_display.picture(part, name)) for part in (bare, cube))
     assert one == other
     assert len(figure_sets_display.picture(cube, name).axes) >= 1

@@ -631,22 +631,35 @@ def test_damaged_steps_are_done_again(measured, data, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "content"),
-    [("npy", b""), ("npy", b"no array"), ("npy", None), ("json", b"{"), ("json", b"[]"),
-     ("json", b'{"key": "k"}'), ("json", b'{"key": "k", "done": "all"}'), ("json", b"\xff"),
-     ("json", b'{"key": "k", "done": 99}'), ("json", None)],
-)  # fmt: skip
+    [
+        ("npy", b""),
+        ("npy", b"no array"),
+        ("npy", None),
+        ("json", b"{"),
+        ("json", b"[]"),
+        ("json", b'{"key": "k"}'),
+        ("json", b'{"key": "k", "done": "all"}'),
+        ("json", b'{"key": "k", "done": 5}'),
+        ("json", b"\xff"),
+        ("json", b'{"key": "k", "done": 99}'),
+        ("json", None),
+    ],
+)
 def test_tracks_that_are_not_whole_are_not_used(tmp_path, name, content):
     note, path = tmp_path / "t.json", tmp_path / "t.npy"
     np.save(path, np.zeros((9, 2, 5)))
-    note.write_text(json.dumps({"key": "k", "done": 5, "moved": [], "before": []}))
-    assert _state(note, path, "k", 9) is not None
-    assert _state(note, path, "other", 9) is None
-    assert _state(note, path, "k", 8) is None
+    frame = 2 * 5 * 8
+    digest = hashlib.sha256(path.read_bytes()[: -4 * frame]).hexdigest()
+    state = {"key": "k", "done": 5, "moved": [], "before": [], "digest": digest}
+    note.write_text(json.dumps(state))
+    assert _state(note, path, "k", 9, frame) is not None
+    assert _state(note, path, "other", 9, frame) is None
+    assert _state(note, path, "k", 8, frame) is None
     if content is None:
         (tmp_path / f"t.{name}").unlink()
     else:
         (tmp_path / f"t.{name}").write_bytes(content)
-    assert _state(note, path, "k", 9) is None
+    assert _state(note, path, "k", 9, frame) is None
 
 
 def test_names_of_all_kinds(measured, tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ import base64
 import html
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import xarray as xr
@@ -109,7 +109,7 @@ class Shown:
         Its ``name``, ``caption`` and ``alt``, and ``case`` and ``mode`` if it is of one.
     """
 
-    svg: str
+    svg: str = field(repr=False)
     about: Mapping[str, Any]
 
     def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, str], dict[str, Any]]:
