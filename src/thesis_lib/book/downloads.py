@@ -56,6 +56,7 @@ def slim_sources(book: Path) -> None:
                 data = output.get("data", {})
                 for kind in [kind for kind in data if not kind.startswith("text/")]:
                     del data[kind]
+                    output["metadata"].pop(kind, None)  # its words, which the cell has, too
                 if len(data) > 1:  # what a widget or a table is in a page
                     data.pop("text/html", None)
         path.write_text(json.dumps(notebook, ensure_ascii=False, indent=1), encoding="utf-8")

@@ -110,7 +110,7 @@ class Shown:
     """
 
     svg: str = field(repr=False)
-    about: Mapping[str, Any]
+    about: Mapping[str, Any] = field(repr=False)
 
     def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, str], dict[str, Any]]:
         alt, caption = (html.escape(self.about[key]) for key in ("alt", "caption"))
