@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 HIDDEN = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}  # Unicode's categories of what has no glyph
@@ -98,3 +99,9 @@ def of_error(error: BaseException) -> str:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     said = " ".join(str(error).split())
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
+def damaged(path: Path, line: int, problem: str) -> str:
+    """What is said of a published file that is not as it was."""
+    mend = f"`git checkout {path}`, or installing the library anew, restores it"
+    return f"{path}: damaged: line {line} {problem}; {mend}"

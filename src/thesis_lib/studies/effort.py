@@ -16,6 +16,7 @@ from pathlib import Path
 
 from thesis_lib.asides import asides
 from thesis_lib.files import shipped, whole_file
+from thesis_lib.text import damaged
 
 FIELDS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
 MINUTE = 60.0
@@ -183,10 +184,7 @@ def read(path: Path | None = None) -> dict[str, Effort]:
             for row in rows:
                 found[row["figure_set"]] = Effort(*(float(row[name]) for name in FIELDS[1:]))
         except (KeyError, ValueError, TypeError, csv.Error):
-            raise EffortError(
-                f"{path}: damaged: line {max(rows.line_num, 1)} cannot be read; "
-                f"`git checkout {path}` restores it"
-            ) from None
+            raise EffortError(damaged(path, max(rows.line_num, 1), "cannot be read")) from None
     return found
 
 

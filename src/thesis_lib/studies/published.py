@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from thesis_lib import text
 from thesis_lib.files import shipped, whole_file
 from thesis_lib.studies import cubes
 from thesis_lib.studies.storage import CubeError
@@ -111,5 +112,4 @@ def read_table(path: Path, columns: Columns) -> dict[str, list[Any]]:
 
 def damaged(path: Path, line: int, problem: str) -> CubeError:
     """The refusal of a published file."""
-    mend = f"`git checkout {path}`, or installing the library anew, restores it"
-    return CubeError(f"{path}: damaged: line {line} {problem}; {mend}")
+    return CubeError(text.damaged(path, line, problem))

@@ -6,7 +6,7 @@ corners and has a slope across the middle of side k (opposite to corner k) alone
     φ_i = λ_i + Σ_k (g_i · g_k / |g_k|²) b_k    of the value at corner i, and
     ψ_k = ± b_k / |g_k|                         of the slope across the middle of side k
 
-(W. Ming and J. Xu, Numer. Math. 103, 2006). scikit-fem inverts the values and slopes of 1, x, y, x²
+(M. Wang and J. Xu, Numer. Math. 103, 2006). scikit-fem inverts the values and slopes of 1, x, y, x²
 … instead, which loses the more digits the smaller a triangle is, and the farther from the origin.
 """
 
