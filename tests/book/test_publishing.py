@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import zipfile
@@ -178,6 +179,61 @@ def test_damaged_cube_is_made_anew(whole, small):
     assert f"{GOOD}: done in" in done.stderr
     assert f"{BAD}: up to date" in done.stderr
     assert cube_file.read(cube).equals(before)
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def falsify(path: Path) -> None:
+    """Change a number, and keep the size and the date."""
+    text, when = path.read_text(encoding="utf-8"), path.stat().st_mtime_ns
+    path.write_text(re.sub(r"[1-8](?=%| %)", "9", text), encoding="utf-8")
+    os.utime(path, ns=(when, when))
+
+
+def lose(path: Path) -> None:
+    path.unlink()
+
+
+DAMAGED = {
+    "build/html/executed/beam-distance.html": falsify,
+    "build/html/index.html": cut,
+    "build/html/_static/documentation_options.js": lose,
+    f"build/{downloads.ARCHIVE}.zip": cut,
+    f"book/executed/{GOOD}.ipynb": falsify,
+    "book/executed/beam-results.md": falsify,
+    "build/assets/mathjax/tex-svg-full.js": cut,
+}
+
+
+def contents(book: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(book).as_posix(): path.read_bytes()
+        for path in sorted(book.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.mark.book
+def test_whatever_of_a_book_is_damaged_is_made_anew(whole, small):
+    before = contents(small.root / "build" / "html")
+    for name, damage in DAMAGED.items():
+        damage(small.root / name)
+    assert len(contents(small.root / "build" / "html")) < len(before)
+    done = make(small)
+    assert done.returncode == 0, done.stdout + done.stderr
+    for name in (GOOD, "numbers", "MathJax", "pages"):
+        assert f"{name}: done in" in done.stderr
+    after = contents(small.root / "build" / "html")
+    assert set(after) == set(before)
+    anew = {name for name in after if after[name] != before[name]}
+    anew -= {crate.NAME, "searchindex.js"}  # hold the date of the set that ran again
+    assert all(GOOD in name for name in anew), anew
+    with zipfile.ZipFile(small.root / f"build/{downloads.ARCHIVE}.zip") as packed:
+        assert packed.testzip() is None
+        packed_names = {name.partition("/")[2] for name in packed.namelist()}
+    assert packed_names == set(after)
 
 
 @pytest.mark.book

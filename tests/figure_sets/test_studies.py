@@ -453,6 +453,16 @@ def test_a_cut_cube_is_refused_wherever_it_is_cut(tmp_path):
     xr.testing.assert_identical(storage.opened(whole)["case"], cube["case"])
 
 
+@pytest.mark.parametrize("count", [10**8, 10**12], ids=["0.8 GB", "8 TB"])
+def test_a_small_cube_that_would_fill_the_memory_is_refused(tmp_path, count):
+    path = tmp_path / "bomb.nc"
+    storage.write(xr.Dataset({"a": ("x", np.zeros(3))}), path)
+    with h5py.File(path, "a") as file:
+        file.create_dataset("b", (count,), "f8", chunks=(2**20,)).make_scale("b")
+    with pytest.raises(storage.CubeError, match=r"^[^\n]*bomb\.nc: not a cube[^\n]* MB\)$"):
+        storage.opened(path)
+
+
 @pytest.mark.parametrize("limit", [1, 3000, 100_000])
 def test_a_full_disk_is_an_error_and_not_the_end_of_the_process(tmp_path, limit):
     cube = xr.Dataset({"a": ("x", np.random.default_rng(0).random(30_000))})

@@ -12,6 +12,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -531,6 +532,22 @@ def test_what_is_no_netcdf_file_is_refused_in_one_line(tmp_path, kind):
         structure_file.read_body(path, [3])
     assert str(refused.value).isprintable()
     assert str(path) in str(refused.value)
+
+
+def test_a_small_file_that_would_fill_the_memory_is_refused(tmp_path):
+    path = written(tmp_path, strip(x=None))
+    with h5py.File(path, "a") as file:
+        x = file.create_dataset("x", (10**12,), "f8", chunks=(2**20,), compression="gzip")
+        x.make_scale("x")
+    with pytest.raises(structure_file.MeshError, match=r"8e\+06 MB.*the markers"):
+        structure_file.read_body(path, [1])
+
+
+def test_what_else_a_file_holds_is_left_alone(tmp_path):
+    path = written(tmp_path, strip())
+    with h5py.File(path, "a") as file:
+        file.create_dataset("stress", (10**12,), "f8", chunks=(2**20,)).make_scale("stress")
+    assert structure_file.read_body(path, [1]).points.shape == (3, 9)
 
 
 # Requests that are wrong, and plans that cannot be.

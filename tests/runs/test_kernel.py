@@ -124,6 +124,18 @@ def test_no_home_is_no_matter(plain, tmp_path, extra):
     assert same(out / f"{NAME}.nc", tmp_path / "out" / f"{NAME}.nc")
 
 
+def test_a_plan_takes_no_module_from_elsewhere(checkout, tmp_path):
+    plan = ["-m", "thesis_lib", "plan", "-p", "counts=[2]", "-p", "starts=0", "-p", "trials=5"]
+    plan += ["-p", "target_percent=null", "--out"]
+    for module in ("numpy", "scipy", "xarray", "matplotlib"):
+        write(tmp_path / "evil" / f"{module}.py", "raise ImportError('not this one')\n")
+    path = f"{tmp_path / 'evil'}{os.pathsep}{checkout.root / 'src'}"
+    for name, extra in (("plain", {}), ("evil", {"PYTHONPATH": path})):
+        done = checkout.python(*plan, tmp_path / name, cwd=tmp_path / "evil", **extra)
+        assert done.returncode == 0, done.stderr
+    assert same(tmp_path / "plain" / "plan.nc", tmp_path / "evil" / "plan.nc")
+
+
 def test_of_the_environment_only_what_is_named_is_left(tmp_path):
     emulation = {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": "X86_V4",
                  "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2"}  # fmt: skip

@@ -484,3 +484,28 @@ def test_hanging_up_is_an_interrupt(stopped, tmp_path):
     assert running.process.returncode == 130
     assert "Traceback" not in running.said()
     assert left_over(tmp_path / "out") == []
+
+
+def test_what_shall_outlive_its_terminal_goes_on(own_checkout, tmp_path):
+    go = tmp_path / "go"
+    shorten(own_checkout, SLOW, WAITS.format(go=str(go)))
+    running = subprocess.Popen(
+        ["nohup", sys.executable, "-m", "thesis_lib", *ONE],
+        cwd=tmp_path,
+        env=own_checkout.environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        for _ in range(1200):
+            if any(tmp_path.glob("out/.staging-*/**/begun")) or running.poll() is not None:
+                break
+            time.sleep(0.05)
+        os.killpg(running.pid, signal.SIGHUP)
+        go.touch()
+        assert running.wait(timeout=120) == 0
+    finally:
+        running.kill()
+    assert made(tmp_path / "out") == targets(SLOW)

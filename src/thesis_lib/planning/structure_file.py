@@ -98,8 +98,14 @@ def _opened(path: Path) -> xr.Dataset:
         kind = "is a folder" if path.is_dir() else "is not there"
         raise _refusal(path, kind, "a netCDF file with x, y, z, shape and frequency")
     try:
-        with xr.open_dataset(path, decode_times=False) as file:
-            return file.load()
+        with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
+            mesh = file[[n for n in (*NEEDED, *NORMAL, "mode") if n in file.variables]]
+            if mesh.nbytes > storage.HELD_BYTES:
+                held = f"says that it holds {mesh.nbytes / 1e6:.3g} MB"
+                raise _refusal(path, held, "the markers, not all nodes of a mesh")
+            return mesh.load()
+    except MeshError:
+        raise
     except Exception as error:  # the netCDF and HDF libraries raise what they like
         kind = f"is not readable as netCDF ({type(error).__name__})"
         raise _refusal(path, kind, "a netCDF file with x, y, z, shape and frequency") from None

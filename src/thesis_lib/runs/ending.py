@@ -26,9 +26,14 @@ _PATIENCE = 5.0  # s that threads have to end in
 def prepare() -> None:
     """Before anything is imported that computes or has something to say.
 
-    The libraries' threads are fixed for this process and those that it starts. Terminating or
-    hanging up does what Ctrl-C does, unless whoever started this has it ignored (``nohup``).
+    The libraries' threads are fixed for this process and those that it starts, and none of them is
+    taken from the reader's ``PYTHONPATH``. Terminating or hanging up does what Ctrl-C does, unless
+    whoever started this has it ignored (``nohup``).
     """
+    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    readers = {Path(place).resolve() for place in given if place}
+    readers.discard(Path(__file__).resolve().parents[2])  # where we are
+    sys.path[:] = [place for place in sys.path if Path(place).resolve() not in readers]
     os.environ.update(fixed() | {"MPLBACKEND": "agg"})  # the reader may have named one there is not
     warnings.simplefilter("ignore")  # of libraries; ours are errors or results
     logging.getLogger().addHandler(logging.NullHandler())

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import io
+import math
 import os
 import shutil
 import threading
@@ -29,6 +30,7 @@ _ROUNDED = {"_QuantizeBitRoundNumberOfSignificantBits": np.int32(BITS)}
 _HDF5 = threading.RLock()  # the HDF5 library crashes if two threads use it at once
 _LOADED_BYTES = 2**20  # variables of a large cube up to this size are read when it is opened
 _TEXTS: Any = {"decode_vlen_strings": True}  # to str, as xarray has it
+_PACKED = 100  # times that what a file holds may be larger than it
 _STORED_BYTES = 2**18  # of a large variable are compressed together
 
 
@@ -193,6 +195,14 @@ class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations
         return self._known[name]
 
 
+def _refuse_bomb(file: h5netcdf.File, path: Path) -> None:
+    """Refuse a small file that would fill the memory: a cube is packed no tighter than this."""
+    claimed = sum(math.prod(v.shape) * np.dtype(v.dtype).itemsize for v in file.variables.values())
+    if claimed > max(HELD_BYTES, _PACKED * path.stat().st_size):
+        size, held = path.stat().st_size / 1e6, claimed / 1e6
+        raise CubeError(f"{path}: not a cube of this project ({size:.3g} MB say {held:.3g} MB)")
+
+
 def opened(path: Path) -> xr.Dataset:
     """Open a netCDF file, with one-line errors.
 
@@ -207,6 +217,7 @@ def opened(path: Path) -> xr.Dataset:
                 _Indexed(path) as indexed,
                 h5netcdf.File(indexed, decode_vlen_strings=True) as file,
             ):
+                _refuse_bomb(file, path)
                 held = xr.open_dataset(xr.backends.H5NetCDFStore(file), cache=False)
                 if held.nbytes <= HELD_BYTES:
                     return held.load()
@@ -215,5 +226,7 @@ def opened(path: Path) -> xr.Dataset:
                 if values.nbytes <= _LOADED_BYTES:
                     values.load()
             return large
+    except CubeError:
+        raise
     except Exception as error:  # the netCDF and HDF libraries raise what they like
         raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
