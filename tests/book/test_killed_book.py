@@ -13,9 +13,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
-from book.test_publishing import (
-    MAKE,  # a fixture
-)
+from small_book import MAKE, make
 
 from thesis_lib.studies.attributes import RUN_DEPENDENT
 
@@ -55,7 +53,7 @@ def killed(command: list[str], cwd: Path, environment: dict[str, str], after: fl
 
 def test_book_killed_at_random_moments_is_made_whole_by_the_next_call(small):
     command, root = [sys.executable, "-c", MAKE], small.root
-    done = small.python("-c", MAKE, cwd=root, timeout=900)
+    done = make(small)
     assert done.returncode == 0, done.stderr
     wanted = numbers(root / "data" / "results")
     pages = sorted(p.relative_to(root) for p in (root / "build" / "html").rglob("*.html"))
@@ -64,12 +62,12 @@ def test_book_killed_at_random_moments_is_made_whole_by_the_next_call(small):
         with (root / "src" / "thesis_lib" / "vision" / "rounding.py").open("a") as stream:
             stream.write(f"_n = {number}\n")  # all sets are stale
         if number == 0:
-            done = small.python("-c", MAKE, cwd=root, timeout=900)
+            done = make(small)
             assert all(f"{name}: done in" in done.stderr for name in wanted), done.stderr
             takes = time.monotonic() - begin
             continue
         killed(command, root, small.environment, random.Random(number).uniform(0, takes))
-        done = small.python("-c", MAKE, cwd=root, timeout=900)
+        done = make(small)
         assert done.returncode == 0, done.stderr
         assert left_over(root) == []
         made = numbers(root / "data" / "results")

@@ -7,77 +7,23 @@ import os
 import re
 import shutil
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import nbformat
 import pytest
-import yaml
 
 pytest.importorskip("jupyter_book", reason="the book needs jupyter-book")
 pytest.importorskip("rocrate", reason="the book's description needs rocrate")
 
 from rocrate.rocrate import ROCrate
+from small_book import BAD, GOOD, make
 
-from conftest import PROJECT
 from thesis_lib import files
 from thesis_lib.book import crate, downloads, missing
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.files import sha256
-
-GOOD, BAD = "beam-resolution", "beam-distance"
-ASSETS = PROJECT / "build" / "assets"
-MAKE = f"""
-import sys
-from thesis_lib.book import build as p
-from thesis_lib.book.pieces import write as prose
-from thesis_lib.runs import tasks
-
-p.STUDIES = {{name: p.STUDIES[name] for name in ("{GOOD}", "{BAD}")}}
-prose.PIECES = {{"beam-results": prose.PIECES["beam-results"]}}
-p.pictures.PICTURES = p.walk_numbers.PIECES = {{}}
-p.PAGES = p.reference.PIECES = p.thesis_index.PIECES = p.assumptions.PIECES = {{}}
-p.reference.write = p._walk_through = p._tell = lambda executed: None
-try:
-    print(p.build())
-except tasks.RunError as error:
-    sys.exit(str(error))
-"""
-INTRO = """# A small book
-
-(law-of-rounding)=
-## Law
-
-See [its figure](fig-3-4), {numref}`fig-3-4` and [the other page](executed/beam-resolution.ipynb).
-
-```{include} executed/beam-results.md
-```
-"""
-
-
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    """A checkout whose book has two pages of results, made once well and once with one failing."""
-    if not ASSETS.is_dir():
-        pytest.skip("no build/assets: render the book first")
-    from conftest import Checkout
-
-    checkout = Checkout(tmp_path_factory.mktemp("small") / "project")
-    root = checkout.root
-    for name in ("_config.yml", "package.json", "package-lock.json"):
-        shutil.copy(PROJECT / name, root)
-    shutil.copytree(ASSETS, root / "build" / "assets")
-    shutil.copytree(PROJECT / "book" / "assets", root / "book" / "assets")
-    shutil.copy(PROJECT / "book" / "references.bib", root / "book")
-    (root / "book" / "intro.md").write_text(INTRO, encoding="utf-8")
-    chapters = [{"file": f"executed/{name}"} for name in (BAD, GOOD)]
-    toc = {"format": "jb-book", "root": "intro", "chapters": chapters}
-    (root / "book" / "_toc.yml").write_text(yaml.safe_dump(toc), encoding="utf-8")
-    return checkout
-
-
-def make(checkout):
-    return checkout.python("-c", MAKE, cwd=checkout.root, timeout=400)
 
 
 @pytest.fixture(scope="module")
@@ -234,6 +180,23 @@ def test_whatever_of_a_book_is_damaged_is_made_anew(whole, small):
         assert packed.testzip() is None
         packed_names = {name.partition("/")[2] for name in packed.namelist()}
     assert packed_names == set(after)
+
+
+@pytest.mark.nightly
+def test_two_books_at_once_are_one_book(whole, small):
+    cut(small.root / "data" / "results" / f"{GOOD}.nc")
+    with ThreadPoolExecutor(2) as two:
+        ended = [one.result() for one in [two.submit(make, small) for _ in range(2)]]
+    for done in ended:
+        assert "Traceback" not in done.stderr
+        assert done.returncode in (0, 1), done.stderr
+    assert any(done.returncode == 0 for done in ended), ended[0].stderr + ended[1].stderr
+    last = make(small)
+    assert last.returncode == 0, last.stderr
+    assert f"{GOOD}: up to date" in last.stderr
+    assert set(contents(small.root / "build" / "html")) == set(contents(whole))
+    left = [path for path in small.root.rglob(".staging-*")]
+    assert left == []
 
 
 @pytest.mark.book

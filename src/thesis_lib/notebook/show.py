@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import xarray as xr
-from IPython.display import SVG, display
+from IPython.display import display
 from matplotlib.figure import Figure
 
 from thesis_lib import files
@@ -125,7 +125,7 @@ def figures(cube: xr.Dataset) -> None:
     for (case, mode), caption in captions.of_cases(cube).items():
         drawing = figure_sets.figure(cube, case, mode)
         about = _about(cube, drawing, caption) | {"case": case, "mode": mode}
-        display(Shown(SVG(svg(drawing)).data, about))
+        display(Shown(_drawn(drawing), about))
 
 
 def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
@@ -145,7 +145,13 @@ def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
         return None
     of = str(cube.attrs["figure_set"])
     caption, style = figure_sets.caption(of, name, *which), figure_sets.picture_style(of)
-    return Shown(SVG(svg(drawing, style)).data, _about(cube, drawing, caption))
+    return Shown(_drawn(drawing, style), _about(cube, drawing, caption))
+
+
+def _drawn(drawing: Figure, style: Any = None) -> str:
+    """A figure's SVG, to stand in a page."""
+    text = svg(drawing, style)
+    return text[text.index("<svg") :]
 
 
 def _about(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dict[str, Any]:

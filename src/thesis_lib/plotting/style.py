@@ -15,6 +15,7 @@ from typing import Any
 
 import matplotlib
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
@@ -91,8 +92,19 @@ def saved(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
     without: Mapping[str, None] = {"svg": {"Date": None}, "png": {"Software": None}}[kind]
     content = io.BytesIO()
     with in_style(changed):
+        if kind == "svg":
+            _lay_out(figure)
         figure.savefig(content, format=kind, metadata=dict(without), **how)
     return content.getvalue()
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the panels as a file of 72 dots per inch has them; to save would draw all to do so."""
+    if engine := figure.get_layout_engine():
+        figure.set_canvas(FigureCanvasSVG(figure))
+        figure.dpi = 72
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def svg(figure: Figure, changed: Any = None) -> str:

@@ -1,0 +1,64 @@
+"""A book of two figure sets, in a copy of the project that tests may damage."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+PROJECT = Path(__file__).parents[1]
+GOOD, BAD = "beam-resolution", "beam-distance"
+ASSETS = PROJECT / "build" / "assets"
+MAKE = f"""
+import sys
+from thesis_lib.book import build as p
+from thesis_lib.book.pieces import write as prose
+from thesis_lib.runs import tasks
+
+p.STUDIES = {{name: p.STUDIES[name] for name in ("{GOOD}", "{BAD}")}}
+prose.PIECES = {{"beam-results": prose.PIECES["beam-results"]}}
+p.pictures.PICTURES = p.walk_numbers.PIECES = {{}}
+p.PAGES = p.reference.PIECES = p.thesis_index.PIECES = p.assumptions.PIECES = {{}}
+p.reference.write = p._walk_through = p._tell = lambda executed: None
+try:
+    print(p.build())
+except tasks.RunError as error:
+    sys.exit(str(error))
+"""
+INTRO = """# A small book
+
+(law-of-rounding)=
+## Law
+
+See [its figure](fig-3-4), {numref}`fig-3-4` and [the other page](executed/beam-resolution.ipynb).
+
+```{include} executed/beam-results.md
+```
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A checkout whose book has two pages of results, made once well and once with one failing."""
+    if not ASSETS.is_dir():
+        pytest.skip("no build/assets: render the book first")
+    from conftest import Checkout
+
+    checkout = Checkout(tmp_path_factory.mktemp("small") / "project")
+    root = checkout.root
+    for name in ("_config.yml", "package.json", "package-lock.json"):
+        shutil.copy(PROJECT / name, root)
+    shutil.copytree(ASSETS, root / "build" / "assets")
+    shutil.copytree(PROJECT / "book" / "assets", root / "book" / "assets")
+    shutil.copy(PROJECT / "book" / "references.bib", root / "book")
+    (root / "book" / "intro.md").write_text(INTRO, encoding="utf-8")
+    chapters = [{"file": f"executed/{name}"} for name in (BAD, GOOD)]
+    toc = {"format": "jb-book", "root": "intro", "chapters": chapters}
+    (root / "book" / "_toc.yml").write_text(yaml.safe_dump(toc), encoding="utf-8")
+    return checkout
+
+
+def make(checkout):
+    return checkout.python("-c", MAKE, cwd=checkout.root, timeout=900)
