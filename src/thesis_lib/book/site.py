@@ -28,7 +28,7 @@ _BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(
 _SPARE = re.compile(
     r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*'
     r'|<script defer src="[^"]*/fontawesome\.js[^"]*"></script>\s*'
-    r'|<span class="(?:[npw]|nn)">(?P<plain>[^<]*)</span>',
+    r'|<span class="(?:[npw]|nn)">(?P<p><span class="pre">)?(?P<text>[^<]*)</span>(?(p)</span>)',
     re.DOTALL,
 )  # what the widgets' own html and the style sheets repeat, and marks of words in the text's colour
 
@@ -77,8 +77,8 @@ def install_assets(root: Path) -> Path:
 def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) -> Path:
     """Render the book and publish it as a whole.
 
-    The pages are built from nothing in a fresh folder, which takes a few seconds, so that no page
-    is stale and no warning is hidden by a cache. A failed or interrupted build leaves `out` alone.
+    The pages are built from nothing in a fresh folder, so that no page is stale and no warning is
+    hidden by a cache. A failed or interrupted build leaves `out` alone.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
         new = beside / "html"
         shutil.move(work / "_build" / "html", new)
         for file in new.rglob("*.html"):
-            text = _SPARE.sub(r"\g<plain>", file.read_text(encoding="utf-8"))
+            text = _SPARE.sub(r"\g<text>", file.read_text(encoding="utf-8"))
             text = in_files(text, file.parent, new / "_images")
             file.write_text(lazy(mend(text), file.parent), encoding="utf-8")
         for file in new.glob("_images/*.svg"):
