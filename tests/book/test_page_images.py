@@ -102,6 +102,18 @@ def test_marks_of_one_style_share_it() -> None:
     assert squeeze(squeeze(drawn)) == squeeze(drawn)
 
 
+def test_only_parts_used_again_are_named_and_shortly() -> None:
+    drawn = (
+        '<svg><g id="figure_1"><path id="DejaVuSans-31" d="M0 0"/><clipPath id="p7f"/>'
+        '<use xlink:href="#DejaVuSans-31"/><g clip-path="url(#p7f)"/></g></svg>'
+    )
+    assert squeeze(drawn) == (
+        '<svg><g><path id="a0" d="M0 0"/><clipPath id="a1"/>'
+        '<use xlink:href="#a0"/><g clip-path="url(#a1)"/></g></svg>'
+    )
+    assert squeeze(squeeze(drawn)) == squeeze(drawn)
+
+
 def test_words_in_a_drawing_keep_their_spaces() -> None:
     drawn = "<svg>\n <text>a <tspan>b</tspan>\n <tspan>c</tspan></text></svg>"
     assert squeeze(drawn) == drawn

@@ -279,10 +279,13 @@ def test_places_are_linked_and_names_in_the_library_if_they_stand_there(monkeypa
         "{py:obj}`vibration.beam.Beam.mode_shapes <thesis_lib.vibration.beam.Beam.mode_shapes>`"
         in text
     )
-    shutil.copytree(BOOK, tmp_path / "book", ignore=shutil.ignore_patterns("executed", "assets"))
+    shutil.copytree(
+        BOOK, tmp_path / "book", ignore=shutil.ignore_patterns("executed", "assets", "api")
+    )
     monkeypatch.setattr(thesis_index, "project_root", lambda: tmp_path)
-    api = tmp_path / "book" / "api.md"
-    api.write_text(
+    api = tmp_path / "book" / "api"
+    api.mkdir()
+    (api / "vibration.rst").write_text(
         ".. automodule:: thesis_lib.vibration.beam\n   :members: Beam\n\n"
         ".. automodule:: thesis_lib.vibration.structure\n   :members: resonance\n"
     )

@@ -1,8 +1,8 @@
 """What a vibrating plate radiates, and what errors of its deflection do to that.
 
-To start from: a plate as pistons (:func:`pistons`), the pressure that they make on a plane
-(:class:`Plane`, :func:`operator`) or anywhere (:func:`rayleigh`), their :func:`sound_power`,
-and what errors of the deflection do to both (:class:`PlateSound`).
+To start from: a plate as pistons (:func:`.pistons`), the pressure that they make on a plane
+(:class:`.Plane`, :func:`.operator`) or anywhere (:func:`.rayleigh`), their :func:`.sound_power`,
+and what errors of the deflection do to both (:class:`.PlateSound`).
 """
 
 from thesis_lib.acoustics.planes import Plane, operator, pistons

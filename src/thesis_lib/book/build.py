@@ -203,7 +203,7 @@ def _tasks(plan: _Plan) -> list[tasks.Task]:
         tasks.task(
             "index, assumptions, explorer, form",
             lambda: _tell(executed),
-            [*library, *(root / "book").glob("*.md"), *published],
+            [*library, *pages, *published],
             own_words,
         ),
         tasks.task(

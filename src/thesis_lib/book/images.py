@@ -25,6 +25,8 @@ _STYLE = re.compile(r'(?<=\sstyle=")[^"]*')
 _MARK = r'<use xlink:href="[^"]+" x="[^"]+" y="[^"]+"'
 _MARKS = re.compile(rf'{_MARK} style="(?P<style>[^"]*)"/>(?:{_MARK} style="(?P=style)"/>)+')
 _IDLE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)", re.DOTALL)
+_ID = re.compile(r'\sid="([^"]*)"')
+_REFERENCE = re.compile(r'(href="#|url\(#)([^")]+)')
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -88,7 +90,9 @@ def size_px(picture: Path) -> tuple[int, int] | None:
 
 
 def squeeze(svg: str) -> str:
-    r"""The same drawing in fewer letters: places to a hundredth of its unit, nothing idle or twice.
+    r"""The same drawing in fewer letters: short names and places, nothing idle or twice.
+
+    Places are rounded to a hundredth of their unit.
 
     Examples
     --------
@@ -110,5 +114,9 @@ def squeeze(svg: str) -> str:
 
     if "<text" in svg:
         return svg
-    spare = _STYLE.sub(lambda match: re.sub(r"\s*([:;])\s*", r"\1", match[0]), svg)
+    used = {match[2] for match in _REFERENCE.finditer(svg)}
+    names = {one: f"a{n}" for n, one in enumerate(one for one in _ID.findall(svg) if one in used)}
+    spare = _ID.sub(lambda match: f' id="{names[match[1]]}"' if match[1] in names else "", svg)
+    spare = _REFERENCE.sub(lambda match: match[1] + names.get(match[2], match[2]), spare)
+    spare = _STYLE.sub(lambda match: re.sub(r"\s*([:;])\s*", r"\1", match[0]), spare)
     return _MARKS.sub(together, _PLACES.sub(places, _IDLE.sub("", spare)))

@@ -25,9 +25,12 @@ from thesis_lib.web.page import INSTALLED, MATHJAX, BookError, damaged_assets
 
 _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 _BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
-_WIDGET_STATE = re.compile(
-    r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*', re.DOTALL
-)
+_SPARE = re.compile(
+    r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*'
+    r'|<script defer src="[^"]*/fontawesome\.js[^"]*"></script>\s*'
+    r'|<span class="(?:[npw]|nn)">(?P<p><span class="pre">)?(?P<text>[^<]*)</span>(?(p)</span>)',
+    re.DOTALL,
+)  # what the widgets' own html and the style sheets repeat, and marks of words in the text's colour
 
 
 def install_assets(root: Path) -> Path:
@@ -74,8 +77,8 @@ def install_assets(root: Path) -> Path:
 def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) -> Path:
     """Render the book and publish it as a whole.
 
-    The pages are built from nothing in a fresh folder, which takes a few seconds, so that no page
-    is stale and no warning is hidden by a cache. A failed or interrupted build leaves `out` alone.
+    The pages are built from nothing in a fresh folder, so that no page is stale and no warning is
+    hidden by a cache. A failed or interrupted build leaves `out` alone.
 
     Parameters
     ----------
@@ -106,15 +109,14 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
         _build(root, work)
         new = beside / "html"
         shutil.move(work / "_build" / "html", new)
-        for file in new.rglob("*.html"):  # the state repeats the data of the widgets' own html
-            text = file.read_text(encoding="utf-8")
-            text = in_files(_WIDGET_STATE.sub("", text), file.parent, new / "_images")
-            text = lazy(mend(text), file.parent)
-            file.write_text(text, encoding="utf-8")
+        for file in new.rglob("*.html"):
+            text = _SPARE.sub(r"\g<text>", file.read_text(encoding="utf-8"))
+            text = in_files(text, file.parent, new / "_images")
+            file.write_text(lazy(mend(text), file.parent), encoding="utf-8")
         for file in new.glob("_images/*.svg"):
             file.write_text(squeeze(file.read_text(encoding="utf-8")), encoding="utf-8")
-        for unread in ("map", "ttf"):  # whoever reads the pages' scripts reads woff2, too
-            for file in new.glob(f"_static/**/*.{unread}"):
+        for unread in ("*.map", "*.ttf", "*.[mp]o", "fontawesome.js"):  # no page reads these
+            for file in new.glob(f"_static/**/{unread}"):
                 file.unlink()
         if finish is not None:
             finish(new)
@@ -123,14 +125,24 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Let Sphinx read ``|w|`` in a docstring as an absolute value; ``_config.yml`` names this."""
+    """Let Sphinx read ``|w|`` in a docstring as an absolute value; ``_config.yml`` names this.
+
+    It cannot read a signature with a default like ``<factory>``, and gives ``...`` for that.
+    """
     app.connect("autodoc-process-docstring", _keep_bars)
+    app.connect("autodoc-process-signature", _keep_readable)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
 def _keep_bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: Any) -> None:
     """Escape the bars of reStructuredText substitutions, which docstrings here do not use."""
     lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
+
+
+def _keep_readable(*event: Any) -> tuple[str, str]:
+    """Write a default that is no expression, like ``<function f>``, as dots."""
+    *_, signature, returns = event
+    return re.sub(r"<(?:[^<>]|<\w+>)*>", "...", signature or ""), returns
 
 
 def in_one_page(root: Path, work: Path) -> Path:

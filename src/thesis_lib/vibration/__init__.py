@@ -1,7 +1,7 @@
 """Beams, plates and panels: frequencies, shapes, response, motion.
 
-To start from: a structure (:class:`Beam`, :class:`Plate`, :class:`Panel`), how it moves in a mode
-(:func:`deflection_shape`), and where its points are then (:func:`world_points`).
+To start from: a structure (:class:`.Beam`, :class:`.Plate`, :class:`.Panel`), how it moves in a
+mode (:func:`.deflection_shape`), and where its points are then (:func:`.world_points`).
 """
 
 from __future__ import annotations

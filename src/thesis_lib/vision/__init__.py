@@ -1,8 +1,8 @@
 """Cameras, lenses, pixels; points from images, and how exact they are.
 
-To start from: cameras (:func:`hemisphere_cameras`), what they see (:func:`project`,
-:func:`pixelate`), points from their images (:func:`triangulate`), and the law of rounding
-(:func:`deflection_variance`, :func:`deflection_covariance`).
+To start from: cameras (:func:`.hemisphere_cameras`), what they see (:func:`~.pinhole.project`,
+:func:`.pixelate`), points from their images (:func:`.triangulate`), and the law of rounding
+(:func:`~.rounding.deflection_variance`, :func:`.deflection_covariance`).
 """
 
 from thesis_lib.vision.pinhole import (

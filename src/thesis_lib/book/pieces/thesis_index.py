@@ -58,9 +58,10 @@ def _link(page: str) -> str:
 
 
 def _reference(name: str) -> str:
-    """A name in the library, linked to the library's page if it stands there."""
+    """A name in the library, linked to its room's page if it stands there."""
     short = name.removeprefix("thesis_lib.")
-    api = (project_root() / "book" / "api.md").read_text(encoding="utf-8")
+    room = project_root() / "book" / "api" / f"{short.split('.')[0].replace('_', '-')}.rst"
+    api = room.read_text(encoding="utf-8") if room.is_file() else ""
     directive = r"^\.\. auto(?:module|class):: ([\w.]+).*\n((?:   :.*\n)*)"
     for target, options in re.findall(directive, api, re.MULTILINE):
         member = name.removeprefix(f"{target}.").split(".")[0]

@@ -1,0 +1,66 @@
+"""The library in the book: a page for each room, in the order in which rooms import."""
+
+import pkgutil
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+INDEX = (ROOT / "book" / "api.md").read_text(encoding="utf-8")
+ROWS = re.findall(
+    r"^\| (\d+) \| (?:\[(\w+)\]\(api/([\w-]+)\.rst\)|`(\w+)`) \|", INDEX, re.MULTILINE
+)
+PAGES = {room: ROOT / "book" / "api" / f"{page}.rst" for _, room, page, _ in ROWS if room}
+DIRECTIVE = re.compile(r"^\.\. auto\w+:: ([\w.]+)(?:\(\))?\n(?:   :members:(.*)\n)?", re.MULTILINE)
+RENDERED = ROOT / "build" / "html" / "api"
+
+
+def test_rooms_stand_in_the_order_in_which_they_import() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = project["tool"]["importlinter"]["contracts"][0]["layers"]
+    rooms = [{r for r in layer.split(" | ") if (ROOT / "src/thesis_lib" / r).is_dir()}
+             for layer in reversed(layers)]  # fmt: skip
+    told: dict[str, set[str]] = {}
+    for number, linked, _, plain in ROWS:
+        told.setdefault(number, set()).add(linked or plain)
+    assert list(told.values()) == [layer for layer in rooms if layer]
+
+
+def test_every_page_is_in_the_book() -> None:
+    toc = yaml.safe_load((ROOT / "book" / "_toc.yml").read_text(encoding="utf-8"))
+    (api,) = (c for part in toc["parts"] for c in part["chapters"] if c["file"] == "api")
+    assert [one["file"] for one in api["sections"]] == [f"api/{p.stem}" for p in PAGES.values()]
+    assert {*PAGES.values()} == {*(ROOT / "book" / "api").iterdir()}
+
+
+@pytest.mark.parametrize("room", PAGES)
+def test_what_a_page_shows_is_in_its_room(room: str) -> None:
+    for name, members in DIRECTIVE.findall(PAGES[room].read_text(encoding="utf-8")):
+        assert f"{name}.".startswith(f"thesis_lib.{room}.")
+        shown = pkgutil.resolve_name(name)
+        assert [one for one in re.findall(r"\w+", members) if not hasattr(shown, one)] == []
+
+
+def test_names_of_arrays_are_written_as_such() -> None:
+    config = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))
+    shown = {name for page in PAGES.values() for name, _ in DIRECTIVE.findall(page.read_text())}
+    files = [(ROOT / "src" / name.replace(".", "/")).with_suffix(".py") for name in shown]
+    text = "".join(file.read_text(encoding="utf-8") for file in files if file.is_file())
+    aliases = set(re.findall(r"^([A-Z]\w*) = NDArray\[", text, re.MULTILINE))
+    assert aliases <= {*config["sphinx"]["config"]["autodoc_type_aliases"]}
+    assert aliases <= {*re.findall(r"`(\w+)`", INDEX)}
+
+
+@pytest.mark.book
+@pytest.mark.skipif(not RENDERED.is_dir(), reason="no book in build/html: render it first")
+@pytest.mark.parametrize("room", PAGES)
+def test_signatures_are_short(room: str) -> None:
+    html = (RENDERED / f"{PAGES[room].stem}.html").read_text(encoding="utf-8")
+    signatures = re.findall(r'<dt class="sig .*?</dt>', html, re.DOTALL)
+    words = [re.sub(r"<[^>]*>", "", one) for one in signatures]
+    assert words
+    assert [w for w in words if re.search(r"ndarray\[|_Buffer|~|&lt;|collections\.abc", w)] == []
+    assert all("viewcode-link" in one for one in signatures if '<em class="property">' not in one)
