@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 
 from thesis_lib.text import message
@@ -19,7 +20,21 @@ def aside(text: str) -> None:
     """
     _told.append(message(text))
     if QUIET not in os.environ:
-        print(_told[-1], file=sys.stderr, flush=True)
+        say(_told[-1])
+
+
+def live() -> bool:
+    """Whether standard error is a screen, on which a line can be written over."""
+    return not sys.stderr.closed and sys.stderr.isatty()
+
+
+def say(line: str, passing: bool = False) -> None:
+    """Write a line on standard error; on a screen over a passing one, which the next replaces."""
+    if live():
+        width = shutil.get_terminal_size().columns - 1
+        line = f"\r\x1b[K{line[:width] if passing else line}"
+    sys.stderr.write(line if passing else f"{line}\n")
+    sys.stderr.flush()
 
 
 def asides() -> list[str]:

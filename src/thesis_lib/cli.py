@@ -26,7 +26,7 @@ from thesis_lib.runs.requested import (
     requests_of,
     use_scheduler,
 )
-from thesis_lib.text import message, of_error
+from thesis_lib.text import listed, message, of_error, one_line
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -198,24 +198,46 @@ def _parameter_lines(rows: Sequence[dict[str, str]]) -> list[str]:
 
 
 @cli.command()
+@click.argument("chapter", required=False)
 @click.option("--publish", is_flag=True, help="Make these results the published ones.")
 @click.option("--from-nothing", is_flag=True, help="Film and run everything anew.")
-def book(publish: bool, from_nothing: bool) -> None:
-    """Run what is stale, render the book, say where to open it."""
+def book(chapter: str | None, publish: bool, from_nothing: bool) -> None:
+    """Run what is stale, render the book, say where to open it.
+
+    With a CHAPTER (ch3) its figure sets and pages alone, as a book of its own in build/CHAPTER.
+    """
     files.project_root()  # refused without a clone
+    if chapter is not None:
+        _check_chapter(chapter, "--publish" * publish or "--from-nothing" * from_nothing)
     from thesis_lib.book import unchanged
 
-    index = None if publish or from_nothing else unchanged.is_unchanged()
+    fresh = not (publish or from_nothing or chapter)
+    index = unchanged.is_unchanged() if fresh else None
     if index is None:
+        click.echo("looking for what is stale", err=True)
         from thesis_lib.book import build as publishing
 
         if from_nothing:
             _record()
             publishing.forget()
-        index = publishing.build(publish)
+        index = publishing.build(publish, chapter or "")
     else:
         click.echo("the book is up to date", err=True)
     click.echo(f"Open {index}")
+
+
+def _check_chapter(name: str, option: str) -> None:
+    """Refuse what is no chapter, or is given with what is for the whole book."""
+    from thesis_lib.figure_sets.registry import CHAPTERS
+    from thesis_lib.studies.request import suggestion
+
+    if name not in CHAPTERS:
+        raise Refused(
+            f"{one_line(name)}: no such chapter{suggestion(name, CHAPTERS)}; "
+            f"{listed(CHAPTERS, 'thesis list')}"
+        )
+    if option:
+        raise Refused(f"{name}: given with {option}, allowed: alone")
 
 
 @cli.command()

@@ -13,6 +13,7 @@ from conforms import RECORDER, compare, worse
 
 from conftest import PROJECT
 from thesis_lib.book import build as publishing
+from thesis_lib.book import publish
 from thesis_lib.book.conformance import areas as conformance_areas
 from thesis_lib.book.conformance import report as conformance
 from thesis_lib.book.conformance.areas import AREAS
@@ -176,7 +177,7 @@ def test_what_failed_is_not_published_and_what_holds_is(tmp_path, monkeypatch):
     monkeypatch.setattr(conformance, "published_path", lambda: published)
     (tmp_path / "report.json").write_text(json.dumps({"failed": {"a": "x", "b": "y"}}))
     with pytest.raises(RunError, match=r"report\.json is not published: a and 1 more failed: x$"):
-        publishing._publish([], tmp_path / "picture.svg", tmp_path / "report.json")
+        publish.publish([], tmp_path / "picture.svg", tmp_path / "report.json")
     assert not published.exists()
     (tmp_path / "report.json").write_text(json.dumps({"failed": {}}))
     conformance.publish(tmp_path / "report.json")

@@ -1,15 +1,17 @@
-"""The whole book: run what is stale, compute the numbers of its prose, render, publish."""
+"""The book, or a chapter: run what is stale, compute the numbers of its prose, render, publish."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 from thesis_lib import files
+from thesis_lib.book import chapter as one_chapter
 from thesis_lib.book import crate, downloads, explorer, missing, rerun_form, unchanged
+from thesis_lib.book import publish as publishing
 from thesis_lib.book import site as book
 from thesis_lib.book.conclusions import figure as conclusions_figure
 from thesis_lib.book.conformance import report as conformance
@@ -17,16 +19,15 @@ from thesis_lib.book.pieces import assumptions, thesis_index
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
-from thesis_lib.figure_sets import cube_file, recorded
-from thesis_lib.figure_sets.display import as_svg
+from thesis_lib.figure_sets import recorded
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.figure_sets.experiment.walk import numbers as walk_numbers
 from thesis_lib.figure_sets.experiment.walk import pictures
-from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.files import project_root
+from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
+from thesis_lib.files import project_root, staging
 from thesis_lib.runs import execute as runs
 from thesis_lib.runs import tasks
-from thesis_lib.studies import effort, published
+from thesis_lib.studies import effort
 from thesis_lib.web.page import MATHJAX
 
 PAGES: dict[str, Callable[[], str]] = {
@@ -43,7 +44,8 @@ class _Plan:
 
     root: Path
     jobs: list[runs.Job]
-    publish: bool
+    publish: bool = False
+    chapter: str = ""
     failed: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -54,21 +56,47 @@ class _Plan:
     @property
     def executed(self) -> Path:
         """Folder of what pages include."""
-        return self.root / "book" / "executed"
+        return self.root / ("build" if self.chapter else "book") / self.chapter / "executed"
 
     @property
     def index(self) -> Path:
         """The page to open."""
-        return self.root / "build" / "html" / "index.html"
+        return self.root / "build" / self.chapter / "html" / "index.html"
 
     @property
-    def archive(self) -> Path:
-        """The book as one file."""
-        return self.root / "build" / f"{downloads.ARCHIVE}.zip"
+    def archives(self) -> list[Path]:
+        """The whole book as one file; a part of it is none."""
+        return [] if self.chapter else [self.root / "build" / f"{downloads.ARCHIVE}.zip"]
+
+    @property
+    def pages(self) -> list[Path]:
+        """What is rendered, beside what is executed and included."""
+        if self.chapter:
+            return one_chapter.pages(self.root, self.chapter)
+        there = [path for path in (self.root / "book").rglob("*") if path.is_file()]
+        there = [path for path in there if self.executed not in path.parents]
+        return sorted({*there, self.root / "book" / "assets" / "overview.svg"})
+
+    @property
+    def share(self) -> float:
+        """How much of the whole book this is, by its figure sets."""
+        return len(self.jobs) / len(STUDIES)
+
+    def step(self, name: str) -> str:
+        """The name of a step that makes something for this book alone."""
+        return f"{self.chapter} {name}".strip()
+
+    @cached_property
+    def _said(self) -> str:
+        return "".join(page.read_text(encoding="utf-8") for page in self.pages)
+
+    def includes(self, name: str) -> bool:
+        """Whether a page includes a file; the whole book includes all."""
+        return not self.chapter or f"executed/{name}" in self._said
 
 
-def build(publish: bool = False) -> Path:
-    """Bring the book up to date.
+def build(publish: bool = False, chapter: str = "") -> Path:
+    """Bring the book, or that of one chapter, up to date.
 
     What fails is told in its place in the book, and everything else is made all the same.
 
@@ -77,6 +105,9 @@ def build(publish: bool = False) -> Path:
     publish : bool
         Also make these results the published ones: ``data/published`` and the outputs that the
         notebooks carry.
+    chapter : str, optional
+        One of :data:`thesis_lib.figure_sets.registry.CHAPTERS`: its sets and pages alone, in a
+        place of their own.
 
     Returns
     -------
@@ -91,12 +122,12 @@ def build(publish: bool = False) -> Path:
     root = project_root()
     executed, results = root / "book" / "executed", root / "data" / "results"
     jobs = [
-        runs.Job(study(), executed / f"{name}.ipynb", results / f"{name}.nc")
-        for name, study in STUDIES.items()
+        runs.Job(STUDIES[name](), executed / f"{name}.ipynb", results / f"{name}.nc")
+        for name in CHAPTERS.get(chapter, STUDIES)
     ]
     seconds = {name: cost.seconds for name, cost in effort.read().items()}
     jobs.sort(key=lambda job: -seconds.get(job.study.name, 0.0))  # what takes longest comes first
-    plan = _Plan(root, jobs, publish)
+    plan = _Plan(root, jobs, publish, chapter)
     while True:  # each time round without what failed before
         steps = _tasks(plan)
         try:
@@ -104,14 +135,15 @@ def build(publish: bool = False) -> Path:
             break
         except tasks.RunError as error:
             new = {name: text for name, text in error.failed.items() if name not in error.unmet}
-            if not new or "pages" in new:
+            if not new or plan.step("pages") in new:
                 raise tasks.RunError("\n".join([*plan.failed.values(), str(error)])) from None
             plan.failed.update(new)
             _stand_in(plan, steps, new)
     if plan.failed:
         lines = [*plan.failed.values(), f"the book without these is {plan.index}"]
         raise tasks.RunError("\n".join(lines))
-    unchanged.remember([plan.index.parent, plan.archive])
+    if not chapter:
+        unchanged.remember([plan.index.parent, *plan.archives])
     return plan.index
 
 
@@ -138,82 +170,96 @@ def _stand_in(plan: _Plan, steps: Sequence[tasks.Task], failed: Mapping[str, str
 
 def _tasks(plan: _Plan) -> list[tasks.Task]:
     """All steps of the book that have not failed."""
-    root, executed, library = plan.root, plan.executed, files.library_files()
-    made = [job.cube for job in plan.ran]
-    numbers = [executed / f"{name}.md" for name in pieces_write.PIECES]
-    pages = [p for p in (root / "book").rglob("*") if p.is_file() and executed not in p.parents]
-    pages = list({*pages, root / "book" / "assets" / "overview.svg"})
-    pages += [root / "_config.yml", root / "package-lock.json"]
-    sources = [*pages, *(job.notebook for job in plan.jobs), *made, *numbers]
-    walk = [executed / pictures.file_name(name) for name in pictures.PICTURES]
-    walk += [executed / f"{name}.md" for name in walk_numbers.PIECES]
-    picture_of_all = executed / conclusions_figure.NAME
-    told = [executed / f"{name}.md" for name in reference.PIECES]
-    own_words = [executed / f"{n}.md" for n in (*thesis_index.PIECES, *assumptions.PIECES)]
-    own_words += [executed / f"{name}.html" for name in PAGES]
-    checked = conformance.pieces(executed)
-    published = sorted((root / "data" / "published").glob("*.csv"))
-    costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
-    costs += [path for path in [benchmark_tables.published_path()] if path.is_file()]
-    without = [job.study.name for job in plan.jobs if job not in plan.ran]
-    publishing = []
+    root, library, made = plan.root, files.library_files(), [job.cube for job in plan.ran]
+    published = []
     if plan.publish and not plan.failed:
         picture = root / "book" / "assets" / "overview.svg"
         made_known = [picture, effort.published_path()]
         measured = root / "build" / conformance.REPORT
         made_known += [conformance.published_path()] if measured.is_file() else []
-        publish = partial(_publish, plan.jobs, picture, measured)
-        publishing = [tasks.task("published run", publish, made, made_known, always=True)]
-    assets = root / "build" / "assets"
-    mathjax = [assets / Path(MATHJAX).parent]
+        publish = partial(publishing.publish, plan.jobs, picture, measured)
+        published = [tasks.task("published run", publish, made, made_known, always=True)]
+    mathjax = tasks.task(
+        "MathJax",
+        lambda: book.install_assets(root),
+        [root / "package-lock.json", root / "package.json"],
+        [root / "build" / "assets" / Path(MATHJAX).parent],
+        seconds=2,
+    )
+    pieces = _pieces(plan, made, library, frozenset(one.name for one in published))
+    needs = [path for one in (*pieces, mathjax) for path in one.makes]
+    needs += [*plan.pages, *(job.notebook for job in plan.jobs), *made, *library]
+    needs += [root / name for name in ("_config.yml", "package-lock.json")]
+    needs += [root / "book" / name for name in ("_toc.yml", "references.bib", "assets")]
+    pages = tasks.task(
+        plan.step("pages"),
+        lambda: _render(plan),
+        needs,
+        [plan.index.parent, *plan.archives],
+        seconds=plan.share * 75,
+    )
+    seconds = {name: cost.seconds for name, cost in effort.read().items()}
+    steps = [*runs.job_tasks(plan.ran, seconds), mathjax, *published, *pieces, pages]
+    return [step for step in steps if step.name not in plan.failed]
+
+
+def _pieces(
+    plan: _Plan, made: Sequence[Path], library: Sequence[Path], after: frozenset[str]
+) -> list[tasks.Task]:
+    """The steps that make what the pages include."""
+    executed = plan.executed
+    costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
+    costs += [path for path in [benchmark_tables.published_path()] if path.is_file()]
+    without = [name for name in STUDIES if name not in {job.study.name for job in plan.ran}]
+    numbers = [name for name in pieces_write.PIECES if plan.includes(f"{name}.md")]
+    own_words = [f"{name}.md" for name in (*thesis_index.PIECES, *assumptions.PIECES)]
+    published = sorted((plan.root / "data" / "published").glob("*.csv"))
+
+    def step(name: str, act: Callable[[], object], needs: Sequence[Path], makes: Sequence[str],
+             seconds: float = 1) -> tasks.Task:  # fmt: skip
+        places = [executed / file for file in makes]
+        return tasks.task(plan.step(name), act, needs, places, seconds=seconds)
+
     steps = [
-        *runs.job_tasks(plan.ran),
-        tasks.task(
-            "MathJax",
-            lambda: book.install_assets(root),
-            [root / "package-lock.json", root / "package.json"],
-            mathjax,
-        ),
-        *publishing,
-        replace(_conformance(plan), after=frozenset(one.name for one in publishing)),
-        tasks.task(
+        replace(_conformance(plan), after=after),
+        step(
             "numbers",
-            lambda: pieces_write.write(made, executed, without),
+            lambda: pieces_write.write(made, executed, without, numbers),
             [*made, *costs, *library],
-            numbers,
+            [f"{name}.md" for name in numbers],
+            30 * plan.share,
         ),
-        tasks.task(
+        step(
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),
             [*made, *library],
-            [picture_of_all],
+            [conclusions_figure.NAME],
+            8,
         ),
-        tasks.task(
+        step(
             "walk through chapter 5",
             lambda: _walk_through(executed),
             [*made, *library],
-            walk,
+            [
+                *map(pictures.file_name, pictures.PICTURES),
+                *(f"{name}.md" for name in walk_numbers.PIECES),
+            ],
+            11,
         ),
-        tasks.task(
+        step(
             "reference of own recordings",
             lambda: reference.write(executed),
             library,
-            told,
+            [f"{name}.md" for name in reference.PIECES],
         ),
-        tasks.task(
+        step(
             "index, assumptions, explorer, form",
             lambda: _tell(executed),
-            [*library, *pages, *published],
-            own_words,
-        ),
-        tasks.task(
-            "pages",
-            lambda: _render(plan),
-            [*sources, picture_of_all, *walk, *told, *own_words, *checked, *mathjax, *library],
-            [plan.index.parent, plan.archive],
+            [*library, *plan.pages, *published],
+            [*own_words, *(f"{name}.html" for name in PAGES)],
         ),
     ]
-    return [step for step in steps if step.name not in plan.failed]
+    return [one for one in steps if not one.makes or any(plan.includes(p.name) for p in one.makes)]
 
 
 def _conformance(plan: _Plan) -> tasks.Task:
@@ -226,6 +272,7 @@ def _conformance(plan: _Plan) -> tasks.Task:
         lambda: conformance.write(plan.executed),
         [*there, *library, *conformance.test_files()],
         conformance.pieces(plan.executed),
+        seconds=1,
     )
 
 
@@ -237,8 +284,15 @@ def _render(plan: _Plan) -> None:
         downloads.fill(html, [job.cube for job in plan.ran])
         crate.write(html, [(job.notebook, job.cube) for job in plan.ran])
 
+    if plan.chapter:
+        notebooks = [job.notebook for job in plan.jobs]
+        with staging(plan.root / "build") as work:
+            one_chapter.lay_out(plan.root, plan.chapter, plan.executed, notebooks, work)
+            book.render(work, plan.index.parent, finish)
+        return
     book.render(plan.root, plan.index.parent, finish)
-    downloads.archive(plan.index.parent, plan.archive)
+    for place in plan.archives:
+        downloads.archive(plan.index.parent, place)
 
 
 def _tell(executed: Path) -> None:
@@ -255,39 +309,3 @@ def _walk_through(executed: Path) -> None:
     pictures.write(data, executed)
     for name, piece in walk_numbers.PIECES.items():
         files.whole_text(executed / f"{name}.md", piece(data))
-
-
-def _publish(jobs: Sequence[runs.Job], picture: Path, measured: Path) -> None:
-    if measured.is_file():  # first, for what failed in it publishes nothing
-        conformance.publish(measured)
-    for job in jobs:
-        published.publish(cube_file.read(job.cube))
-        keep_outputs(runs.source(job.study.name), job.notebook)
-    costs = {job.study.name: effort.of(job.notebook) for job in jobs}
-    effort.write((name, costs[name]) for name in STUDIES)
-    arrays = next(job for job in jobs if job.study.name == "beam-arrays")
-    text = as_svg(cube_file.read(arrays.cube), "4a", 3)
-    files.whole_text(picture, text)
-
-
-def keep_outputs(notebook: Path, executed: Path) -> None:
-    """Give a notebook the text outputs of its executed copy; pictures and widgets stay out."""
-    import nbformat
-
-    document = nbformat.read(notebook, as_version=4)
-    ran = {cell["id"]: cell for cell in nbformat.read(executed, as_version=4).cells}
-    codes = [cell for cell in document.cells if cell.cell_type == "code"]
-    for number, cell in enumerate(codes, 1):
-        ignored = "nbval-ignore-output" in cell.metadata.get("tags", [])
-        cell.execution_count = number  # nbval compares nothing without a count
-        cell.outputs = [] if ignored else [_text_only(out) for out in ran[cell["id"]].outputs]
-    files.whole_file(notebook, lambda part: nbformat.write(document, part))
-
-
-def _text_only(output: dict[str, object]) -> dict[str, object]:
-    if "execution_count" in output:
-        output["execution_count"] = None
-    data = output.get("data")
-    if isinstance(data, dict):
-        output["data"] = {kind: text for kind, text in data.items() if kind.startswith("text/")}
-    return output

@@ -24,7 +24,7 @@ _WORDS = "This picture is missing: its run failed."
 def sentence(names: Iterable[str]) -> str:
     """The words in place of numbers that some figure sets should have given."""
     sets = ", ".join(f"`{name}`" for name in sorted(names))
-    return f"*Missing here, since it did not run: {sets}. Mend that; then `thesis book` adds it.*\n"
+    return f"*Missing here, since it did not run: {sets}. `thesis book` adds it once it does.*\n"
 
 
 def page(source: Path, name: str, reason: str) -> Any:

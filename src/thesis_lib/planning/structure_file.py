@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from thesis_lib.planning.bodies import Body
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
+from thesis_lib.studies.blocks import HELD_BYTES
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.text import first_hidden, one_line
 from thesis_lib.vibration.structure import Structure, deflection_shape
@@ -100,7 +101,7 @@ def _opened(path: Path) -> xr.Dataset:
     try:
         with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
             mesh = file[[n for n in (*NEEDED, *NORMAL, "mode") if n in file.variables]]
-            if mesh.nbytes > storage.HELD_BYTES:
+            if mesh.nbytes > HELD_BYTES:
                 held = f"says that it holds {mesh.nbytes / 1e6:.3g} MB"
                 raise _refusal(path, held, "the markers, not all nodes of a mesh")
             return mesh.load()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -183,8 +183,11 @@ def _stand_alone(notebook: Any, study: Study, result: Any) -> None:
         executed_notebook.cut_links(notebook)
 
 
-def job_tasks(jobs: Sequence[Job]) -> list[Task]:
-    """The jobs as tasks; what needs another's cube, or the same recordings, waits for it."""
+def job_tasks(jobs: Sequence[Job], seconds: Mapping[str, float] | None = None) -> list[Task]:
+    """The jobs as tasks; what needs another's cube, or the same recordings, waits for it.
+
+    `seconds` are those that figure sets are known to take, by name.
+    """
     names = {job.study.name for job in jobs}
     first = {job.study.digest: job.study.name for job in jobs}  # to make what others need, too
     tasks = []
@@ -195,8 +198,11 @@ def job_tasks(jobs: Sequence[Job]) -> list[Task]:
         after = {first.setdefault(each, name) for each in needed}
         if figure_set.judges:
             files, after = _judged(jobs), names
-        act, rest = partial(execute, job), frozenset(after - {name})
-        tasks.append(Task(name, act, job.targets, job.notebook, files, digest(job), rest))
+        act, rest, known = partial(execute, job), frozenset(after - {name}), seconds or {}
+        tasks.append(
+            Task(name, act, job.targets, job.notebook, files, digest(job), rest,
+                 seconds=known.get(name, 0.0))
+        )  # fmt: skip
     return tasks
 
 

@@ -9,21 +9,22 @@ from __future__ import annotations
 import contextlib
 import re
 import shutil
-import sys
-import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from pathlib import Path
 
 from thesis_lib import records
+from thesis_lib.asides import live, say
 from thesis_lib.files import digest_of, sweep, workplace
+from thesis_lib.runs.progress import Progress
 from thesis_lib.text import message, of_error
 from thesis_lib.web.page import BookError
 
 _FULL = 2**20  # bytes: a disk with less is full
+_SILENCE = 60.0  # s, after which what is at work is told
 
 
 class RunError(RuntimeError):
@@ -68,6 +69,8 @@ class Task:
         Names of tasks that come before, if they are there.
     always : bool
         Whether to do it even if it is up to date.
+    seconds : float
+        How long it took where it was published; 0 if that is not known.
     """
 
     name: str
@@ -78,6 +81,7 @@ class Task:
     key: str = ""
     after: frozenset[str] = frozenset()
     always: bool = False
+    seconds: float = 0.0
 
     def made_from(self) -> str:
         """Digest of all that it depends on, as it is now."""
@@ -90,10 +94,17 @@ class Task:
         fits = kept is not None and kept.made_from == made_from
         return None if fits and not found else found
 
+    def is_stale(self) -> bool:
+        """Whether it will be done; what cannot be told now is told when its turn comes."""
+        try:
+            return self.always or self.damage(self.made_from()) is not None
+        except OSError:
+            return True
+
 
 def task(
     name: str, action: Callable[[], object], needs: Sequence[Path], makes: Sequence[Path],
-    key: str = "", record: Path | None = None, always: bool = False,
+    key: str = "", record: Path | None = None, always: bool = False, seconds: float = 0.0,
 ) -> Task:  # fmt: skip
     """A task whose record is a file of its own."""
     place = record or workplace() / "build" / "made" / f"{_slug(name)}.json"
@@ -102,23 +113,7 @@ def task(
         action()
         records.write(place, made_from, makes)
 
-    return Task(name, act, makes, place, needs, key, always=always)
-
-
-@dataclass
-class _Progress:
-    """How many tasks there are, how many are done, and since when."""
-
-    total: int
-    done: int = 0
-    begin: float = field(default_factory=time.monotonic)
-
-    def say(self, name: str, text: str) -> None:
-        elapsed = time.monotonic() - self.begin
-        line = message(f"{name}: {text}")
-        with contextlib.suppress(OSError, ValueError):  # nobody listens any more
-            sys.stderr.write(f"[{self.done}/{self.total}] {elapsed:5.1f} s  {line}\n")
-            sys.stderr.flush()
+    return Task(name, act, makes, place, needs, key, always=always, seconds=seconds)
 
 
 def run(tasks: Sequence[Task], workers: int = 2) -> None:
@@ -139,9 +134,10 @@ def run(tasks: Sequence[Task], workers: int = 2) -> None:
     build = workplace() / "build"
     made = [file.parent for one in tasks for file in (one.record, *one.makes)]
     sweep(*dict.fromkeys([build, build / "cache", *made]))
-    progress = _Progress(len(tasks))
     named = {one.name: one for one in tasks}
     waits = _waits(tasks)
+    progress = Progress(len(tasks), _to_do(tasks), waits, workers)
+    progress.foretell()
     failed: dict[str, str] = {}
     unmet: set[str] = set()
     order: TopologicalSorter[str] = TopologicalSorter(dict.fromkeys(named, ()))
@@ -156,54 +152,74 @@ def run(tasks: Sequence[Task], workers: int = 2) -> None:
                 if without := sorted(waits[name] & failed.keys()):
                     failed[name] = f"not run, since {', '.join(without)} failed"
                     unmet.add(name)
-                    progress.done += 1
+                    progress.end(name, measured=False)
                     order.done(name)
                 else:
                     at_work[pool.submit(_one, named[name], progress)] = name
-            for future in wait(at_work, return_when=FIRST_COMPLETED).done:
+            passing = live()
+            ended = wait(at_work, 1 if passing else _SILENCE, FIRST_COMPLETED).done
+            if at_work and not ended:
+                progress.tell(passing)
+            for future in ended:
                 name = at_work.pop(future)
                 if problem := future.result():
                     failed[name] = problem
                 order.done(name)
     finally:  # an interrupt does not wait for what is under way
+        if live():
+            say("", passing=True)
         pool.shutdown(wait=False, cancel_futures=True)
     if failed:
         told = {n: t if t.startswith(n) else f"{n}: {t}" for n, t in failed.items()}
         raise RunError("\n".join(told.values()), told, unmet)
 
 
+def _makers(tasks: Sequence[Task]) -> dict[str, set[str]]:
+    """Of each task the names of those that make what it is made from."""
+    maker = {path: one.name for one in tasks for path in one.makes}
+    return {one.name: {maker[p] for p in one.needs if p in maker} - {one.name} for one in tasks}
+
+
 def _waits(tasks: Sequence[Task]) -> dict[str, set[str]]:
     """Of each task the names of those that come before it."""
-    maker = {path: one.name for one in tasks for path in one.makes}
-    names = {one.name for one in tasks}
-    return {
-        one.name: ({maker[p] for p in one.needs if p in maker} | (one.after & names)) - {one.name}
-        for one in tasks
-    }
+    makers = _makers(tasks)
+    return {one.name: makers[one.name] | (one.after & makers.keys()) for one in tasks}
 
 
-def _one(task: Task, progress: _Progress) -> str:
+def _to_do(tasks: Sequence[Task]) -> dict[str, float]:
+    """What is stale, or made from what is, and how long that takes, as far as it is known."""
+    named, makers = {one.name: one for one in tasks}, _makers(tasks)
+    found = set[str]()
+    for name in TopologicalSorter(makers).static_order():
+        if makers[name] & found or named[name].is_stale():
+            found.add(name)
+    return {name: one.seconds for name, one in named.items() if name in found}
+
+
+def _one(task: Task, progress: Progress) -> str:
     """Do a task unless it is up to date; what went wrong, or nothing."""
     problem = ""
-    started = time.monotonic()
+    progress.begin(task.name)
     try:
         # The digest is taken before the run: what is edited during it makes its files stale.
         made_from = task.made_from()
         damage = "" if task.always else task.damage(made_from)
         if damage is None:
-            progress.done += 1
-            progress.say(task.name, "up to date")
+            progress.end(task.name, measured=False)
+            progress.say(f"{task.name}: up to date")
             return ""
-        progress.say(task.name, f"{damage}; it is made anew" if damage else "running")
+        told = f"{damage}; it is made anew" if damage else "running"
+        progress.say(f"{task.name}: {told}")
         task.act(made_from)
     except (RunError, BookError) as error:  # warnings of a book are told in lines of their own
         problem = "\n".join(map(message, str(error).splitlines()))
     except Exception as error:
         found = full_disk(task.record.parent) or f"{of_error(error)}; {log(task.name)}"
         problem = message(found)
-    progress.done += 1
-    took = f"done in {time.monotonic() - started:.1f} s"
-    progress.say(task.name, "FAILED" if problem else took)
+    took = progress.end(task.name, measured=not problem)
+    left = progress.left()
+    how = "FAILED" if problem else f"done in {took:.1f} s"
+    progress.say(f"{task.name}: {how}{f'; {left} left' if left else ''}")
     return problem
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from thesis_lib.asides import asides
 from thesis_lib.files import shipped, whole_file
-from thesis_lib.text import damaged
+from thesis_lib.text import damaged, duration
 
 FIELDS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
 MINUTE = 60.0
@@ -58,8 +58,7 @@ class Effort:
         >>> Effort(7.4, 300, 1).time, Effort(170, 300, 1).time
         ('7 s', '3 min')
         """
-        value = round(self.seconds / MINUTE) if self.seconds >= MINUTE else round(self.seconds)
-        return f"{max(value, 1)} {'min' if self.seconds >= MINUTE else 's'}"
+        return duration(self.seconds)
 
     @property
     def memory(self) -> str:

@@ -40,13 +40,16 @@ from thesis_lib.figure_sets.planner import tables as planner_tables
 from thesis_lib.planning.request import PlanRequest
 
 
-def write(made: Sequence[Path], folder: Path, without: Iterable[str] = ()) -> None:
-    """Write every piece of :data:`PIECES` from the cubes `made` into `folder`.
+def write(
+    made: Sequence[Path], folder: Path, without: Iterable[str] = (), names: Iterable[str] = ()
+) -> None:
+    """Write pieces of :data:`PIECES` from the cubes `made` into `folder`, all or by their `names`.
 
     Pieces that need the figure sets `without` a cube say that these are missing.
     """
     read = {path.stem: cube_file.read(path) for path in made}
-    for name, piece in PIECES.items():
+    for name in names or PIECES:
+        piece = PIECES[name]
         opened = Opened(read, without)
         try:
             text = piece(opened)
