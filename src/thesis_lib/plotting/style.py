@@ -42,6 +42,7 @@ STYLE: Any = {
 POWERS = {"text.parse_math": True}
 """For figures with powers of ten at their axes, and without a reader's words."""
 
+_DIGITS = 9  # of a panel's place in its figure
 _ONE_AT_A_TIME = threading.RLock()
 
 _LAYOUT = (
@@ -105,6 +106,9 @@ def _lay_out(figure: Figure) -> None:
         figure.dpi = 72
         engine.execute(figure)
         figure.set_layout_engine(None)
+        for axes in figure.axes:  # the solver's last digits hang on addresses in memory
+            place = axes.get_position(original=True).bounds
+            axes.set_position(tuple(round(each, _DIGITS) for each in place))
 
 
 def svg(figure: Figure, changed: Any = None) -> str:
