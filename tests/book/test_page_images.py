@@ -95,9 +95,9 @@ def test_marks_of_one_style_share_it() -> None:
     ]
     drawn = "<svg>" + "\n".join(marks) + "</svg>"
     assert squeeze(drawn) == (
-        '<svg><g style="fill:#009e73;stroke:#009e73"><use xlink:href="#m" x="1" y="2"/>'
-        '<use xlink:href="#m" x="2" y="2"/></g>'
-        '<use xlink:href="#m" x="3" y="2" style="fill:red;stroke:red"/></svg>'
+        '<svg><g style="fill:#009e73;stroke:#009e73"><use href="#m" x="1" y="2"/>'
+        '<use href="#m" x="2" y="2"/></g>'
+        '<use href="#m" x="3" y="2" style="fill:red;stroke:red"/></svg>'
     )
     assert squeeze(squeeze(drawn)) == squeeze(drawn)
 
@@ -109,7 +109,7 @@ def test_only_parts_used_again_are_named_and_shortly() -> None:
     )
     assert squeeze(drawn) == (
         '<svg><g><path id="a0" d="M0 0"/><clipPath id="a1"/>'
-        '<use xlink:href="#a0"/><g clip-path="url(#a1)"/></g></svg>'
+        '<use href="#a0"/><g clip-path="url(#a1)"/></g></svg>'
     )
     assert squeeze(squeeze(drawn)) == squeeze(drawn)
 

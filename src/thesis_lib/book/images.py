@@ -119,4 +119,5 @@ def squeeze(svg: str) -> str:
     spare = _ID.sub(lambda match: f' id="{names[match[1]]}"' if match[1] in names else "", svg)
     spare = _REFERENCE.sub(lambda match: match[1] + names.get(match[2], match[2]), spare)
     spare = _STYLE.sub(lambda match: re.sub(r"\s*([:;])\s*", r"\1", match[0]), spare)
-    return _MARKS.sub(together, _PLACES.sub(places, _IDLE.sub("", spare)))
+    spare = _MARKS.sub(together, _PLACES.sub(places, _IDLE.sub("", spare)))
+    return re.sub(r' xmlns:xlink="[^"]*"', "", spare.replace("xlink:href", "href"))
