@@ -43,7 +43,7 @@ def code_of(*modules: str) -> list[Path]:
 
 def together(files: Iterable[Path]) -> list[Path]:
     """All files that some files rest on, themselves included, in a fixed order."""
-    return sorted({each for file in files for each in reach.reached(file)})
+    return sorted(reach.reached(*files))
 
 
 def facts_of(files: Iterable[Path]) -> list[Path]:

@@ -19,10 +19,10 @@ def library() -> Path:
     return Path(__file__).parents[1]
 
 
-def folders() -> list[Path]:
+def folders() -> tuple[Path, ...]:
     """Where modules of the project are: the library, its tests with their scenes, benchmarks."""
     root = shipped()
-    return [library().parent, root / "tests", root]
+    return library().parent, root / "tests", root
 
 
 def file_of(module: str) -> Path:
@@ -33,7 +33,7 @@ def file_of(module: str) -> Path:
     ModuleNotFoundError
         If there is none.
     """
-    found = _file(module)
+    found = _file(module, folders())
     if found is None:
         spec = find_spec(module)
         if spec is None or spec.origin is None:
@@ -42,25 +42,25 @@ def file_of(module: str) -> Path:
     return found
 
 
-def reached(file: Path) -> dict[Path, int]:
-    """All files of this project that a Python file rests on, itself included.
+def reached(*files: Path) -> dict[Path, int]:
+    """All files of this project that some Python files rest on, themselves included.
 
     A name that is imported through a package's ``__init__`` counts as the module that defines it.
     Imports inside functions count, too; what is only named in a string does not.
 
     Parameters
     ----------
-    file : pathlib.Path
-        A module, a test, a script or a notebook of the project.
+    *files : pathlib.Path
+        Modules, tests, scripts or notebooks of the project.
 
     Returns
     -------
     dict
-        How many imports away each file is; 0 is the file itself.
+        How many imports away each file is; 0 are the files themselves.
     """
-    found, todo = {file: 0}, [file]
+    found, todo, places = dict.fromkeys(files, 0), [*files], folders()
     for one in todo:
-        for other in imported(one) - found.keys():
+        for other in _imported(one, places) - found.keys():
             found[other] = found[one] + 1
             todo.append(other)
     return found
@@ -71,10 +71,10 @@ def digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
-def imported(file: Path) -> frozenset[Path]:
-    """The files of this project that a Python file itself imports from."""
-    found = {_defining(module, name) for module, name, _ in _imports(file)}
-    return frozenset(found - {None, file})  # type: ignore[arg-type]
+def _imported(file: Path, places: tuple[Path, ...]) -> set[Path]:
+    """The files in some places that a Python file itself imports from."""
+    found = (_defining(module, name, places) for module, name, _ in _imports(file))
+    return {one for one in found if one} - {file}
 
 
 def _imports(file: Path) -> tuple[tuple[str, str, str], ...]:
@@ -122,30 +122,26 @@ def _statements(nodes: Iterable[ast.AST]) -> Iterator[ast.AST]:
             yield from _statements(getattr(node, part, ()))
 
 
-def _defining(module: str, name: str) -> Path | None:
+def _defining(module: str, name: str, places: tuple[Path, ...]) -> Path | None:
     """The file where a name of a module is defined; None if that is not of this project."""
     if os.sep in module:
-        places = (Path(module, f"{name}.py"), Path(f"{module}.py"))
-        return next((one for one in places if one.is_file()), None)
-    file = _file(f"{module}.{name}") or _file(module)
+        files = (Path(module, f"{name}.py"), Path(f"{module}.py"))
+        return next((one for one in files if one.is_file()), None)
+    file = _file(f"{module}.{name}", places) or _file(module, places)
     if file and file.name == "__init__.py" and name:
         for source, inner, here in _imports(file):
-            if here == name and (through := _defining(source, inner)):
+            if here == name and (through := _defining(source, inner, places)):
                 return through
     return file
 
 
-def _file(module: str) -> Path | None:
+@cache
+def _file(module: str, places: tuple[Path, ...]) -> Path | None:
     """The file of a module by its name, if it is one of this project's."""
     own = module.partition(".")[0] == library().name
-    for folder in folders()[:1] if own else folders()[1:]:
-        if found := _below(folder, module):
-            return found
+    for folder in places[:1] if own else places[1:]:
+        place = folder.joinpath(*module.rstrip(".").split("."))
+        for file in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
+            if file.is_file():
+                return file
     return None
-
-
-@cache
-def _below(folder: Path, module: str) -> Path | None:
-    place = folder.joinpath(*module.rstrip(".").split("."))
-    files = (place.with_name(f"{place.name}.py"), place / "__init__.py")
-    return next((file for file in files if file.is_file()), None)
