@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
 
 import pytest
 import yaml
 
-PROJECT = Path(__file__).parents[1]
 GOOD, BAD = "beam-resolution", "beam-distance"
-ASSETS = PROJECT / "build" / "assets"
 MAKE = f"""
 import sys
-from thesis_lib.book import build as p
+from thesis_lib.book import build as p, plan
 from thesis_lib.book.pieces import write as prose
 from thesis_lib.runs import tasks
 
-p.STUDIES = {{name: p.STUDIES[name] for name in ("{GOOD}", "{BAD}")}}
+plan.STUDIES = {{name: plan.STUDIES[name] for name in ("{GOOD}", "{BAD}")}}
 prose.PIECES = {{"beam-results": prose.PIECES["beam-results"]}}
 p.pictures.PICTURES = p.walk_numbers.PIECES = {{}}
 p.PAGES = p.reference.PIECES = p.thesis_index.PIECES = p.assumptions.PIECES = {{}}
@@ -41,16 +38,17 @@ See [its figure](fig-3-4), {numref}`fig-3-4` and [the other page](executed/beam-
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    """A checkout whose book has two pages of results, made once well and once with one failing."""
-    if not ASSETS.is_dir():
-        pytest.skip("no build/assets: render the book first")
-    from conftest import Checkout
+    """A checkout whose book has two pages of results and is not made yet."""
+    from conftest import PROJECT, Checkout
 
+    assets = PROJECT / "build" / "assets"
+    if not assets.is_dir():
+        pytest.skip("no build/assets: render the book first")
     checkout = Checkout(tmp_path_factory.mktemp("small") / "project")
     root = checkout.root
     for name in ("_config.yml", "package.json", "package-lock.json"):
         shutil.copy(PROJECT / name, root)
-    shutil.copytree(ASSETS, root / "build" / "assets")
+    shutil.copytree(assets, root / "build" / "assets")
     shutil.copytree(PROJECT / "book" / "assets", root / "book" / "assets")
     shutil.copy(PROJECT / "book" / "references.bib", root / "book")
     (root / "book" / "intro.md").write_text(INTRO, encoding="utf-8")

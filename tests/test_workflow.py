@@ -69,9 +69,9 @@ def test_nothing_but_the_deployment_may_write(workflow):
 
 
 def test_the_uploaded_folder_is_where_the_book_is_built():
-    from thesis_lib.book import build as publishing
+    from thesis_lib.book.plan import Plan
 
-    plan = publishing._Plan(ROOT, [], False)
+    plan = Plan(ROOT, [])
     assert plan.index.parent == ROOT / "build" / "html"
 
 

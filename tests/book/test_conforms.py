@@ -17,6 +17,7 @@ from thesis_lib.book import publish
 from thesis_lib.book.conformance import areas as conformance_areas
 from thesis_lib.book.conformance import report as conformance
 from thesis_lib.book.conformance.areas import AREAS
+from thesis_lib.book.plan import Plan
 from thesis_lib.runs import tasks
 from thesis_lib.runs.tasks import RunError
 
@@ -199,7 +200,7 @@ def test_a_book_shows_the_published_report_and_marks_what_changed_since(tmp_path
     monkeypatch.setattr(tasks, "workplace", lambda: tmp_path)
 
     def pieces():
-        plan = publishing._Plan(tmp_path, [], False)
+        plan = Plan(tmp_path, [])
         tasks.run([publishing._conformance(plan)])
         return [path.read_text(encoding="utf-8") for path in conformance.pieces(plan.executed)]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from thesis_lib import files
@@ -19,12 +19,11 @@ from thesis_lib.book.pieces import assumptions, thesis_index
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.book.plan import Plan, planned
 from thesis_lib.figure_sets import recorded
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.figure_sets.experiment.walk import numbers as walk_numbers
 from thesis_lib.figure_sets.experiment.walk import pictures
-from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
-from thesis_lib.files import project_root, staging
 from thesis_lib.runs import execute as runs
 from thesis_lib.runs import tasks
 from thesis_lib.studies import effort
@@ -36,63 +35,6 @@ PAGES: dict[str, Callable[[], str]] = {
     "rerun-form": rerun_form.page,
 }
 """Pieces of pages that depend on the library, and what is published, alone."""
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """The places of a book, and what has failed so far, by the name of the step."""
-
-    root: Path
-    jobs: list[runs.Job]
-    publish: bool = False
-    chapter: str = ""
-    failed: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def ran(self) -> list[runs.Job]:
-        """The figure sets that did not fail."""
-        return [job for job in self.jobs if job.study.name not in self.failed]
-
-    @property
-    def executed(self) -> Path:
-        """Folder of what pages include."""
-        return self.root / ("build" if self.chapter else "book") / self.chapter / "executed"
-
-    @property
-    def index(self) -> Path:
-        """The page to open."""
-        return self.root / "build" / self.chapter / "html" / "index.html"
-
-    @property
-    def archives(self) -> list[Path]:
-        """The whole book as one file; a part of it is none."""
-        return [] if self.chapter else [self.root / "build" / f"{downloads.ARCHIVE}.zip"]
-
-    @property
-    def pages(self) -> list[Path]:
-        """What is rendered, beside what is executed and included."""
-        if self.chapter:
-            return one_chapter.pages(self.root, self.chapter)
-        there = [path for path in (self.root / "book").rglob("*") if path.is_file()]
-        there = [path for path in there if self.executed not in path.parents]
-        return sorted({*there, self.root / "book" / "assets" / "overview.svg"})
-
-    @property
-    def share(self) -> float:
-        """How much of the whole book this is, by its figure sets."""
-        return len(self.jobs) / len(STUDIES)
-
-    def step(self, name: str) -> str:
-        """The name of a step that makes something for this book alone."""
-        return f"{self.chapter} {name}".strip()
-
-    @cached_property
-    def _said(self) -> str:
-        return "".join(page.read_text(encoding="utf-8") for page in self.pages)
-
-    def includes(self, name: str) -> bool:
-        """Whether a page includes a file; the whole book includes all."""
-        return not self.chapter or f"executed/{name}" in self._said
 
 
 def build(publish: bool = False, chapter: str = "") -> Path:
@@ -119,15 +61,7 @@ def build(publish: bool = False, chapter: str = "") -> Path:
     RunError
         If anything failed; the message names all of it.
     """
-    root = project_root()
-    executed, results = root / "book" / "executed", root / "data" / "results"
-    jobs = [
-        runs.Job(STUDIES[name](), executed / f"{name}.ipynb", results / f"{name}.nc")
-        for name in CHAPTERS.get(chapter, STUDIES)
-    ]
-    seconds = {name: cost.seconds for name, cost in effort.read().items()}
-    jobs.sort(key=lambda job: -seconds.get(job.study.name, 0.0))  # what takes longest comes first
-    plan = _Plan(root, jobs, publish, chapter)
+    plan = planned(chapter, publish)
     while True:  # each time round without what failed before
         steps = _tasks(plan)
         try:
@@ -149,13 +83,13 @@ def build(publish: bool = False, chapter: str = "") -> Path:
 
 def forget() -> None:
     """Let the next book compute and execute everything; what was made stays until then."""
-    root = project_root()
+    root = files.project_root()
     for notebook in (root / "book" / "executed").glob("*.ipynb"):
         notebook.unlink()
     shutil.rmtree(root / "build" / "cache", ignore_errors=True)
 
 
-def _stand_in(plan: _Plan, steps: Sequence[tasks.Task], failed: Mapping[str, str]) -> None:
+def _stand_in(plan: Plan, steps: Sequence[tasks.Task], failed: Mapping[str, str]) -> None:
     """Let what is missing say so where it would be."""
     jobs = {job.study.name: job for job in plan.jobs}
     made = {step.name: step.makes for step in steps}
@@ -168,7 +102,7 @@ def _stand_in(plan: _Plan, steps: Sequence[tasks.Task], failed: Mapping[str, str
                 missing.write_placeholder(target, name)
 
 
-def _tasks(plan: _Plan) -> list[tasks.Task]:
+def _tasks(plan: Plan) -> list[tasks.Task]:
     """All steps of the book that have not failed."""
     root, library, made = plan.root, files.library_files(), [job.cube for job in plan.ran]
     published = []
@@ -198,71 +132,68 @@ def _tasks(plan: _Plan) -> list[tasks.Task]:
         [plan.index.parent, *plan.archives],
         seconds=plan.share * 75,
     )
-    seconds = {name: cost.seconds for name, cost in effort.read().items()}
-    steps = [*runs.job_tasks(plan.ran, seconds), mathjax, *published, *pieces, pages]
+    steps = [*runs.job_tasks(plan.ran, plan.seconds), mathjax, *published, *pieces, pages]
     return [step for step in steps if step.name not in plan.failed]
 
 
 def _pieces(
-    plan: _Plan, made: Sequence[Path], library: Sequence[Path], after: frozenset[str]
+    plan: Plan, made: Sequence[Path], library: Sequence[Path], after: frozenset[str]
 ) -> list[tasks.Task]:
     """The steps that make what the pages include."""
     executed = plan.executed
     costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
     costs += [path for path in [benchmark_tables.published_path()] if path.is_file()]
-    without = [name for name in STUDIES if name not in {job.study.name for job in plan.ran}]
     numbers = [name for name in pieces_write.PIECES if plan.includes(f"{name}.md")]
     own_words = [f"{name}.md" for name in (*thesis_index.PIECES, *assumptions.PIECES)]
     published = sorted((plan.root / "data" / "published").glob("*.csv"))
 
-    def step(name: str, act: Callable[[], object], needs: Sequence[Path], makes: Sequence[str],
-             seconds: float = 1) -> tasks.Task:  # fmt: skip
-        places = [executed / file for file in makes]
-        return tasks.task(plan.step(name), act, needs, places, seconds=seconds)
-
-    steps = [
-        replace(_conformance(plan), after=after),
-        step(
+    pictured = [*map(pictures.file_name, pictures.PICTURES)]
+    told: list[tuple[str, Callable[[], object], Sequence[Path], list[str], float]] = [
+        (
             "numbers",
-            lambda: pieces_write.write(made, executed, without, numbers),
+            lambda: pieces_write.write(made, executed, plan.without, numbers),
             [*made, *costs, *library],
             [f"{name}.md" for name in numbers],
             30 * plan.share,
         ),
-        step(
+        (
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),
             [*made, *library],
             [conclusions_figure.NAME],
             8,
         ),
-        step(
+        (
             "walk through chapter 5",
             lambda: _walk_through(executed),
             [*made, *library],
-            [
-                *map(pictures.file_name, pictures.PICTURES),
-                *(f"{name}.md" for name in walk_numbers.PIECES),
-            ],
+            [*pictured, *(f"{name}.md" for name in walk_numbers.PIECES)],
             11,
         ),
-        step(
+        (
             "reference of own recordings",
             lambda: reference.write(executed),
             library,
             [f"{name}.md" for name in reference.PIECES],
+            1,
         ),
-        step(
+        (
             "index, assumptions, explorer, form",
             lambda: _tell(executed),
             [*library, *plan.pages, *published],
             [*own_words, *(f"{name}.html" for name in PAGES)],
+            1,
         ),
     ]
+    steps = [
+        tasks.task(plan.step(name), act, needs, [executed / one for one in makes], seconds=seconds)
+        for name, act, needs, makes, seconds in told
+    ]
+    steps.insert(0, replace(_conformance(plan), after=after))
     return [one for one in steps if not one.makes or any(plan.includes(p.name) for p in one.makes)]
 
 
-def _conformance(plan: _Plan) -> tasks.Task:
+def _conformance(plan: Plan) -> tasks.Task:
     """The page of what the tests measured when it was published."""
     published = conformance.published_path()
     there = [published] if published.is_file() else []
@@ -276,7 +207,7 @@ def _conformance(plan: _Plan) -> tasks.Task:
     )
 
 
-def _render(plan: _Plan) -> None:
+def _render(plan: Plan) -> None:
     """Pages, downloads, their description, and all of it as one file."""
 
     def finish(html: Path) -> None:
@@ -286,7 +217,7 @@ def _render(plan: _Plan) -> None:
 
     if plan.chapter:
         notebooks = [job.notebook for job in plan.jobs]
-        with staging(plan.root / "build") as work:
+        with files.staging(plan.root / "build") as work:
             one_chapter.lay_out(plan.root, plan.chapter, plan.executed, notebooks, work)
             book.render(work, plan.index.parent, finish)
         return

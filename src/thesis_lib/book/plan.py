@@ -1,0 +1,105 @@
+"""What a book is made of, and where: all of it, or one chapter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+from thesis_lib.book import chapter as one_chapter
+from thesis_lib.book import downloads
+from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
+from thesis_lib.files import project_root
+from thesis_lib.runs.execute import Job
+from thesis_lib.studies import effort
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The places of a book, and what has failed so far, by the name of the step.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+        The project.
+    jobs : sequence of Job
+        Its figure sets, in the order in which they begin.
+    seconds : mapping
+        What these take where they were published, by name.
+    publish : bool
+        Whether these results become the published ones.
+    chapter : str
+        The chapter that is made; empty for all.
+    failed : dict
+        Why a step failed, by its name.
+    """
+
+    root: Path
+    jobs: Sequence[Job]
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    publish: bool = False
+    chapter: str = ""
+    failed: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def ran(self) -> list[Job]:
+        """The figure sets that did not fail."""
+        return [job for job in self.jobs if job.study.name not in self.failed]
+
+    @property
+    def without(self) -> list[str]:
+        """Names of the figure sets that are not in it."""
+        ran = {job.study.name for job in self.ran}
+        return [name for name in STUDIES if name not in ran]
+
+    @property
+    def executed(self) -> Path:
+        """Folder of what pages include."""
+        return self.root / ("build" if self.chapter else "book") / self.chapter / "executed"
+
+    @property
+    def index(self) -> Path:
+        """The page to open."""
+        return self.root / "build" / self.chapter / "html" / "index.html"
+
+    @property
+    def archives(self) -> list[Path]:
+        """The whole book as one file; a part of it is none."""
+        return [] if self.chapter else [self.root / "build" / f"{downloads.ARCHIVE}.zip"]
+
+    @property
+    def pages(self) -> list[Path]:
+        """What is rendered, beside what is executed and included."""
+        if self.chapter:
+            return one_chapter.pages(self.root, self.chapter)
+        there = [path for path in (self.root / "book").rglob("*") if path.is_file()]
+        there = [path for path in there if self.executed not in path.parents]
+        return sorted({*there, self.root / "book" / "assets" / "overview.svg"})
+
+    @property
+    def share(self) -> float:
+        """How much of the whole book this is, by its figure sets."""
+        return len(self.jobs) / len(STUDIES)
+
+    def step(self, name: str) -> str:
+        """The name of a step that makes something for this book alone."""
+        return f"{self.chapter} {name}".strip()
+
+    @cached_property
+    def _said(self) -> str:
+        return "".join(page.read_text(encoding="utf-8") for page in self.pages)
+
+    def includes(self, name: str) -> bool:
+        """Whether a page includes a file; the whole book includes all."""
+        return not self.chapter or f"executed/{name}" in self._said
+
+
+def planned(chapter: str = "", publish: bool = False) -> Plan:
+    """The book, or that of a chapter, in this project; what takes longest comes first."""
+    root = project_root()
+    executed, results = root / "book" / "executed", root / "data" / "results"
+    seconds = {name: cost.seconds for name, cost in effort.read().items()}
+    names = sorted(CHAPTERS.get(chapter, STUDIES), key=lambda name: -seconds.get(name, 0.0))
+    jobs = [Job(STUDIES[n](), executed / f"{n}.ipynb", results / f"{n}.nc") for n in names]
+    return Plan(root, jobs, seconds, publish, chapter)
