@@ -20,13 +20,14 @@ from thesis_lib.runs.requested import (
     REFUSED,
     Refused,
     assigned_values,
+    check_chapter,
     is_folder,
     new_folder,
     output_folder,
     requests_of,
     use_scheduler,
 )
-from thesis_lib.text import listed, message, of_error, one_line
+from thesis_lib.text import message, of_error
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -208,7 +209,7 @@ def book(chapter: str | None, publish: bool, from_nothing: bool) -> None:
     """
     files.project_root()  # refused without a clone
     if chapter is not None:
-        _check_chapter(chapter, "--publish" * publish or "--from-nothing" * from_nothing)
+        check_chapter(chapter, "--publish" * publish or "--from-nothing" * from_nothing)
     from thesis_lib.book import unchanged
 
     fresh = not (publish or from_nothing or chapter)
@@ -224,20 +225,6 @@ def book(chapter: str | None, publish: bool, from_nothing: bool) -> None:
     else:
         click.echo("the book is up to date", err=True)
     click.echo(f"Open {index}")
-
-
-def _check_chapter(name: str, option: str) -> None:
-    """Refuse what is no chapter, or is given with what is for the whole book."""
-    from thesis_lib.figure_sets.registry import CHAPTERS
-    from thesis_lib.studies.request import suggestion
-
-    if name not in CHAPTERS:
-        raise Refused(
-            f"{one_line(name)}: no such chapter{suggestion(name, CHAPTERS)}; "
-            f"{listed(CHAPTERS, 'thesis list')}"
-        )
-    if option:
-        raise Refused(f"{name}: given with {option}, allowed: alone")
 
 
 @cli.command()

@@ -180,6 +180,17 @@ class TestPage:
             assert not re.search(r"\.(svg|png)$", alt), source
 
 
+LONG_PATH = """() => { document.querySelector('article p').innerHTML =
+    `<code class="docutils"><span class="pre">${'src/thesis_lib/'.repeat(9)}</span></code>`; }"""
+
+
+@needs_book
+def test_a_long_path_in_prose_breaks_on_a_phone(running: Browser) -> None:
+    with open_offline(running, BOOK / "conformance.html", width=390) as opened:
+        opened.page.evaluate(LONG_PATH)
+        assert opened.sideways_px() <= 0
+
+
 @needs_book
 @pytest.mark.parametrize("name", PAGES)
 def test_first_paint_within_a_second(

@@ -22,9 +22,10 @@ _PX = {"pt": 4 / 3, "px": 1.0, "": 1.0}
 _PLACES = re.compile(r'(\s(?:d|x|y|x1|x2|y1|y2|points)=")([^"]*)"')
 _LONG = re.compile(r"-?\d+\.\d{3,}(?![\de])")
 _STYLE = re.compile(r'(?<=\sstyle=")[^"]*')
-_MARK = r'<use xlink:href="[^"]+" x="[^"]+" y="[^"]+"'
+_MARK = r'<use href="[^"]+" x="[^"]+" y="[^"]+"'
 _MARKS = re.compile(rf'{_MARK} style="(?P<style>[^"]*)"/>(?:{_MARK} style="(?P=style)"/>)+')
 _IDLE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)", re.DOTALL)
+_XLINK = re.compile(r'xlink:(?=href)|\sxmlns:xlink="[^"]*"')
 _ID = re.compile(r'\sid="([^"]*)"')
 _REFERENCE = re.compile(r'(href="#|url\(#)([^")]+)')
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -114,10 +115,10 @@ def squeeze(svg: str) -> str:
 
     if "<text" in svg:
         return svg
-    used = {match[2] for match in _REFERENCE.finditer(svg)}
-    names = {one: f"a{n}" for n, one in enumerate(one for one in _ID.findall(svg) if one in used)}
-    spare = _ID.sub(lambda match: f' id="{names[match[1]]}"' if match[1] in names else "", svg)
+    spare = _XLINK.sub("", svg)  # SVG 2 needs no such names
+    used = {match[2] for match in _REFERENCE.finditer(spare)}
+    names = {one: f"a{n}" for n, one in enumerate(one for one in _ID.findall(spare) if one in used)}
+    spare = _ID.sub(lambda match: f' id="{names[match[1]]}"' if match[1] in names else "", spare)
     spare = _REFERENCE.sub(lambda match: match[1] + names.get(match[2], match[2]), spare)
     spare = _STYLE.sub(lambda match: re.sub(r"\s*([:;])\s*", r"\1", match[0]), spare)
-    spare = _MARKS.sub(together, _PLACES.sub(places, _IDLE.sub("", spare)))
-    return re.sub(r' xmlns:xlink="[^"]*"', "", spare.replace("xlink:href", "href"))
+    return _MARKS.sub(together, _PLACES.sub(places, _IDLE.sub("", spare)))

@@ -198,11 +198,10 @@ def job_tasks(jobs: Sequence[Job], seconds: Mapping[str, float] | None = None) -
         after = {first.setdefault(each, name) for each in needed}
         if figure_set.judges:
             files, after = _judged(jobs), names
-        act, rest, known = partial(execute, job), frozenset(after - {name}), seconds or {}
-        tasks.append(
-            Task(name, act, job.targets, job.notebook, files, digest(job), rest,
-                 seconds=known.get(name, 0.0))
-        )  # fmt: skip
+        act, rest = partial(execute, job), frozenset(after - {name})
+        known = (seconds or {}).get(name, 0.0)
+        made = job.targets, job.notebook
+        tasks.append(Task(name, act, *made, files, digest(job), rest, seconds=known))
     return tasks
 
 

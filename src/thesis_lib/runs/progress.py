@@ -15,9 +15,12 @@ from thesis_lib.text import duration, message
 
 
 def seconds_left(
-    known: Mapping[str, float], at_work: Mapping[str, float], waits: Mapping[str, Iterable[str]],
-    pace: float = 1.0, workers: int = 2,
-) -> float:  # fmt: skip
+    known: Mapping[str, float],
+    at_work: Mapping[str, float],
+    waits: Mapping[str, Iterable[str]],
+    pace: float = 1.0,
+    workers: int = 2,
+) -> float:
     """How long tasks will take, begun in their order, so many at a time.
 
     Parameters
