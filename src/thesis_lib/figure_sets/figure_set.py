@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import xarray as xr
-
-from thesis_lib.studies.blocks import Outline
 from thesis_lib.studies.request import Study
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure
+
+    from thesis_lib.studies.blocks import Outline
 
 Inputs = Mapping[str, "tuple[Product, Any]"]
 

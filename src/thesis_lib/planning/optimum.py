@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from thesis_lib.planning.lattice import TIE, first_least
 from thesis_lib.planning.places import SLACK, Scene, cameras, centres, permitted, visible
@@ -94,7 +94,9 @@ def spaced(scene: Scene, places: Array) -> bool:
 def too_near(scene: Scene, grid: Array) -> NDArray[np.bool_]:
     """Which candidates may not stand in one layout; each of them with itself."""
     where = centres(scene, grid)
-    return np.asarray(cdist(where, where) < max(scene.rules.separation * (1 - SLACK), 1e-9))
+    return np.asarray(
+        scipy.spatial.distance.cdist(where, where) < max(scene.rules.separation * (1 - SLACK), 1e-9)
+    )
 
 
 def exchange(

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from thesis_lib.planning import lattice
 from thesis_lib.planning.bodies import Body
@@ -212,7 +212,7 @@ def free(scene: Scene, places: Array) -> Mask:
 
 def apart(scene: Scene, places: Array, others: Array) -> Mask:
     """Whether places are far enough from all others, shape (places,)."""
-    gap = cdist(centres(scene, places), centres(scene, others))
+    gap = scipy.spatial.distance.cdist(centres(scene, places), centres(scene, others))
     return np.asarray(np.all(gap >= scene.rules.separation * (1 - SLACK), axis=1))
 
 

@@ -17,10 +17,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
-from scipy.spatial import cKDTree
 
 if TYPE_CHECKING:
     from skfem import MeshTri
@@ -87,7 +85,7 @@ def located(mesh: MeshTri, points: Array) -> tuple[NDArray[np.int64], Array]:
         Barycentric coordinates, which are not negative and add up to 1.
     """
     a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)  # each (2, triangles)
-    tree, total = cKDTree(((a + b + c) / 3).T), mesh.t.shape[1]
+    tree, total = scipy.spatial.cKDTree(((a + b + c) / 3).T), mesh.t.shape[1]
     cells, weights = np.zeros(points.shape[1], np.int64), np.full((3, points.shape[1]), -np.inf)
     left, near = np.arange(points.shape[1]), 8
     while len(left):
@@ -156,7 +154,9 @@ def plate_modes(
     Mc = condense(M, I=inner, expand=False)
     start = np.ones(len(inner))  # the same every time, for the same result
     compliance = _compliance(_strains(basis, poisson)[:, inner])
-    values, vectors = eigsh(Mc, n_modes, Mc, sigma=0, OPinv=compliance, v0=start)
+    values, vectors = scipy.sparse.linalg.eigsh(
+        Mc, n_modes, Mc, sigma=0, OPinv=compliance, v0=start
+    )
     order = np.argsort(values)
     shapes = np.zeros((basis.N, n_modes))
     shapes[inner] = vectors[:, order]  # ∫ φ² dA = 1
@@ -165,7 +165,7 @@ def plate_modes(
     return PlateModes(basis, values[order], shapes * sign * np.sqrt(area))
 
 
-def _strains(basis: Any, poisson: float) -> csc_array:
+def _strains(basis: Any, poisson: float) -> scipy.sparse.csc_array:
     """The matrix B that makes of coefficients w what the energy wᵀBᵀBw is the sum of squares of.
 
     With the curvatures a, b, c = w_xx, w_yy, w_xy, which are constant on a triangle of area A,
@@ -179,17 +179,17 @@ def _strains(basis: Any, poisson: float) -> csc_array:
     columns = np.broadcast_to(basis.element_dofs, values.shape)
     shape = (rows.size, basis.N)
     at = (np.broadcast_to(rows, values.shape).ravel(), columns.ravel())
-    return coo_array((values.ravel(), at), shape).tocsc()
+    return scipy.sparse.coo_array((values.ravel(), at), shape).tocsc()
 
 
-def _compliance(B: csc_array) -> LinearOperator:
+def _compliance(B: scipy.sparse.csc_array) -> scipy.sparse.linalg.LinearOperator:
     """The inverse of the stiffness BᵀB, as exact as B.
 
     The square of B has a condition number that is squared, too: where elements are small beside the
     plate, the factors of BᵀB give 7 digits, other ones on another processor. What they leave of the
     equation is found without the square, and solved for again.
     """
-    factors = splu((B.T @ B).tocsc())
+    factors = scipy.sparse.linalg.splu((B.T @ B).tocsc())
 
     def solve(load: Array) -> Array:
         found: Array = factors.solve(load)
@@ -198,7 +198,7 @@ def _compliance(B: csc_array) -> LinearOperator:
         return found
 
     n = B.shape[1]
-    return LinearOperator((n, n), solve, dtype=float)
+    return scipy.sparse.linalg.LinearOperator((n, n), solve, dtype=float)
 
 
 def _one(basis: Any) -> Array:

@@ -13,8 +13,8 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay
 
 from thesis_lib.vibration.polygons import (
     Circle,
@@ -98,7 +98,7 @@ def triangles(
         raise ShapeError("element_size", f"{size:g} m", allowed)
     loops = [_cut(outline, size), *(pieces(hole, size) for hole in holes)]
     points = _points(outline, holes, size, loops)
-    corners = Delaunay(points.T).simplices
+    corners = scipy.spatial.Delaunay(points.T).simplices
     middle = points[:, corners].mean(axis=2)
     kept = contains(loops[0], middle)
     for loop in loops[1:]:

@@ -18,8 +18,8 @@ and Var z = Σ gⱼ² σⱼ². What σⱼ is depends on what makes the error:
 from __future__ import annotations
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import jv
 
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 from thesis_lib.vision.rounding import difference_variance
@@ -221,7 +221,7 @@ def swing_error(amplitude_px: ArrayLike) -> Array:
     """
     a = np.asarray(amplitude_px, float)
     k = np.arange(1, _TERMS + 1)
-    series = np.sum((jv(1, 2 * np.pi * k * a[..., None]) / k) ** 2, axis=-1)
+    series = np.sum((scipy.special.jv(1, 2 * np.pi * k * a[..., None]) / k) ** 2, axis=-1)
     return np.asarray(np.sqrt(2 * series) / np.pi)
 
 
