@@ -11,12 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.reference import distances, field_of_distances, svd_triangulate
 from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
 from thesis_lib.acoustics.radiation import rayleigh
 from thesis_lib.acoustics.sources import AIR
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
@@ -27,8 +27,6 @@ from thesis_lib.vibration.structure import resonance
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 SIZE = (320, 180)
 FOCAL_PX = 24 / 36 * SIZE[0]
 

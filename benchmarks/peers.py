@@ -15,11 +15,11 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.limits import processor_seconds
 from benchmarks.measure import FOCAL_PX, SIZE
 from benchmarks.reference import svd_triangulate
+from thesis_lib.arrays import Array
 from thesis_lib.vision.pinhole import (
     CameraArray,
     hemisphere_directions,
@@ -28,8 +28,6 @@ from thesis_lib.vision.pinhole import (
     project,
 )
 from thesis_lib.vision.triangulation import covariance, triangulate
-
-Array = NDArray[np.float64]
 
 SIGMA_PX = 12**-0.5  # as much as whole pixels scatter
 PACKAGES = {"numba": "numba", "OpenCV": "opencv-python-headless", "pycolmap": "pycolmap",

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thesis_lib.acoustics.sources import Medium, Pistons
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from thesis_lib.arrays import Array, ComplexArray
 
 
 def svd_triangulate(

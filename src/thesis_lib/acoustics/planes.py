@@ -15,10 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.acoustics.sources import AIR, Medium, Pistons, check_pistons, outgoing_wave
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.vibration.plate import Plate
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

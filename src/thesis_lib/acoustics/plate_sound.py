@@ -9,19 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from thesis_lib.acoustics.planes import Plane, PlaneOperator, full_factor, operator, pistons
 from thesis_lib.acoustics.radiation import radiation_matrix
 from thesis_lib.acoustics.sources import Medium
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.vibration.plate import Plate
 
 # A plane whose reference is below this share of the other's, or of the pressure of pistons that
 # move as much but without order, has none: mode (2, 2) is silent on both planes.
 NODAL = 1e-6
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ Points and sources put coordinates first: points ``(3, ...)`` and sources ``(2, 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from thesis_lib.acoustics.sources import (
     AIR,
@@ -21,9 +21,7 @@ from thesis_lib.acoustics.sources import (
     spherical_waves,
     wavenumber,
 )
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from thesis_lib.arrays import Array, ComplexArray
 
 REFERENCE_PRESSURE = 20e-6  # Pa
 REFERENCE_POWER = 1e-12  # W

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-ComplexArray = NDArray[np.complex128]
+from thesis_lib.arrays import Array, ComplexArray
 
-Array = NDArray[np.float64]
 _BLOCK_PAIRS = 50_000  # point × source pairs at a time: what stays in cache
 
 

@@ -19,12 +19,8 @@ import csv
 import re
 from dataclasses import dataclass, fields
 
-import numpy as np
-from numpy.typing import NDArray
-
 from thesis_lib.facts.setups import data_folder
 
-Array = NDArray[np.float64]
 LISTS = ("cases", "modes", "quantities", "source")
 _NUMBER = r"\d+(\.\d+)?"
 _INTERVALS = rf"{_NUMBER} {_NUMBER}(?: {_NUMBER} {_NUMBER})*"

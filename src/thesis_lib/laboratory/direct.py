@@ -9,22 +9,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.laboratory.film import frames
 from thesis_lib.laboratory.rig import Rig, Station
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, fit_harmonics, fitted, mean_of
 from thesis_lib.measure.recordings.markers import Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
-from thesis_lib.parallel import abreast
+from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 
 WRONG = 1.0  # px from the truth beyond which a marker counts as taken for another
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,17 @@ from pathlib import Path
 
 import cv2
 
+from thesis_lib.arrays import Image
 from thesis_lib.facts import setups
 from thesis_lib.files import staging
 from thesis_lib.laboratory import film as laboratory_film
 from thesis_lib.laboratory.film import SAMPLE_RATE, frames, manifest_of, shots
-from thesis_lib.laboratory.render import Image, Sensor
+from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.parallel import abreast
+from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.motion import Component
 
 DIRECTIONS = ((12.0, 26.0), (-10.0, 25.0), (175.0, 27.0))  # azimuth and elevation, °

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from thesis_lib.laboratory.render import BeamView, Image, board_image
+from thesis_lib.arrays import Array, Image
+from thesis_lib.laboratory.render import BeamView, board_image
 from thesis_lib.laboratory.rig import REST, Rig
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import write_manifest
@@ -23,12 +23,11 @@ from thesis_lib.measure.recordings.manifest_model import (
 from thesis_lib.measure.recordings.manifest_model import Markers as MarkerSpec
 from thesis_lib.measure.recordings.manifest_model import Structure as StructureSpec
 from thesis_lib.measure.recordings.markers import Markers
-from thesis_lib.parallel import abreast
+from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure
 
-Array = NDArray[np.float64]
 SAMPLE_RATE = 48000  # Hz
 
 

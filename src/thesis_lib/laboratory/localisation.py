@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.laboratory.render import Sensor
 
-Array = NDArray[np.float64]
 NODES = 256  # of the sum around the edge
 
 

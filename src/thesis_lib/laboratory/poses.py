@@ -13,9 +13,8 @@ volume that the beam takes up, as far as its corners stay in the images.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array
 
 # Columns of the upright board's rotation: its x is −X, its y is Z, its normal Y.
 _UPRIGHT = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])

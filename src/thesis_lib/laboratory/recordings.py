@@ -12,18 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from thesis_lib.laboratory import direct
 from thesis_lib.laboratory.direct import Seen
 from thesis_lib.laboratory.filming import Film
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_rig
-from thesis_lib.parallel import abreast
+from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.structure import Structure
-
-Array = NDArray[np.float64]
 
 REST = 4  # frames at rest
 RAMP = 0.5  # periods in which the vibration takes up

@@ -16,15 +16,12 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thesis_lib.arrays import Array, Image, IntArray
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.markers import Markers, on_surface
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
-
-Array = NDArray[np.float64]
-Image = NDArray[np.uint8]
-
 
 FINE = 2  # the spread acts on pixels this much finer: light is spread before pixels collect it
 
@@ -69,10 +66,10 @@ class Polygons:
         What the polygon adds to the grey level of what is under it.
     """
 
-    first: NDArray[np.int64]
+    first: IntArray
     contrast: Array
 
-    def following(self, n_vertices: int) -> NDArray[np.int64]:
+    def following(self, n_vertices: int) -> IntArray:
         """Index of the vertex that each vertex is joined to."""
         index = np.arange(1, n_vertices + 1)
         last = np.append(self.first[1:], n_vertices) - 1
@@ -120,7 +117,7 @@ def rasterise(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
     return np.asarray(np.cumsum(sums.reshape(height, width + 2), axis=1)[:, :width], float)
 
 
-def _pieces(start: Array, stop: Array) -> tuple[NDArray[np.int64], Array, Array]:
+def _pieces(start: Array, stop: Array) -> tuple[IntArray, Array, Array]:
     """Edges (2, n) cut at the borders of pixels: number of the edge, and from where to where."""
     edges = np.arange(start.shape[1])
     ids, cuts = [edges], [np.zeros(len(edges))]

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.laboratory.poses import default_poses
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.measure.recordings.board import Board
@@ -21,8 +21,6 @@ from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics
-
-Array = NDArray[np.float64]
 
 REST = 1.0  # s at rest at the start of every recording
 LATE = 0.25  # s within which the cameras start

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thesis_lib.arrays import Array
 
 if TYPE_CHECKING:
     from thesis_lib.facts.trends import Trend
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

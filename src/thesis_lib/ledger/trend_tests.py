@@ -26,73 +26,71 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import rankdata
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.ledger.evidence import Evidence
 
-Array = NDArray[np.float64]
-Holds = NDArray[np.bool_]
 FLAT = 2.0  # the thesis calls 7 to 3.5 % a significant fall, and 8-18 % none
 MATERIAL = 0.10  # of an error, the least change that counts as one
 ALIKE = 1.5  # it calls modes within 10-15 % alike
 
 
-Test = Callable[[Evidence, str], Holds]
+Test = Callable[[Evidence, str], Mask]
 
 
-def _all(parts: Iterable[Any]) -> Holds:
+def _all(parts: Iterable[Any]) -> Mask:
     compared = list(parts)
     if not compared:
         raise LookupError("nothing to compare")
     return np.asarray(np.logical_and.reduce(compared))
 
 
-def _down(errors: Array) -> Holds:
+def _down(errors: Array) -> Mask:
     ordered = sum(np.sign(errors[i] - errors[j]) for i, j in combinations(range(len(errors)), 2))
     return np.asarray((errors[-1] < errors[0]) & (ordered > 0))
 
 
-def _up(errors: Array) -> Holds:
+def _up(errors: Array) -> Mask:
     return _down(errors[::-1])
 
 
-def _flat(errors: Array) -> Holds:
+def _flat(errors: Array) -> Mask:
     return np.asarray(errors.max(axis=0) <= FLAT * errors.min(axis=0))
 
 
-def _steps_down(errors: Array) -> Holds:
+def _steps_down(errors: Array) -> Mask:
     return np.asarray((np.diff(errors, axis=0) < 0).all(axis=0))
 
 
-def _falls_irregularly(errors: Array) -> Holds:
+def _falls_irregularly(errors: Array) -> Mask:
     return (errors[-1] < errors[0]) & ~_steps_down(errors)
 
 
-def _highest_last(errors: Array) -> Holds:
+def _highest_last(errors: Array) -> Mask:
     return np.asarray(np.argmax(errors, axis=0) == len(errors) - 1)
 
 
-def _trendless(errors: Array) -> Holds:
+def _trendless(errors: Array) -> Mask:
     return ~(_down(errors) | _up(errors)) | _flat(errors)
 
 
-def _close(first: Array, second: Array) -> Holds:
+def _close(first: Array, second: Array) -> Mask:
     return np.asarray(np.maximum(first, second) <= ALIKE * np.minimum(first, second))
 
 
-def _each(test: Callable[[Array], Holds]) -> Test:
+def _each(test: Callable[[Array], Mask]) -> Test:
     """Whether all that the trend speaks of passes a test."""
     return lambda evidence, _: _all(map(test, evidence.series))
 
 
-def _is_flat(evidence: Evidence, argument: str) -> Holds:
+def _is_flat(evidence: Evidence, argument: str) -> Mask:
     """``flat``, ``flat 8 18``: flat, and within an interval if one is printed."""
     level = _all(_flat(errors) for errors in evidence.series)
     return level & _within(evidence, argument) if argument else level
 
 
-def _within(evidence: Evidence, argument: str) -> Holds:
+def _within(evidence: Evidence, argument: str) -> Mask:
     """``within 8 18``: in this interval; ``within 1 4 1 3 1 3``: in one for each of its modes."""
     ends = np.array(argument.split(), float).reshape(-1, 2)
     modes = evidence.trend.modes
@@ -105,49 +103,49 @@ def _within(evidence: Evidence, argument: str) -> Holds:
     return _all(found)
 
 
-def _mostly_no_trend(evidence: Evidence, _: str) -> Holds:
+def _mostly_no_trend(evidence: Evidence, _: str) -> Mask:
     return np.mean([_trendless(errors) for errors in evidence.series], axis=0) > 0.5
 
 
-def _same_pattern(evidence: Evidence, _: str) -> Holds:
+def _same_pattern(evidence: Evidence, _: str) -> Mask:
     return _each(_down)(evidence, "") | _each(_up)(evidence, "")
 
 
 PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
 
 
-def _below(evidence: Evidence, argument: str) -> Holds:
+def _below(evidence: Evidence, argument: str) -> Mask:
     """``below 40``, ``below 10 last``: less than that."""
     bound, _, which = argument.partition(" ")
     return _all((errors[PARTS[which]] < float(bound)).all(axis=0) for errors in evidence.series)
 
 
-def _at_most(evidence: Evidence, argument: str) -> Holds:
+def _at_most(evidence: Evidence, argument: str) -> Mask:
     """``at_most 40``, ``at_most 10 last``: at most that, rounded as it is printed."""
     bound, _, which = argument.partition(" ")
     most = float(bound) + 0.5 * 10.0 ** -len(bound.partition(".")[2])
     return _all((errors[PARTS[which]] <= most).all(axis=0) for errors in evidence.series)
 
 
-def _above(evidence: Evidence, argument: str) -> Holds:
+def _above(evidence: Evidence, argument: str) -> Mask:
     """``above 5 first``: at least one of the series is above that in its first setting."""
     bound, _, _ = argument.partition(" ")
     return np.logical_or.reduce([errors[0] > float(bound) for errors in evidence.series])
 
 
-def _peaks(evidence: Evidence, argument: str) -> Holds:
+def _peaks(evidence: Evidence, argument: str) -> Mask:
     """``peaks 1000``: largest where the varied parameter has this value."""
     (at,) = np.flatnonzero(evidence.values[evidence.cases[0]] == float(argument))
     return _all(np.argmax(errors, axis=0) == at for errors in evidence.series)
 
 
-def _modes_alike(evidence: Evidence, _: str) -> Holds:
+def _modes_alike(evidence: Evidence, _: str) -> Mask:
     means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
     chosen = [[m[mode] for mode in evidence.trend.modes if mode in m] for m in means]
     return _all(_close(a, b) for modes in chosen for a, b in combinations(modes, 2))
 
 
-def _worst_mode(evidence: Evidence, argument: str, sign: int = 1) -> Holds:
+def _worst_mode(evidence: Evidence, argument: str, sign: int = 1) -> Mask:
     """``worst_mode 3``: the mode's mean is above that of each other mode; below with sign −1."""
     means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
     mode = int(argument)
@@ -156,12 +154,12 @@ def _worst_mode(evidence: Evidence, argument: str, sign: int = 1) -> Holds:
     )
 
 
-def _best_mode(evidence: Evidence, argument: str) -> Holds:
+def _best_mode(evidence: Evidence, argument: str) -> Mask:
     """``best_mode 1``: its mean is below that of each other mode, and all errors fall."""
     return _worst_mode(evidence, argument, -1) & _each(_down)(evidence, "")
 
 
-def _planes_alike(evidence: Evidence, argument: str) -> Holds:
+def _planes_alike(evidence: Evidence, argument: str) -> Mask:
     """Both planes, or with ``planes_alike XZ 2 1`` a plane in two modes."""
     if argument:
         plane, mode, other = argument.split()
@@ -186,14 +184,14 @@ def _mean(errors: Array) -> Array:
     return np.asarray(np.exp(np.log(errors).mean(axis=0)))
 
 
-def _like_case(evidence: Evidence, argument: str) -> Holds:
+def _like_case(evidence: Evidence, argument: str) -> Mask:
     """``like_case 4a last``: means, or last errors, as another case's."""
     other, _, which = argument.partition(" ")
     summary = _last if which == "last" else _mean
     return _all(_close(summary(a), summary(b)) for a, b, _ in evidence.pairs(other))
 
 
-def _below_case(evidence: Evidence, argument: str) -> Holds:
+def _below_case(evidence: Evidence, argument: str) -> Mask:
     """``below_case 4a first``: first errors, or those at the same values, below another case's."""
     other, which = argument.rsplit(" ", 1)
     if which == "first":
@@ -205,12 +203,12 @@ def _below_case(evidence: Evidence, argument: str) -> Holds:
     return _all((a[own] < b[others]).all(axis=0) for a, b, _ in evidence.pairs(other))
 
 
-def _gentler(evidence: Evidence, argument: str) -> Holds:
+def _gentler(evidence: Evidence, argument: str) -> Mask:
     """``gentler 4a``: falls by a smaller factor than another case does."""
     return _all(a[0] / a[-1] < b[0] / b[-1] for a, b, _ in evidence.pairs(argument))
 
 
-def _best_case(evidence: Evidence, argument: str) -> Holds:
+def _best_case(evidence: Evidence, argument: str) -> Mask:
     """``best_case 2a``: of all cases, this one has the least mean."""
     holds = []
     for quantity in evidence.trend.quantities:
@@ -223,7 +221,7 @@ def _best_case(evidence: Evidence, argument: str) -> Holds:
     return _all(holds)
 
 
-def _unrelated(evidence: Evidence, argument: str) -> Holds:
+def _unrelated(evidence: Evidence, argument: str) -> Mask:
     """``unrelated deflection_error``: a rank correlation over all settings of at most ½."""
     holds = []
     for quantity in evidence.trend.quantities:

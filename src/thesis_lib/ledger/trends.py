@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts.trends import Trend
 from thesis_lib.ledger.evidence import Evidence
 from thesis_lib.ledger.trend_tests import MATERIAL, TESTS
 from thesis_lib.ledger.verdicts import UNCHANGED
 
-Array = NDArray[np.float64]
 CONFIDENT = 0.95
 RESAMPLES = 2000
 WEAKEST = {"falls": np.max, "falls_steadily": np.max, "rises": np.min}

@@ -31,10 +31,10 @@ from thesis_lib.measure.report import page as report
 from thesis_lib.measure.report import uff
 from thesis_lib.measure.synchronisation.listen import listen
 from thesis_lib.measure.tracking.tracks import Recording, record
-from thesis_lib.parallel import abreast
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
 from thesis_lib.studies.cache import kept, key_of
+from thesis_lib.studies.parallel import abreast
 
 STEPS = ".steps"  # folder of what is kept between runs
 

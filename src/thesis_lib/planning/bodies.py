@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.vibration.structure import Structure, deflection_shape
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.planning.places import Scene, cameras, visible
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import CameraArray
 from thesis_lib.vision.simulation import measure
-
-Array = NDArray[np.float64]
 
 MOTION = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
 

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.plotting.style import (
     HIGHLIGHT,
     INK,
@@ -18,8 +18,6 @@ from thesis_lib.plotting.style import (
     subplots,
 )
 from thesis_lib.vision.pinhole import hemisphere_rotations
-
-Array = NDArray[np.float64]
 
 VIEWS = (("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("along Y", 180.0, 0.0))
 _SYMBOLS = "osD^vP*X"

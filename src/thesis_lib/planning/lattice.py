@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array
+
 Limits = tuple[float, float]
 
 PER_DEGREE = 10

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.planning.optimum import (
     cost,
     exchange,
@@ -23,7 +23,6 @@ from thesis_lib.studies.request import ParameterError
 if TYPE_CHECKING:
     from thesis_lib.planning.planner import Option
 
-Array = NDArray[np.float64]
 FIELDS = (
     "tilt_deg",
     "in_view",

@@ -13,13 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy  # its parts are imported when they are used
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.planning.lattice import TIE, first_least
 from thesis_lib.planning.places import SLACK, Scene, cameras, centres, permitted, visible
 from thesis_lib.vision.triangulation import UPPER, jacobian
-
-Array = NDArray[np.float64]
 
 OBJECTIVES = ("mean", "worst")
 _RIDGE = 1e-6  # of the mean information: what a marker has that no camera sees
@@ -91,7 +89,7 @@ def spaced(scene: Scene, places: Array) -> bool:
     return bool(np.all(gap >= scene.rules.separation * (1 - SLACK)))
 
 
-def too_near(scene: Scene, grid: Array) -> NDArray[np.bool_]:
+def too_near(scene: Scene, grid: Array) -> Mask:
     """Which candidates may not stand in one layout; each of them with itself."""
     where = centres(scene, grid)
     return np.asarray(
@@ -101,10 +99,10 @@ def too_near(scene: Scene, grid: Array) -> NDArray[np.bool_]:
 
 def exchange(
     known: Array,
-    near: NDArray[np.bool_],
+    near: Mask,
     start: Sequence[int],
     objective: str,
-    whose: NDArray[np.bool_] | None = None,
+    whose: Mask | None = None,
 ) -> tuple[list[int], float]:
     """Exchange one camera after the other for the best candidate, until none helps (Fedorov).
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its parts are imported when they are used
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.planning import lattice
 from thesis_lib.planning.bodies import Body
 from thesis_lib.vision.pinhole import (
@@ -22,9 +22,6 @@ from thesis_lib.vision.pinhole import (
     hemisphere_directions,
     hemisphere_rotations,
 )
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SLACK = 1e-9  # relative: what stands on a limit is allowed
 _LADDER = 8  # distances tried from the nearest that sees enough outwards

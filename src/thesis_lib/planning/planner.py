@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic_core import PydanticCustomError
 
+from thesis_lib.arrays import Array
 from thesis_lib.planning import errors
 from thesis_lib.planning.bodies import Body
 from thesis_lib.planning.lattice import first_most
@@ -25,8 +25,6 @@ from thesis_lib.planning.places import Scene, candidates
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.planning.search import best_layouts
 from thesis_lib.studies.request import ParameterError
-
-Array = NDArray[np.float64]
 
 _SHARP = 40  # power of the variances that weigh markers in the bound of the largest
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.planning import lattice
 from thesis_lib.planning.lattice import TIE, by_rule, first_least, rank
 from thesis_lib.planning.optimum import (
@@ -29,9 +30,6 @@ from thesis_lib.planning.optimum import (
 )
 from thesis_lib.planning.places import Scene, apart, at, nearest, permitted
 from thesis_lib.vision.pinhole import hemisphere_directions
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 STEPS = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
 _ROUNDS = 50  # of one step; ends long before
@@ -259,7 +257,7 @@ def best_layouts(
     return found
 
 
-def _random(rng: np.random.Generator, near: NDArray[np.bool_], count: int) -> list[int]:
+def _random(rng: np.random.Generator, near: Mask, count: int) -> list[int]:
     """Candidates drawn one after the other where there is room; -1 where there is none."""
     chosen: list[int] = []
     for _ in range(count):

@@ -22,8 +22,8 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.planning.bodies import Body
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
@@ -31,8 +31,6 @@ from thesis_lib.studies.blocks import HELD_BYTES
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.text import first_hidden, one_line
 from thesis_lib.vibration.structure import Structure, deflection_shape
-
-Array = NDArray[np.float64]
 
 NEEDED = {"x": ("point",), "y": ("point",), "z": ("point",), "shape": ("mode", "point"),
           "frequency": ("mode",)}  # fmt: skip

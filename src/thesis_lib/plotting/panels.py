@@ -15,14 +15,13 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.plotting.selection import Bars
 from thesis_lib.plotting.style import HIGHLIGHT, color
 from thesis_lib.studies import outlines
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
-
-Array = NDArray[np.float64]
 
 
 def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts.claims import Claim, claims_of
 from thesis_lib.studies import cubes
-
-Array = NDArray[np.float64]
 
 
 def select(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:

@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.plotting.maps import DIVERGING
 from thesis_lib.plotting.selection import Bars, error_bars, select
 from thesis_lib.plotting.style import COLORS
 from thesis_lib.studies import cubes, outlines
 from thesis_lib.studies.vocabulary import unit
 
-Array = NDArray[np.float64]
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 
 

@@ -7,16 +7,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from thesis_lib.acoustics.planes import Plane
+from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.vocabulary import unit
 from thesis_lib.vibration.structure import Structure
-
-Array = NDArray[np.float64]
-
 
 _DRAWN, _MARKED = ("mode", "trial"), ("mode", "trial", "point")
 _LAW = "rms error over the trials by the law of rounding"

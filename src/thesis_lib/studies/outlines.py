@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Structure
-
-Array = NDArray[np.float64]
 
 
 def outline(structure: Structure) -> tuple[tuple[str, str], Array, dict[str, Any]]:
@@ -55,7 +53,7 @@ def contours(cube: xr.Dataset) -> list[Array]:
     return [part[~np.isnan(part[:, 0])] for part in np.split(rows, ends)[:-1]]
 
 
-def cells(cube: xr.Dataset) -> tuple[Array, Array, NDArray[np.int64]]:
+def cells(cube: xr.Dataset) -> tuple[Array, Array, IntArray]:
     """Columns x and rows y of a plate's markers in m, and the cell of each marker, x fastest."""
     if (grid := cube["outline"].attrs.get("grid")) is not None:
         x, y = (
@@ -71,7 +69,7 @@ def cells(cube: xr.Dataset) -> tuple[Array, Array, NDArray[np.int64]]:
     return x, y, row * len(x) + column
 
 
-def spread(values: Array, place: NDArray[np.int64], count: int) -> Array:
+def spread(values: Array, place: IntArray, count: int) -> Array:
     """Values of markers (..., markers) in their cells (..., count); NaN where there is none."""
     filled = np.full((*values.shape[:-1], count), np.nan)
     filled[..., place] = values

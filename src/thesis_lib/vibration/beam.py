@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.vibration.structure import numbers_from_one
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

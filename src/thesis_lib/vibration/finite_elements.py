@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy  # its parts are imported when they are used
-from numpy.typing import NDArray
+
+from thesis_lib.arrays import Array, IntArray
 
 if TYPE_CHECKING:
     from skfem import MeshTri
 
-Array = NDArray[np.float64]
 SIMPLY_SUPPORTED, CLAMPED, FREE = "simply supported", "clamped", "free"
 SUPPORTS = (SIMPLY_SUPPORTED, CLAMPED, FREE)
 
@@ -64,7 +64,7 @@ class PlateModes:
         return shapes.T
 
 
-def located(mesh: MeshTri, points: Array) -> tuple[NDArray[np.int64], Array]:
+def located(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
     """The triangle that each point is in, and the weights of its corners there.
 
     Triangles around are tried, nearest centres first, as far as needed. A point that round-off puts
@@ -208,7 +208,7 @@ def _one(basis: Any) -> Array:
     return one
 
 
-def facets_along(mesh: MeshTri, start: Sequence[float], end: Sequence[float]) -> NDArray[np.int64]:
+def facets_along(mesh: MeshTri, start: Sequence[float], end: Sequence[float]) -> IntArray:
     """Boundary sides of triangles that lie on the segment from start to end."""
     facets = mesh.boundary_facets()
     a, b = np.array(start, float), np.array(end, float)

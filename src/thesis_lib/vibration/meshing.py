@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its parts are imported when they are used
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.vibration.polygons import (
     Circle,
     Hole,
@@ -29,7 +29,6 @@ from thesis_lib.vibration.polygons import (
 if TYPE_CHECKING:
     from skfem import MeshTri
 
-Array = NDArray[np.float64]
 ROUND = 24  # least number of pieces of a circle
 CLOSE = 0.6  # least distance of a grid point from the boundary, over the element size
 FEW, MOST = 200, 60_000  # triangles
@@ -67,7 +66,7 @@ def _rings(circle: Circle, count: int, size: float) -> list[Array]:
 
 def triangles(
     outline: Sequence[Point], holes: Sequence[Hole], size: float
-) -> tuple[Array, NDArray[np.int64]]:
+) -> tuple[Array, IntArray]:
     """Triangles of a polygon without its holes.
 
     Parameters
@@ -173,14 +172,14 @@ def _free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], gap: f
     return points[:, kept]
 
 
-def _twice_areas(points: Array, corners: NDArray[np.int64]) -> Array:
+def _twice_areas(points: Array, corners: IntArray) -> Array:
     """Twice the signed areas of triangles (n, 3)."""
     a, b, c = points[:, corners.T].transpose(1, 0, 2)
     twice: Array = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     return twice
 
 
-def _anticlockwise(points: Array, corners: NDArray[np.int64]) -> NDArray[np.int64]:
+def _anticlockwise(points: Array, corners: IntArray) -> IntArray:
     """Triangles (n, 3) in one sense, without those that have no area (on a straight boundary)."""
     twice = _twice_areas(points, corners)
     real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))

@@ -15,9 +15,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import ElementTriMorley
 from skfem.element import DiscreteField
+
+from thesis_lib.arrays import Array, IntArray
 
 SIDES = ((0, 1), (1, 2), (2, 0))  # corners of each, in scikit-fem's order, and as one walks around
 OPPOSITE = (2, 0, 1)
@@ -27,7 +28,7 @@ class Morley(ElementTriMorley):  # type: ignore[misc]
     """Morley's element in barycentric coordinates."""
 
     def gbasis(
-        self, mapping: Any, X: NDArray[np.float64], i: int, tind: NDArray[np.int64] | None = None
+        self, mapping: Any, X: Array, i: int, tind: IntArray | None = None
     ) -> tuple[DiscreteField]:
         """Shape function `i` and its second derivatives.
 

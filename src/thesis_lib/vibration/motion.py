@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.structure import Structure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ class Motion:
         )
 
 
-def amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> NDArray[np.complex128]:
+def amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> ComplexArray:
     """Complex amplitudes in m, time factor e^{+jωt}, of the steady state's part at a frequency."""
     total = np.zeros(np.shape(np.asarray(points, float)[0]), complex)
     for part in motion.components:

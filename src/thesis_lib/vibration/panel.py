@@ -15,8 +15,9 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.vibration.finite_elements import (
     CLAMPED,
     SIMPLY_SUPPORTED,
@@ -41,7 +42,6 @@ from thesis_lib.vibration.polygons import (
     is_within,
 )
 
-Array = NDArray[np.float64]
 BATCH = 10  # modes found at a time
 ON_EDGE = 1e-9  # of the box: nearer than this to an edge, a point is on it
 
@@ -160,7 +160,7 @@ class Panel:
             c[:: int(sense * np.sign(area(c)))] for c, sense in zip(curves, senses, strict=True)
         ]
 
-    def covers(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def covers(self, points: ArrayLike) -> Mask:
         """Whether points (2, n) in m are on the panel; its edges are part of it."""
         points = np.asarray(points, float)
         inside = contains(self.outline, points)
@@ -168,11 +168,11 @@ class Panel:
             inside &= ~in_hole(hole, points)
         return inside | self._on_edge(points)
 
-    def _on_edge(self, points: Array) -> NDArray[np.bool_]:
+    def _on_edge(self, points: Array) -> Mask:
         """Which of the points (2, n) are on the outline or on the straight edge of a hole."""
         straight = [self.outline, *(hole for hole in self.holes if not isinstance(hole, Circle))]
         nearest = np.min([distances(edges, points).min(axis=0) for edges in straight], axis=0)
-        on: NDArray[np.bool_] = nearest <= ON_EDGE * max(self.extent)
+        on: Mask = nearest <= ON_EDGE * max(self.extent)
         return on
 
     def angular_frequencies(self, n_modes: int) -> Array:

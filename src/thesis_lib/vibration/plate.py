@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.vibration.structure import numbers_from_one
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ class Plate:
         y = (np.arange(ny) + 0.5) * self.width / ny
         return np.stack([np.tile(x, ny), np.repeat(y, nx)])
 
-    def mode_indices(self, n_modes: int) -> NDArray[np.int64]:
+    def mode_indices(self, n_modes: int) -> IntArray:
         """Index pairs (m₁, m₂) of the first modes in order of frequency, shape (n_modes, 2).
 
         The order is that of the natural frequencies; the thesis's Table 4.2 departs from it from

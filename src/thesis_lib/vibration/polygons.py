@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array, Mask
+
 Point = tuple[float, float]
 
 
@@ -50,7 +51,7 @@ def area(polygon: ArrayLike) -> float:
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
 
 
-def contains(polygon: ArrayLike, points: Array) -> NDArray[np.bool_]:
+def contains(polygon: ArrayLike, points: Array) -> Mask:
     """Whether points (2, n) lie in a polygon (corners, 2), by the number of edges to their right.
 
     Of a point on an edge the answer may be either.
@@ -61,11 +62,11 @@ def contains(polygon: ArrayLike, points: Array) -> NDArray[np.bool_]:
     between = (y0 > y) != (y1 > y)
     with np.errstate(divide="ignore", invalid="ignore"):
         right = x < x0 + (y - y0) / (y1 - y0) * (x1 - x0)
-    inside: NDArray[np.bool_] = np.sum(between & right, axis=0) % 2 == 1
+    inside: Mask = np.sum(between & right, axis=0) % 2 == 1
     return inside
 
 
-def in_hole(hole: Hole, points: Array) -> NDArray[np.bool_]:
+def in_hole(hole: Hole, points: Array) -> Mask:
     """Whether points (2, n) lie in a hole."""
     if isinstance(hole, Circle):
         return np.hypot(points[0] - hole.x, points[1] - hole.y) < hole.radius

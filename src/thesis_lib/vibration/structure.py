@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from thesis_lib.arrays import Array, ComplexArray, IntArray
 
 
 class Structure(Protocol):
@@ -54,7 +53,7 @@ class Structure(Protocol):
         """Mode shapes at `points` (2, ...), shape (modes, ...)."""
 
 
-def numbers_from_one(modes: Sequence[int]) -> NDArray[np.int64]:
+def numbers_from_one(modes: Sequence[int]) -> IntArray:
     """Mode numbers as an array, refused unless they begin with 1."""
     numbers = np.asarray(modes, np.int64)
     if numbers.min() < 1:

@@ -23,11 +23,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.vision.triangulation import UPPER, centred, checked, triangulate
-
-Array = NDArray[np.float64]
 
 _BLOCK_VALUES = 36000  # camera × point values per block: intermediate results stay in cache
 _STEPS = 60  # Newton steps after which a polytope counts as empty
@@ -51,7 +50,7 @@ class Centres:
     """
 
     points: Array
-    feasible: NDArray[np.bool_]
+    feasible: Mask
 
 
 def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Centres:
@@ -176,7 +175,7 @@ class _Slabs:
         )  # fmt: skip
         return self.hessian @ features, self.gradient @ right
 
-    def centre(self, pixels: Array, points: Array, feasible: NDArray[np.bool_]) -> None:
+    def centre(self, pixels: Array, points: Array, feasible: Mask) -> None:
         """Overwrite points (3, frames, m) by the centres of pixels (cameras, 2, frames, m)."""
         frames = points.shape[1]
         active = np.flatnonzero(np.isfinite(points).all(axis=(0, 1)))
@@ -217,7 +216,7 @@ class _Slabs:
                 edges, widened = edges[..., every], widened[..., every]
 
 
-def _all(holds: NDArray[np.bool_], frames: int) -> NDArray[np.bool_]:
+def _all(holds: Mask, frames: int) -> Mask:
     """Whether what holds of slacks (2, 2, cameras, frames × m) does of all of a marker's, (m,)."""
     each = np.all(holds, axis=(0, 1, 2))
     return np.asarray(np.all(each.reshape(frames, -1), axis=0), bool)

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array
+
 Numbers = tuple[float, float, float, float]
 
 BLOCK = 256  # points: their normal equations and images in 12 cameras fill a first or second cache

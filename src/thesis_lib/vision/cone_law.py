@@ -21,10 +21,9 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 from numpy.typing import ArrayLike, NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 from thesis_lib.vision.rounding import difference_variance
-
-Array = NDArray[np.float64]
 
 MOTION_PX = np.sqrt(1 / 6)  # rms rounding error of a motion, averaged over amplitudes
 ISOTROPIC = np.arcsin(np.sqrt(2 / 3))  # angle of the cone on which all directions are alike, rad

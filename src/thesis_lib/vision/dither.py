@@ -15,13 +15,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import j0, j1, jv
 
+from thesis_lib.arrays import Array
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import gain
-
-Array = NDArray[np.float64]
 
 ONE_FRAME = 1 / 12  # variance of one rounded coordinate in px²
 _HARMONICS = 2000  # without motion or shake the rest is 1/(2π²k) = 2.5e-5 px²

@@ -20,13 +20,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 from thesis_lib.vision.triangulation import jacobian, triangulate
-
-Array = NDArray[np.float64]
 
 _RULES: dict[str, Callable[[Array, Array], Array]] = {
     "linear": lambda P, uv: triangulate(P, uv, steps=0),

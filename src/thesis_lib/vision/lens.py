@@ -19,9 +19,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array
 
 HALF = 0.5  # a pixel's centre in our coordinates minus that in OpenCV's, px
 

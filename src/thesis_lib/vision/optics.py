@@ -8,11 +8,10 @@ image coordinates in px. Everything broadcasts. Pictures are ``(rows, columns)``
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.vision.pinhole import CameraArray, pixelate
-
-Array = NDArray[np.float64]
 
 FULL_FRAME = (36.0, 24.0)  # mm, what crop factors refer to
 _RED_OR_BLUE = np.array([[1.0, 2.0, 1.0], [2.0, 4.0, 2.0], [1.0, 2.0, 1.0]]) / 4
@@ -214,7 +213,7 @@ def block_means(picture: ArrayLike, block: int) -> Array:
     return np.asarray(split.mean(axis=(1, 3)))
 
 
-def bayer_masks(shape: tuple[int, int], pattern: str = "RGGB") -> NDArray[np.bool_]:
+def bayer_masks(shape: tuple[int, int], pattern: str = "RGGB") -> Mask:
     """Which pixels see red, green and blue, shape (rows, columns, 3) (Fig. 2.4).
 
     Parameters

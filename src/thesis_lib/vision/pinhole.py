@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array, Mask
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def pixelate(uv: ArrayLike) -> Array:
     return rounded
 
 
-def on_sensor(uv: ArrayLike, size: tuple[int, int]) -> NDArray[np.bool_]:
+def on_sensor(uv: ArrayLike, size: tuple[int, int]) -> Mask:
     """Whether images (cameras, 2, ...) lie on the sensor, shape (cameras, ...)."""
     uv = np.asarray(uv, float)
     width, height = size

@@ -10,12 +10,11 @@ probability f. Whole-pixel motion is measured without error.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import gain
-
-Array = NDArray[np.float64]
 
 
 def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.pinhole import CameraArray, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
 
 LEAST_SQUARES = "least-squares"
-
-Array = NDArray[np.float64]
 
 
 def assurance(measured: Array, reference: Array) -> Array:

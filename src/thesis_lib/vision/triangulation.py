@@ -21,9 +21,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array
 
 UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Points per block: intermediate results stay in cache, and the allocator reuses their memory.

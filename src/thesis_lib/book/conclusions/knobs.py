@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array
+
 Source = tuple[str, str, tuple[str, ...], tuple[str, ...]]
 
 MEAN = ("mean_error",)

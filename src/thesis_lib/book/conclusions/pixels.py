@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import readings, setups
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.figure_sets.design_law.sweeps import STRUCTURES, shapes
@@ -22,8 +22,6 @@ from thesis_lib.ledger.trend_tests import MATERIAL
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
 from thesis_lib.vision.rounding import deflection_variance
 from thesis_lib.web.markdown import table
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.book.conclusions.knobs import KNOBS, Knob
 from thesis_lib.facts.claims import Claim
 from thesis_lib.facts.trends import Trend
@@ -26,7 +26,6 @@ from thesis_lib.plotting import selection
 from thesis_lib.plotting.selection import select
 from thesis_lib.studies import cubes
 
-Array = NDArray[np.float64]
 Cubes = Mapping[str, xr.Dataset]
 
 

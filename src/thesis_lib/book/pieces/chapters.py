@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.registry import STUDIES
@@ -18,8 +18,6 @@ from thesis_lib.ledger.verdicts import VERDICTS
 from thesis_lib.plotting.selection import error_bars, select, stated
 from thesis_lib.studies import cubes
 from thesis_lib.web.markdown import table
-
-Array = NDArray[np.float64]
 
 
 def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from thesis_lib.acoustics import planes, radiation
 from thesis_lib.acoustics.planes import full_factor
@@ -24,7 +23,6 @@ from thesis_lib.vibration.structure import (
 )
 from thesis_lib.web.markdown import table
 
-Array = NDArray[np.float64]
 GRAVITY = 9.80665
 
 

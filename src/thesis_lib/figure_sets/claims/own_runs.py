@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.claims.parameters import OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -30,8 +30,6 @@ from thesis_lib.studies.request import Study
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.simulation import measure, percent_errors
-
-Array = NDArray[np.float64]
 
 TILTS_DEG = (0, 15, 30, 45)
 WIDE_DEG, NARROW_DEG = (30, 40, 50, 60, 70, 80), (3, 5, 7, 9, 11, 13)  # half apertures, of pairs

@@ -14,15 +14,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts.claims import Claim
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import meets
 from thesis_lib.studies import cubes
 from thesis_lib.web.markdown import table
 
-Array = NDArray[np.float64]
 CHAPTERS = (3, 4, 6)  # simulated
 FACTORS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 DRAWS = 50  # trials that stand for the thesis

@@ -23,8 +23,8 @@ from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, Check
-from thesis_lib.parallel import abreast
 from thesis_lib.studies.commands import command
+from thesis_lib.studies.parallel import abreast
 
 CHAPTERS = {"beam": 3, "plate": 4, "sound": 6}
 OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated figures

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law import dither
@@ -27,8 +27,6 @@ from thesis_lib.vision import cone_law, estimators, rounding
 from thesis_lib.vision.cone_law import MOTION_PX, cone_cameras
 from thesis_lib.vision.pinhole import pixelate, project
 from thesis_lib.vision.triangulation import covariance, gain, triangulate
-
-Array = NDArray[np.float64]
 
 PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 3 and 4
 MOTIONS = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.vision import dither, estimators
 from thesis_lib.vision.pinhole import pixelate
-
-Array = NDArray[np.float64]
 
 CROWDS = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
 DISTANCE = 0.75  # m

@@ -6,15 +6,13 @@ import json
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.vision.cone_law import MOTION_PX, pair_deflection_error, pair_noise_error
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
 from thesis_lib.web.markdown import table
-
-Array = NDArray[np.float64]
 
 TILTS = (10.0, 25.0, 60.0)  # degrees, elevations
 OPENINGS = (16.0, 60.0, 120.0, 180.0)  # degrees, apertures

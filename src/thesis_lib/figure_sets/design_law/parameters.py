@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
@@ -89,7 +90,7 @@ class DesignLaw(Study):
     trials: Shifts = 200
 
     @property
-    def shared(self) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.float64]]:
+    def shared(self) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
         """Widths, heights and frame rates (counts, rates) of cameras that share the pixels."""
         counts = np.array(self.counts)[:, None]
         return equal_pixel_rate(self.pixels_per_second, counts, self.frame_rates_hz)

@@ -12,8 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.design_law.sweeps import exact, shapes
@@ -22,7 +23,6 @@ from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
 from thesis_lib.vision.triangulation import gain, triangulate
 
-Array = NDArray[np.float64]
 Estimator = Callable[[Array, Array], Array]
 
 # What everything is drawn with: projection matrices and rounded images to points (3, ...).

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
@@ -19,8 +20,6 @@ from thesis_lib.vision.cone_law import MOTION_PX
 from thesis_lib.vision.estimators import exponent
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 from thesis_lib.vision.triangulation import gain
-
-Array = NDArray[np.float64]
 
 MODES = (1, 2, 3)
 STRUCTURES: dict[str, Callable[[], Structure]] = {"beam": setups.beam, "plate": setups.plate}

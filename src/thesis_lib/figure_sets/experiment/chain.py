@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
 from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
 from thesis_lib.measure.calibration.zhang import Calibration, central, zhang
@@ -28,7 +28,6 @@ from thesis_lib.measure.synchronisation.listen import Sound, listen
 from thesis_lib.measure.tracking.follow import follow
 from thesis_lib.vision.lens import Camera, resized, undistorted
 
-Array = NDArray[np.float64]
 Followed = tuple[Array, Array, list[str]]
 CALIBRATIONS = ("literal", "full")
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.methods import (
     Instant,
@@ -27,8 +27,6 @@ from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens
 from thesis_lib.vision.pinhole import on_sensor
 from thesis_lib.vision.simulation import assurance
-
-Array = NDArray[np.float64]
 
 
 def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:

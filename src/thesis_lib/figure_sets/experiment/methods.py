@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.figure_sets.experiment.chain import cameras_of
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import (
@@ -31,7 +32,6 @@ from thesis_lib.measure.synchronisation.synchronise import whole_frames
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 
-Array = NDArray[np.float64]
 ORDER = 2  # harmonics that are fitted
 NEAR = 6  # frames that are interpolated
 WHOLE_FRAMES = ("matched", "literal")  # methods that take frames as they are
@@ -76,7 +76,7 @@ class Tracks(Fitted):
 
     uv: Array
     times: Array
-    frames: NDArray[np.int64]
+    frames: IntArray
     still: Array
     rest_frames: int
     match_errors: MatchErrors | None = None

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import chain
 from thesis_lib.figure_sets.experiment.parameters import Laboratory
@@ -29,8 +29,6 @@ from thesis_lib.measure.tracking.homography import find_view
 from thesis_lib.measure.tracking.tracker import Tracker, assign, sharpen
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens
-
-Array = NDArray[np.float64]
 
 
 def rig_of(request: Laboratory) -> Rig:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.experiment.methods import (
     WHOLE_FRAMES,
     Instant,
@@ -27,8 +27,6 @@ from thesis_lib.laboratory.rig import LATE
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import amplitude, unblurred
 from thesis_lib.measure.synchronisation.delays import delay_deviation
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.lab_layout.fits import (
@@ -32,8 +32,6 @@ from thesis_lib.measure.fitting.reconstruction import real_shape
 from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates
 from thesis_lib.vibration.motion import amplitudes
 from thesis_lib.vision.simulation import assurance
-
-Array = NDArray[np.float64]
 
 
 def draws(study: Layouts, cameras: int, markers: int) -> Array:

@@ -16,8 +16,8 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_layout.optima import complete, expected, optimum, ratios
 from thesis_lib.plotting.panels import setup_panel
@@ -25,8 +25,6 @@ from thesis_lib.plotting.selection import select
 from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, subplots
 from thesis_lib.studies.vocabulary import unit
 from thesis_lib.vision.pinhole import hemisphere_directions
-
-Array = NDArray[np.float64]
 
 DARK = "#222222"
 VARIED = {"elevation_deg": "elevation φ", "distance_mm": "distance d", "aperture_deg": "aperture α"}

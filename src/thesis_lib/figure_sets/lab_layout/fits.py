@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.lab_layout.parameters import Layouts
 from thesis_lib.figure_sets.lab_layout.recordings import rig_of
@@ -18,7 +19,6 @@ from thesis_lib.measure.fitting.reconstruction import normal_gain
 from thesis_lib.vision import lens
 from thesis_lib.vision.triangulation import gain
 
-Array = NDArray[np.float64]
 FEW = 8  # frames that a marker's own noise is taken from at least
 
 

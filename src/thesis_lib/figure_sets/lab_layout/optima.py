@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import Akima1DInterpolator
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array, Mask
+
 NEAR = 1.1  # times the least error that still count as near it
 FINE = 400  # points at which a curve is looked up
 
@@ -36,7 +37,7 @@ def ratios(part: xr.Dataset) -> Array:
     return np.asarray(expected(part) / part["predicted_error"].values, float)
 
 
-def one_sided(part: xr.Dataset) -> NDArray[np.bool_]:
+def one_sided(part: xr.Dataset) -> Mask:
     """Whether all cameras of a set look from one side of the beam's axis, (settings,)."""
     across = np.cos(np.radians(part["camera_azimuth"].transpose("setting", "camera").values))
     known = np.isfinite(across)

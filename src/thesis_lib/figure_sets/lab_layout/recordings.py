@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.lab_layout.parameters import Layouts
@@ -24,12 +24,10 @@ from thesis_lib.measure.recordings.markers import Markers, on_surface, rows_on
 from thesis_lib.measure.tracking.centres import refine
 from thesis_lib.measure.tracking.homography import TrackingError
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
-from thesis_lib.parallel import abreast
+from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens
-
-Array = NDArray[np.float64]
 
 REST, RAMP = 2, 1.0  # frames at rest, periods in which the motion grows
 MARGIN = 24  # px of the sensor that are read beside the beam

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_modes import spectra
 from thesis_lib.figure_sets.lab_modes.methods import (
@@ -23,8 +23,6 @@ from thesis_lib.measure.fitting import aliasing
 from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates
 from thesis_lib.vibration.structure import resonance
 from thesis_lib.vibration.torsion import twist
-
-Array = NDArray[np.float64]
 
 ASIDE = 0.010  # m beside the axis at which a force of 1 N is asked what it twists
 SETTLED = 0.01  # of the transient that is left when the vibration counts as steady

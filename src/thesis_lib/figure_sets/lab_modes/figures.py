@@ -8,13 +8,11 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, select
 from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, subplots
 
-Array = NDArray[np.float64]
 STYLE = POWERS  # of pictures
 MANY = 3.0  # over what noise makes of it, beyond which cameras disagree
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.figure_sets.lab_modes import spectra
 from thesis_lib.figure_sets.lab_modes.parameters import LabModes
 from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
@@ -30,8 +30,6 @@ from thesis_lib.vision import lens
 from thesis_lib.vision.simulation import assurance
 from thesis_lib.vision.triangulation import jacobian
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 AS_WELL = 1.1  # times the least disagreement that are as good as it
 CYCLES = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # by which a known frequency is taken to be wrong
 

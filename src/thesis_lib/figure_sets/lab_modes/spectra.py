@@ -11,13 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import scan
 from thesis_lib.measure.fitting.harmonics import Fitted, basis
 from thesis_lib.vision.triangulation import jacobian
-
-Array = NDArray[np.float64]
 
 
 def explained(frequencies: ArrayLike, times: Sequence[Array], values: Sequence[Array]) -> Array:
@@ -62,7 +61,7 @@ def read_frequency(times: Sequence[Array], values: Sequence[Array], rate: float)
     return float(best)
 
 
-def images(fit: Fitted) -> NDArray[np.complex128]:
+def images(fit: Fitted) -> ComplexArray:
     """Complex amplitudes of the fundamental in the pictures, shape (cameras, 2, markers), px."""
     return np.array([h.coefficients[1] - 1j * h.coefficients[2] for h in fit.harmonics])
 

@@ -7,14 +7,11 @@ import json
 import numpy as np
 import xarray as xr
 from IPython.display import Markdown
-from numpy.typing import NDArray
 
 from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting.selection import select
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.markdown import table
-
-Array = NDArray[np.float64]
 
 
 def frequency_table(cube: xr.Dataset) -> Markdown:

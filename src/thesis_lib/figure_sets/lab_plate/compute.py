@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 from scipy.special import j1
 
 from thesis_lib.acoustics import radiation
 from thesis_lib.acoustics.planes import pistons
 from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.lab_plate.parameters import MARKER, LabPlate, stands_of
 from thesis_lib.figure_sets.lab_plate.recordings import plate_rig
@@ -40,8 +40,6 @@ from thesis_lib.vibration.structure import (
 from thesis_lib.vision import rounding
 from thesis_lib.vision.simulation import assurance
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 PARAMETERS = {"distance": "distance_mm", "aperture": "aperture_deg", "elevation": "elevation_deg",
               "resolution": "width_px", "cameras": "n_cameras"}  # fmt: skip
 
@@ -193,7 +191,7 @@ def measure(
     return measured, noise, float(np.sqrt(np.nanmean(fit.sigma**2)))
 
 
-def filling(points: Array, missing: NDArray[np.bool_]) -> Array:
+def filling(points: Array, missing: Mask) -> Array:
     """Matrix (markers, markers) that puts a smooth surface through the others where one is missing.
 
     To be applied to deflections in which what is missing is 0 or NaN-free.

@@ -7,14 +7,13 @@ import json
 import numpy as np
 import xarray as xr
 from IPython.display import Markdown
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.plotting.selection import select
 from thesis_lib.studies import cubes
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.markdown import table
-
-Array = NDArray[np.float64]
 
 
 def plate_results(cube: xr.Dataset) -> str:

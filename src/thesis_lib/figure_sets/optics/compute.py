@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
@@ -18,8 +18,6 @@ from thesis_lib.figure_sets.optics.parameters import FARTHEST, Cameras
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics, rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
-
-Array = NDArray[np.float64]
 
 CURVE = 121  # places of a curve over distance
 ROUNDED_PX = np.sqrt(1 / 6)  # of the difference of two coordinates, each rounded with 1/12 px²

@@ -6,11 +6,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.plotting.style import COLORS, INK, REFERENCE, color, logarithmic, subplots
-
-Array = NDArray[np.float64]
 
 SIZE = (7.2, 3.3)  # inches
 EVERY = 6  # of the drawn depths, so that dots stand apart

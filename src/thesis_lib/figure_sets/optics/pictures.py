@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vision import optics
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
-
-Array = NDArray[np.float64]
 
 FINEST = (1280, 720)  # px, of the picture that all others are means of
 STEP = 80  # px of it: rows of the strip are a multiple, so that every block fits

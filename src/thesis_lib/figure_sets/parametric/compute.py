@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
@@ -24,8 +24,6 @@ from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project
 from thesis_lib.vision.simulation import measure, modal_assurance, percent_errors
-
-Array = NDArray[np.float64]
 
 
 def block_results(

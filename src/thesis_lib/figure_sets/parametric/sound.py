@@ -13,20 +13,18 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from thesis_lib.acoustics import radiation
 from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
 from thesis_lib.acoustics.plate_sound import NODAL
 from thesis_lib.acoustics.sources import Medium
+from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
 from thesis_lib.studies.labels import extremes, field_coordinates
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import resonance, world_points
 from thesis_lib.vision import rounding
-
-Array = NDArray[np.float64]
 
 
 def checksum(plate_cube: xr.Dataset) -> str:

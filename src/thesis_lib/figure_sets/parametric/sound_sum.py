@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thesis_lib.acoustics import planes
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.arrays import ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.vibration.structure import resonance
@@ -24,7 +24,7 @@ POINTS = (75, 50)  # of a plane
 NODAL = 1e-6  # Pa, below which a plane has no pressure
 
 
-def field(grid: tuple[int, int], mode: int, plane: Plane) -> NDArray[np.complex128]:
+def field(grid: tuple[int, int], mode: int, plane: Plane) -> ComplexArray:
     """Pressure on a plane of one mode by a grid of pistons, in Pa for 1 m/s at the antinode."""
     plate = setups.plate(grid)
     shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)

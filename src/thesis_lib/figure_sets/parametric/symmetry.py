@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from IPython.display import Markdown
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.studies import outlines
@@ -23,7 +23,6 @@ from thesis_lib.vibration.finite_elements import plate_modes
 from thesis_lib.vibration.meshing import triangulated
 from thesis_lib.web.markdown import markdown_table, table
 
-Array = NDArray[np.float64]
 PLATE = "plate-arrays"
 NAMES = {PLATE: "rectangle", "shape-l": "L", "shape-holes": "holes"}
 MIRRORED = ("4a", "4a'", "4b", "4d")  # sets of cameras that are their own mirror image in X = 0
@@ -95,7 +94,7 @@ def symmetry(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symme
     )
 
 
-def _partners(cube: xr.Dataset) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
     """Numbers of the markers at x < 0 and at −x, of those that have both; x from the middle."""
     half = np.array(outlines.extent(cube)) / 2
     x, y = (cube[axis].values - h for axis, h in zip(("x", "y"), half, strict=True))

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.planner.parameters import THESIS, Planner
 from thesis_lib.planning import errors
@@ -15,8 +15,6 @@ from thesis_lib.planning.cube import as_cube
 from thesis_lib.planning.lattice import first_most
 from thesis_lib.planning.optimum import layout_cost
 from thesis_lib.planning.planner import Plan, plan
-
-Array = NDArray[np.float64]
 
 _DROPPED = ("chosen", "point_error", "marker", "normal", "reference_deflection")
 _THESIS = {  # of what is said of the thesis's own layouts

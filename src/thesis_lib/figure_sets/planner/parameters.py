@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
@@ -106,7 +106,7 @@ class Planner(Study):
         asked["plate: a machine beside it"] = "plate", {"distances_mm": room("plate"), **machine}
         return {name: self._question(body, more) for name, (body, more) in asked.items()}
 
-    def thesis_layouts(self, body: str) -> dict[tuple[str, int], NDArray[np.float64]]:
+    def thesis_layouts(self, body: str) -> dict[tuple[str, int], Array]:
         """Places of the thesis's growing arrays, by case and number of cameras."""
         order, near = reading(body)["pair_order"], setups.table(body, "arrays")["distance_mm"]
         grown = setups.array_settings(list(setups.pairs()), order, {}, near, self.resolutions_px[0])

@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration import reprojection
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment
 from thesis_lib.measure.calibration.reprojection import POSE, Network
 from thesis_lib.vision.lens import Camera
-
-Array = NDArray[np.float64]
 
 
 def moved(adjustment: Adjustment, rotation: Array, translation: Array) -> Adjustment:

@@ -14,14 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import reprojection
 from thesis_lib.measure.calibration.reprojection import LENS, POSE, Network
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.vision.lens import Camera
-
-Array = NDArray[np.float64]
 
 _DETERMINED = 1e-11  # least eigenvalue of the normal equations, scaled to a unit diagonal
 
@@ -105,7 +103,7 @@ def adjust(
         raise ValueError(
             f"observations: given shape {given}, needs ({expected[0]}, shots, 2, {expected[2]})"
         )
-    seen: NDArray[np.bool_] = np.all(np.isfinite(observations), axis=(2, 3))
+    seen: Mask = np.all(np.isfinite(observations), axis=(2, 3))
     network = reprojection.start(observations, seen, points, cameras)
     free = _free(network, intrinsics, distortion)
     network, iterations = _minimised(observations, seen, points, network, free, steps)
@@ -113,7 +111,7 @@ def adjust(
     return _result(observations, seen, points, network, free, iterations)
 
 
-def _free(network: Network, intrinsics: bool, distortion: bool) -> NDArray[np.bool_]:
+def _free(network: Network, intrinsics: bool, distortion: bool) -> Mask:
     """Which unknowns are adjusted."""
     poses = POSE * (len(network.cameras) + len(network.rotations))
     lens = [intrinsics] * 4 + [distortion] * 4
@@ -122,10 +120,10 @@ def _free(network: Network, intrinsics: bool, distortion: bool) -> NDArray[np.bo
 
 def _minimised(
     observations: Array,
-    seen: NDArray[np.bool_],
+    seen: Mask,
     points: Array,
     network: Network,
-    free: NDArray[np.bool_],
+    free: Mask,
     steps: int,
 ) -> tuple[Network, int]:
     """The network of least squares and the steps it took, by Levenberg–Marquardt's method."""
@@ -149,7 +147,7 @@ def _minimised(
 
 
 def _inverse(
-    normal: Array, network: Network, free: NDArray[np.bool_], damping: float = 0.0
+    normal: Array, network: Network, free: Mask, damping: float = 0.0
 ) -> tuple[Array, float]:
     """Generalised inverse of the normal equations, and their least eigenvalue besides the gauge's.
 
@@ -168,10 +166,10 @@ def _inverse(
 
 def _result(
     observations: Array,
-    seen: NDArray[np.bool_],
+    seen: Mask,
     points: Array,
     network: Network,
-    free: NDArray[np.bool_],
+    free: Mask,
     iterations: int,
 ) -> Adjustment:
     normal, _, residuals = reprojection.normal_equations(observations, seen, points, network)

@@ -14,13 +14,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
 
+from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.lens import HALF
-
-Array = NDArray[np.float64]
 
 _WINDOW = 0.35  # half-size of the window over the distance to the neighbouring corners
 _REACH = 14  # most pixels from a corner to its window's edge: more add little to the precision
@@ -39,7 +37,7 @@ class BoardNotFound(ValueError):  # noqa: N818 - no mistake, an image without a 
     """An image in which no trustworthy checkerboard is seen; the message says why."""
 
 
-def find_corners(image: NDArray[np.uint8], board: Board) -> Array:
+def find_corners(image: Image, board: Board) -> Array:
     """Inner corners of the checkerboard in an image.
 
     Parameters
@@ -138,7 +136,7 @@ def _check_grid(grid: Array, smooth: Array, allowed: Array) -> None:
         raise BoardNotFound(f"false grid: a corner is {off.flat[worst]:.1f} px off a homography")
 
 
-def _fit(image: NDArray[np.uint8], grid: Array) -> tuple[Array, Array]:
+def _fit(image: Image, grid: Array) -> tuple[Array, Array]:
     """Corners fitted to the grey levels by Gauss–Newton, all at once.
 
     Returns the states (7, corners) of :func:`_model` and the rms misfits (corners,) in grey levels.
@@ -179,7 +177,7 @@ def _bend(grid: Array) -> Array:
     return np.pad(2 * turn / np.prod(lengths, axis=0), ((0, 0), (1, 1)), mode="edge")
 
 
-def _windows(image: NDArray[np.uint8], corners: Array, steps: Array) -> tuple[Array, Array, Array]:
+def _windows(image: Image, corners: Array, steps: Array) -> tuple[Array, Array, Array]:
     """Pixels about each corner.
 
     Returns their coordinates (2, corners, n), whether they are in the window, a parallelogram along

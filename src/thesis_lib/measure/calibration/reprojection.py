@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.vision.lens import (
     Camera,
@@ -29,8 +29,6 @@ from thesis_lib.vision.lens import (
     to_pixels,
     undistort,
 )
-
-Array = NDArray[np.float64]
 
 POSE, LENS = 6, 8  # unknowns of a pose and of a lens
 
@@ -59,9 +57,7 @@ class Network:
         return (POSE + LENS) * len(self.cameras) + POSE * len(self.rotations)
 
 
-def start(
-    observations: Array, seen: NDArray[np.bool_], points: Array, cameras: Sequence[Camera]
-) -> Network:
+def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Camera]) -> Network:
     """Poses chained from picture to picture, the world being the first shot's board.
 
     Raises
@@ -160,7 +156,7 @@ def _crossed(a: Array, b: Array) -> Array:
 
 
 def normal_equations(
-    observations: Array, seen: NDArray[np.bool_], points: Array, network: Network
+    observations: Array, seen: Mask, points: Array, network: Network
 ) -> tuple[Array, Array, Array]:
     """JᵀJ and Jᵀr of all unknowns, and the residuals r, as seen minus computed.
 

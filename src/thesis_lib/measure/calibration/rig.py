@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
-import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.symmetry import unify
@@ -18,10 +17,8 @@ from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError, 
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.parallel import abreast
+from thesis_lib.studies.parallel import abreast
 from thesis_lib.vision.lens import Camera
-
-Array = NDArray[np.float64]
 
 
 @contextlib.contextmanager

@@ -12,12 +12,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError
 from thesis_lib.measure.recordings.board import Board
 
-Array = NDArray[np.float64]
 Pose = tuple[Array, Array]
 
 _FITS = 0.2  # most rms distance between one board seen by two cameras, over a tile
@@ -89,7 +88,7 @@ def _symmetries(board: Board, two_sided: bool) -> Array:
     return np.concatenate([turns, turns @ flip]) if two_sided else turns
 
 
-def _order(board: Board, symmetry: Array) -> NDArray[np.int64]:
+def _order(board: Board, symmetry: Array) -> IntArray:
     """Which corner is where each of the board's corners goes under a symmetry."""
     X = board.corners
     apart = np.linalg.norm((symmetry @ X)[:, :, None] - X[:, None], axis=0)

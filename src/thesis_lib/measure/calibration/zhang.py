@@ -12,12 +12,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.lens import HALF, Camera
-
-Array = NDArray[np.float64]
 
 _LEAST_SHOTS = 3  # two homographies already determine K without skew, but leave nothing to check
 _LEAST_TILT = np.radians(4.0)  # between the two boards that differ most
@@ -100,7 +98,7 @@ def zhang(
     return _zhang(shots, board.corners, size, distortion, name)
 
 
-def central(board: Board) -> NDArray[np.int64]:
+def central(board: Board) -> IntArray:
     """Indices of the corners of the central 5 × 7 squares, the part the thesis used.
 
     Raises

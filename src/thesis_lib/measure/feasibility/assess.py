@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.feasibility.limits import DEVIATIONS, LIMIT, Assessment, Warning
 from thesis_lib.measure.feasibility.outlook import (
     OPTICS,
@@ -32,8 +32,6 @@ COLUMNS = 100
 _HEAD = ("camera", "mm/px", "size px", "gap px", "blur px", "lost", "sharp mm", "depths mm",
          "view", "px/frame", "spacings")  # fmt: skip
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 px in H.264
 MODES = 3  # natural frequencies above the driven one that are looked at: what rings longest
@@ -167,7 +165,7 @@ def _of_camera(
 
 
 def _of_view(
-    manifest: Manifest, camera: CameraFiles, row: CameraOutlook, where: str, corners: Bools
+    manifest: Manifest, camera: CameraFiles, row: CameraOutlook, where: str, corners: Mask
 ) -> list[Warning]:
     """Place of one camera, and how it sees markers and corners."""
     elevation, distance = camera.elevation_deg or np.nan, camera.distance_mm or np.nan

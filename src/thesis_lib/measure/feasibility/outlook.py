@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.feasibility.predictions import alias, noise_errors, rounding_errors
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.vision.optics import blur_circle, depth_of_field
@@ -24,9 +24,6 @@ from thesis_lib.vision.pinhole import (
     project,
 )
 from thesis_lib.vision.triangulation import jacobian
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 CIRCLE_PX = 1.0  # circle of confusion: a pixel spreads as much by itself
 STEADY_S = 1.0  # s of steady recording that errors stand for where the manifest gives none
@@ -122,13 +119,13 @@ class Sight:
     points: Array
     depths: Array
     uv: Array
-    seen: Bools
-    corners: Bools
+    seen: Mask
+    corners: Mask
     J: Array
     slide: Array
 
     @property
-    def located(self) -> Bools:
+    def located(self) -> Mask:
         """Which cameras have lens and place."""
         return np.asarray(np.isfinite(self.optics).all(axis=1))
 
@@ -151,7 +148,7 @@ def sight_of(manifest: Manifest, amplitude: float) -> Sight:
     swing = np.repeat(X[:, None], 3, axis=1)
     swing[2] += amplitude * np.array([[-1.0], [0.0], [1.0]])
 
-    def images(points: Array) -> tuple[Array, Array, Bools]:
+    def images(points: Array) -> tuple[Array, Array, Mask]:
         uv, flat = project(P, points), points.reshape(3, -1)
         depth = (P[:, 2, :3] @ flat + P[:, 2, 3:]).reshape(len(P), *points.shape[1:])
         on = [on_sensor(own[None], c.size)[0] for own, c in zip(uv, cameras, strict=True)]

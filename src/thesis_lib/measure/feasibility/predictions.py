@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.vision.rounding import deflection_variance
 from thesis_lib.vision.triangulation import gain
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 def alias(frequency: float, rate: float) -> float:
@@ -20,7 +18,7 @@ def alias(frequency: float, rate: float) -> float:
 
 
 def noise_errors(
-    P: ArrayLike, points: ArrayLike, sigma: ArrayLike, seen: Bools | None = None
+    P: ArrayLike, points: ArrayLike, sigma: ArrayLike, seen: Mask | None = None
 ) -> Array:
     """Standard errors √Σ (∂Z/∂m σ)² of heights for centre noise, shape (n,), m.
 
@@ -38,7 +36,7 @@ def noise_errors(
         Which camera sees which point; NaN where fewer than two do.
     """
 
-    def errors(P: Array, X: Array, which: Bools) -> Array:
+    def errors(P: Array, X: Array, which: Mask) -> Array:
         each = gain(P, X)[2] * np.asarray(sigma, float)[which, None, None]
         return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))))
 
@@ -46,7 +44,7 @@ def noise_errors(
 
 
 def rounding_errors(
-    P: ArrayLike, points: ArrayLike, amplitude: float, turn: float = 0.0, seen: Bools | None = None
+    P: ArrayLike, points: ArrayLike, amplitude: float, turn: float = 0.0, seen: Mask | None = None
 ) -> Array:
     """Root mean square errors of whole-pixel centres by the law of rounding, shape (n,), m.
 
@@ -64,7 +62,7 @@ def rounding_errors(
     up = np.zeros((3, 16, 1))
     up[2, :, 0] = amplitude * np.cos((np.arange(16) + 0.5) / 16 * turn / 2)
 
-    def errors(P: Array, X: Array, which: Bools) -> Array:
+    def errors(P: Array, X: Array, which: Mask) -> Array:
         variance = deflection_variance(P, X[:, None], X[:, None] + up).mean(axis=0)
         return np.asarray(np.sqrt(np.maximum(variance, 0)))
 
@@ -72,8 +70,8 @@ def rounding_errors(
 
 
 def _by_view(
-    P: ArrayLike, points: ArrayLike, seen: Bools | None,
-    errors: Callable[[Array, Array, Bools], Array],
+    P: ArrayLike, points: ArrayLike, seen: Mask | None,
+    errors: Callable[[Array, Array, Mask], Array],
 ) -> Array:  # fmt: skip
     """Errors of points, each from the cameras that see it; infinite where these stand in line."""
     P, X = np.asarray(P, float), np.asarray(points, float)

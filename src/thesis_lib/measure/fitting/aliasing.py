@@ -7,9 +7,10 @@ above half of the rate.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array
+
 FINE = 8  # trial frequencies in one over the length of the recording
 
 

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.tracking.tracks import Recording
-
-Array = NDArray[np.float64]
 
 MOST_FRAMES = 4096  # of each camera that the periodogram uses
 SERIES = 24  # image coordinates of each camera that move most

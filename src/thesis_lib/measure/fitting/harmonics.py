@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.fitting.reconstruction import (
     Frame,
     fit_grid,
@@ -21,9 +22,6 @@ from thesis_lib.measure.fitting.reconstruction import (
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -110,7 +108,7 @@ class Sums:
     matrix: Array
     right: Array
     squares: Array
-    count: NDArray[np.int64]
+    count: IntArray
     shape: tuple[int, ...]
 
     def __add__(self, other: Sums) -> Sums:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.manifest_model import Structure
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import resonance
-
-Array = NDArray[np.float64]
 
 BENDING, TORSION, PLATE = 6, 3, 12  # modes of each kind that are tried
 

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, ComplexArray, IntArray, Mask
 from thesis_lib.measure.recordings.check import ChainError
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.vision.lens import Camera, projection_matrices
@@ -20,11 +21,8 @@ from thesis_lib.vision.triangulation import gain, triangulate
 
 GRID_SHARE, GRID_SCALE = 0.1, 0.01  # most distance over spacing, and error of size, at rest
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
-
-def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, NDArray[np.int64]]:
+def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
     """Points from the cameras that see them.
 
     Parameters
@@ -167,9 +165,7 @@ def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) ->
 # What noise of the centres does.
 
 
-def normal_gain(
-    P: ArrayLike, frame: Frame, points: ArrayLike, seen: NDArray[np.bool_] | None = None
-) -> Array:
+def normal_gain(P: ArrayLike, frame: Frame, points: ArrayLike, seen: Mask | None = None) -> Array:
     """Change of a point's height over the beam by each image coordinate, (cameras, 2, n), m/px.
 
     With `seen`, shape (cameras, n), a camera that does not see a point has no part in it; NaN where

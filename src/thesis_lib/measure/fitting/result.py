@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.frequency import Advance, advance, look_for
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
@@ -28,9 +28,6 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.tracking.tracks import Recording, lost_share
 from thesis_lib.vision.lens import distorted
 from thesis_lib.vision.simulation import assurance
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 ORDER = 2  # harmonics of the images that are fitted
 FOLDED = 0.2  # of the frame rate; from there on the second harmonic's alias nears the first's

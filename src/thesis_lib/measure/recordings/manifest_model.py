@@ -10,9 +10,9 @@ from itertools import combinations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.studies.request import STRICT, permitted, refuse
@@ -28,7 +28,6 @@ from thesis_lib.studies.vocabulary import (
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.plate import Plate
 
-Array = NDArray[np.float64]
 Place = tuple[float, float]
 Count = Annotated[int, Field(ge=1, le=200)]
 FileName = Annotated[str, Field(min_length=1, max_length=500)]

@@ -12,12 +12,11 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
+from thesis_lib.arrays import Array
 from thesis_lib.vibration.beam import Beam
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from av.video.reformatter import ColorRange
 from av.video.stream import VideoStream
 from numpy.typing import ArrayLike, NDArray
 
+from thesis_lib.arrays import Array, Image
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
@@ -33,9 +34,6 @@ from thesis_lib.measure.recordings.media_info import (
     start_of,
     video_track,
 )
-
-Array = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 BLOCK = 1 << 16  # samples of sound that are read at once
 GAP = 0.02  # s that a block of audio may be off its place; containers round to 1 ms

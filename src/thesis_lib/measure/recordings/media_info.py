@@ -12,9 +12,8 @@ import numpy as np
 from av.audio.stream import AudioStream
 from av.container import InputContainer
 from av.video.stream import VideoStream
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thesis_lib.arrays import Array
 
 JITTER = 0.1  # frames that a presentation time may be off before the rate counts as variable
 

@@ -10,15 +10,13 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, in_style, subplots
-
-Array = NDArray[np.float64]
 
 WIDE = 7.6  # inches
 SHOWN = 1000  # px of the width at which photographs are kept

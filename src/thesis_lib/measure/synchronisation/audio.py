@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.synchronisation.checks import checked, same_rate, shortest_of
 from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
@@ -18,7 +19,6 @@ from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, Match
 from thesis_lib.measure.synchronisation.tones import TONE_RATE, check_rate
 from thesis_lib.measure.synchronisation.transients import ROOM_RATE, force_match, room_match
 
-Array = NDArray[np.float64]
 Track = NDArray[np.float32]
 
 SPAN = 1 << 21  # samples of each camera that are held at a time

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.synchronisation.decimation import decimated
 from thesis_lib.measure.synchronisation.tones import (
     EXPLAINED,
@@ -22,8 +23,6 @@ from thesis_lib.measure.synchronisation.tones import (
     tone_frequency,
     tone_share,
 )
-
-Array = NDArray[np.float64]
 
 FULL_SCALE = 1 - 1e-4  # from here on a sample counts as clipped
 CLIPPED = 0.02  # share of such samples that is refused; a tone that just fits has 0.009

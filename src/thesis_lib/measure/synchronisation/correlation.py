@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.fft import irfft, rfft
 
-Array = NDArray[np.float64]
-Lags = NDArray[np.int64]
+from thesis_lib.arrays import Array, IntArray
 
 LAGS = 1 << 18  # that are normalised at once
 
 
-def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[Lags, Array]:
+def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntArray, Array]:
     """Correlation coefficient of a[j + lag] and b[j] over the j that both have.
 
     Each lag is normalised by the means and energies of its own overlap: without, the shrinking
@@ -28,7 +27,7 @@ def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[Lags,
     Returns
     -------
     lags, coefficients : ndarray, shape (lags,)
-        Lags in samples, and −1…1.
+        IntArray in samples, and −1…1.
     """
     n_x, n_y = len(np.asarray(a)), len(np.asarray(b))
     first, last = max(-most, 1 - n_y), min(most, n_x - 1)
@@ -69,13 +68,13 @@ def _running(v: Array) -> tuple[Array, Array]:
     return first, second
 
 
-def _energy(sums: tuple[Array, Array], low: Lags, high: Lags) -> tuple[Array, Array]:
+def _energy(sums: tuple[Array, Array], low: IntArray, high: IntArray) -> tuple[Array, Array]:
     """Sum, and energy about the mean, of the samples from `low` to `high`."""
     total = sums[0][high] - sums[0][low]
     return total, np.maximum(sums[1][high] - sums[1][low] - total**2 / (high - low), 0)
 
 
-def summit(lags: Lags, c: Array, top: int) -> float:
+def summit(lags: IntArray, c: Array, top: int) -> float:
     """Lag of a peak between samples, by a polynomial through its cap.
 
     A slow tone's peak is so flat that noise decides among three samples; a clap's has no more.
@@ -95,7 +94,7 @@ def summit(lags: Lags, c: Array, top: int) -> float:
     return float(lags[top] + reach * shift)
 
 
-def heights(c: Array, tops: Lags) -> Array:
+def heights(c: Array, tops: IntArray) -> Array:
     """Heights of peaks between samples, by a parabola through the three highest of each."""
     left, middle, right = (c[np.clip(tops + k, 0, len(c) - 1)] for k in (-1, 0, 1))
     bend = np.maximum(2 * middle - left - right, 1e-15)

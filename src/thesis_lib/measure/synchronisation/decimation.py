@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from functools import cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.signal import firwin
 
-Array = NDArray[np.float64]
-Signal = NDArray[np.floating[Any]]
+from thesis_lib.arrays import Array, Signal
 
 EDGE = 10  # samples that the low-pass reaches to either side
 BLOCK = 1 << 17  # samples that are filtered at once

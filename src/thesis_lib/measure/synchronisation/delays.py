@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.signal import find_peaks
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.synchronisation.correlation import heights, normalised_correlation, summit
 from thesis_lib.measure.synchronisation.decimation import decimated
 from thesis_lib.measure.synchronisation.tones import (
@@ -23,7 +24,6 @@ from thesis_lib.measure.synchronisation.tones import (
     tone_at,
 )
 
-Array = NDArray[np.float64]
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
 UNLIKE = 0.3  # correlation below which two recordings have nothing in common
 DOUBT = 5.0  # standard deviations by which one peak must beat the other

@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.synchronisation.checks import check_signals, check_tone, shortest_of
 from thesis_lib.measure.synchronisation.decimation import decimated
 from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, UNLIKE, Match, phase_delays
 from thesis_lib.measure.synchronisation.tones import TONE_RATE, SynchronisationError, check_rate
 from thesis_lib.measure.synchronisation.transients import ROOM_RATE, force_match, room_match
 
-Array = NDArray[np.float64]
 Kind = Literal["force", "room"]
 
 BLIND_SPOTS = (
@@ -66,7 +66,7 @@ class Synchronisation:
     """
 
     delays: Array
-    frames: NDArray[np.int64]
+    frames: IntArray
     frame_rate: float
     reference: int
     method: str
@@ -133,7 +133,7 @@ def coupling_delay(frequency: float) -> float:
     return float((np.arctan(3 / frequency) - np.arctan(2 / frequency)) / (2 * np.pi * frequency))
 
 
-def whole_frames(delays: ArrayLike, frame_rate: float) -> NDArray[np.int64]:
+def whole_frames(delays: ArrayLike, frame_rate: float) -> IntArray:
     """Delays in whole frames, N = Δt · fps (eq. 5.2), rounded to the nearest."""
     return np.rint(np.asarray(delays, float) * frame_rate).astype(np.int64)
 

@@ -6,16 +6,14 @@ A tone is fitted at tens of samples per period, which keeps it cheap.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.fft import next_fast_len, rfft
 from scipy.optimize import minimize_scalar
 
+from thesis_lib.arrays import Signal
 from thesis_lib.measure.synchronisation.decimation import decimated
-
-Signal = NDArray[np.floating[Any]]
 
 TONE_RATE = 64  # samples per period at which a tone's phase is fitted
 FEWEST = 8  # samples per period from which on one is fitted

@@ -9,13 +9,13 @@ a rule that does not depend on time, and so leaves the delays.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import oaconvolve, welch
 
+from thesis_lib.arrays import Signal
 from thesis_lib.measure.synchronisation.decimation import decimated
 from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, Match, compared, match
 from thesis_lib.measure.synchronisation.tones import (
@@ -25,8 +25,6 @@ from thesis_lib.measure.synchronisation.tones import (
     settled_part,
     tone_frequency,
 )
-
-Signal = NDArray[np.floating[Any]]
 
 ROOM_RATE = 16000  # Hz at which the sound of microphones is correlated: a clap is 5 ms
 SPAN = 0.01  # s over which the energy is averaged of what may stand out

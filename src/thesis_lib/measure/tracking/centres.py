@@ -5,13 +5,11 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from thesis_lib.measure.tracking.homography import Image, View
+from thesis_lib.arrays import Array, Image, IntArray, Mask
+from thesis_lib.measure.tracking.homography import View
 from thesis_lib.vision.lens import HALF
-
-Array = NDArray[np.float64]
 
 POOR = 0.15  # rms residual over contrast from which a fit is doubtful
 EDGE = 0.05  # px by which the beam's edge may be off its place
@@ -104,7 +102,7 @@ def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Arra
 class _Patch:
     """The beam around some markers, with straight edges along it; its ends are left out."""
 
-    def __init__(self, view: View, which: NDArray[np.int64], plane: Array, ellipses: Array) -> None:
+    def __init__(self, view: View, which: IntArray, plane: Array, ellipses: Array) -> None:
         markers, self.blur = view.markers, view.blur
         x, y = markers.positions[:, which]
         length, width = markers.extent
@@ -128,12 +126,12 @@ class _Patch:
         nu, nv = self.normals[axis]
         return np.asarray(nu * du[:, None, :] + nv * dv[:, :, None])
 
-    def usable(self, du: Array, dv: Array) -> NDArray[np.bool_]:
+    def usable(self, du: Array, dv: Array) -> Mask:
         """Pixels that see no other marker, nor much of what is beyond the structure."""
         along, across = (self._offset(axis, du, dv) for axis in (0, 1))
         left, right, low, high = (part[:, None, None] for part in (*self.ends, *self.edges))
         spare, clear = 1 + self.blur, 1 + 2.5 * self.blur
-        inside: NDArray[np.bool_] = (
+        inside: Mask = (
             (along > clear - left) & (along < right - clear)
             & (across > -low - spare) & (across < high + spare)
             & (np.abs(along) < self.free[0]) & (np.abs(across) < self.free[1])

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.tracking.homography import (
-    Image,
     TrackingError,
     View,
     as_dark,
@@ -22,8 +21,6 @@ from thesis_lib.measure.tracking.homography import (
 )
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
 from thesis_lib.vision.lens import Camera, resized, undistorted
-
-Array = NDArray[np.float64]
 
 
 def follow(

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.vision.lens import HALF, Camera, distorted, undistorted
-
-Array = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 
 def as_dark(image: Image, markers: Markers) -> Image:

@@ -14,16 +14,14 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
+from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.tracking.centres import refine
-from thesis_lib.measure.tracking.homography import Image, TrackingError, View, homography
+from thesis_lib.measure.tracking.homography import TrackingError, View, homography
 from thesis_lib.vision.lens import HALF, undistorted
-
-Array = NDArray[np.float64]
 
 PIXELS = 10  # of the resampled beam in a marker's diameter
 FAR = 5  # diameters that it is searched beyond the beam: more than a row moves on its plane

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest_model import CameraFiles
@@ -27,8 +27,6 @@ from thesis_lib.measure.tracking.follow import first_view
 from thesis_lib.measure.tracking.homography import TrackingError, as_dark
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.vision.lens import Camera, undistorted_tracks
-
-Array = NDArray[np.float64]
 
 OFTEN = 100  # frames after which the state is written
 CHUNK = 512  # frames that are read back at once

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.measure.fitting.reconstruction import deflection_at
@@ -18,7 +18,6 @@ from thesis_lib.measure.synchronisation.synchronise import coupling_delay
 from thesis_lib.vibration.motion import Component
 from thesis_lib.web.markdown import table
 
-Array = NDArray[np.float64]
 LITERAL, FULL = "literal", "full"
 
 

@@ -14,8 +14,8 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.walk.sketches import INK, WIDE, names_of, tip_marker
 from thesis_lib.measure.calibration.zhang import central
@@ -25,8 +25,6 @@ from thesis_lib.measure.tracking import tracker
 from thesis_lib.measure.tracking.follow import reduced
 from thesis_lib.plotting.style import COLORS, in_style, mosaic, subplots
 
-Array = NDArray[np.float64]
-Image = NDArray[np.uint8]
 Box = tuple[float, float, float, float]  # left, right, top, bottom in px
 
 _, ORANGE, GREEN, PINK, RED, SKY = COLORS

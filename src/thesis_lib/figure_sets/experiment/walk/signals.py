@@ -8,16 +8,14 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.methods import ORDER
 from thesis_lib.figure_sets.experiment.walk.sketches import INK, WIDE, names_of, tip_marker
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.recordings.markers import rows_on
 from thesis_lib.plotting.style import color, in_style, mosaic, subplots
-
-Array = NDArray[np.float64]
 
 
 def sound(data: xr.Dataset) -> Figure:

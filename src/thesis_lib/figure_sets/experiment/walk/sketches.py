@@ -13,14 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, PathPatch, Polygon, Rectangle
 from matplotlib.path import Path
-from numpy.typing import NDArray
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.measure.recordings.markers import Markers, rows_on
 from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, in_style, subplots
-
-Array = NDArray[np.float64]
 
 WIDE = 5.5  # in: on a phone the letters are then hardly smaller than the text
 INK = "#333333"
