@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import Opened, open_offline
+from browser import CONTRAST, Opened, open_offline
 from numpy.typing import NDArray
 
 from thesis_lib.book.explorer import Explorer, explorer_data, explorer_html
@@ -697,17 +697,12 @@ def test_it_is_one_screen(chromium: Browser, path: Path, tmp_path: Path) -> None
 def test_text_has_contrast_in_every_theme(
     chromium: Browser, path: Path, dark: bool, subject: str
 ) -> None:
-    script = """e => { const linear = v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
-      const light = c => { const [r, g, b] = c.match(/[\\d.]+/g).map(v => linear(v / 255));
-        return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
-      const ground = node => { const c = getComputedStyle(node).backgroundColor;
-        return c === 'rgba(0, 0, 0, 0)' ? ground(node.parentElement) : light(c); };
-      const ratio = (node, c) => { const [a, b] = [light(c), ground(node)].sort((x, y) => y - x);
-        return (a + 0.05) / (b + 0.05); };
-      const of = (css, name) => [...e.querySelectorAll(css)].map(
-        node => ratio(node, getComputedStyle(node)[name]));
-      return [ground(e), of(':is(p, td, th, caption, small, button:enabled, input, select, code, ' +
-        'figcaption, span, legend, b, i)', 'color'), of('svg text', 'fill')]; }"""
+    words = (
+        "p, td, th, caption, small, button:enabled, input, select, code, figcaption, "
+        "span, legend, b, i"
+    )
+    script = f"""{CONTRAST}
+      return [ground(e), ratios(':is({words})', 'color'), ratios('svg text', 'fill')]; }}"""
     with open_offline(chromium, path, dark=dark, query=f"s={subject}&m=2&t=4a-6") as opened:
         state(opened)
         for attribute, expected in ((None, dark), ("dark", True), ("light", False)):

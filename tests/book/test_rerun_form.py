@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
+from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES
 
 from thesis_lib.book import rerun_form
@@ -122,12 +123,6 @@ SILLY = [
     ("lab-plate", "amplitude_mm", "force", "force"),
     ("claims", "trials", "1", 1),
 ]  # fmt: skip
-
-
-def refusal(name: str, values: dict[str, Any]) -> str:
-    with pytest.raises(ParameterError) as caught:
-        validate(name, values)
-    return str(caught.value)
 
 
 def typed(value: Any, rng: random.Random) -> str:
@@ -249,7 +244,7 @@ def test_silly_values_get_the_commands_own_words(chromium: Browser, path: Path) 
     with open_offline(chromium, path) as opened:
         found = fill(opened, *((name, {field: text}) for name, field, text, _ in SILLY))
         for (name, field, text, value), said in zip(SILLY, found, strict=True):
-            line = refusal(name, {field: value})
+            line = refusal(name, **{field: value})
             assert {f"{name}: {words}" for words in said["problems"].values()} == {line}, text
             assert list(said["problems"]) == said["invalid"] == [field]
             assert said["status"] == f"thesis: {line}"

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 import xarray as xr
+from refused import refusal
 from scenes.laboratory import MATCH, recordings
 
 from thesis_lib.facts import setups
@@ -21,7 +22,6 @@ from thesis_lib.figure_sets.experiment.parameters import (
 from thesis_lib.figure_sets.experiment.recordings import rig_of
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.measure.recordings.markers import rows_on
-from thesis_lib.studies.request import ParameterError
 from thesis_lib.vibration.motion import Component
 
 BEAM = setups.beam()
@@ -429,15 +429,6 @@ def test_markers_that_too_few_cameras_see_are_missing_and_counted(conforms, nois
 
 
 # Requests.
-
-
-def refusal(name, **values):
-    with pytest.raises(ParameterError) as error:
-        validate(name, values)
-    message = str(error.value)
-    assert "\n" not in message
-    assert message.startswith(f"{name}: ")
-    return message
 
 
 BOTH = ["experiment-resolution", "experiment-cameras"]

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 import xarray as xr
+from refused import refusal
 from scenes.layouts import layouts
 
 from thesis_lib.facts import setups
@@ -27,7 +28,6 @@ from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.measure.tracking.homography import view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
 from thesis_lib.studies.attributes import with_provenance
-from thesis_lib.studies.request import ParameterError
 from thesis_lib.vibration.motion import amplitudes
 from thesis_lib.vision import lens
 
@@ -422,15 +422,6 @@ def test_no_markers_at_all_draw_and_tell_all_the_same():
 
 
 # Requests.
-
-
-def refusal(name, **values):
-    with pytest.raises(ParameterError) as error:
-        validate(name, values)
-    message = str(error.value)
-    assert "\n" not in message
-    assert message.startswith(f"{name}: ")
-    return message
 
 
 @pytest.mark.parametrize("name", ["lab-elevation", "lab-layout"])

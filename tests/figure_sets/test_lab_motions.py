@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refused import refusal
 from scenes.motions import films, look
 
 from thesis_lib.acoustics.plate_sound import PlateSound
@@ -571,15 +572,6 @@ def test_the_tracker_knows_where_markers_go_between_frames_that_are_far_apart(
 
 
 # Requests.
-
-
-def refusal(name, **values):
-    with pytest.raises(ParameterError) as error:
-        validate(name, values)
-    message = str(error.value)
-    assert "\n" not in message
-    assert message.startswith(f"{name}: ")
-    return message
 
 
 @pytest.mark.parametrize(

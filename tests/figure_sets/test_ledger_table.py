@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import traitlets
-from browser import Opened, open_offline
+from browser import CONTRAST, Opened, open_offline
 
 from thesis_lib.figure_sets.claims.widget import LedgerTable
 from thesis_lib.ledger.verdicts import VERDICTS
@@ -463,18 +463,14 @@ def test_paper_gets_what_the_filters_leave(chromium: Browser, path: Path) -> Non
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_text_has_contrast_in_every_theme(chromium: Browser, path: Path, dark: bool) -> None:
-    script = """e => { const linear = v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
-      const light = c => { const [r, g, b] = c.match(/[\\d.]+/g).map(v => linear(v / 255));
-        return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
-      const ground = node => { const c = getComputedStyle(node).backgroundColor;
-        return c === 'rgba(0, 0, 0, 0)' ? ground(node.parentElement) : light(c); };
-      const ratio = (node, c) => { const [a, b] = [light(c), ground(node)].sort((x, y) => y - x);
-        return (a + 0.05) / (b + 0.05); };
-      const all = (css, name) => [...e.querySelectorAll(css)].map(
-        node => ratio(node, getComputedStyle(node)[name]));
-      return [ground(e), all('td.tl-ledger-verdict span', 'color'),
-        all('tbody :is(th, td, a, button, code, p, sup), thead th, p, label span, select', 'color'),
-        all('.tl-ledger-verdict svg', 'stroke')]; }"""
+    script = (
+        CONTRAST
+        + """
+      return [ground(e), ratios('td.tl-ledger-verdict span', 'color'),
+        ratios('tbody :is(th, td, a, button, code, p, sup), thead th, p, label span, select',
+          'color'),
+        ratios('.tl-ledger-verdict svg', 'stroke')]; }"""
+    )
     query = f"#claim-{ROWS[3]['id']}"  # a marked row, on its own ground
     with open_offline(chromium, path, dark=dark, query=query) as opened:
         table = opened.page.locator(".tl-ledger")

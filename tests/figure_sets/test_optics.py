@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refused import refusal
 
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.facts import setups
@@ -22,7 +23,6 @@ from thesis_lib.figure_sets.registry import validate
 from thesis_lib.plotting.style import svg
 from thesis_lib.studies import comparison, cubes, published, storage
 from thesis_lib.studies.attributes import with_provenance
-from thesis_lib.studies.request import ParameterError
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, intrinsics, project
@@ -39,14 +39,6 @@ def beside(baseline: float, focal_px: float = 213.3) -> CameraArray:
     K = np.broadcast_to(intrinsics(focal_px, SIZE), (2, 3, 3))
     centres = np.array([[0.0, 0, 0], [baseline, 0, 0]])
     return CameraArray(K, np.broadcast_to(np.eye(3), (2, 3, 3)), centres, SIZE)
-
-
-def refusal(values: dict) -> str:
-    with pytest.raises(ParameterError) as caught:
-        validate("cameras", values)
-    message = str(caught.value)
-    assert len(message.splitlines()) == 1
-    return message
 
 
 # Angles and formats.
@@ -463,7 +455,7 @@ def test_odd_requests_run_and_are_shown(values):
     ],
 )  # fmt: skip
 def test_what_cannot_be_computed_is_refused_in_one_line(values, words):
-    assert refusal(values).startswith(f"cameras: {words}")
+    assert refusal("cameras", **values).startswith(f"cameras: {words}")
 
 
 def test_runs_are_compared_quantity_by_quantity(cube, tmp_path, monkeypatch):

@@ -16,6 +16,7 @@ import papermill
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 
 from thesis_lib.book.pieces.manifest import PARTS
@@ -32,16 +33,6 @@ PLATE, SOUND, LEDGER = "plate-distance", "sound-aperture", "claims"
 LAW = "design-law"
 PLANNER = "planner"
 SHAPE = "shape-l"
-
-
-def refusal(name: str, values: dict) -> str:
-    with pytest.raises(ParameterError) as caught:
-        validate(name, values)
-    message = str(caught.value)
-    assert len(message.splitlines()) == 1, message
-    assert message.isprintable()
-    assert message.startswith(f"{name}: ")
-    return message
 
 
 def allowed(name: str, field: str) -> str:
@@ -236,30 +227,30 @@ BAD = [
 def test_refusal_names_the_place_repeats_the_value_and_says_what_is_allowed(
     name, field, value, place, shown
 ):
-    message = refusal(name, {field: value})
+    message = refusal(name, **{field: value})
     assert message == f"{name}: {field}{place}: given {shown}, {allowed(name, field)}"
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_unknown_parameter_gets_the_nearest_name_and_all_names(name):
     for field in STUDIES[name].model_fields:
-        message = refusal(name, {field + "x": 1})
+        message = refusal(name, **{field + "x": 1})
         assert f"no parameter {field}x (did you mean {field}?)" in message
         others = set(STUDIES[name].model_fields) - {"cube"}
         assert all(other in message for other in others) or f"`thesis list {name}`" in message
         assert len(message) <= 400
-    assert "did you mean" not in refusal(name, {"wxyz": 1})
+    assert "did you mean" not in refusal(name, **{"wxyz": 1})
 
 
 def test_unknown_figure_set_gets_the_nearest_name_and_all_names():
-    message = refusal("beam-distanc", {})
+    message = refusal("beam-distanc")
     assert "(did you mean beam-distance?)" in message
     assert "`thesis list` names them all" in message
-    assert "did you mean" not in refusal("42", {})
+    assert "did you mean" not in refusal("42")
 
 
 def test_a_parameter_of_another_set_is_refused():
-    assert "no parameter widths_px" in refusal(DISTANCE, {"widths_px": [320]})
+    assert "no parameter widths_px" in refusal(DISTANCE, **{"widths_px": [320]})
 
 
 @pytest.mark.parametrize(
@@ -275,7 +266,7 @@ def test_a_parameter_of_another_set_is_refused():
     ],
 )
 def test_cameras_stay_out_of_the_structures_reach(name, values, field, given):
-    message = refusal(name, values)
+    message = refusal(name, **values)
     assert message.startswith(f"{name}: {field}: given {given}, allowed: more than ")
     reach = float(message.split("more than ")[1].split()[0])
     assert f"{reach:.4g} mm" in message
@@ -299,7 +290,7 @@ def test_cameras_stay_out_of_the_structures_reach(name, values, field, given):
     ],
 )
 def test_two_cameras_at_the_same_place_are_refused(name, values, field, case):
-    message = refusal(name, values)
+    message = refusal(name, **values)
     assert message.startswith(f"{name}: {field}: given [[")
     assert f'two cameras at the same place in case "{case}", ' in message
     assert message.endswith("([azimuth, elevation] in °), allowed: different places")
@@ -307,7 +298,7 @@ def test_two_cameras_at_the_same_place_are_refused(name, values, field, case):
 
 @pytest.mark.parametrize("name", [name for name in STUDIES if name.startswith("sound")])
 def test_pistons_too_large_for_the_wave_are_refused(name):
-    message = refusal(name, {"grid": [2, 2], "modes": [1, 30]})
+    message = refusal(name, **{"grid": [2, 2], "modes": [1, 30]})
     assert message.startswith(f"{name}: modes: given 30, k times the size of a piston is ")
     assert message.endswith("needs at most π: take lower modes or a finer grid")
     validate(name, {"grid": [60, 60], "modes": [1, 30]})
@@ -316,12 +307,12 @@ def test_pistons_too_large_for_the_wave_are_refused(name):
 
 
 def test_a_slow_fluid_may_make_the_pistons_too_large():
-    message = refusal(SOUND, {"speed_of_sound_m_s": 50})
+    message = refusal(SOUND, **{"speed_of_sound_m_s": 50})
     assert "k times the size of a piston is 5.27 at 941.7 Hz" in message
 
 
 def test_a_plane_may_start_higher_if_it_ends_higher():
-    message = refusal(SOUND, {"plane_bottom_mm": 500})
+    message = refusal(SOUND, **{"plane_bottom_mm": 500})
     assert message.startswith(f"{SOUND}: plane_top_mm: given 443.0, allowed: a number above plane_")
     validate(SOUND, {"plane_bottom_mm": 500, "plane_top_mm": 500.1})
 
@@ -339,7 +330,7 @@ def test_values_that_are_not_json_are_refused_by_name():
     hopeless = [nested, nested[0], object(), {1, 2}, {(1, 2): 3}, 10**5000]
     for value in hopeless:
         for field in ("modes", "cube", "trials"):
-            message = refusal(DISTANCE, {field: value})
+            message = refusal(DISTANCE, **{field: value})
             assert message.startswith(f"{DISTANCE}: {field}: given ")
             assert message.endswith(allowed(DISTANCE, field))
     while nested:  # freed link by link: freeing all at once would recurse
