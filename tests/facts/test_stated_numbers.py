@@ -12,6 +12,7 @@ import pytest
 from scipy.optimize import brentq
 
 from thesis_lib.facts import numbers as stated_numbers
+from thesis_lib.facts import rows as fact_rows
 from thesis_lib.facts import setups
 from thesis_lib.facts.numbers import VALUES, read_numbers
 from thesis_lib.vision.optics import angle_of_view
@@ -120,7 +121,7 @@ def test_malformed_rows_are_refused(row, field, tmp_path, monkeypatch):
     header = "id,chapter,place,words,stated,unit,value_of\n"
     good = "first,3,3.1,words,1,,tip\n"
     (tmp_path / "numbers.csv").write_text(header + good + row + "\n", encoding="utf-8")
-    monkeypatch.setattr(stated_numbers, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match=r"^numbers\.csv, line [34]: ") as refusal:
         read_numbers()
     line = 2 + len(row.splitlines())
@@ -133,7 +134,7 @@ def test_malformed_rows_are_refused(row, field, tmp_path, monkeypatch):
 )
 def test_other_columns_are_refused(header, tmp_path, monkeypatch):
     (tmp_path / "numbers.csv").write_text(header, encoding="utf-8")
-    monkeypatch.setattr(stated_numbers, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match=r"^numbers\.csv, line 1: given .*allowed: id, chapter"):
         read_numbers()
 

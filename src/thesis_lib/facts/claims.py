@@ -20,14 +20,9 @@ is meant.
 
 from __future__ import annotations
 
-import csv
-import dataclasses
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from thesis_lib.facts.setups import data_folder
+from thesis_lib.facts.rows import Kind, finite, one_of, read_rows, several, some
 
 RELATIONS = ("about", "range", "max", "less_than", "min")
 QUANTITIES = ("mean_error", "max_point_error", "plane_error_xz", "plane_error_yz")
@@ -108,38 +103,11 @@ def read_claims() -> list[Claim]:
     ValueError
         Naming the line and the field of a malformed row.
     """
-    path = data_folder() / "claims.csv"
-    kinds: dict[str, Callable[[str], object]] = {
-        "id": _some, "mode": int, "low": _finite, "high": _finite, "excepted": int,
-        "value": _values, "conflicts": _names, "relation": _one_of(RELATIONS),
-        "quantity": _one_of(QUANTITIES), "figure_set": _some, "section": _some,
-    }  # fmt: skip
-    claims: list[Claim] = []
-    seen: set[str] = set()
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = csv.DictReader(file, restkey="more")
-        expected = [f.name for f in dataclasses.fields(Claim) if f.name != "rounding"]
-        expected[expected.index("values")] = "value"
-        if set(rows.fieldnames or ()) != set(expected):
-            given = ", ".join(rows.fieldnames or ())
-            raise ValueError(f"claims.csv, line 1: given {given}, allowed: {', '.join(expected)}")
-        for row in rows:
-            fields: dict[str, object] = dict(row)
-            for field, kind in {**dict.fromkeys(row, _text), **kinds}.items():
-                try:
-                    fields[field] = kind(row[field])
-                except (AttributeError, TypeError, ValueError):
-                    raise ValueError(
-                        f"claims.csv, line {len(claims) + 2}: {field}: given {row.get(field)!r}"
-                    ) from None
-            fields["values"] = fields.pop("value")
-            fields["rounding"] = half_digit(row["low"]), half_digit(row["high"])
-            if fields["id"] in seen:
-                raise ValueError(
-                    f"claims.csv, line {len(claims) + 2}: id: given {row['id']!r} a second time"
-                )
-            seen.add(row["id"])
-            claims.append(Claim(**fields))  # type: ignore[arg-type]
+    claims = []
+    for row in read_rows("claims.csv", _KINDS):
+        row["values"] = row.pop("value")
+        (row["low"], low), (row["high"], high) = row["low"], row["high"]
+        claims.append(Claim(**row, rounding=(low, high)))
     return claims
 
 
@@ -154,39 +122,33 @@ def half_digit(text: str) -> float:
     return 0.5 * 10.0 ** -len(text.partition(".")[2])
 
 
-def _text(text: str) -> str:
-    if not isinstance(text, str):  # of a row that is too short or too long
-        raise TypeError
-    return text
-
-
 def _values(text: str) -> tuple[float, ...]:
-    return () if text == "all" else tuple(_finite(value) for value in text.split(";"))
+    return () if text == "all" else tuple(map(finite, text.split(";")))
 
 
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(filter(None, text.split(";")))
+def _printed(text: str) -> tuple[float, float]:
+    """A number, and half a unit of its last digit."""
+    return finite(text), half_digit(text)
 
 
-def _some(text: str) -> str:
-    if not text:
-        raise ValueError
-    return text
-
-
-def _finite(text: str) -> float:
-    if not np.isfinite(float(text)):
-        raise ValueError
-    return float(text)
-
-
-def _one_of(allowed: Sequence[str]) -> Callable[[str], str]:
-    def checked(text: str) -> str:
-        if text not in allowed:
-            raise ValueError
-        return text
-
-    return checked
+_KINDS: dict[str, Kind] = {
+    "id": some,
+    "figure_set": some,
+    "section": some,
+    "figure": str,
+    "panel": str,
+    "case": str,
+    "mode": int,
+    "quantity": one_of(QUANTITIES),
+    "value": _values,
+    "relation": one_of(RELATIONS),
+    "low": _printed,
+    "high": _printed,
+    "excepted": int,
+    "pair_order": str,
+    "conflicts": several,
+    "conflict_why": str,
+}
 
 
 def claims_of(name: str) -> list[Claim]:

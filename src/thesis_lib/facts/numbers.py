@@ -6,10 +6,9 @@ all that would be rounded to it; a fraction or a product, such as 1/60, for itse
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from decimal import Decimal
 from functools import partial
 
@@ -17,7 +16,8 @@ import numpy as np
 
 from thesis_lib.acoustics.sources import outgoing_wave
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Direction, data_folder, pairs
+from thesis_lib.facts.rows import Kind, finite, one_of, read_rows, some
+from thesis_lib.facts.setups import Direction, pairs
 from thesis_lib.vibration import structure as structures
 from thesis_lib.vibration.beam import cantilever_roots
 from thesis_lib.vision.optics import angle_of_view, picture_height
@@ -80,31 +80,22 @@ def read_numbers() -> list[StatedNumber]:
     ValueError
         Naming the line and the field of a malformed row.
     """
-    numbers: list[StatedNumber] = []
-    expected = [field.name for field in fields(StatedNumber)]
-    with (data_folder() / "numbers.csv").open(encoding="utf-8", newline="") as file:
-        rows = csv.DictReader(file, restkey="more")
-        if rows.fieldnames != expected:
-            given = ", ".join(rows.fieldnames or ())
-            raise ValueError(f"numbers.csv, line 1: given {given}, allowed: {', '.join(expected)}")
-        for line, row in enumerate(rows, 2):
-            known = [number.id for number in numbers]
-            for name, text in row.items():
-                if not _fits(name, text, known):
-                    raise ValueError(f"numbers.csv, line {line}: {name}: given {text!r}")
-            numbers.append(StatedNumber(chapter=int(row.pop("chapter")), **row))
-    return numbers
+    kinds: dict[str, Kind] = {
+        "id": some,
+        "chapter": lambda text: int(str(one_of([*"1234567"])(text))),
+        "place": some,
+        "words": some,
+        "stated": _stated,
+        "unit": str,
+        "value_of": one_of(VALUES),
+    }
+    return [StatedNumber(**row) for row in read_rows("numbers.csv", kinds)]
 
 
-def _fits(name: str, text: str | None, known: Sequence[str]) -> bool:
-    if name == "stated":
-        try:
-            return all(map(math.isfinite, _interval(text or "")))
-        except (ArithmeticError, ValueError):
-            return False
-    fits = {"id": text not in known, "chapter": text in tuple("1234567"), "unit": text is not None,
-            "value_of": str(text) in VALUES, "more": False}  # fmt: skip
-    return fits.get(name, True) and (name == "unit" or bool(text))
+def _stated(text: str) -> str:
+    for end in _interval(text):
+        finite(str(end))
+    return text
 
 
 def _interval(text: str) -> tuple[float, float]:

@@ -15,13 +15,11 @@ What the words mean is set in ``trend_tests.py``, once for all trends.
 
 from __future__ import annotations
 
-import csv
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from thesis_lib.facts.setups import data_folder
+from thesis_lib.facts.rows import Kind, read_rows, several, some
 
-LISTS = ("cases", "modes", "quantities", "source")
 _NUMBER = r"\d+(\.\d+)?"
 _INTERVALS = rf"{_NUMBER} {_NUMBER}(?: {_NUMBER} {_NUMBER})*"
 _ONE_SIDED = rf"{_NUMBER}( first| last)?"
@@ -35,7 +33,6 @@ WORDS = {  # what is stated, and what has to be said with it
     "like_case": r"\S+( last)?", "below_case": r"\S+ (first|common)", "gentler": r"\S+",
     "best_case": r".+", "unrelated": r"\w+",
 }  # fmt: skip
-NEEDED = ("id", "section", "modes", "quantities", "words", "source")
 
 
 @dataclass(frozen=True)
@@ -79,37 +76,28 @@ def read_trends() -> list[Trend]:
     ValueError
         Naming the line and the field of a malformed row.
     """
-    trends: list[Trend] = []
-    expected = [field.name for field in fields(Trend)]
-    with (data_folder() / "trends.csv").open(encoding="utf-8", newline="") as file:
-        rows = csv.DictReader(file, restkey="more")
-        if rows.fieldnames != expected:
-            given = ", ".join(rows.fieldnames or ())
-            raise ValueError(f"trends.csv, line 1: given {given}, allowed: {', '.join(expected)}")
-        for line, row in enumerate(rows, 2):
-            known = [trend.id for trend in trends]
-            for name, text in row.items():
-                fits = isinstance(text, str) and bool(text or name not in NEEDED)
-                if not fits or (name == "id" and text in known):
-                    raise _refusal(line, name, text)
-            values: dict[str, object] = dict(row)
-            for name in LISTS:
-                values[name] = tuple(filter(None, row[name].split(";")))
-            for name, kind in (("chapter", int), ("modes", _numbers), ("test", _known)):
-                try:
-                    values[name] = kind(row[name])
-                except (TypeError, ValueError):
-                    raise _refusal(line, name, row[name]) from None
-            trends.append(Trend(**values))  # type: ignore[arg-type]
-    return trends
+    kinds: dict[str, Kind] = {
+        "id": some,
+        "chapter": int,
+        "section": some,
+        "cases": several,
+        "modes": _numbers,
+        "quantities": _some_of,
+        "kind": str,
+        "parameter": str,
+        "words": some,
+        "source": _some_of,
+        "test": _known,
+    }
+    return [Trend(**row) for row in read_rows("trends.csv", kinds)]
 
 
-def _refusal(line: int, name: str, given: object) -> ValueError:
-    return ValueError(f"trends.csv, line {line}: {name}: given {given!r}")
+def _some_of(text: str) -> tuple[str, ...]:
+    return several(some(text))
 
 
 def _numbers(text: str) -> tuple[int, ...]:
-    return tuple(int(number) for number in text.split(";") if number)
+    return tuple(map(int, _some_of(text)))
 
 
 def _known(text: str) -> str:
