@@ -9,6 +9,8 @@ probability f. Whole-pixel motion is measured without error.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -18,6 +20,7 @@ from thesis_lib.vision.triangulation import gain
 Array = NDArray[np.float64]
 
 
+@lru_cache(maxsize=16)
 def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array:
     """Shifts of the cameras' pixel grids, a function of (seed, trial, camera) alone.
 
@@ -31,13 +34,15 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
     Returns
     -------
     ndarray, shape (trials + 1 - first, n_cameras, 2)
-        Shifts in px, uniform in ±½; trial 0 is the literal run and has none.
+        Shifts in px, uniform in ±½; trial 0 is the literal run and has none. Read-only: studies
+        ask for the same ones many times.
     """
     shifts = np.zeros((trials + 1 - first, n_cameras, 2))
     for trial in range(max(first, 1), trials + 1):
         # Philox is counter-based: the trial is its own stream, the camera the place in it.
         stream = np.random.Generator(np.random.Philox(key=[seed, trial]))
         shifts[trial - first] = stream.random((n_cameras, 2)) - 0.5
+    shifts.flags.writeable = False
     return shifts
 
 

@@ -8,7 +8,7 @@ image of a setting are one batch of points.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -46,7 +46,7 @@ def block_results(
     cameras = block.load.cameras(focal_length_mm, sensor_width_mm)
     trials = block.trials
     shifts = rounding.grid_shifts(seed, trials.stop - 1, len(cameras), trials.start)
-    shifts += principal_offset_px
+    shifts = shifts + principal_offset_px
     reference = points[2, 1:]
     measured = measure(cameras, points, shifts, rest_is_known, estimator)
     point, mean, largest = percent_errors(measured, reference)
@@ -88,9 +88,14 @@ def run(study: CameraStudy, scheduler: str = "") -> xr.Dataset:
     return outline(study, scheduler).in_memory()
 
 
-def outline(study: CameraStudy, scheduler: str = "", piece_bytes: int = PIECE_BYTES) -> Outline:
-    """The cube of a camera study, to be filled in block by block."""
-    structure, settings = study.structure, study.settings()
+def outline(
+    study: CameraStudy,
+    scheduler: str = "",
+    piece_bytes: int = PIECE_BYTES,
+    only: Sequence[Setting] = (),
+) -> Outline:
+    """The cube of a camera study, or of some of its settings, to be filled in block by block."""
+    structure, settings = study.structure, list(only) or study.settings()
     shapes = [
         deflection_shape(structure, mode, structure.markers, peak)
         for mode, peak in zip(study.modes, study.peaks_m, strict=True)
