@@ -20,7 +20,6 @@ from thesis_lib.vision.triangulation import gain
 Array = NDArray[np.float64]
 
 
-@lru_cache(maxsize=16)
 def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array:
     """Shifts of the cameras' pixel grids, a function of (seed, trial, camera) alone.
 
@@ -34,15 +33,18 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
     Returns
     -------
     ndarray, shape (trials + 1 - first, n_cameras, 2)
-        Shifts in px, uniform in ±½; trial 0 is the literal run and has none. Read-only: studies
-        ask for the same ones many times.
+        Shifts in px, uniform in ±½; trial 0 is the literal run and has none.
     """
+    return _drawn(seed, trials, n_cameras, first).copy()
+
+
+@lru_cache(maxsize=16)  # studies ask for the same ones many times
+def _drawn(seed: int, trials: int, n_cameras: int, first: int) -> Array:
     shifts = np.zeros((trials + 1 - first, n_cameras, 2))
     for trial in range(max(first, 1), trials + 1):
         # Philox is counter-based: the trial is its own stream, the camera the place in it.
         stream = np.random.Generator(np.random.Philox(key=[seed, trial]))
         shifts[trial - first] = stream.random((n_cameras, 2)) - 0.5
-    shifts.flags.writeable = False
     return shifts
 
 

@@ -46,7 +46,7 @@ def block_results(
     cameras = block.load.cameras(focal_length_mm, sensor_width_mm)
     trials = block.trials
     shifts = rounding.grid_shifts(seed, trials.stop - 1, len(cameras), trials.start)
-    shifts = shifts + principal_offset_px
+    shifts += principal_offset_px
     reference = points[2, 1:]
     measured = measure(cameras, points, shifts, rest_is_known, estimator)
     point, mean, largest = percent_errors(measured, reference)
