@@ -87,6 +87,14 @@ class Claim:
         upper, lower = self.relation in ("max", "less_than"), self.relation == "min"
         return None if upper else self.low, None if lower else self.high
 
+    def speaks_of(self, case: str, value: float, pair_order: str) -> bool:
+        """Whether a setting with this case, varied value and order of pairs is meant."""
+        return (
+            case == self.case
+            and (not self.values or value in self.values)
+            and (not self.pair_order or pair_order == self.pair_order)
+        )
+
     @property
     def stated(self) -> str:
         """The claim in a few characters, such as ``10–15 %`` or ``≤ 40 %``."""

@@ -56,13 +56,9 @@ class Check:
 
 def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
     """The quantity that a claim speaks of, over its settings and all trials, in %."""
-    where = cube["case"].values == claim.case
-    if claim.values:
-        where &= np.isin(cube["value"].values, claim.values)
-    if claim.pair_order:
-        where &= cube["pair_order"].values == claim.pair_order
+    settings = zip(*(cube[n].values.tolist() for n in ("case", "value", "pair_order")), strict=True)
     here = {
-        "setting": np.flatnonzero(where),
+        "setting": np.flatnonzero([claim.speaks_of(*one) for one in settings]),
         "mode": cube["mode"].values.tolist().index(claim.mode),
     }
     if not claim.excepted:
@@ -128,12 +124,14 @@ def judge(cube: xr.Dataset, claim: Claim) -> Check | str:
         return f"case {claim.case} was not run" + (f" at {', '.join(missing)}" if missing else "")
     if cube.sizes["trial"] < 2:
         return "the cube has no random trials"
-    first, band = here.isel(trial=0).values, cubes.band(here)[::2]
+    values = here.transpose("setting", "trial").values
+    first, drawn = values[:, 0], values[:, 1:]
+    band = np.quantile(drawn, cubes.BAND[::2], axis=1)
     if not (np.isfinite(first).all() and np.isfinite(band).all()):
         return "the reference is zero: a nodal plane"
     worst = int(np.argmax([_gap(claim, low, high) for low, high in band.T]))
     low, high = (float(end) for end in band[:, worst])
     exact = all(_exact(claim, float(value)) for value in first)
-    median = float(np.median(here.isel(setting=worst).values[1:]))
+    median = float(np.median(drawn[worst]))
     inside = meets(claim, low, high)
     return Check(claim, float(first[worst]), median, low, high, inside, exact)

@@ -149,9 +149,11 @@ class _Slabs:
     def slacks(self, edges: Array, x: Array) -> Array:
         """Slacks s (lo and hi, u and v, cameras, points) in px·m at points (3, points)."""
         n = len(self.rows) // 3
-        image = self.rows[:, :3] @ x + self.rows[:, 3:]
-        s: Array = image[: 2 * n].reshape(2, n, -1) - edges * image[2 * n :]
-        np.negative(s[1], out=s[1])
+        image = self.rows[:, :3] @ x
+        image += self.rows[:, 3:]
+        s: Array = edges * image[2 * n :]
+        np.subtract(image[: 2 * n].reshape(2, n, -1), s[0], out=s[0])
+        s[1] -= image[: 2 * n].reshape(2, n, -1)
         return s
 
     def newton(self, edges: Array, s: Array, wanted: Array) -> tuple[Array, Array]:
@@ -160,8 +162,10 @@ class _Slabs:
         `wanted` is s without what it was widened by; where both are one this is ∇ Σ log s.
         """
         inverse = 1 / s
-        pull = inverse * (2 - wanted * inverse)
-        weight = inverse * inverse
+        pull = wanted * inverse
+        np.subtract(2, pull, out=pull)
+        pull *= inverse
+        weight = np.multiply(inverse, inverse, out=inverse)
         edged = edges * weight
         m = s.shape[3]
         features = np.concatenate(
@@ -179,9 +183,9 @@ class _Slabs:
         """Overwrite points (3, frames, m) by the centres of pixels (cameras, 2, frames, m)."""
         frames = points.shape[1]
         active = np.flatnonzero(np.isfinite(points).all(axis=(0, 1)))
-        x = points[:, :, active]
+        x = points.take(active, axis=2)  # takes and compresses stay contiguous, indices do not
         x[:2] = x[:2].mean(axis=1, keepdims=True)
-        uv = pixels[..., active].reshape(len(pixels), 2, -1).swapaxes(0, 1) - self.middle
+        uv = pixels.take(active, axis=3).reshape(len(pixels), 2, -1).swapaxes(0, 1) - self.middle
         edges = np.stack([uv - self.half_width, uv + self.half_width])
         s = self.slacks(edges, x.reshape(3, -1))
         widened = np.maximum(_MARGIN * np.abs(s[0] + s[1]) - s, 0)
@@ -189,13 +193,13 @@ class _Slabs:
         for number in range(_STEPS):
             if not len(active):
                 return
-            each = np.tile(tau, frames)
             wanted = self.slacks(edges, x.reshape(3, -1))
-            s = wanted + each * widened
+            s = wanted + np.tile(tau, frames) * widened if tau.any() else wanted
             hessian, right = self.newton(edges, s, wanted)
             step = _solve_arrow(hessian.reshape(6, frames, -1), right.reshape(3, frames, -1))
             after = self.slacks(edges, (x + step).reshape(3, -1))
-            shrink = np.max(1 - after / s, axis=(0, 1, 2)).reshape(frames, -1).max(axis=0)
+            after /= s
+            shrink = 1 - np.min(after, axis=(0, 1, 2)).reshape(frames, -1).min(axis=0)
             decrement = np.sqrt(np.sum(step * right.reshape(3, frames, -1), axis=(0, 1)))
             inside = tau == 0
             length = np.where(
@@ -212,8 +216,8 @@ class _Slabs:
                 points[:, :, active[done]] = x[:, :, done]
                 feasible[active[done]] = True
                 left, every = ~done, np.tile(~done, frames)
-                active, x, tau = active[left], x[:, :, left], tau[left]
-                edges, widened = edges[..., every], widened[..., every]
+                active, x, tau = active[left], x.compress(left, axis=2), tau[left]
+                edges, widened = (a.compress(every, axis=3) for a in (edges, widened))
 
 
 def _all(holds: Mask, frames: int) -> Mask:

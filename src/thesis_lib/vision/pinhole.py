@@ -152,9 +152,9 @@ def pixelate(uv: ArrayLike) -> Array:
     fall to one side or the other by the noise of floating-point arithmetic.
     """
     uv = np.asarray(uv, float)
-    doubled = np.rint(2 * uv)
-    near_half = np.abs(2 * uv - doubled) < 2e-9
-    rounded: Array = np.rint(np.where(near_half, doubled / 2, uv))
+    rounded: Array = np.asarray(np.rint(uv))
+    near_half = np.abs(uv - rounded) > 0.5 - 1e-9
+    rounded[near_half] = np.rint(np.rint(2 * uv[near_half]) / 2)
     return rounded
 
 

@@ -8,7 +8,7 @@ image of a setting are one batch of points.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -86,9 +86,14 @@ def run(study: CameraStudy, scheduler: str = "") -> xr.Dataset:
     return outline(study, scheduler).in_memory()
 
 
-def outline(study: CameraStudy, scheduler: str = "", piece_bytes: int = PIECE_BYTES) -> Outline:
-    """The cube of a camera study, to be filled in block by block."""
-    structure, settings = study.structure, study.settings()
+def outline(
+    study: CameraStudy,
+    scheduler: str = "",
+    piece_bytes: int = PIECE_BYTES,
+    only: Sequence[Setting] = (),
+) -> Outline:
+    """The cube of a camera study, or of some of its settings, to be filled in block by block."""
+    structure, settings = study.structure, list(only) or study.settings()
     shapes = [
         deflection_shape(structure, mode, structure.markers, peak)
         for mode, peak in zip(study.modes, study.peaks_m, strict=True)
