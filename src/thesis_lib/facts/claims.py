@@ -24,6 +24,7 @@ import csv
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -189,6 +190,7 @@ def _one_of(allowed: Sequence[str]) -> Callable[[str], str]:
     return checked
 
 
-def claims_of(name: str) -> list[Claim]:
+@cache
+def claims_of(name: str) -> tuple[Claim, ...]:
     """Claims about a figure set."""
-    return [claim for claim in read_claims() if claim.figure_set == name]
+    return tuple(claim for claim in read_claims() if claim.figure_set == name)
