@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import nbformat
 from rocrate.model.contextentity import ContextEntity
 from rocrate.rocrate import ROCrate
 
@@ -77,7 +76,7 @@ def _entity(crate: ROCrate, id_: str, kind: str, **said: Any) -> Any:
 def _action(crate: ROCrate, book: Path, notebook: Path, file: Path) -> Any:
     """The run of one figure set."""
     cube = cube_file.read(file)
-    ran = nbformat.read(notebook, as_version=4).metadata
+    ran = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]
     name = str(cube.attrs["figure_set"])
     study = validate(name, json.loads(cube.attrs["parameters"]))
     files = {

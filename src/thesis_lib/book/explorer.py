@@ -136,7 +136,7 @@ def _setups(study: CameraStudy) -> list[dict[str, Any]]:
     ]
 
 
-def _stated(claims: list[Claim], setting: Setting, mode: int, error: str) -> str:
+def _stated(claims: tuple[Claim, ...], setting: Setting, mode: int, error: str) -> str:
     """What the thesis states of an error, such as ``10 % (figure 3.4 d)``."""
     return "; ".join(
         claim.stated

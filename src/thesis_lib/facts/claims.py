@@ -21,6 +21,7 @@ is meant.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 from thesis_lib.facts.rows import Kind, finite, one_of, read_rows, several, some
 
@@ -159,6 +160,7 @@ _KINDS: dict[str, Kind] = {
 }
 
 
-def claims_of(name: str) -> list[Claim]:
+@cache
+def claims_of(name: str) -> tuple[Claim, ...]:
     """Claims about a figure set."""
-    return [claim for claim in read_claims() if claim.figure_set == name]
+    return tuple(claim for claim in read_claims() if claim.figure_set == name)
