@@ -432,5 +432,5 @@ def test_intervals_are_ordered_and_single_unless_they_are_ranges():
 def test_every_claim_can_be_held_against_its_cube(name):
     cube, stated_of = cube_of(name), claims.claims_of(name)
     assert [claim.id for claim in stated_of if undefined(cube, claim)] == []
-    assert [check.claim for check in verdicts.check(cube, stated_of)] == stated_of
+    assert [check.claim for check in verdicts.check(cube, stated_of)] == [*stated_of]
     assert all(claim.quantity in cubes.errors(cube) for claim in stated_of)
