@@ -18,8 +18,7 @@ import xarray as xr
 
 from thesis_lib.acoustics.plate_sound import PlateSound
 from thesis_lib.acoustics.sources import Medium
-from thesis_lib.facts import claims
-from thesis_lib.facts.claims import Claim
+from thesis_lib.facts.claims import claims_of, read_claims
 from thesis_lib.facts.readings import ADOPTED, READINGS, Reading
 from thesis_lib.figure_sets.claims.parameters import OtherReadings
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -48,10 +47,10 @@ def run_it(reading: Reading) -> str:
     return command(study).replace("beam-arrays", "ch3", 1)
 
 
-def measured(study: CameraStudy, stated: Sequence[Claim]) -> xr.Dataset:
+def measured(study: CameraStudy) -> xr.Dataset:
     """The cube of beam or plate, of settings alone that claims of it or its sound speak of."""
-    heard = study.name.replace("plate", "sound")
-    spoken = [claim for claim in stated if claim.figure_set in (study.name, heard)]
+    names = {study.name, study.name.replace("plate", "sound")}
+    spoken = [claim for name in names for claim in claims_of(name)]
     only = [
         setting
         for setting in study.settings()
@@ -93,7 +92,6 @@ def checks(reading: Reading, seed: int, trials: int, same: dict[str, Any]) -> li
     """
     found: list[Check] = []
     plates: dict[str, xr.Dataset] = {}
-    stated = claims.read_claims()
     for name in CAMERA_STUDIES:
         values = {**request(reading, name), "seed": seed, "trials": trials}
         study = camera_study(name, values)
@@ -101,12 +99,11 @@ def checks(reading: Reading, seed: int, trials: int, same: dict[str, Any]) -> li
             if study.subject == "sound":
                 plate = name.replace("sound", "plate")
                 if plate not in plates:
-                    plates[plate] = measured(camera_study(plate, study.plate_request), stated)  # type: ignore[attr-defined]
+                    plates[plate] = measured(camera_study(plate, study.plate_request))  # type: ignore[attr-defined]
                 cube = heard(study, plates[plate])
             else:
-                cube = plates[name] = measured(study, stated)
-            own = [claim for claim in stated if claim.figure_set == name]
-            same[study.digest] = verdicts.check(cube, own)
+                cube = plates[name] = measured(study)
+            same[study.digest] = verdicts.check(cube, claims_of(name))
         found += same[study.digest]
     return found
 
@@ -134,7 +131,7 @@ def run(study: OtherReadings) -> xr.Dataset:
     counts = np.zeros((*shape, len(OUTCOMES)), int)
     inside, residual = np.zeros(shape, int), np.full(shape, np.nan)
     gained, lost = np.zeros(len(chosen), int), np.zeros(len(chosen), int)
-    stated = Counter(claim.chapter for claim in claims.read_claims())
+    stated = Counter(claim.chapter for claim in read_claims())
     met = [{check.claim.id: check.inside for check in of_reading} for of_reading in made]
     for r, of_reading in enumerate(made):
         both = met[r].keys() & met[0].keys()
