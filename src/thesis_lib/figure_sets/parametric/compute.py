@@ -90,10 +90,10 @@ def outline(
     study: CameraStudy,
     scheduler: str = "",
     piece_bytes: int = PIECE_BYTES,
-    only: Sequence[Setting] = (),
+    only: Sequence[Setting] | None = None,
 ) -> Outline:
     """The cube of a camera study, or of some of its settings, to be filled in block by block."""
-    structure, settings = study.structure, list(only) or study.settings()
+    structure, settings = study.structure, list(study.settings() if only is None else only)
     shapes = [
         deflection_shape(structure, mode, structure.markers, peak)
         for mode, peak in zip(study.modes, study.peaks_m, strict=True)
