@@ -16,7 +16,7 @@ import numpy as np
 
 from thesis_lib.acoustics.sources import outgoing_wave
 from thesis_lib.facts import setups
-from thesis_lib.facts.rows import Kind, finite, one_of, read_rows, some
+from thesis_lib.facts.rows import Kind, one_of, read_rows, some
 from thesis_lib.facts.setups import Direction, pairs
 from thesis_lib.vibration import structure as structures
 from thesis_lib.vibration.beam import cantilever_roots
@@ -82,7 +82,7 @@ def read_numbers() -> list[StatedNumber]:
     """
     kinds: dict[str, Kind] = {
         "id": some,
-        "chapter": lambda text: int(str(one_of([*"1234567"])(text))),
+        "chapter": _chapter,
         "place": some,
         "words": some,
         "stated": _stated,
@@ -92,9 +92,13 @@ def read_numbers() -> list[StatedNumber]:
     return [StatedNumber(**row) for row in read_rows("numbers.csv", kinds)]
 
 
+def _chapter(text: str) -> int:
+    return int(one_of([*"1234567"])(text))
+
+
 def _stated(text: str) -> str:
-    for end in _interval(text):
-        finite(str(end))
+    if not all(map(math.isfinite, _interval(text))):
+        raise ValueError
     return text
 
 

@@ -14,7 +14,7 @@ Kind = Callable[[str], object]
 
 
 def read_rows(name: str, kinds: Mapping[str, Kind]) -> Iterator[dict[str, Any]]:
-    """Rows of a table, of which the first field is an id that no other row has.
+    """Rows of a table whose field `id` no two rows share.
 
     Parameters
     ----------
@@ -34,16 +34,16 @@ def read_rows(name: str, kinds: Mapping[str, Kind]) -> Iterator[dict[str, Any]]:
             given = ", ".join(rows.fieldnames or ())
             raise ValueError(f"{name}, line 1: given {given}, allowed: {', '.join(kinds)}")
         for line, row in enumerate(rows, 2):
-            values = {}
+            values: dict[str, Any] = {}
             for field, text in row.items():
                 given = f"{name}, line {line}: {field}: given {text!r}"
                 try:
                     values[field] = kinds[field](_text(text))
                 except (ArithmeticError, LookupError, TypeError, ValueError):
                     raise ValueError(given) from None
-                if len(values) == 1 and text in seen:
-                    raise ValueError(f"{given} a second time")
-            seen.add(next(iter(row.values())))
+            if values["id"] in seen:
+                raise ValueError(f"{name}, line {line}: id: given {row['id']!r} a second time")
+            seen.add(values["id"])
             yield values
 
 
@@ -72,7 +72,7 @@ def several(text: str) -> tuple[str, ...]:
     return tuple(filter(None, text.split(";")))
 
 
-def one_of(allowed: Collection[str]) -> Kind:
+def one_of(allowed: Collection[str]) -> Callable[[str], str]:
     """One of some texts."""
 
     def checked(text: str) -> str:
