@@ -9,8 +9,6 @@ probability f. Whole-pixel motion is measured without error.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -34,11 +32,6 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
     ndarray, shape (trials + 1 - first, n_cameras, 2)
         Shifts in px, uniform in ±½; trial 0 is the literal run and has none.
     """
-    return _drawn(seed, trials, n_cameras, first).copy()
-
-
-@lru_cache(maxsize=16)  # studies ask for the same ones many times
-def _drawn(seed: int, trials: int, n_cameras: int, first: int) -> Array:
     shifts = np.zeros((trials + 1 - first, n_cameras, 2))
     for trial in range(max(first, 1), trials + 1):
         # Philox is counter-based: the trial is its own stream, the camera the place in it.
