@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -144,52 +144,62 @@ def _pieces(
     costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
     costs += [path for path in [benchmark_tables.published_path()] if path.is_file()]
     numbers = [name for name in pieces_write.PIECES if plan.includes(f"{name}.md")]
-    own_words = [f"{name}.md" for name in (*thesis_index.PIECES, *assumptions.PIECES)]
     published = sorted((plan.root / "data" / "published").glob("*.csv"))
 
-    pictured = [*map(pictures.file_name, pictures.PICTURES)]
-    told: list[tuple[str, Callable[[], object], Sequence[Path], list[str], float]] = [
-        (
+    def texts(names: Iterable[str]) -> list[str]:
+        return [f"{name}.md" for name in names]
+
+    def step(
+        name: str,
+        act: Callable[[], object],
+        needs: Sequence[Path],
+        makes: Iterable[str],
+        seconds: float,
+    ) -> tasks.Task:
+        files = [executed / one for one in makes]
+        return tasks.task(plan.step(name), act, needs, files, seconds=seconds)
+
+    steps = [
+        replace(_conformance(plan), after=after),
+        step(
             "numbers",
             lambda: pieces_write.write(made, executed, plan.without, numbers),
             [*made, *costs, *library],
-            [f"{name}.md" for name in numbers],
+            texts(numbers),
             30 * plan.share,
         ),
-        (
+        step(
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),
             [*made, *library],
             [conclusions_figure.NAME],
             8,
         ),
-        (
+        step(
             "walk through chapter 5",
             lambda: _walk_through(executed),
             [*made, *library],
-            [*pictured, *(f"{name}.md" for name in walk_numbers.PIECES)],
+            [*map(pictures.file_name, pictures.PICTURES), *texts(walk_numbers.PIECES)],
             11,
         ),
-        (
+        step(
             "reference of own recordings",
             lambda: reference.write(executed),
             library,
-            [f"{name}.md" for name in reference.PIECES],
+            texts(reference.PIECES),
             1,
         ),
-        (
+        step(
             "index, assumptions, explorer, form",
             lambda: _tell(executed),
             [*library, *plan.pages, *published],
-            [*own_words, *(f"{name}.html" for name in PAGES)],
+            [
+                *texts([*thesis_index.PIECES, *assumptions.PIECES]),
+                *(f"{name}.html" for name in PAGES),
+            ],
             1,
         ),
     ]
-    steps = [
-        tasks.task(plan.step(name), act, needs, [executed / one for one in makes], seconds=seconds)
-        for name, act, needs, makes, seconds in told
-    ]
-    steps.insert(0, replace(_conformance(plan), after=after))
     return [one for one in steps if not one.makes or any(plan.includes(p.name) for p in one.makes)]
 
 

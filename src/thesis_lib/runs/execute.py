@@ -198,10 +198,17 @@ def job_tasks(jobs: Sequence[Job], seconds: Mapping[str, float] | None = None) -
         after = {first.setdefault(each, name) for each in needed}
         if figure_set.judges:
             files, after = _judged(jobs), names
-        act, rest = partial(execute, job), frozenset(after - {name})
-        known = (seconds or {}).get(name, 0.0)
-        made = job.targets, job.notebook
-        tasks.append(Task(name, act, *made, files, digest(job), rest, seconds=known))
+        one = Task(
+            name,
+            partial(execute, job),
+            makes=job.targets,
+            record=job.notebook,
+            needs=files,
+            key=digest(job),
+            after=frozenset(after - {name}),
+            seconds=(seconds or {}).get(name, 0.0),
+        )
+        tasks.append(one)
     return tasks
 
 
