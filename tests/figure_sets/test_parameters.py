@@ -239,7 +239,7 @@ def test_unknown_parameter_gets_the_nearest_name_and_all_names(name):
         others = set(STUDIES[name].model_fields) - {"cube"}
         assert all(other in message for other in others) or f"`thesis list {name}`" in message
         assert len(message) <= 400
-    assert "did you mean" not in refusal(name, **{"wxyz": 1})
+    assert "did you mean" not in refusal(name, wxyz=1)
 
 
 def test_unknown_figure_set_gets_the_nearest_name_and_all_names():
@@ -250,7 +250,7 @@ def test_unknown_figure_set_gets_the_nearest_name_and_all_names():
 
 
 def test_a_parameter_of_another_set_is_refused():
-    assert "no parameter widths_px" in refusal(DISTANCE, **{"widths_px": [320]})
+    assert "no parameter widths_px" in refusal(DISTANCE, widths_px=[320])
 
 
 @pytest.mark.parametrize(
@@ -298,7 +298,7 @@ def test_two_cameras_at_the_same_place_are_refused(name, values, field, case):
 
 @pytest.mark.parametrize("name", [name for name in STUDIES if name.startswith("sound")])
 def test_pistons_too_large_for_the_wave_are_refused(name):
-    message = refusal(name, **{"grid": [2, 2], "modes": [1, 30]})
+    message = refusal(name, grid=[2, 2], modes=[1, 30])
     assert message.startswith(f"{name}: modes: given 30, k times the size of a piston is ")
     assert message.endswith("needs at most π: take lower modes or a finer grid")
     validate(name, {"grid": [60, 60], "modes": [1, 30]})
@@ -307,12 +307,12 @@ def test_pistons_too_large_for_the_wave_are_refused(name):
 
 
 def test_a_slow_fluid_may_make_the_pistons_too_large():
-    message = refusal(SOUND, **{"speed_of_sound_m_s": 50})
+    message = refusal(SOUND, speed_of_sound_m_s=50)
     assert "k times the size of a piston is 5.27 at 941.7 Hz" in message
 
 
 def test_a_plane_may_start_higher_if_it_ends_higher():
-    message = refusal(SOUND, **{"plane_bottom_mm": 500})
+    message = refusal(SOUND, plane_bottom_mm=500)
     assert message.startswith(f"{SOUND}: plane_top_mm: given 443.0, allowed: a number above plane_")
     validate(SOUND, {"plane_bottom_mm": 500, "plane_top_mm": 500.1})
 
