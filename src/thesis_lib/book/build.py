@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 
 from thesis_lib import files
 from thesis_lib.book import chapter as one_chapter
@@ -20,7 +21,7 @@ from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.book.plan import Plan, planned
-from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets import keys, recorded
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.figure_sets.experiment.walk import numbers as walk_numbers
 from thesis_lib.figure_sets.experiment.walk import pictures
@@ -120,8 +121,16 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         [root / "build" / "assets" / Path(MATHJAX).parent],
         seconds=2,
     )
-    pieces = _pieces(plan, made, library, frozenset(one.name for one in published))
-    needs = [path for one in (*pieces, mathjax) for path in one.makes]
+    pieces = _pieces(plan, made, frozenset(one.name for one in published))
+    numbers = tasks.task(
+        plan.step("numbers to download"),
+        lambda: downloads.tables(plan.tables, made),
+        made,
+        [plan.tables],
+        keys.made_by(downloads.__name__),
+        seconds=plan.share * 10,
+    )
+    needs = [path for one in (*pieces, mathjax, numbers) for path in one.makes]
     needs += [*plan.pages, *(job.notebook for job in plan.jobs), *made, *library]
     needs += [root / name for name in ("_config.yml", "package-lock.json")]
     needs += [root / "book" / name for name in ("_toc.yml", "references.bib", "assets")]
@@ -132,13 +141,11 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         [plan.index.parent, *plan.archives],
         seconds=plan.share * 75,
     )
-    steps = [*runs.job_tasks(plan.ran, plan.seconds), mathjax, *published, *pieces, pages]
+    steps = [*runs.job_tasks(plan.ran, plan.seconds), mathjax, *published, *pieces, numbers, pages]
     return [step for step in steps if step.name not in plan.failed]
 
 
-def _pieces(
-    plan: Plan, made: Sequence[Path], library: Sequence[Path], after: frozenset[str]
-) -> list[tasks.Task]:
+def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tasks.Task]:
     """The steps that make what the pages include."""
     executed = plan.executed
     costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
@@ -152,47 +159,53 @@ def _pieces(
     def step(
         name: str,
         act: Callable[[], object],
+        by: Iterable[ModuleType],
         needs: Sequence[Path],
         makes: Iterable[str],
         seconds: float,
     ) -> tasks.Task:
-        files = [executed / one for one in makes]
-        return tasks.task(plan.step(name), act, needs, files, seconds=seconds)
+        key, files = keys.made_by(*(one.__name__ for one in by)), [executed / one for one in makes]
+        return tasks.task(plan.step(name), act, needs, files, key, seconds=seconds)
 
     steps = [
         replace(_conformance(plan), after=after),
         step(
             "numbers",
             lambda: pieces_write.write(made, executed, plan.without, numbers),
-            [*made, *costs, *library],
+            [pieces_write],
+            [*made, *costs],
             texts(numbers),
             30 * plan.share,
         ),
         step(
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),
-            [*made, *library],
+            [conclusions_figure],
+            made,
             [conclusions_figure.NAME],
             8,
         ),
         step(
             "walk through chapter 5",
             lambda: _walk_through(executed),
-            [*made, *library],
+            [pictures, walk_numbers, recorded],
+            [one.path for one in recorded.behind(ExperimentResolution())],
             [*map(pictures.file_name, pictures.PICTURES), *texts(walk_numbers.PIECES)],
             11,
         ),
         step(
             "reference of own recordings",
             lambda: reference.write(executed),
-            library,
+            [reference],
+            [],
             texts(reference.PIECES),
             1,
         ),
         step(
             "index, assumptions, explorer, form",
             lambda: _tell(executed),
-            [*library, *plan.pages, *published],
+            [thesis_index, assumptions, explorer, rerun_form],
+            [*plan.pages, *published],
             [
                 *texts([*thesis_index.PIECES, *assumptions.PIECES]),
                 *(f"{name}.html" for name in PAGES),
@@ -222,7 +235,7 @@ def _render(plan: Plan) -> None:
 
     def finish(html: Path) -> None:
         downloads.slim_sources(html)
-        downloads.fill(html, [job.cube for job in plan.ran])
+        downloads.fill(html, [job.cube for job in plan.ran], plan.tables)
         crate.write(html, [(job.notebook, job.cube) for job in plan.ran])
 
     if plan.chapter:

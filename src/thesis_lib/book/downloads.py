@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.files import whole_file
+from thesis_lib.files import staging, whole_file
 from thesis_lib.plotting import numbers as plotted
 from thesis_lib.runs.provenance import FOLDER
 
@@ -19,26 +19,33 @@ _DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip can hold
 _PACKED = {".nc", ".png", ".jpg", ".woff2", ".gz"}  # compressed already
 
 
-def fill(book: Path, made: Iterable[Path]) -> None:
-    """Put cubes and the numbers of their figures into a rendered book.
+def tables(folder: Path, made: Iterable[Path]) -> None:
+    """Write the numbers of cubes and of their figures as tables.
 
     Parameters
     ----------
-    book : pathlib.Path
-        Folder of the rendered book; its folder ``data`` is made.
+    folder : pathlib.Path
+        Where; a former one there is replaced.
     made : iterable of pathlib.Path
         Cubes of figure sets that ran.
     """
+    with staging(folder.parent) as new:
+        for path in made:
+            cube = cube_file.read(path)
+            errors = plotted.errors_table(cube)
+            _write(new / f"{path.stem}.csv", plotted.as_csv(errors))
+            for (case, mode), name in plotted.figure_names(cube).items():
+                table = plotted.figure_table(cube, errors, case, mode)
+                _write(new / path.stem / f"{name}.csv", plotted.as_csv(table))
+        shutil.rmtree(folder, ignore_errors=True)
+        new.rename(folder)
+
+
+def fill(book: Path, made: Iterable[Path], numbers: Path) -> None:
+    """Put cubes, and their numbers as :func:`tables` wrote them, into a rendered book."""
+    shutil.copytree(numbers, book / FOLDER, dirs_exist_ok=True)
     for path in made:
-        cube = cube_file.read(path)
-        folder = book / FOLDER
-        folder.mkdir(exist_ok=True)
-        shutil.copyfile(path, folder / path.name)
-        errors = plotted.errors_table(cube)
-        _write(folder / f"{path.stem}.csv", plotted.as_csv(errors))
-        for (case, mode), name in plotted.figure_names(cube).items():
-            table = plotted.figure_table(cube, errors, case, mode)
-            _write(folder / path.stem / f"{name}.csv", plotted.as_csv(table))
+        shutil.copyfile(path, book / FOLDER / path.name)
 
 
 def _write(path: Path, text: str) -> None:

@@ -59,6 +59,11 @@ class Plan:
         return self.root / ("build" if self.chapter else "book") / self.chapter / "executed"
 
     @property
+    def tables(self) -> Path:
+        """Folder of the numbers that pages offer."""
+        return self.root / "build" / self.chapter / "tables"
+
+    @property
     def index(self) -> Path:
         """The page to open."""
         return self.root / "build" / self.chapter / "html" / "index.html"

@@ -18,13 +18,19 @@ from typing import Any
 
 from thesis_lib import records
 from thesis_lib.asides import aside
+from thesis_lib.book import kept
 from thesis_lib.book.accessible import mend
 from thesis_lib.book.images import in_files, lazy, squeeze
 from thesis_lib.files import staging
 from thesis_lib.web.page import INSTALLED, MATHJAX, BookError, damaged_assets
 
+_JUPYTER_BOOK = """
+import gc
+gc.set_threshold(1_000_000, 50, 1000)  # trees of all pages stay: looking for waste costs a third
+from jupyter_book.cli.main import main
+main()
+"""
 _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
-_BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
 _SPARE = re.compile(
     r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*'
     r'|<script defer src="[^"]*/fontawesome\.js[^"]*"></script>\s*'
@@ -77,8 +83,9 @@ def install_assets(root: Path) -> Path:
 def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) -> Path:
     """Render the book and publish it as a whole.
 
-    The pages are built from nothing in a fresh folder, so that no page is stale and no warning is
-    hidden by a cache. A failed or interrupted build leaves `out` alone.
+    All pages are written into a fresh folder, so that none is stale and no warning is hidden; what
+    they are written from is read anew where it has changed (:mod:`thesis_lib.book.kept`). A failed
+    or interrupted build leaves `out` alone.
 
     Parameters
     ----------
@@ -105,10 +112,11 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
     if not replaceable and (not out.is_dir() or any(out.iterdir())):
         raise BookError(f"{out} is not a book: give a new folder, or empty this one")
     install_assets(root)
-    with staging(root / "build") as work, staging(out.parent) as beside:
-        _build(root, work)
+    with staging(out.parent) as beside:
         new = beside / "html"
-        shutil.move(work / "_build" / "html", new)
+        with kept.reading(root) as work:
+            _build(root, work)
+            shutil.move(work / "_build" / "html", new)
         for file in new.rglob("*.html"):
             text = _SPARE.sub(r"\g<text>", file.read_text(encoding="utf-8"))
             text = in_files(text, file.parent, new / "_images")
@@ -124,27 +132,6 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
     return out / "index.html"
 
 
-def setup(app: Any) -> dict[str, bool]:
-    """Let Sphinx read ``|w|`` in a docstring as an absolute value; ``_config.yml`` names this.
-
-    It cannot read a signature with a default like ``<factory>``, and gives ``...`` for that.
-    """
-    app.connect("autodoc-process-docstring", _keep_bars)
-    app.connect("autodoc-process-signature", _keep_readable)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
-
-
-def _keep_bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: Any) -> None:
-    """Escape the bars of reStructuredText substitutions, which docstrings here do not use."""
-    lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
-
-
-def _keep_readable(*event: Any) -> tuple[str, str]:
-    """Write a default that is no expression, like ``<function f>``, as dots."""
-    *_, signature, returns = event
-    return re.sub(r"<(?:[^<>]|<\w+>)*>", "...", signature or ""), returns
-
-
 def in_one_page(root: Path, work: Path) -> Path:
     """Render the whole book as one page into `work`; returns the page."""
     _build(root, work, "singlehtml")
@@ -154,7 +141,7 @@ def in_one_page(root: Path, work: Path) -> Path:
 
 def _build(root: Path, work: Path, kind: str = "html") -> None:
     """Run Jupyter Book into `work`; raise with its warnings if it fails."""
-    command = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()", "build"]
+    command = [sys.executable, "-c", _JUPYTER_BOOK, "build"]
     command += [str(root / "book"), "--config", str(root / "_config.yml")]
     command += ["--path-output", str(work), "-W", "-n", "--keep-going"]
     command += ["--builder", kind]

@@ -36,6 +36,12 @@ def key(product: Product, asked: Study) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def made_by(*modules: str) -> str:
+    """Digest of the code, facts and assets that modules rest on, and of the lock."""
+    files = code_of(*modules)
+    return digest([*files, *facts_of(files), *assets_of(files), _lock()])
+
+
 def code_of(*modules: str) -> list[Path]:
     """The files that modules reach by imports, themselves included."""
     return together(map(reach.file_of, modules))

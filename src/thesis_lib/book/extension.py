@@ -1,0 +1,87 @@
+"""What Sphinx does otherwise for this book; ``_config.yml`` names this module."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx.addnodes import toctree
+
+from thesis_lib.files import digest_of
+
+_BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Connect all of it."""
+    app.connect("env-get-outdated", _edited)
+    app.connect("env-updated", _remember)
+    app.connect("write-started", _shorten_margin)
+    app.connect("autodoc-process-docstring", _keep_bars)
+    app.connect("autodoc-process-signature", _keep_readable)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _edited(_app: Any, env: Any, _added: Any, _changed: Any, removed: set[str]) -> list[str]:
+    """Pages that do not hold what they held when they were read: contents count, not dates."""
+    known: dict[str, str] = getattr(env, "thesis_contents", {})
+    return [page for page in known if page not in removed and known[page] != _contents(env, page)]
+
+
+def _remember(_app: Any, env: Any) -> list[str]:
+    env.thesis_contents = {page: _contents(env, page) for page in env.all_docs}
+    return []
+
+
+def _contents(env: Any, page: str) -> str:
+    """Digest of a page and of all files that went into it."""
+    into = [env.doc2path(page), *(Path(env.srcdir, one) for one in env.dependencies.get(page, ()))]
+    return digest_of(sorted(set(map(Path, into))))
+
+
+def _shorten_margin(app: Any, _builder: Any) -> None:
+    """Make the contents in the margin from titles alone.
+
+    The theme drops headings there, but only after each page has copied those of all pages.
+    """
+    env = app.env
+    titles = {page: _without_headings(contents) for page, contents in env.tocs.items()}
+
+    def shorten(_app: Any, _page: str, _template: str, context: Any, _tree: Any) -> None:
+        whole = context["toctree"]
+
+        def margin(**options: Any) -> str:
+            env.tocs, kept = titles, env.tocs
+            try:
+                return str(whole(**options))
+            finally:
+                env.tocs = kept
+
+        context["toctree"] = margin
+
+    app.connect("html-page-context", shorten, priority=0)
+
+
+def _without_headings(contents: nodes.bullet_list) -> nodes.bullet_list:
+    """A page's own contents cut to its title and the pages below it."""
+    short = contents.copy()
+    for item in contents:
+        title = item.copy()
+        title += [part.deepcopy() for part in item if not isinstance(part, nodes.bullet_list)]
+        if pages := [tree.deepcopy() for tree in item.findall(toctree)]:
+            title += nodes.bullet_list("", *pages)
+        short += title
+    return short
+
+
+def _keep_bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: Any) -> None:
+    """Read ``|w|`` in a docstring as an absolute value: substitutions are not used there."""
+    lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
+
+
+def _keep_readable(*event: Any) -> tuple[str, str]:
+    """Write a default that is no expression, like ``<function f>``, as dots."""
+    *_, signature, returns = event
+    return re.sub(r"<(?:[^<>]|<\w+>)*>", "...", signature or ""), returns
