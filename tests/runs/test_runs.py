@@ -201,6 +201,39 @@ def test_a_failure_keeps_the_files_of_the_run_before(own_checkout, tmp_path):
 # Stale, or not.
 
 
+@pytest.mark.slow
+def test_edited_prose_is_put_into_what_was_executed(own_checkout, tmp_path):
+    shorten(own_checkout, GOOD)
+    run = ["run", GOOD, "-p", "trials=1", "--out", "out"]
+    out = tmp_path / "out"
+
+    def executed():
+        document = json.loads((out / f"{GOOD}.ipynb").read_text(encoding="utf-8"))
+        return document["metadata"]["papermill"]["start_time"], document
+
+    assert own_checkout.thesis(*run, cwd=tmp_path).returncode == 0
+    first, cube = executed()[0], (out / f"{GOOD}.nc").read_bytes()
+
+    def edit(document):
+        assert document.cells[0].cell_type == "markdown"
+        document.cells[0].source = "# Edited prose"
+
+    own_checkout.change(GOOD, edit)
+    again = own_checkout.thesis(*run, cwd=tmp_path)
+    assert f"{GOOD}: done in" in again.stderr
+    start, document = executed()
+    assert start == first
+    assert "".join(document["cells"][0]["source"]) == "# Edited prose"
+    assert "Edited prose" in (out / f"{GOOD}.html").read_text(encoding="utf-8")
+    assert (out / f"{GOOD}.nc").read_bytes() == cube
+    assert f"{GOOD}: up to date" in own_checkout.thesis(*run, cwd=tmp_path).stderr
+    whole = (out / f"{GOOD}.html").read_text(encoding="utf-8")
+    own_checkout.change(GOOD, lambda d: d.cells.append(nbformat.v4.new_markdown_cell("x", id="x")))
+    assert own_checkout.thesis(*run, cwd=tmp_path).returncode == 0
+    assert executed()[0] > first
+    assert (out / f"{GOOD}.html").read_text(encoding="utf-8") != whole
+
+
 @pytest.fixture
 def root(own_checkout, monkeypatch):
     for module, place in (

@@ -1,9 +1,10 @@
 """Executing notebooks: validated parameters to cube and page.
 
-A notebook is executed again only if its cells, the library, the thesis's data, the lock file or the
+A notebook is executed again only if its code, the library, the thesis's data, the lock file or the
 parameters differ from those that its files were made from, or one of these files is not what was
-made. Files appear whole or not at all: everything is written in a staging folder beside its place
-and renamed, the notebook, which holds the digests of all, last.
+made; where prose alone differs, it is put into what was executed. Files appear whole or not at all:
+everything is written in a staging folder beside its place and renamed, the notebook, which holds
+the digests of all, last.
 """
 
 from __future__ import annotations
@@ -63,13 +64,18 @@ def source(name: str) -> Path:
 
 
 def digest(job: Job) -> str:
-    """Digest of all that determines a job's files: cells, request, code, facts, data, lock.
+    """Two digests of all that determines a job's files: of its words; of all else.
 
-    The page shows the difference from the published run, so that counts for it, too.
+    That is cells, request, code, facts, data and lock. The page shows the difference from the
+    published run, so that counts for it, too.
     """
     name, figure_set = job.study.name, FIGURE_SETS[job.study.name]
     notebook = json.loads(source(name).read_text(encoding="utf-8"))
-    cells = [[c["cell_type"], "".join(c["source"]), c["metadata"]] for c in notebook["cells"]]
+    words = _words(notebook)
+    cells = [
+        [c["cell_type"], c["id"], "" if c["id"] in words else "".join(c["source"]), c["metadata"]]
+        for c in notebook["cells"]
+    ]
     drawing = figure_set.figure.partition(":")[0] or __name__
     beside = reach.file_of(figure_set.module).parent.glob("*.py")
     shown = keys.together([source(name), *beside, *keys.code_of(__name__, drawing)])
@@ -81,8 +87,22 @@ def digest(job: Job) -> str:
         keys.digest([*shown, *keys.facts_of(shown)]),
         digest_of([*keys.assets_of(shown), *inputs]),
     ]
-    text = json.dumps([cells, *parts], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    told = (json.dumps(one, sort_keys=True).encode() for one in (words, [cells, *parts]))
+    return " ".join(hashlib.sha256(one).hexdigest() for one in told)
+
+
+def _words(notebook: Mapping[str, Any]) -> dict[str, str]:
+    """Texts of a notebook's cells that are prose, by id."""
+    return {
+        c["id"]: "".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "markdown"
+    }
+
+
+def _only_words_changed(job: Job, made_from: str) -> bool:
+    """Whether a job's files are there, of all that they would be made from but its words."""
+    kept = records.read(job.notebook)
+    same = kept is not None and kept.made_from.partition(" ")[2] == made_from.partition(" ")[2]
+    return same and not records.damage(job.notebook, job.targets)
 
 
 def execute(job: Job, made_from: str) -> None:
@@ -93,12 +113,20 @@ def execute(job: Job, made_from: str) -> None:
     RunError
         If a cell fails, or the process that executes them ends.
     """
-    import nbformat  # papermill and nbconvert take a second to import
-
-    from thesis_lib.runs import provenance
-
     name = job.study.name
     with staging(job.notebook.parent) as folder:
+        if _only_words_changed(job, made_from):
+            document = json.loads(job.notebook.read_text(encoding="utf-8"))
+            words = _words(json.loads(source(name).read_text(encoding="utf-8")))
+            for cell in document["cells"]:
+                if cell["id"] in words:
+                    cell["source"] = words[cell["id"]].splitlines(keepends=True)
+            _put(job, folder, document, made_from, [])
+            return
+        import nbformat  # papermill and nbconvert take a second to import
+
+        from thesis_lib.runs import provenance
+
         executed, cube = folder / f"{name}.ipynb", folder / f"{name}.nc"
         _in_kernel(job, folder, executed, cube)
         notebook = nbformat.read(executed, as_version=4)
@@ -114,22 +142,30 @@ def execute(job: Job, made_from: str) -> None:
         provenance.add(notebook, about, result, in_book=job.page is None)
         if job.page:
             _stand_alone(notebook, job.study, result)
-        nbformat.write(notebook, executed)
-        ready = [(cube, job.cube)]
-        if job.page:
-            from thesis_lib.web.page import page
+        document = json.loads(nbformat.writes(notebook))
+        _put(job, folder, document, made_from, [(cube, job.cube)])
 
-            html = folder / f"{name}.html"
-            html.write_text(page(executed, job.study.title), encoding="utf-8")
-            ready.append((html, job.page))
-        document = json.loads(executed.read_text(encoding="utf-8"))
-        made = {place.name: file for file, place in ready}
-        sealed = records.seal(document, job.notebook.name, made_from, made)
-        executed.write_text(sealed, encoding="utf-8")
-        with files.one_at_a_time(job.notebook.parent):
-            for file, place in [*ready, (executed, job.notebook)]:
-                place.parent.mkdir(parents=True, exist_ok=True)
-                file.replace(place)
+
+def _put(
+    job: Job, folder: Path, document: Any, made_from: str, ready: list[tuple[Path, Path]]
+) -> None:
+    """Put a job's files in place, the executed notebook, which holds the digests of all, last."""
+    executed = folder / f"{job.study.name}.ipynb"
+    if job.page:
+        from thesis_lib.web.page import page
+
+        executed.write_text(json.dumps(document), encoding="utf-8")
+        html = folder / f"{job.study.name}.html"
+        html.write_text(page(executed, job.study.title), encoding="utf-8")
+        ready = [*ready, (html, job.page)]
+    made = {place.name: place for place in job.targets if place != job.notebook}
+    made |= {place.name: file for file, place in ready}
+    sealed = records.seal(document, job.notebook.name, made_from, made)
+    executed.write_text(sealed, encoding="utf-8")
+    with files.one_at_a_time(job.notebook.parent):
+        for file, place in [*ready, (executed, job.notebook)]:
+            place.parent.mkdir(parents=True, exist_ok=True)
+            file.replace(place)
 
 
 def _in_kernel(job: Job, folder: Path, executed: Path, cube: Path) -> None:
