@@ -24,7 +24,7 @@ test: check  ## what a contributor needs, in minutes and without a book
 	$(PYTEST) -m "not (slow or book or nightly)"
 
 test-all: check book  ## all tests, those of the rendered book and all notebooks included
-	$(PYTEST) -m "not nightly" --conformance build/conformance.json
+	$(PYTEST) -m "not nightly" --conformance build/conformance.json --times
 
 quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the nearest first
 	$(BIN)/python tests/quick.py

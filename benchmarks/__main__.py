@@ -30,6 +30,7 @@ from benchmarks import (
     scale,
 )
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
+from thesis_lib.studies import times
 
 FIGURE = Path(__file__).parents[1] / "build" / "benchmarks" / "growth.svg"
 
@@ -167,6 +168,15 @@ def print_commands() -> None:
         print(f"{time:>8.2f} s   thesis {' '.join(arguments)} (exit status {status})")
 
 
+def print_times() -> None:
+    """What took longer here, the last time that it ran, than is published."""
+    here, published = times.read(times.measured_path()), times.read(times.published_path())
+    print("\nSteps of the book and files of tests that take longer than published, in loops of "
+          f"{1000 * times.calibration():.1f} ms")  # fmt: skip
+    for what, then, now in times.longer(published, here):
+        print(f"{what:<60} {then:>8.0f} {now:>8.0f}")
+
+
 def draw(growths: list[measure.Growth], path: Path) -> None:
     """Time against size in doubly logarithmic axes."""
     import matplotlib as mpl
@@ -212,6 +222,7 @@ def print_own() -> None:
     growths = measure.growth()
     print_growth(growths)
     print_commands()
+    print_times()
     try:
         draw(growths, FIGURE)
     except ImportError:

@@ -27,7 +27,7 @@ from thesis_lib.figure_sets.experiment.walk import numbers as walk_numbers
 from thesis_lib.figure_sets.experiment.walk import pictures
 from thesis_lib.runs import execute as runs
 from thesis_lib.runs import tasks
-from thesis_lib.studies import effort
+from thesis_lib.studies import effort, times
 from thesis_lib.web.page import MATHJAX
 
 PAGES: dict[str, Callable[[], str]] = {
@@ -66,7 +66,7 @@ def build(publish: bool = False, chapter: str = "") -> Path:
     while True:  # each time round without what failed before
         steps = _tasks(plan)
         try:
-            tasks.run(steps)
+            took = tasks.run(steps)
             break
         except tasks.RunError as error:
             new = {name: text for name, text in error.failed.items() if name not in error.unmet}
@@ -78,6 +78,7 @@ def build(publish: bool = False, chapter: str = "") -> Path:
         lines = [*plan.failed.values(), f"the book without these is {plan.index}"]
         raise tasks.RunError("\n".join(lines))
     if not chapter:
+        times.note("book", took)
         unchanged.remember([plan.index.parent, *plan.archives])
     return plan.index
 
@@ -109,7 +110,7 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
     published = []
     if plan.publish and not plan.failed:
         picture = root / "book" / "assets" / "overview.svg"
-        made_known = [picture, effort.published_path()]
+        made_known = [picture, effort.published_path(), times.published_path()]
         measured = root / "build" / conformance.REPORT
         made_known += [conformance.published_path()] if measured.is_file() else []
         publish = partial(publishing.publish, plan.jobs, picture, measured)
@@ -149,7 +150,8 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
     """The steps that make what the pages include."""
     executed = plan.executed
     costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
-    costs += [path for path in [benchmark_tables.published_path()] if path.is_file()]
+    shown = (benchmark_tables.published_path(), times.published_path())
+    costs += [path for path in shown if path.is_file()]
     numbers = [name for name in pieces_write.PIECES if plan.includes(f"{name}.md")]
     published = sorted((plan.root / "data" / "published").glob("*.csv"))
 

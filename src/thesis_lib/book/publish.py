@@ -11,7 +11,7 @@ from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.runs import execute as runs
-from thesis_lib.studies import effort, published
+from thesis_lib.studies import effort, published, times
 
 
 def publish(jobs: Sequence[runs.Job], picture: Path, measured: Path) -> None:
@@ -38,6 +38,7 @@ def publish(jobs: Sequence[runs.Job], picture: Path, measured: Path) -> None:
         keep_outputs(runs.source(job.study.name), job.notebook)
     costs = {job.study.name: effort.of(job.notebook) for job in jobs}
     effort.write((name, costs[name]) for name in STUDIES)
+    times.write(times.published_path(), times.read(times.measured_path()))
     arrays = next(job for job in jobs if job.study.name == "beam-arrays")
     text = as_svg(cube_file.read(arrays.cube), "4a", 3)
     files.whole_text(picture, text)

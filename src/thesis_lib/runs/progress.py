@@ -82,6 +82,7 @@ class Progress:
     done: int = 0
     at_work: dict[str, float] = field(default_factory=dict)  # when they began
     ended: list[tuple[float, float]] = field(default_factory=list)  # seconds here, and elsewhere
+    took: dict[str, float] = field(default_factory=dict)  # seconds here
 
     def __post_init__(self) -> None:
         self.began = self.clock()
@@ -95,8 +96,10 @@ class Progress:
         now = self.clock()
         took, known = now - self.at_work.pop(name, now), self.known.pop(name, 0.0)
         self.done += 1
-        if measured and known:
-            self.ended.append((took, known))
+        if measured:
+            self.took[name] = took
+            if known:
+                self.ended.append((took, known))
         return took
 
     def left(self) -> str:

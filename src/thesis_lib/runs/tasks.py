@@ -116,7 +116,7 @@ def task(
     return Task(name, act, makes, place, needs, key, always=always, seconds=seconds)
 
 
-def run(tasks: Sequence[Task], workers: int = 2) -> None:
+def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
     """Run what is stale of some tasks, side by side.
 
     Parameters
@@ -125,6 +125,11 @@ def run(tasks: Sequence[Task], workers: int = 2) -> None:
         Tasks, of which those at the beginning begin first.
     workers : int
         Tasks at a time.
+
+    Returns
+    -------
+    dict
+        Seconds of each task that was not up to date, by its name.
 
     Raises
     ------
@@ -172,6 +177,7 @@ def run(tasks: Sequence[Task], workers: int = 2) -> None:
     if failed:
         told = {n: t if t.startswith(n) else f"{n}: {t}" for n, t in failed.items()}
         raise RunError("\n".join(told.values()), told, unmet)
+    return progress.took
 
 
 def _makers(tasks: Sequence[Task]) -> dict[str, set[str]]:
