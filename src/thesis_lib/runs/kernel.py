@@ -43,6 +43,11 @@ def manager(home: Path) -> type[AsyncKernelManager]:
             with Path(os.devnull).open("w") as nowhere:
                 await super()._async_start_kernel(**how, stdout=nowhere, stderr=nowhere)
 
+        async def _async_shutdown_kernel(self, now: bool = False, restart: bool = False) -> None:
+            # All is written by then, and a kernel takes 0.7 s to take its leave.
+            await super()._async_shutdown_kernel(now=True, restart=restart)
+
         start_kernel = _async_start_kernel
+        shutdown_kernel = _async_shutdown_kernel
 
     return Manager
