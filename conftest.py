@@ -14,7 +14,7 @@ hypothesis.settings.register_profile("project", deadline=None)  # other jobs may
 hypothesis.settings.load_profile("project")
 os.environ.update(fixed())  # before NumPy is imported, as every command does
 
-SLOW_NOTEBOOKS = ["claims", "design-law", "planner", "experiment-*", "lab-*", "shape-holes"]
+SLOW_NOTEBOOKS = ["claims", "design-law", "planner", "experiment-*", "lab-*", "shape-*"]
 SLOW_NOTEBOOKS += ["*-arrays", "*-aperture"]
 
 

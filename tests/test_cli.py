@@ -92,6 +92,7 @@ def test_list_of_a_set_or_chapter_shows_every_parameter(name):
 # The ledger.
 
 
+@pytest.mark.slow
 def test_claims_without_cubes_names_them_and_ends_well(checkout, tmp_path):
     done = checkout.thesis("claims", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")

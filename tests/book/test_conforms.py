@@ -138,7 +138,7 @@ def test_the_worst_value_is_told_and_a_failure_is_worse_than_any():
     assert worse(one, compare(1.4, 1, atol=0.5))["value"] == "1.4"
 
 
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_report_has_one_row_for_each_check_however_many_workers(tmp_path, workers):
     (tmp_path / "test_small.py").write_text(TESTS, encoding="utf-8")
     done, report = pytest_run(tmp_path, "-n", workers)

@@ -83,7 +83,13 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     assert included == {piece for module in pieces for piece in module.PIECES}
 
 
-@pytest.mark.parametrize("name", pieces_write.PIECES)
+LONG = {"shapes-convergence"}  # computes meshes
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in pieces_write.PIECES],
+)
 def test_piece_is_a_table_without_gaps(opened, name):
     text = pieces_write.PIECES[name](opened)
     rows = [line for line in text.splitlines() if line.startswith("|")]

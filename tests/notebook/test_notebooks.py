@@ -298,7 +298,7 @@ def doctored(checkout):
     return folder
 
 
-@pytest.mark.parametrize("option", ["--nbval", "--nbval-lax"])
+@pytest.mark.parametrize("option", ["--nbval", pytest.param("--nbval-lax", marks=pytest.mark.slow)])
 def test_one_changed_digit_fails(checkout, doctored, option):
     outcomes = nbval(checkout, doctored, option)
     assert set(outcomes) == {"untouched", "changed"}

@@ -92,6 +92,7 @@ def plain(checkout, tmp_path_factory):
     return checkout, cwd / "out"
 
 
+@pytest.mark.slow
 def test_a_hostile_machine_gives_the_same_cube_and_says_nothing(plain, tmp_path):
     checkout, out = plain
     extra = hostile(tmp_path)
@@ -112,7 +113,10 @@ def test_a_hostile_machine_gives_the_same_cube_and_says_nothing(plain, tmp_path)
     "extra",
     [
         {"HOME": "/dev/null", "IPYTHONDIR": "/dev/null/x", "XDG_CACHE_HOME": "/dev/null/y"},
-        {"HOME": "/nonexistent", "TMPDIR": "/nonexistent", "JUPYTER_RUNTIME_DIR": "/proc/1/x"},
+        pytest.param(
+            {"HOME": "/nonexistent", "TMPDIR": "/nonexistent", "JUPYTER_RUNTIME_DIR": "/proc/1/x"},
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["home is no folder", "nothing is there"],
 )

@@ -172,6 +172,7 @@ def test_folder_of_another_process_stays_while_it_lives(tmp_path):
 # Failed.
 
 
+@pytest.mark.slow
 def test_what_was_done_beside_a_failure_is_not_done_again(own_checkout, tmp_path):
     shorten(own_checkout, GOOD)
     shorten(own_checkout, SLOW, "1 / 0")
@@ -474,6 +475,7 @@ def test_damaged_cube_is_made_anew(tmp_path, task):
     assert log == ["made", "made"]
 
 
+@pytest.mark.slow
 def test_two_requests_at_once_into_one_folder_are_not_mixed_up(own_checkout, tmp_path, start):
     go = tmp_path / "go"
     shorten(own_checkout, SLOW, WAITS.format(go=str(go)))
@@ -502,6 +504,7 @@ def test_two_requests_at_once_into_one_folder_are_not_mixed_up(own_checkout, tmp
     assert f"{SLOW}: up to date" in again.stderr  # all three files are of one of them
 
 
+@pytest.mark.slow
 def test_a_kernel_that_is_killed_is_told_in_one_line(own_checkout, tmp_path):
     shorten(own_checkout, SLOW, "import os\n\nos.kill(os.getpid(), 9)")
     done = own_checkout.thesis(*ONE, cwd=tmp_path)
@@ -512,6 +515,7 @@ def test_a_kernel_that_is_killed_is_told_in_one_line(own_checkout, tmp_path):
     assert made(tmp_path / "out") == left_over(tmp_path / "out") == []
 
 
+@pytest.mark.slow
 def test_hanging_up_is_an_interrupt(stopped, tmp_path):
     running = stopped(signal.SIGHUP)
     assert running.process.returncode == 130
@@ -519,6 +523,7 @@ def test_hanging_up_is_an_interrupt(stopped, tmp_path):
     assert left_over(tmp_path / "out") == []
 
 
+@pytest.mark.slow
 def test_what_shall_outlive_its_terminal_goes_on(own_checkout, tmp_path):
     go = tmp_path / "go"
     shorten(own_checkout, SLOW, WAITS.format(go=str(go)))

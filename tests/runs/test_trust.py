@@ -46,6 +46,7 @@ def killed(canned: Path, every: int) -> dict[str, object]:
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_killed_at_some_changes_of_files(canned):
     found = killed(canned, 9)
     assert found["bad"] == []

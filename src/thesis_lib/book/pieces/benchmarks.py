@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from thesis_lib.book.pieces import times
 from thesis_lib.files import project_root
 from thesis_lib.web.markdown import table
 
@@ -243,4 +244,5 @@ PIECES: dict[str, Callable[[], str]] = {
     "benchmarks-rayleigh": partial(_piece, rayleigh),
     "benchmarks-plan": partial(_piece, plan),
     "benchmarks-scale": _scale,
+    "benchmarks-times": times.piece,
 }

@@ -12,7 +12,6 @@ from thesis_lib import files
 from thesis_lib.book import missing
 from thesis_lib.book.conclusions import tables as conclusions_tables
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
-from thesis_lib.book.pieces import times
 from thesis_lib.book.pieces.chapters import (
     beam_results,
     experiment_results,
@@ -124,6 +123,5 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "parameters": parameters,
     "effort": effort_table,
     **{name: partial(_benchmark, name) for name in benchmark_tables.PIECES},
-    "times": lambda _: times.piece(),
     "ledger-totals": ledger_totals,
 }
