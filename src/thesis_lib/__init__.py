@@ -5,7 +5,7 @@ The physics is in :mod:`~thesis_lib.vibration.structure`, :mod:`~thesis_lib.visi
 :mod:`~thesis_lib.acoustics.radiation` and :mod:`~thesis_lib.acoustics.planes`; they need NumPy
 alone. :mod:`~thesis_lib.facts.setups` holds the thesis's camera setups,
 :mod:`~thesis_lib.figure_sets.parametric.compute` turns them into labelled cubes, and
-:mod:`~thesis_lib.facts.claims` holds those against the thesis.
+:mod:`~thesis_lib.ledger.verdicts` holds those against the thesis.
 """
 
 __version__ = "0.1.0"

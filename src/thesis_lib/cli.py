@@ -229,7 +229,7 @@ def book(chapter: str | None, publish: bool, from_nothing: bool) -> None:
 
 @cli.command()
 def record() -> None:
-    """Film chapter 5 anew, and make what is measured the data of its figure sets.
+    """Film the laboratory's recordings anew, and make what is measured the data of its figure sets.
 
     Its results are computed from data/recordings, which are taken as they are while the code that
     made them is the same. Takes a quarter of an hour.

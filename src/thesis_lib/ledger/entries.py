@@ -1,8 +1,8 @@
 """The ledger: every claim of the thesis beside what the cubes say, recomputed each time.
 
 Stated figures, trends and stray numbers become :class:`Entry` each, with a verdict by the rules of
-``claims.py`` and ``trends.py``. What cannot be judged is *undefined*, with the reason; a cube that
-is missing, or of other parameters or another state of the library, is such a reason.
+``verdicts.py`` and ``trends.py``. What cannot be judged is *undefined*, with the reason; a cube
+that is missing, or of other parameters or another state of the library, is such a reason.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Entry:
     modes : tuple of int
         Modes that it speaks of.
     verdict, note : str
-        One of ``claims.VERDICTS``, and the reason or a remark.
+        One of ``verdicts.VERDICTS``, and the reason or a remark.
     ratio : float or None
         What we get over what is stated, where both are numbers.
     counted : bool

@@ -82,7 +82,7 @@ def point_errors(cube: xr.Dataset) -> xr.DataArray:
 
 
 def meets(claim: Claim, low: float, high: float) -> bool:
-    """Whether a band in % meets the claim by the rule at the top of this module."""
+    """Whether a band in % meets the claim by the rule of :mod:`thesis_lib.facts.claims`."""
     margin = WIDER_BELOW_10 if claim.high < 10 else WIDER
     return _gap(claim, low, high) <= margin
 

@@ -11,41 +11,38 @@ import xarray as xr
 from thesis_lib.planning.errors import predicted
 from thesis_lib.planning.places import centres
 from thesis_lib.planning.planner import Option, Plan
+from thesis_lib.studies.variables import declared, labelled
 
 XYZ = ("x", "y", "z")
 
-# Dimensions, units, long name.
-VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
-    "n_cameras": (("option",), "1", "number of cameras"),
-    "width_px": (("option",), "1", "width of the pictures in pixels"),
-    "height_px": (("option",), "1", "height of the pictures in pixels"),
-    "frame_rate": (("option",), "Hz", "frame rate"),
-    "pixel_rate": (("option",), "s-1", "pixels per second of all cameras"),
-    "cost": (("option",), "1", "price of all cameras, or their pixels per second"),
-    "expected_error": (
-        ("option",), "percent", "largest error of a mode by the law, averaged over amplitudes"),
-    "bound": (
-        ("option",), "percent",
-        "what the averaged error of no layout on the grid of the search can be below"),
-    "predicted_error": (("option", "mode"), "percent", "error by the law of rounding"),
-    "simulated_error": (("option", "mode"), "percent", "rms error over the trials"),
-    "simulated_low": (("option", "mode"), "percent", "5 % quantile of the error of the trials"),
-    "simulated_high": (("option", "mode"), "percent", "95 % quantile of the error of the trials"),
-    "on_front": (("option",), "1", "1 if no other is cheaper or more accurate, else 0"),
-    "chosen": ((), "1", "the option that is proposed"),
-    "camera_azimuth": (("option", "camera"), "degree", "azimuth of a camera"),
-    "camera_elevation": (("option", "camera"), "degree", "elevation of a camera"),
-    "camera_distance": (("option", "camera"), "m", "distance of a camera from the centre"),
-    "camera_position": (("option", "camera", "axis"), "m", "position of a camera"),
-    "focal_length": (("option", "camera"), "m", "focal length of a camera"),
-    "point_error": (
-        ("mode", "point"), "percent", "error of each marker by the law, of the proposed option"),
-    "marker": (("point", "axis"), "m", "marker at rest"),
-    "normal": (("point", "axis"), "1", "unit vector along which a marker moves"),
-    "reference_deflection": (("mode", "point"), "m", "deflection of the markers"),
-    "outline": (("corner", "axis"), "m", "corner of the structure, or of the box around it"),
-    "frequency": (("mode",), "Hz", "natural frequency"),
-}  # fmt: skip
+VARIABLES = declared("""
+    n_cameras(option) [1] number of cameras
+    width_px(option) [1] width of the pictures in pixels
+    height_px(option) [1] height of the pictures in pixels
+    frame_rate(option) [Hz] frame rate
+    pixel_rate(option) [s-1] pixels per second of all cameras
+    cost(option) [1] price of all cameras, or their pixels per second
+    expected_error(option) [percent] largest error of a mode by the law, averaged over amplitudes
+    bound(option) [percent] what the averaged error of no layout on the grid of the search can be
+        below
+    predicted_error(option, mode) [percent] error by the law of rounding
+    simulated_error(option, mode) [percent] rms error over the trials
+    simulated_low(option, mode) [percent] 5 % quantile of the error of the trials
+    simulated_high(option, mode) [percent] 95 % quantile of the error of the trials
+    on_front(option) [1] 1 if no other is cheaper or more accurate, else 0
+    chosen() [1] the option that is proposed
+    camera_azimuth(option, camera) [degree] azimuth of a camera
+    camera_elevation(option, camera) [degree] elevation of a camera
+    camera_distance(option, camera) [m] distance of a camera from the centre
+    camera_position(option, camera, axis) [m] position of a camera
+    focal_length(option, camera) [m] focal length of a camera
+    point_error(mode, point) [percent] error of each marker by the law, of the proposed option
+    marker(point, axis) [m] marker at rest
+    normal(point, axis) [1] unit vector along which a marker moves
+    reference_deflection(mode, point) [m] deflection of the markers
+    outline(corner, axis) [m] corner of the structure, or of the box around it
+    frequency(mode) [Hz] natural frequency
+""")
 
 
 def as_cube(plan: Plan) -> xr.Dataset:
@@ -94,9 +91,7 @@ def as_cube(plan: Plan) -> xr.Dataset:
                "objective": plan.request.objective,
                "target_percent": json.dumps(plan.request.target_percent)},
     )  # fmt: skip
-    for name, (dims, units, words) in VARIABLES.items():
-        cube[name] = (dims, np.asarray(values[name]), {"units": units, "long_name": words})
-    return cube
+    return cube.assign(labelled({name: values[name] for name in VARIABLES}, VARIABLES))
 
 
 def _camera_rows(option: Option, plan: Plan) -> np.ndarray[Any, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,24 +12,30 @@ from thesis_lib.acoustics.planes import Plane
 from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.request import Study
+from thesis_lib.studies.variables import Variable, declared, labelled
 from thesis_lib.studies.vocabulary import unit
 from thesis_lib.vibration.structure import Structure
 
-_DRAWN, _MARKED = ("mode", "trial"), ("mode", "trial", "point")
-_LAW = "rms error over the trials by the law of rounding"
-# Dimensions beside `setting`, type on disk, units, long name. Float64 where rounding matters.
-VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
-    "measured_deflection": (_MARKED, "float32", "m", "measured deflection of the markers"),
-    "mean_error": (_DRAWN, "float64", "percent", "rms error over the markers"),
-    "max_point_error": (_DRAWN, "float64", "percent", "largest error of a marker"),
-    "point_error": (("mode", "point"), "float64", "percent", "error of each marker in trial 0"),
-    "predicted_error": (("mode",), "float64", "percent", _LAW),
-    "mac": (_DRAWN, "float64", "1", "modal assurance criterion with the reference"),
-    "in_view": ((), "float64", "1", "share of camera x marker x mode images on the sensor"),
-    "ground_sample_distance": ((), "float64", "m/px", "length of a pixel at the origin"),
-}
-
-
+VARIABLES = declared("""
+    measured_deflection(mode, trial, point) [m] measured deflection of the markers
+    mean_error(mode, trial) [percent] rms error over the markers
+    max_point_error(mode, trial) [percent] largest error of a marker
+    point_error(mode, point) [percent] error of each marker in trial 0
+    predicted_error(mode) [percent] rms error over the trials by the law of rounding
+    mac(mode, trial) [1] modal assurance criterion with the reference
+    in_view() [1] share of camera x marker x mode images on the sensor
+    ground_sample_distance() [m/px] length of a pixel at the origin
+""")
+"""What every setting of a camera study has; beside these dimensions each is over ``setting``."""
+FIELD_COORDINATES = declared("""
+    case_name(case) [1] cases in the order of `case`
+    plane(plane) [1] plane
+    extreme(extreme) [1] setting of a case
+    u(u) [m] X on plane XZ, Y on plane YZ
+    z(z) [m] height above the plate
+""")
+SHORT = {"measured_deflection": "float32"}
+"""Type on disk where it is not float64, in which rounding would not matter."""
 CAMERAS = {"camera_distance": "m", "camera_azimuth": "degree", "camera_elevation": "degree"}
 
 
@@ -48,25 +54,25 @@ def extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
 
 def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, Any]:
     """Coordinates of fields on planes, and of the extreme settings of each case."""
-    return {
-        "case_name": (
-            "case",
-            np.array(cases),
-            {"long_name": "cases in the order of `case`", "units": "1"},
-        ),
-        "plane": (
-            "plane",
-            np.array([plane.name for plane in planes]),
-            {"long_name": "plane", "units": "1"},
-        ),
-        "extreme": (
-            "extreme",
-            np.array(["best", "worst"]),
-            {"long_name": "setting of a case", "units": "1"},
-        ),
-        "u": ("u", planes[0].u, {"units": "m", "long_name": "X on plane XZ, Y on plane YZ"}),
-        "z": ("z", planes[0].z, {"units": "m", "long_name": "height above the plate"}),
+    values = {
+        "case_name": cases,
+        "plane": [plane.name for plane in planes],
+        "extreme": ["best", "worst"],
+        "u": planes[0].u,
+        "z": planes[0].z,
     }
+    return labelled(values, FIELD_COORDINATES)
+
+
+def of_settings(
+    results: Sequence[Mapping[str, Any]], table: Mapping[str, Variable]
+) -> dict[str, Any]:
+    """The results of settings as variables, in the order of a table."""
+    values = {
+        name: np.array([one[name] for one in results]).astype(SHORT.get(name, "float64"))
+        for name in table
+    }
+    return labelled(values, table, over=["setting"])
 
 
 def add_cameras(cube: xr.Dataset, settings: list[Setting]) -> None:

@@ -27,6 +27,7 @@ from thesis_lib.ledger.series import series_of
 from thesis_lib.ledger.trends import Series
 from thesis_lib.studies.commands import command
 from thesis_lib.studies.request import Study
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.simulation import measure, percent_errors
@@ -36,6 +37,15 @@ WIDE_DEG, NARROW_DEG = (30, 40, 50, 60, 70, 80), (3, 5, 7, 9, 11, 13)  # half ap
 LOW_DEG, HIGH_DEG, FAR = 10, 60, 2
 ASKEW_PLATE = "plate-askew"
 ASKEW = (1, 2, 3)  # plate modes whose sum has no plane of symmetry
+
+VARIABLES = declared("""
+    errors(series, setting, trial) [percent] error of the random trials
+    values(series, setting) [1] value of what is varied
+    source(series) [1] own run
+    quantity(series) [1] kind of error
+    case(series) [1] case
+    mode(series) [1] mode number
+""")
 
 
 @dataclass(frozen=True)
@@ -198,8 +208,8 @@ def run(study: OwnRuns) -> xr.Dataset:
     found: list[tuple[str, Series]] = []
     for name, source in own().items():
         requests = [camera_study(one.name, {**one.request, **draws}) for one in source.requests]
-        made = [studies.run(one).assign_attrs(figure_set=one.name) for one in requests]
-        found += [(name, series) for series in source.read(made)]
+        cubes = [studies.run(one).assign_attrs(figure_set=one.name) for one in requests]
+        found += [(name, series) for series in source.read(cubes)]
     askew = camera_study("plate-arrays", {"cases": ["4a"], **draws})
     found += [(ASKEW_PLATE, series) for series in _askew(askew)]
     most = max(len(series.values) for _, series in found)
@@ -208,24 +218,14 @@ def run(study: OwnRuns) -> xr.Dataset:
     for row, (_, series) in enumerate(found):
         values[row, : len(series.values)] = series.values
         errors[row, : len(series.values)] = series.errors
-    text = {"units": "1"}
-    return xr.Dataset(
-        {
-            "errors": (
-                ("series", "setting", "trial"), errors,
-                {"units": "percent", "long_name": "error of the random trials"}),
-            "values": (
-                ("series", "setting"), values,
-                {"units": "1", "long_name": "value of what is varied"}),
-        },
-        coords={
-            "source": ("series", [name for name, _ in found], text | {"long_name": "own run"}),
-            "quantity": (
-                "series", [s.quantity for _, s in found], text | {"long_name": "kind of error"}),
-            "case": ("series", [s.case for _, s in found], text | {"long_name": "case"}),
-            "mode": ("series", [s.mode for _, s in found], text | {"long_name": "mode number"}),
-        },
-    )  # fmt: skip
+    coords = {
+        "source": [name for name, _ in found],
+        "quantity": [series.quantity for _, series in found],
+        "case": [series.case for _, series in found],
+        "mode": [series.mode for _, series in found],
+    }
+    made = {"errors": errors, "values": values}
+    return xr.Dataset(labelled(made, VARIABLES), labelled(coords, VARIABLES))
 
 
 def read_own(made: xr.Dataset) -> dict[str, list[Series]]:

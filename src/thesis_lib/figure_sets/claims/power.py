@@ -20,11 +20,19 @@ from thesis_lib.facts.claims import Claim
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import meets
 from thesis_lib.studies import cubes
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.web.markdown import table
 
 CHAPTERS = (3, 4, 6)  # simulated
 FACTORS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 DRAWS = 50  # trials that stand for the thesis
+
+VARIABLES = declared("""
+    power_claims(chapter) [1] stated figures
+    power_expected(chapter) [1] stated figures met if the thesis were a draw of the model
+    power_scaled(chapter, factor) [1] stated figures met by errors times a factor
+    factor(factor) [1] factor of all errors of the model
+""")
 
 
 def drawn(claim: Claim, values: Array) -> Claim:
@@ -82,23 +90,10 @@ def power(cube_of: Callable[[str], xr.Dataset | str], stated: Sequence[Claim]) -
         total[at] += 1
         expected[at] += np.mean([met(drawn(claim, one), band) for one in trials.T])
         scaled[at] += [met(claim, band, factor) for factor in FACTORS]
-    words = "stated figures"
-    return xr.Dataset(
-        {
-            "power_claims": ("chapter", total, {"units": "1", "long_name": words}),
-            "power_expected": (
-                "chapter", expected,
-                {"units": "1", "long_name": f"{words} met if the thesis were a draw of the model"}),
-            "power_scaled": (
-                ("chapter", "factor"), scaled,
-                {"units": "1", "long_name": f"{words} met by errors times a factor"}),
-        },
-        coords={
-            "chapter": ("chapter", list(CHAPTERS)),
-            "factor": ("factor", list(FACTORS),
-                       {"units": "1", "long_name": "factor of all errors of the model"}),
-        },
-    )  # fmt: skip
+    values = {"power_claims": total, "power_expected": expected, "power_scaled": scaled}
+    factor = labelled({"factor": list(FACTORS)}, VARIABLES)
+    coords = {"chapter": ("chapter", list(CHAPTERS)), **factor}
+    return xr.Dataset(labelled(values, VARIABLES), coords)
 
 
 def powers(cube: xr.Dataset) -> str:

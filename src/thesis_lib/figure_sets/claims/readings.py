@@ -28,11 +28,23 @@ from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, Check
 from thesis_lib.studies.commands import command
 from thesis_lib.studies.parallel import abreast
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import deflection_shape, resonance
 
 CHAPTERS = {"beam": 3, "plate": 4, "sound": 6}
 OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated figures
+
+VARIABLES = declared("""
+    reading_claims(reading, chapter, outcome) [1] number of claims by verdict under a reading
+    reading_inside(reading, chapter) [1] number of claims that the band of the trials meets
+    gained(reading) [1] claims missed by the adopted reading, met by this
+    lost(reading) [1] claims met by the adopted reading, missed by this
+    log_residual(reading, chapter) [1] rms logarithm of median over stated value
+    reading(reading) [1] reading of what the thesis leaves open
+    chapter(chapter) [1] chapter of the thesis
+    outcome(outcome) [1] verdict
+""")
 
 
 def request(reading: Reading, figure_set: str) -> dict[str, Any]:
@@ -143,32 +155,19 @@ def run(study: OtherReadings) -> xr.Dataset:
             counts[r, c, -1] = stated[chapter] - len(part)  # undefined: that setting is not run
             inside[r, c] = sum(check.inside for check in part)
             residual[r, c] = log_residual(part)
-    return xr.Dataset(
-        {
-            "reading_claims": (
-                ("reading", "chapter", "outcome"), counts,
-                {"units": "1", "long_name": "number of claims by verdict under a reading"}),
-            "reading_inside": (
-                ("reading", "chapter"), inside,
-                {"units": "1", "long_name": "number of claims that the band of the trials meets"}),
-            "gained": (
-                "reading", gained,
-                {"units": "1", "long_name": "claims missed by the adopted reading, met by this"}),
-            "lost": (
-                "reading", lost,
-                {"units": "1", "long_name": "claims met by the adopted reading, missed by this"}),
-            "log_residual": (
-                ("reading", "chapter"), residual,
-                {"units": "1", "long_name": "rms logarithm of median over stated value"}),
-        },
-        coords={
-            "reading": ("reading", [reading.name for reading in chosen],
-                        {"units": "1", "long_name": "reading of what the thesis leaves open"}),
-            "chapter": ("chapter", chapters, {"units": "1", "long_name": "chapter of the thesis"}),
-            "outcome": ("outcome", list(OUTCOMES),
-                        {"units": "1", "long_name": "verdict"}),
-        },
-    )  # fmt: skip
+    values = {
+        "reading_claims": counts,
+        "reading_inside": inside,
+        "gained": gained,
+        "lost": lost,
+        "log_residual": residual,
+    }
+    coords = {
+        "reading": [reading.name for reading in chosen],
+        "chapter": chapters,
+        "outcome": list(OUTCOMES),
+    }
+    return xr.Dataset(labelled(values, VARIABLES), labelled(coords, VARIABLES))
 
 
 def log_residual(made: Sequence[Check]) -> float:

@@ -40,7 +40,7 @@ class LedgerTable(anywidget.AnyWidget):
             ``figure``, ``trend`` or ``number``; a number; ``"4a'"``, ``"2a, 2b"`` or ``""``; a
             list of numbers.
         ``verdict``, ``ratio``, ``counted``
-            One of ``claims.VERDICTS``; a number or None; whether the totals count
+            One of ``verdicts.VERDICTS``; a number or None; whether the totals count
             the claim.
         ``place``, ``href``
             Where it stands, ``"figure 3.4"``, and a relative link or ``""``.

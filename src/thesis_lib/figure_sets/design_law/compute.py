@@ -22,6 +22,7 @@ from thesis_lib.figure_sets.design_law.sweeps import (
     thesis_study,
 )
 from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import cone_law, estimators, rounding
 from thesis_lib.vision.cone_law import MOTION_PX, cone_cameras
@@ -35,95 +36,94 @@ DRAWS = 20  # for each trial, where one costs little
 ROUNDING = 1e-13  # what differs by less is equal on some processors and not on others
 SWING_PX = 4.0  # range of random motions on the cone: many enough for every fraction alike
 
-# Dimensions, units, long name.
-VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
-    "motion_error": (("motion",), "px", "rms rounding error of a motion by the law"),
-    "drawn_motion_error": (("motion",), "px", "rms rounding error of a motion, drawn"),
-    "law_error": (
-        ("setting", "shape"), "percent", "rms error of a setting of the thesis by the law"),
-    "simulated_error": (
-        ("setting", "shape"), "percent", "rms error of a setting of the thesis over the trials"),
-    "naive_error": (
-        ("setting", "shape"), "percent", "rms error if roundings were independent, 1/12 px2 each"),
-    "cone_error": (
-        ("angle", "axis"), "m", "standard deviation at the centre of a cone, closed form"),
-    "cone_jacobian_error": (
-        ("angle", "axis"), "m", "standard deviation at the centre of a cone, by the Jacobian"),
-    "cone_drawn_error": (
-        ("angle", "axis"), "m", "rms error of random motions with whole pixels, drawn"),
-    "cone_difference": (
-        (), "1", f"largest relative difference of closed form and Jacobian, {ROUNDING:g} if less"),
-    "swept": (("finding", "structure", "step"), "1", "value of the varied parameter"),
-    "expected_error": (
-        ("finding", "structure", "step"), "percent",
-        "rms error of markers by the law, amplitudes averaged"),
-    "exact_error": (
-        ("finding", "structure", "step"), "percent", "rms error of markers in modes 1 to 3"),
-    "centre_error": (
-        ("finding", "structure", "step"), "percent", "error at the centre, closed form"),
-    "noisy_error": (
-        ("finding", "structure", "step"), "percent", "rms error of markers by independent noise"),
-    "noisy_centre_error": (
-        ("finding", "structure", "step"), "percent",
-        "error at the centre by independent noise, closed form"),
-    "expected_exponent": (
-        ("finding", "structure"), "1", "exponent of the error of the markers"),
-    "centre_exponent": (("finding", "structure"), "1", "exponent of the error at the centre"),
-    "small_exponent": (
-        ("finding", "structure"), "1", "exponent of the error of motions far below a pixel"),
-    "best_aperture": (
-        ("amplitudes", "structure"), "degree", "aperture of the least error, low elevation"),
-    "wide_gain": (
-        ("amplitudes", "structure"), "1", "error at an aperture of 60 degrees over the least"),
-    "pair_error": (("tilt", "opening"), "m", "error at the centre of a pair, rounded, closed form"),
-    "drawn_pair_error": (("tilt", "opening"), "m", "error at the centre of a pair, rounded, drawn"),
-    "pair_noise_error": (
-        ("tilt", "opening"), "m", "error at the centre of a pair, independent noise, closed form"),
-    "drawn_pair_noise_error": (
-        ("tilt", "opening"), "m", "error at the centre of a pair, independent noise, drawn"),
-    "array_exponent": (
-        ("array", "structure"), "1", "exponent of the error in the number of cameras"),
-    "width_px": (("count", "rate"), "1", "width of the sensor in px"),
-    "height_px": (("count", "rate"), "1", "height of the sensor in px"),
-    "frame_rate": (("count", "rate"), "Hz", "frames per second of each camera"),
-    "pixel_size": (("count", "rate"), "m", "length of a pixel at the centre"),
-    "marker_spacing": (
-        ("count", "rate"), "px", "distance of the images of neighbouring markers, at most"),
-    "marker_height": (
-        ("count", "rate"), "px", "height of the image of a marker as large as in chapter 5"),
-    "motion_px": (("count", "rate"), "px", "motion of an image at the vibration's peak"),
-    "in_view": (("count", "rate"), "1", "share of camera x marker x mode images on the sensor"),
-    "average_error": (
-        ("count", "rate"), "percent", "error of one frame at the centre, amplitudes averaged"),
-    "frame_error": (("count", "rate"), "percent", "rms error of one frame by the law"),
-    "drawn_frame_error": (
-        ("estimator", "count", "rate"), "percent", "rms error of one frame over the trials"),
-    "fit_error": (("count", "rate"), "percent", "error of the fitted amplitude by the law"),
-    "independent_fit_error": (
-        ("count", "rate"), "percent", "error of the fitted amplitude if frames were independent"),
-    "useful_frames": (
-        ("count", "rate"), "1", "frames after which more of them tell nothing new"),
-    "drawn_fit_error": (
-        ("estimator", "count", "rate"), "percent", "rms error of the fitted amplitude, drawn"),
-    "crowd_error": (
-        ("crowd", "rule"), "m", "rms error of a deflection, cameras at equal distances"),
-    "tolerated_noise": (
-        ("crowd",), "px", "noise before rounding that halves the gain of the analytic centre"),
-    "noise_error": (
-        ("noise", "rule"), "m", "rms error of a deflection, pixels with noise before rounding"),
-    "stand_error": (
-        ("stand", "rule"), "m", "error of a deflection, cameras at unequal distances, median"),
-    "swing_error": (("swing",), "px", "error of an amplitude fitted to endless frames"),
-    "drawn_swing_error": (("swing",), "px", "rms error of an amplitude fitted to frames, drawn"),
-    "shake_error": (("shake",), "px", "error of the mean of some frames with shake"),
-    "endless_shake_error": (("shake",), "px", "error of the mean of endless frames with shake"),
-    "drawn_shake_error": (("shake",), "px", "rms error of the mean of some frames, drawn"),
-    "disc_error": (("disc",), "px", "error of the centroid of a disc of black pixels"),
-    "drawn_disc_error": (("disc",), "px", "rms error of the centroid of a disc, drawn"),
-    "quantity": (("quantity",), "1", "what a value is"),
-    "value": (("quantity",), "1", "value, in the unit beside it"),
-    "unit": (("quantity",), "1", "unit of the value"),
-}  # fmt: skip
+VARIABLES = declared(f"""
+    motion_error(motion) [px] rms rounding error of a motion by the law
+    drawn_motion_error(motion) [px] rms rounding error of a motion, drawn
+    law_error(setting, shape) [percent] rms error of a setting of the thesis by the law
+    simulated_error(setting, shape) [percent] rms error of a setting of the thesis over the trials
+    naive_error(setting, shape) [percent] rms error if roundings were independent, 1/12 px2 each
+    cone_error(angle, axis) [m] standard deviation at the centre of a cone, closed form
+    cone_jacobian_error(angle, axis) [m] standard deviation at the centre of a cone, by the Jacobian
+    cone_drawn_error(angle, axis) [m] rms error of random motions with whole pixels, drawn
+    cone_difference() [1] largest relative difference of closed form and Jacobian, {ROUNDING:g} if
+        less
+    swept(finding, structure, step) [1] value of the varied parameter
+    expected_error(finding, structure, step) [percent] rms error of markers by the law, amplitudes
+        averaged
+    exact_error(finding, structure, step) [percent] rms error of markers in modes 1 to 3
+    centre_error(finding, structure, step) [percent] error at the centre, closed form
+    noisy_error(finding, structure, step) [percent] rms error of markers by independent noise
+    noisy_centre_error(finding, structure, step) [percent] error at the centre by independent noise,
+        closed form
+    expected_exponent(finding, structure) [1] exponent of the error of the markers
+    centre_exponent(finding, structure) [1] exponent of the error at the centre
+    small_exponent(finding, structure) [1] exponent of the error of motions far below a pixel
+    best_aperture(amplitudes, structure) [degree] aperture of the least error, low elevation
+    wide_gain(amplitudes, structure) [1] error at an aperture of 60 degrees over the least
+    pair_error(tilt, opening) [m] error at the centre of a pair, rounded, closed form
+    drawn_pair_error(tilt, opening) [m] error at the centre of a pair, rounded, drawn
+    pair_noise_error(tilt, opening) [m] error at the centre of a pair, independent noise, closed
+        form
+    drawn_pair_noise_error(tilt, opening) [m] error at the centre of a pair, independent noise,
+        drawn
+    array_exponent(array, structure) [1] exponent of the error in the number of cameras
+    width_px(count, rate) [1] width of the sensor in px
+    height_px(count, rate) [1] height of the sensor in px
+    frame_rate(count, rate) [Hz] frames per second of each camera
+    pixel_size(count, rate) [m] length of a pixel at the centre
+    marker_spacing(count, rate) [px] distance of the images of neighbouring markers, at most
+    marker_height(count, rate) [px] height of the image of a marker as large as in chapter 5
+    motion_px(count, rate) [px] motion of an image at the vibration's peak
+    in_view(count, rate) [1] share of camera x marker x mode images on the sensor
+    average_error(count, rate) [percent] error of one frame at the centre, amplitudes averaged
+    frame_error(count, rate) [percent] rms error of one frame by the law
+    drawn_frame_error(estimator, count, rate) [percent] rms error of one frame over the trials
+    fit_error(count, rate) [percent] error of the fitted amplitude by the law
+    independent_fit_error(count, rate) [percent] error of the fitted amplitude if frames were
+        independent
+    useful_frames(count, rate) [1] frames after which more of them tell nothing new
+    drawn_fit_error(estimator, count, rate) [percent] rms error of the fitted amplitude, drawn
+    crowd_error(crowd, rule) [m] rms error of a deflection, cameras at equal distances
+    tolerated_noise(crowd) [px] noise before rounding that halves the gain of the analytic centre
+    noise_error(noise, rule) [m] rms error of a deflection, pixels with noise before rounding
+    stand_error(stand, rule) [m] error of a deflection, cameras at unequal distances, median
+    swing_error(swing) [px] error of an amplitude fitted to endless frames
+    drawn_swing_error(swing) [px] rms error of an amplitude fitted to frames, drawn
+    shake_error(shake) [px] error of the mean of some frames with shake
+    endless_shake_error(shake) [px] error of the mean of endless frames with shake
+    drawn_shake_error(shake) [px] rms error of the mean of some frames, drawn
+    disc_error(disc) [px] error of the centroid of a disc of black pixels
+    drawn_disc_error(disc) [px] rms error of the centroid of a disc, drawn
+    quantity(quantity) [1] what a value is
+    value(quantity) [1] value, in the unit beside it
+    unit(quantity) [1] unit of the value
+""")
+COORDINATES = declared("""
+    motion(motion) [px] motion of an image
+    of_structure(setting) [1] what is measured
+    of_part(setting) [1] what the study varies
+    of_layout(setting) [1] case of the thesis
+    label(setting) [1] value with its unit
+    shape(shape) [1] mode number
+    angle(angle) [degree] angle of the cone
+    axis(axis) [1] coordinate
+    finding(finding) [1] what is varied
+    structure(structure) [1] what is measured
+    array(array) [1] growing array of the thesis
+    amplitudes(amplitudes) [1] what the law is taken for
+    tilt(tilt) [degree] elevation of a pair
+    opening(opening) [degree] aperture of a pair
+    count(count) [1] number of cameras
+    rate(rate) [Hz] frames per second, about
+    estimator(estimator) [1] how points are estimated
+    rule(rule) [1] how points are estimated
+    crowd(crowd) [1] number of cameras
+    noise(noise) [px] noise of an image before rounding
+    stand(stand) [m] distances of four cameras
+    swing(swing) [px] amplitude of an image
+    shake(shake) [px] standard deviation of camera shake
+    disc(disc) [px] diameter of a marker's image
+""")
 
 
 def run(study: DesignLaw) -> xr.Dataset:
@@ -147,52 +147,40 @@ def run(study: DesignLaw) -> xr.Dataset:
     parts = (_motions, _settings, _cone, findings, arrays, pairs, equal_pixels,
              dither.estimated, dither.dithered)  # fmt: skip
     for part in parts:
-        _add(cube, part(study))
-    _add(cube, _summary(cube, study))
-    return cube
-
-
-def _add(cube: xr.Dataset, made: dict[str, ArrayLike]) -> None:
-    for name, values in made.items():
-        dims, units, words = VARIABLES[name]
-        cube[name] = (dims, np.asarray(values), {"units": units, "long_name": words})
+        cube = cube.assign(labelled(part(study), VARIABLES))
+    return cube.assign(labelled(_summary(cube, study), VARIABLES))
 
 
 def _coordinates(study: DesignLaw) -> dict[str, Any]:
     asked = [(one, part) for one in STRUCTURES for part in PARTS]
     every = [(*a, s) for a in asked for s in thesis_study(study, *a).settings()]
-    table: dict[str, tuple[str, Any, str, str]] = {
-        "motion": ("motion", MOTIONS, "px", "motion of an image"),
-        "of_structure": ("setting", [a for a, _, _ in every], "1", "what is measured"),
-        "of_part": ("setting", [b for _, b, _ in every], "1", "what the study varies"),
-        "of_layout": ("setting", [s.case for *_, s in every], "1", "case of the thesis"),
-        "label": ("setting", [s.label for *_, s in every], "1", "value with its unit"),
-        "shape": ("shape", list(MODES), "1", "mode number"),
-        "angle": ("angle", ANGLES, "degree", "angle of the cone"),
-        "axis": ("axis", ["X", "Y", "Z"], "1", "coordinate"),
-        "finding": ("finding", list(FINDINGS), "1", "what is varied"),
-        "structure": ("structure", list(STRUCTURES), "1", "what is measured"),
-        "array": ("array", list(setups.pairs()), "1", "growing array of the thesis"),
-        "amplitudes": (
-            "amplitudes", ["of the thesis", "averaged"], "1", "what the law is taken for"),
-        "tilt": ("tilt", list(TILTS), "degree", "elevation of a pair"),
-        "opening": ("opening", list(OPENINGS), "degree", "aperture of a pair"),
-        "count": ("count", study.counts, "1", "number of cameras"),
-        "rate": ("rate", study.frame_rates_hz, "Hz", "frames per second, about"),
-        "estimator": ("estimator", list(ESTIMATORS), "1", "how points are estimated"),
-        "rule": ("rule", list(estimators.ESTIMATORS), "1", "how points are estimated"),
-        "crowd": ("crowd", list(dither.CROWDS), "1", "number of cameras"),
-        "noise": ("noise", list(dither.NOISES), "px", "noise of an image before rounding"),
-        "stand": ("stand", [", ".join(f"{d:g}" for d in one) for one in dither.STANDS],
-                  "m", "distances of four cameras"),
-        "swing": ("swing", dither.SWINGS, "px", "amplitude of an image"),
-        "shake": ("shake", dither.SHAKES, "px", "standard deviation of camera shake"),
-        "disc": ("disc", dither.DISCS, "px", "diameter of a marker's image"),
-    }  # fmt: skip
-    return {
-        name: (dim, np.array(values), {"units": units, "long_name": words})
-        for name, (dim, values, units, words) in table.items()
+    values = {
+        "motion": MOTIONS,
+        "of_structure": [a for a, _, _ in every],
+        "of_part": [b for _, b, _ in every],
+        "of_layout": [s.case for *_, s in every],
+        "label": [s.label for *_, s in every],
+        "shape": list(MODES),
+        "angle": ANGLES,
+        "axis": ["X", "Y", "Z"],
+        "finding": list(FINDINGS),
+        "structure": list(STRUCTURES),
+        "array": list(setups.pairs()),
+        "amplitudes": ["of the thesis", "averaged"],
+        "tilt": list(TILTS),
+        "opening": list(OPENINGS),
+        "count": study.counts,
+        "rate": study.frame_rates_hz,
+        "estimator": list(ESTIMATORS),
+        "rule": list(estimators.ESTIMATORS),
+        "crowd": list(dither.CROWDS),
+        "noise": list(dither.NOISES),
+        "stand": [", ".join(f"{d:g}" for d in one) for one in dither.STANDS],
+        "swing": dither.SWINGS,
+        "shake": dither.SHAKES,
+        "disc": dither.DISCS,
     }
+    return labelled(values, COORDINATES)
 
 
 # (a) The law.

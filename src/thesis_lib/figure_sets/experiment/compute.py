@@ -22,7 +22,8 @@ from thesis_lib.figure_sets.experiment.trials import draw, trials
 from thesis_lib.laboratory.parameters import NAMES
 from thesis_lib.measure.fitting.harmonics import amplitude
 from thesis_lib.measure.recordings.markers import Markers, rows_on
-from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates
+from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates, of_settings
+from thesis_lib.studies.variables import declared
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens
 from thesis_lib.vision.pinhole import on_sensor
@@ -119,22 +120,19 @@ def _harmonic_results(
     }
 
 
-_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
-    **VARIABLES,
-    "predicted_error": (
-        ("mode",), "float64", "percent", "rms error by the noise of the centres alone"),
-    "missing": (("mode", "trial"), "float64", "1", "share of markers that no two cameras see"),
-    "centre_scatter": ((), "float64", "px", "scatter of the centres about their harmonics"),
-    "grid_residual": ((), "float64", "m", "rms distance of the markers at rest from their grid"),
-    "grid_scale": ((), "float64", "1", "size of the measured grid over the nominal one"),
-    "grid_tilt": ((), "float64", "degree", "angle of the measured plane to the fitted grid"),
-    "amplitude": (("mode", "point"), "float64", "m", "amplitude by the harmonic fit"),
-    "phase": (("mode", "point"), "float64", "degree", "phase to the force by the harmonic fit"),
-    "standard_error": (
-        ("mode", "point"), "float64", "m", "standard error of the amplitude by the harmonic fit"),
-    "mobility_real": ((), "float64", "m s-1 N-1", "drive-point mobility, real part"),
-    "mobility_imag": ((), "float64", "m s-1 N-1", "drive-point mobility, imaginary part"),
-}  # fmt: skip
+_VARIABLES = VARIABLES | declared("""
+    predicted_error(mode) [percent] rms error by the noise of the centres alone
+    missing(mode, trial) [1] share of markers that no two cameras see
+    centre_scatter() [px] scatter of the centres about their harmonics
+    grid_residual() [m] rms distance of the markers at rest from their grid
+    grid_scale() [1] size of the measured grid over the nominal one
+    grid_tilt() [degree] angle of the measured plane to the fitted grid
+    amplitude(mode, point) [m] amplitude by the harmonic fit
+    phase(mode, point) [degree] phase to the force by the harmonic fit
+    standard_error(mode, point) [m] standard error of the amplitude by the harmonic fit
+    mobility_real() [m s-1 N-1] drive-point mobility, real part
+    mobility_imag() [m s-1 N-1] drive-point mobility, imaginary part
+""")
 
 
 def _cube(
@@ -153,9 +151,7 @@ def _cube(
         reference[None],
         {"units": "m", "long_name": "reference deflection of the markers"},
     )
-    for name, (dims, dtype, units, long_name) in _VARIABLES.items():
-        values = np.array([result[name] for result in results]).astype(dtype)
-        cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
+    cube = cube.assign(of_settings(results, _VARIABLES))
     add_cameras(cube, settings)
     beam = setups.beam()
     natural = 2 * np.pi * study.frequency_hz / np.sqrt(1 - 2 * beam.damping**2)

@@ -29,7 +29,8 @@ from thesis_lib.figure_sets.lab_layout.parameters import Layouts
 from thesis_lib.laboratory.localisation import edge_scatter
 from thesis_lib.measure.fitting.harmonics import amplitude
 from thesis_lib.measure.fitting.reconstruction import real_shape
-from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates
+from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates, of_settings
+from thesis_lib.studies.variables import declared
 from thesis_lib.vibration.motion import amplitudes
 from thesis_lib.vision.simulation import assurance
 
@@ -125,22 +126,19 @@ def _result(
 
 
 # Beside those of the parametric studies, in their order; float64 where rounding matters.
-_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
-    **VARIABLES,
-    "predicted_error": (
-        ("mode",), "float64", "percent",
-        "rms error by the first-order law, centres as exact as those of the case's best recording"),
-    "noise_error": (
-        ("mode",), "float64", "percent", "rms error by the scatter of the centres alone"),
-    "bias_error": (("mode",), "float64", "percent", "rms error without noise"),
-    "missing": (("mode", "trial"), "float64", "1", "share of markers that no two cameras see"),
-    "image_height": ((), "float64", "px", "least height of a marker's image at the centre"),
-    "centre_scatter": (("axis",), "float64", "px", "standard deviation of the centres by noise"),
-    "edge_scatter": (("axis",), "float64", "px", "least scatter of a centre by the law of edges"),
-    "centre_bias": (("axis",), "float64", "px", "rms error of the centres without noise"),
-    "lost": ((), "float64", "1", "share of marker images that are missing"),
-    "wrong": ((), "float64", "1", "share of those found that are more than 1 px off"),
-}  # fmt: skip
+_VARIABLES = VARIABLES | declared("""
+    predicted_error(mode) [percent] rms error by the first-order law, centres as exact as those of
+        the case's best recording
+    noise_error(mode) [percent] rms error by the scatter of the centres alone
+    bias_error(mode) [percent] rms error without noise
+    missing(mode, trial) [1] share of markers that no two cameras see
+    image_height() [px] least height of a marker's image at the centre
+    centre_scatter(axis) [px] standard deviation of the centres by noise
+    edge_scatter(axis) [px] least scatter of a centre by the law of edges
+    centre_bias(axis) [px] rms error of the centres without noise
+    lost() [1] share of marker images that are missing
+    wrong() [1] share of those found that are more than 1 px off
+""")
 
 
 def _cube(study: Layouts, settings: list[Setting], results: list[dict[str, Any]]) -> xr.Dataset:
@@ -159,8 +157,6 @@ def _cube(study: Layouts, settings: list[Setting], results: list[dict[str, Any]]
         results[0]["reference"][None],
         {"units": "m", "long_name": "reference deflection of the markers"},
     )
-    for name, (dims, dtype, units, long_name) in _VARIABLES.items():
-        values = np.array([result[name] for result in results]).astype(dtype)
-        cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
+    cube = cube.assign(of_settings(results, _VARIABLES))
     add_cameras(cube, settings)
     return cube

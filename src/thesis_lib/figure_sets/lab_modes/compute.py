@@ -20,7 +20,8 @@ from thesis_lib.figure_sets.lab_modes.methods import (
 )
 from thesis_lib.figure_sets.lab_modes.parameters import LabModes
 from thesis_lib.measure.fitting import aliasing
-from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates
+from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates, of_settings
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.structure import resonance
 from thesis_lib.vibration.torsion import twist
 
@@ -66,33 +67,48 @@ def run(study: LabModes, data: xr.Dataset) -> xr.Dataset:
     for result in results:
         result["in_view"] = 1.0  # others are refused
         result["ground_sample_distance"] = study.distance_mm / 1000 / focal
-    for name, (dims, dtype, units, long_name) in _VARIABLES.items():
-        values = np.array([result[name] for result in results]).astype(dtype)
-        cube[name] = (("setting", *dims), values, {"units": units, "long_name": long_name})
+    cube = cube.assign(of_settings(results, _VARIABLES))
     add_cameras(cube, settings)
-    _add_rates(cube, films, reads, founds)
-    return cube
+    return _with_rates(cube, films, reads, founds)
 
 
-_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
-    **VARIABLES,
-    "predicted_error": (
-        ("mode",), "float64", "percent", "rms error by the noise of the centres alone"),
-    "missing": (("mode", "trial"), "float64", "1", "share of markers that no two cameras see"),
-    "quadrature_deflection": (
-        ("mode", "point"), "float64", "m", "deflection a quarter of a period before, as filmed"),
-    "centre_scatter": (("mode",), "float64", "px", "scatter of the centres about the harmonic"),
-    "signal_over_noise": (
-        ("mode",), "float64", "1", "largest deflection over the noise of one frame's deflections"),
-    "frequency_used": (("mode",), "float64", "Hz", "frequency that the shape was made with"),
-    "bending_amplitude": (("mode", "trial"), "float64", "m", "amplitude of bending at the tip"),
-    "torsion_amplitude": (
-        ("mode", "trial"), "float64", "m", "amplitude of torsion at the tip's edges"),
-    "torsion_phase": (
-        ("mode", "trial"), "float64", "degree", "phase by which torsion is ahead of bending"),
-    "bending_standard_error": (("mode",), "float64", "m", "standard error of bending's amplitude"),
-    "torsion_standard_error": (("mode",), "float64", "m", "standard error of torsion's amplitude"),
-}  # fmt: skip
+_VARIABLES = VARIABLES | declared("""
+    predicted_error(mode) [percent] rms error by the noise of the centres alone
+    missing(mode, trial) [1] share of markers that no two cameras see
+    quadrature_deflection(mode, point) [m] deflection a quarter of a period before, as filmed
+    centre_scatter(mode) [px] scatter of the centres about the harmonic
+    signal_over_noise(mode) [1] largest deflection over the noise of one frame's deflections
+    frequency_used(mode) [Hz] frequency that the shape was made with
+    bending_amplitude(mode, trial) [m] amplitude of bending at the tip
+    torsion_amplitude(mode, trial) [m] amplitude of torsion at the tip's edges
+    torsion_phase(mode, trial) [degree] phase by which torsion is ahead of bending
+    bending_standard_error(mode) [m] standard error of bending's amplitude
+    torsion_standard_error(mode) [m] standard error of torsion's amplitude
+""")
+
+_TRUTH = declared("""
+    reference_deflection(mode, point) [m] true deflection at the maximum of bending
+    reference_quadrature(mode, point) [m] true deflection a quarter of a period before
+    bending_reference(mode) [m] true amplitude of bending at the tip
+    torsion_reference() [m] true amplitude of torsion at the tip's edges
+    torsion_of_force(mode) [m] deflection of the tip's edges by 1 N that acts 10 mm beside the axis
+    exposure_loss(mode) [1] share of an amplitude that the exposure takes
+    settling_time(mode) [s] time until a transient has fallen to a hundredth
+""")
+_RATES = declared("""
+    frame_rate(frame_rate) [Hz] frames per second
+    cycles(cycles) [1] periods in a recording by which a frequency is wrong
+    alias_frequency(mode, frame_rate) [Hz] where the vibration shows below half of the frame rate
+    read_frequency(mode, frame_rate) [Hz] the frequency that the tracks show
+    found_frequency(mode, frame_rate) [Hz] the frequency at which the cameras agree
+    candidate_frequency(mode, frame_rate, candidate) [Hz] frequencies that these frames cannot tell
+        apart
+    misfit(mode, frame_rate, candidate) [1] how far the cameras disagree, over what noise makes them
+    spectrum_frequency(frame_rate, bin) [Hz] trial frequency
+    spectrum(mode, frame_rate, bin) [1] share of the scatter that a harmonic explains
+    detuned_error(mode, frame_rate, cycles) [percent] mean error if the known frequency is wrong
+    detuned_prediction(mode, cycles) [percent] mean error by the loss of amplitude alone
+""")
 
 
 def _read(film: Recording) -> float:
@@ -112,35 +128,26 @@ def _frame(study: LabModes, films: list[list[Recording]], settings: list[Any]) -
     cube["trial"].attrs["long_name"] = "draw of starts and noise, 0 for what was filmed"
     truth = np.array([of_mode[0].truth for of_mode in films])
     natural = [resonance(beam, mode) for mode in study.modes]
-    for name, dims, values, units, text in (
-        ("reference_deflection", ("mode", "point"), truth.real, "m",
-         "true deflection at the maximum of bending"),
-        ("reference_quadrature", ("mode", "point"), truth.imag, "m",
-         "true deflection a quarter of a period before"),
-        ("bending_reference", ("mode",), np.array(study.peaks_m), "m",
-         "true amplitude of bending at the tip"),
-        ("torsion_reference", (), np.float64(study.torsion_mm / 1000), "m",
-         "true amplitude of torsion at the tip's edges"),
-        ("torsion_of_force", ("mode",), np.array([twist(beam, ASIDE, w) for w in natural]), "m",
-         "deflection of the tip's edges by 1 N that acts 10 mm beside the axis"),
-        ("exposure_loss", ("mode",),
-         1 - np.array([np.sinc(of_mode[0].frequency * of_mode[0].exposure) for of_mode in films]),
-         "1", "share of an amplitude that the exposure takes"),
-        ("settling_time", ("mode",),
-         np.array([-np.log(SETTLED) / (beam.damping * w) for w in natural]), "s",
-         "time until a transient has fallen to a hundredth"),
-    ):  # fmt: skip
-        cube[name] = (dims, values, {"units": units, "long_name": text})
-    return cube
+    losses = [1 - np.sinc(of_mode[0].frequency * of_mode[0].exposure) for of_mode in films]
+    values = {
+        "reference_deflection": truth.real,
+        "reference_quadrature": truth.imag,
+        "bending_reference": study.peaks_m,
+        "torsion_reference": np.float64(study.torsion_mm / 1000),
+        "torsion_of_force": [twist(beam, ASIDE, w) for w in natural],
+        "exposure_loss": losses,
+        "settling_time": [-np.log(SETTLED) / (beam.damping * w) for w in natural],
+    }
+    return cube.assign(labelled(values, _TRUTH))
 
 
-def _add_rates(
+def _with_rates(
     cube: xr.Dataset,
     films: list[list[Recording]],
     reads: list[list[float]],
     founds: list[list[tuple[float, Array]]],
-) -> None:
-    """What belongs to a mode and a frame rate, whatever is made of the tracks."""
+) -> xr.Dataset:
+    """A cube with what belongs to a mode and a frame rate, whatever is made of the tracks."""
     rates = [film.rate for film in films[0]]
     frames = len(films[0][0].steady[0][0])
     grids = [aliasing.scan(rate, frames) for rate in rates]
@@ -154,30 +161,20 @@ def _add_rates(
         for r, (_, table) in enumerate(of_mode):
             tables[m, r, :, : table.shape[1]] = table
     aliases = [[aliasing.alias(film.frequency, film.rate) for film in one] for one in films]
-    both = ("mode", "frame_rate")
-    cube["frame_rate"] = ("frame_rate", rates, {"units": "Hz", "long_name": "frames per second"})
-    cube["cycles"] = ("cycles", list(CYCLES), {"units": "1"})
-    cube["cycles"].attrs["long_name"] = "periods in a recording by which a frequency is wrong"
-    for name, dims, values, units, text in (
-        ("alias_frequency", both, np.array(aliases, float), "Hz",
-         "where the vibration shows below half of the frame rate"),
-        ("read_frequency", both, np.array(reads), "Hz", "the frequency that the tracks show"),
-        ("found_frequency", both, np.array([[f for f, _ in one] for one in founds]), "Hz",
-         "the frequency at which the cameras agree"),
-        ("candidate_frequency", (*both, "candidate"), tables[:, :, 0], "Hz",
-         "frequencies that these frames cannot tell apart"),
-        ("misfit", (*both, "candidate"), tables[:, :, 1], "1",
-         "how far the cameras disagree, over what noise makes them"),
-        ("spectrum_frequency", ("frame_rate", "bin"), np.array(grids), "Hz", "trial frequency"),
-        ("spectrum", (*both, "bin"), np.array(shown), "1",
-         "share of the scatter that a harmonic explains"),
-        ("detuned_error", (*both, "cycles"),
-         np.array([[detuned_errors(film) for film in one] for one in films]), "percent",
-         "mean error if the known frequency is wrong"),
-        ("detuned_prediction", ("mode", "cycles"), _detuned(films, frames), "percent",
-         "mean error by the loss of amplitude alone"),
-    ):  # fmt: skip
-        cube[name] = (dims, values, {"units": units, "long_name": text})
+    values = {
+        "frame_rate": rates,
+        "cycles": list(CYCLES),
+        "alias_frequency": np.array(aliases, float),
+        "read_frequency": reads,
+        "found_frequency": [[frequency for frequency, _ in one] for one in founds],
+        "candidate_frequency": tables[:, :, 0],
+        "misfit": tables[:, :, 1],
+        "spectrum_frequency": grids,
+        "spectrum": shown,
+        "detuned_error": [[detuned_errors(film) for film in one] for one in films],
+        "detuned_prediction": _detuned(films, frames),
+    }
+    return cube.assign(labelled(values, _RATES))
 
 
 def _detuned(films: list[list[Recording]], frames: int) -> Array:

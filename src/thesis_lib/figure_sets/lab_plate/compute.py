@@ -28,7 +28,14 @@ from thesis_lib.measure.fitting.aliasing import alias
 from thesis_lib.measure.fitting.harmonics import amplitude, deviation
 from thesis_lib.measure.fitting.reconstruction import normal_gain
 from thesis_lib.studies import labels
-from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates, field_coordinates
+from thesis_lib.studies.labels import (
+    VARIABLES,
+    add_cameras,
+    coordinates,
+    field_coordinates,
+    of_settings,
+)
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import amplitudes
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import (
@@ -75,43 +82,27 @@ def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
             / (study.focal_length_mm * setting.resolution_px[0]),
         }  # fmt: skip
     cube = xr.Dataset(coords=_coordinates(study, plate, settings))
-    reference = np.array([heard.reference for heard in sounds])
-    _add(cube, "reference_deflection", ("mode", "point"), reference, "m",
-         "true deflection of the markers at its maximum")  # fmt: skip
-    for name, (dims, dtype, units, long_name) in _VARIABLES.items():
-        values = np.array([result[name] for result in results]).astype(dtype)
-        _add(cube, name, ("setting", *dims), values, units, long_name)
+    cube = cube.assign(labelled({"reference_deflection": [h.reference for h in sounds]}, _TRUTH))
+    cube = cube.assign(of_settings(results, _VARIABLES))
     add_cameras(cube, settings)
-    _add_fields(cube, study, sounds)
-    return cube
+    return cube.assign(labelled(_fields(cube, study, sounds), _TRUTH))
 
 
-_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
-    **VARIABLES,
-    "predicted_error": (
-        ("mode",), "float64", "percent", "rms error by the noise of the centres alone"),
-    "missing": (("mode", "trial"), "float64", "1", "share of markers that too few cameras see"),
-    "centre_scatter": (("mode",), "float64", "px", "scatter of the centres about the harmonic"),
-    "plane_error": (
-        ("mode", "trial", "plane"), "float64", "percent",
-        "rms pressure error over a plane (eq. 6.8), of the plane's largest reference pressure"),
-    "predicted_plane_error": (
-        ("mode", "plane"), "float64", "percent", "the same by the noise of the centres alone"),
-    "power_error": (
-        ("mode", "trial"), "float64", "percent", "radiated power over the true one, less one"),
-    "predicted_power_error": (
-        ("mode",), "float64", "percent", "rms power error by the noise of the centres alone"),
-    "neighbour_correlation": (
-        ("mode",), "float64", "1", "correlation of the errors of neighbouring markers, as filmed"),
-    "rounded_error": (
-        ("mode",), "float64", "percent", "rms error of these cameras with whole pixels"),
-    "rounded_plane_error": (
-        ("mode", "plane"), "float64", "percent", "rms pressure error of these with whole pixels"),
-    "rounded_power_error": (
-        ("mode",), "float64", "percent", "rms power error of these with whole pixels"),
-    "rounded_correlation": (
-        ("mode",), "float64", "1", "correlation of neighbouring errors with whole pixels"),
-}  # fmt: skip
+_VARIABLES = VARIABLES | declared("""
+    predicted_error(mode) [percent] rms error by the noise of the centres alone
+    missing(mode, trial) [1] share of markers that too few cameras see
+    centre_scatter(mode) [px] scatter of the centres about the harmonic
+    plane_error(mode, trial, plane) [percent] rms pressure error over a plane (eq. 6.8), of the
+        plane's largest reference pressure
+    predicted_plane_error(mode, plane) [percent] the same by the noise of the centres alone
+    power_error(mode, trial) [percent] radiated power over the true one, less one
+    predicted_power_error(mode) [percent] rms power error by the noise of the centres alone
+    neighbour_correlation(mode) [1] correlation of the errors of neighbouring markers, as filmed
+    rounded_error(mode) [percent] rms error of these cameras with whole pixels
+    rounded_plane_error(mode, plane) [percent] rms pressure error of these with whole pixels
+    rounded_power_error(mode) [percent] rms power error of these with whole pixels
+    rounded_correlation(mode) [1] correlation of neighbouring errors with whole pixels
+""")
 
 
 def _results(
@@ -212,12 +203,6 @@ def neighbours(errors: Array, grid: tuple[int, int]) -> float:
     return float(products / pairs / (np.sum(e**2) / (grid[0] * grid[1])))
 
 
-def _add(
-    cube: xr.Dataset, name: str, dims: tuple[str, ...], values: object, units: str, text: str
-) -> None:
-    cube[name] = (dims, values, {"units": units, "long_name": text})
-
-
 def _coordinates(study: LabPlate, plate: Plate, settings: list[Setting]) -> dict[str, Any]:
     cases = list(dict.fromkeys(setting.case for setting in settings))
     coords = coordinates(study, study.modes, plate, settings)
@@ -231,7 +216,7 @@ def _coordinates(study: LabPlate, plate: Plate, settings: list[Setting]) -> dict
     return {**coords, **field_coordinates(study.planes, cases)}
 
 
-def _add_fields(cube: xr.Dataset, study: LabPlate, sounds: list[PlateSound]) -> None:
+def _fields(cube: xr.Dataset, study: LabPlate, sounds: list[PlateSound]) -> dict[str, Any]:
     """Fields of the truth and of the best and worst settings, and what scales them."""
     plate, chosen = study.plate, labels.extremes(cube)
     reference = np.array([heard.fields(heard.reference) for heard in sounds])
@@ -240,10 +225,6 @@ def _add_fields(cube: xr.Dataset, study: LabPlate, sounds: list[PlateSound]) -> 
         [[sounds[m].fields(deflections[s, m]) for s in of_case[m]] for m in range(len(sounds))]
         for of_case in chosen.values()
     ])  # fmt: skip
-    plane = ("plane", "u", "z")
-    _add_complex(cube, "pressure_reference", ("mode", *plane), reference, "true pressure")
-    _add_complex(cube, "pressure_measured", ("case", "mode", "extreme", *plane), measured,
-                 "pressure of what was filmed")  # fmt: skip
     size = [
         heard.omega / study.medium.speed_of_sound * max(pistons(plate).size) for heard in sounds
     ]
@@ -255,38 +236,50 @@ def _add_fields(cube: xr.Dataset, study: LabPlate, sounds: list[PlateSound]) -> 
             efficiency.append(
                 radiation.radiation_efficiency(pistons(plate), velocity, heard.omega, study.medium)
             )
-    extremes = np.array(list(chosen.values()))
-    _add(cube, "best_and_worst", ("case", "mode", "extreme"), extremes, "1",
-         "index of the setting with the lowest and highest deflection error as filmed")  # fmt: skip
     hertz, radius = cube["frequency"].values, MARKER * study.spacing / 2
     waves = np.sqrt(
         [h.omega * np.sqrt(plate.mass_per_area / plate.bending_stiffness) for h in sounds]
     )
-    table: list[tuple[str, tuple[str, ...], Any, str, str]] = [
-        ("largest_pressure", ("mode", "plane"), [heard.largest for heard in sounds], "Pa",
-         "largest reference pressure, NaN where a plane is nodal"),
-        ("independent_ratio", ("mode", "plane"), [h.independent_ratios for h in sounds], "1",
-         "plane error over mean deflection error for errors of equal size, marker by marker"),
-        ("piston_size", ("mode",), size, "1",
-         "wavenumber times the longer side of a piston; above 1 it is hardly a point source"),
-        ("radiation_efficiency", ("mode",), efficiency, "1",
-         "radiated power over that of a plane wave of the same mean square velocity"),
-        ("alias_frequency", ("mode",), alias(hertz, study.frame_rate_hz), "Hz",
-         "where the vibration shows below half of the frame rate"),
-        ("exposure_loss", ("mode",), 1 - np.sinc(hertz * study.exposure_ms / 1000), "1",
-         "share of an amplitude that the exposure takes"),
-        ("marker_loss", ("mode",), 1 - 2 * j1(waves * radius) / (waves * radius), "1",
-         "share of an amplitude that is lost as a marker shows the mean of the plate under it"),
-        ("force_deflection", ("mode",), [peak_deflection(plate, m) for m in study.modes], "m",
-         "peak of the deflection by a force of 1 N"),
-    ]  # fmt: skip
-    for name, dims, numbers, units, text in table:
-        _add(cube, name, dims, np.asarray(numbers), units, text)
+    return {
+        **_complex("pressure_reference", reference),
+        **_complex("pressure_measured", measured),
+        "best_and_worst": list(chosen.values()),
+        "largest_pressure": [heard.largest for heard in sounds],
+        "independent_ratio": [heard.independent_ratios for heard in sounds],
+        "piston_size": size,
+        "radiation_efficiency": efficiency,
+        "alias_frequency": alias(hertz, study.frame_rate_hz),
+        "exposure_loss": 1 - np.sinc(hertz * study.exposure_ms / 1000),
+        "marker_loss": 1 - 2 * j1(waves * radius) / (waves * radius),
+        "force_deflection": [peak_deflection(plate, mode) for mode in study.modes],
+    }
 
 
-def _add_complex(
-    cube: xr.Dataset, name: str, dims: tuple[str, ...], values: ComplexArray, text: str
-) -> None:
-    for part, numbers in (("real", values.real), ("imag", values.imag)):
-        word = "real" if part == "real" else "imaginary"
-        _add(cube, f"{name}_{part}", dims, numbers.astype("float32"), "Pa", f"{text}, {word} part")
+def _complex(name: str, values: ComplexArray) -> dict[str, Array]:
+    parts = {"real": values.real, "imag": values.imag}
+    return {f"{name}_{part}": numbers.astype("float32") for part, numbers in parts.items()}
+
+
+_TRUTH = declared("""
+    reference_deflection(mode, point) [m] true deflection of the markers at its maximum
+    pressure_reference_real(mode, plane, u, z) [Pa] true pressure, real part
+    pressure_reference_imag(mode, plane, u, z) [Pa] true pressure, imaginary part
+    pressure_measured_real(case, mode, extreme, plane, u, z) [Pa] pressure of what was filmed, real
+        part
+    pressure_measured_imag(case, mode, extreme, plane, u, z) [Pa] pressure of what was filmed,
+        imaginary part
+    best_and_worst(case, mode, extreme) [1] index of the setting with the lowest and highest
+        deflection error as filmed
+    largest_pressure(mode, plane) [Pa] largest reference pressure, NaN where a plane is nodal
+    independent_ratio(mode, plane) [1] plane error over mean deflection error for errors of equal
+        size, marker by marker
+    piston_size(mode) [1] wavenumber times the longer side of a piston; above 1 it is hardly a point
+        source
+    radiation_efficiency(mode) [1] radiated power over that of a plane wave of the same mean square
+        velocity
+    alias_frequency(mode) [Hz] where the vibration shows below half of the frame rate
+    exposure_loss(mode) [1] share of an amplitude that the exposure takes
+    marker_loss(mode) [1] share of an amplitude that is lost as a marker shows the mean of the plate
+        under it
+    force_deflection(mode) [m] peak of the deflection by a force of 1 N
+""")

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
 from thesis_lib.figure_sets.optics.parameters import FARTHEST, Cameras
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics, rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
@@ -24,68 +25,68 @@ ROUNDED_PX = np.sqrt(1 / 6)  # of the difference of two coordinates, each rounde
 RATIOS = {"4:3": (4, 3), "3:2": (3, 2)}
 SIDES = ("width", "height", "diagonal")
 
-# Dimensions, units, long name.
-VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
-    "sensor_size": (("sensor", "side"), "m", "length on the sensor"),
-    "angle_of_view": (("sensor", "side", "focal_length"), "degree", "angle of view"),
-    "crop_factor": (("sensor",), "1", "diagonal of 36 mm x 24 mm over that of the sensor"),
-    "format_height": (("ratio", "format_width"), "1", "whole rows of pixels"),
-    "projection_error": (
-        ("distance",), "px",
-        "largest distance between the images of a marker by a pinhole and with one depth"),
-    "relative_projection_error": (
-        ("distance",), "percent", "the same over the length of the image of the row of markers"),
-    "nearest_depth": (("distance",), "m", "least depth of a marker"),
-    "farthest_depth": (("distance",), "m", "largest depth of a marker"),
-    "depth_range": (
-        ("distance",), "percent",
-        "largest difference of a marker's depth from the mean one, over the mean one"),
-    "image": (
-        ("shown_distance", "projection", "axis", "point"), "px", "images of the markers"),
-    "vanishing_point": (
-        ("shown_distance", "axis"), "px", "where the images of the beam's long edges meet"),
-    "edge_angle": (
-        ("shown_distance",), "degree", "angle between the images of the beam's long edges"),
-    "pixelated": (
-        ("width", "row", "column"), "1",
-        "grey value from 0 to 255 of the part of the picture with the beam"),
-    "pixel_size": (
-        ("width",), "m", "length of a pixel at the beam's centre, across the optical axis"),
-    "marker_contrast": (
-        ("width",), "percent",
-        "a marker's centre against midway between two, over the same of large markers"),
-    "variance_kept": (
-        ("width",), "percent",
-        "variance of the grey values over that of a picture 1280 pixels wide"),
-    "colour_picture": (
-        ("stage", "crop_row", "crop_column", "colour"), "1",
-        "the largest marker in colours, from 0 to 1"),
-    "colour_error": (
-        (), "percent", "rms difference of interpolated from true colours on the beam"),
-    "largest_colour_error": (
-        (), "percent", "largest difference of interpolated from true colours on the beam"),
-    "centre_shift": ((), "px", "rms shift of the markers' centres by colour interpolation"),
-    "near_limit": (("f_number", "distance"), "m", "nearest sharp depth at a focused distance"),
-    "far_limit": (("f_number", "distance"), "m", "farthest sharp depth at a focused distance"),
-    "hyperfocal_distance": (
-        ("f_number",), "m", "focused distance from which on infinity is sharp"),
-    "circle": ((), "px", "circle of confusion"),
-    "magnification": (
-        ("distance",), "1",
-        "size of an image over that of its object; focusing travel over focal length"),
-    "disparity": (("baseline", "distance"), "px", "difference of the two images of a point"),
-    "depth_error": (
-        ("baseline", "distance"), "m",
-        "depth error of first order for the given error of the disparity"),
-    "rounding_depth_error": (
-        ("baseline", "distance"), "m", "rms depth error of first order with whole pixels"),
-    "rounded_depth_error": (
-        ("baseline", "distance"), "m",
-        "rms depth error of the trials with whole pixels, where the disparity is above 1 px"),
-    "quantity": (("quantity",), "1", "what a value is"),
-    "value": (("quantity",), "1", "value, in the unit beside it"),
-    "unit": (("quantity",), "1", "unit of the value"),
-}  # fmt: skip
+VARIABLES = declared("""
+    sensor_size(sensor, side) [m] length on the sensor
+    angle_of_view(sensor, side, focal_length) [degree] angle of view
+    crop_factor(sensor) [1] diagonal of 36 mm x 24 mm over that of the sensor
+    format_height(ratio, format_width) [1] whole rows of pixels
+    projection_error(distance) [px] largest distance between the images of a marker by a pinhole and
+        with one depth
+    relative_projection_error(distance) [percent] the same over the length of the image of the row
+        of markers
+    nearest_depth(distance) [m] least depth of a marker
+    farthest_depth(distance) [m] largest depth of a marker
+    depth_range(distance) [percent] largest difference of a marker's depth from the mean one, over
+        the mean one
+    image(shown_distance, projection, axis, point) [px] images of the markers
+    vanishing_point(shown_distance, axis) [px] where the images of the beam's long edges meet
+    edge_angle(shown_distance) [degree] angle between the images of the beam's long edges
+    pixelated(width, row, column) [1] grey value from 0 to 255 of the part of the picture with the
+        beam
+    pixel_size(width) [m] length of a pixel at the beam's centre, across the optical axis
+    marker_contrast(width) [percent] a marker's centre against midway between two, over the same of
+        large markers
+    variance_kept(width) [percent] variance of the grey values over that of a picture 1280 pixels
+        wide
+    colour_picture(stage, crop_row, crop_column, colour) [1] the largest marker in colours, from 0
+        to 1
+    colour_error() [percent] rms difference of interpolated from true colours on the beam
+    largest_colour_error() [percent] largest difference of interpolated from true colours on the
+        beam
+    centre_shift() [px] rms shift of the markers' centres by colour interpolation
+    near_limit(f_number, distance) [m] nearest sharp depth at a focused distance
+    far_limit(f_number, distance) [m] farthest sharp depth at a focused distance
+    hyperfocal_distance(f_number) [m] focused distance from which on infinity is sharp
+    circle() [px] circle of confusion
+    magnification(distance) [1] size of an image over that of its object; focusing travel over focal
+        length
+    disparity(baseline, distance) [px] difference of the two images of a point
+    depth_error(baseline, distance) [m] depth error of first order for the given error of the
+        disparity
+    rounding_depth_error(baseline, distance) [m] rms depth error of first order with whole pixels
+    rounded_depth_error(baseline, distance) [m] rms depth error of the trials with whole pixels,
+        where the disparity is above 1 px
+    quantity(quantity) [1] what a value is
+    value(quantity) [1] value, in the unit beside it
+    unit(quantity) [1] unit of the value
+""")
+COORDINATES = declared("""
+    sensor(sensor) [1] sensor
+    side(side) [1] side of the sensor
+    focal_length(focal_length) [m] focal length
+    ratio(ratio) [1] width to height
+    format_width(format_width) [1] width in pixels
+    distance(distance) [m] distance, of the object or the focused one
+    shown_distance(shown_distance) [m] distance of the camera
+    projection(projection) [1] projection
+    axis(axis) [1] image coordinate
+    x(point) [m] marker position along the beam
+    width(width) [1] width of the picture in pixels
+    colour(colour) [1] colour
+    stage(stage) [1] stage of a colour picture
+    f_number(f_number) [1] focal length over diameter of the lens
+    baseline(baseline) [m] distance of parallel cameras
+""")
 
 
 def run(study: Cameras) -> xr.Dataset:
@@ -104,9 +105,7 @@ def run(study: Cameras) -> xr.Dataset:
     """
     cube = xr.Dataset(coords=_coordinates(study))
     for part in (_views, _projections, _horizons, _pictures, _sharpness, _stereo, _summary):
-        for name, values in part(cube, study).items():
-            dims, units, words = VARIABLES[name]
-            cube[name] = (dims, np.asarray(values), {"units": units, "long_name": words})
+        cube = cube.assign(labelled(part(cube, study), VARIABLES))
     return cube
 
 
@@ -119,29 +118,24 @@ def _coordinates(study: Cameras) -> dict[str, Any]:
     asked = np.array(study.distances_mm) / 1000
     curve = np.geomspace(asked.min(), FARTHEST * asked.max(), CURVE)
     every = np.unique(np.round(np.concatenate([curve, asked]), 9))
-    table: dict[str, tuple[str, Any, str, str]] = {
-        "sensor": ("sensor", list(study.sensors_mm), "1", "sensor"),
-        "side": ("side", list(SIDES), "1", "side of the sensor"),
-        "focal_length": (
-            "focal_length", np.array(study.focal_lengths_mm) / 1000, "m", "focal length"),
-        "ratio": ("ratio", list(RATIOS), "1", "width to height"),
-        "format_width": ("format_width", study.format_widths_px, "1", "width in pixels"),
-        "distance": ("distance", every, "m", "distance, of the object or the focused one"),
-        "shown_distance": ("shown_distance", np.round(asked, 9), "m", "distance of the camera"),
-        "projection": ("projection", ["pinhole", "one depth"], "1", "projection"),
-        "axis": ("axis", ["u", "v"], "1", "image coordinate"),
-        "x": ("point", setups.beam().markers[0], "m", "marker position along the beam"),
-        "width": ("width", study.widths_px, "1", "width of the picture in pixels"),
-        "colour": ("colour", ["red", "green", "blue"], "1", "colour"),
-        "stage": ("stage", ["true", "mosaic", "interpolated"], "1", "stage of a colour picture"),
-        "f_number": ("f_number", study.f_numbers, "1", "focal length over diameter of the lens"),
-        "baseline": (
-            "baseline", np.array(study.baselines_mm) / 1000, "m", "distance of parallel cameras"),
-    }  # fmt: skip
-    return {
-        name: (dim, np.array(values), {"units": units, "long_name": words})
-        for name, (dim, values, units, words) in table.items()
+    values = {
+        "sensor": list(study.sensors_mm),
+        "side": list(SIDES),
+        "focal_length": np.array(study.focal_lengths_mm) / 1000,
+        "ratio": list(RATIOS),
+        "format_width": study.format_widths_px,
+        "distance": every,
+        "shown_distance": np.round(asked, 9),
+        "projection": ["pinhole", "one depth"],
+        "axis": ["u", "v"],
+        "x": setups.beam().markers[0],
+        "width": study.widths_px,
+        "colour": ["red", "green", "blue"],
+        "stage": ["true", "mosaic", "interpolated"],
+        "f_number": study.f_numbers,
+        "baseline": np.array(study.baselines_mm) / 1000,
     }
+    return labelled(values, COORDINATES)
 
 
 def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:

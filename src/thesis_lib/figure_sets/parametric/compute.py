@@ -19,7 +19,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
-from thesis_lib.studies.labels import CAMERAS, VARIABLES, add_cameras, coordinates
+from thesis_lib.studies.labels import CAMERAS, SHORT, VARIABLES, add_cameras, coordinates
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project
@@ -109,8 +109,8 @@ def outline(
     add_cameras(cube, settings)
     order = ("reference_deflection", *VARIABLES, *CAMERAS)
     large = {
-        name: (("setting", *dims), dtype, {"units": units, "long_name": long_name})
-        for name, (dims, dtype, units, long_name) in VARIABLES.items()
+        name: (("setting", *one.dims), SHORT.get(name, "float64"), one.attributes)
+        for name, one in VARIABLES.items()
     }
     large["predicted_error"][2]["long_name"] = study.law
     work = partial(
@@ -128,7 +128,7 @@ def outline(
         blocks = _blocks(settings, study.trials, points[0].size)
         for block, results in computed(work, blocks, scheduler, piece_bytes):
             for name, result in results.items():
-                of_trials = "trial" in VARIABLES[name][0]
+                of_trials = "trial" in VARIABLES[name].dims
                 values[name][block.place if of_trials else block.setting] = result
 
     return Outline(cube, large, fill, order)

@@ -22,9 +22,40 @@ from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
 from thesis_lib.studies.labels import extremes, field_coordinates
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import resonance, world_points
 from thesis_lib.vision import rounding
+
+VARIABLES = declared("""
+    plane_error(setting, mode, trial, plane) [percent] rms pressure error over a plane (eq. 6.8), of
+        the plane's largest reference pressure
+    plane_error_of_larger(setting, mode, trial, plane) [percent] rms pressure error over a plane, of
+        the largest reference pressure of both planes
+    predicted_error(setting, mode, plane) [percent] rms error over the trials by a law
+    independent_ratio(mode, plane) [1] plane error over mean deflection error for errors of equal
+        size, marker by marker
+    largest_pressure(mode, plane) [Pa] largest reference pressure
+    deflection_error(setting, mode, trial) [percent] rms deflection error over the markers of the
+        same run (eq. 4.9)
+    best_and_worst(case, mode, extreme) [1] index of the setting with the lowest and highest
+        deflection error in trial 0
+    piston_size(mode) [1] wavenumber times the longer side of a piston; above 1 it is hardly a point
+        source
+    radiation_efficiency(mode) [1] radiated power over that of a plane wave of the same mean square
+        velocity
+    pressure_reference_real(mode, plane, u, z) [Pa] reference pressure, real part
+    pressure_reference_imag(mode, plane, u, z) [Pa] reference pressure, imaginary part
+    pressure_measured_real(case, mode, extreme, plane, u, z) [Pa] pressure of the measured
+        deflections in trial 0, real part
+    pressure_measured_imag(case, mode, extreme, plane, u, z) [Pa] pressure of the measured
+        deflections in trial 0, imaginary part
+""")
+LEVELS = declared("""
+    sound_power(mode) [W] sound power of the reference deflection
+    sound_power_level(mode) [dB] sound power level re 1 pW
+    largest_pressure_level(mode, plane) [dB] largest sound pressure level re 20 uPa
+""")
 
 
 def checksum(plate_cube: xr.Dataset) -> str:
@@ -142,50 +173,27 @@ def outline(
         if coordinate.dims in (("setting",), ("mode",), ("trial",))
     }
     cube = xr.Dataset(coords={**kept, **field_coordinates(planes, list(chosen))})
-    trial = ("setting", "mode", "trial", "plane")
-    field = ("mode", "plane", "u", "z")
-    later: dict[str, Any] = {}
-    order = []
-    for name, dims, values, units, long_name in (
-        ("plane_error", trial, None, "percent",
-         "rms pressure error over a plane (eq. 6.8), of the plane's largest reference pressure"),
-        ("plane_error_of_larger", trial, None, "percent",
-         "rms pressure error over a plane, of the largest reference pressure of both planes"),
-        ("predicted_error", ("setting", "mode", "plane"), None, "percent", study.law),
-        ("independent_ratio", ("mode", "plane"), independent * amplitude / usable, "1",
-         "plane error over mean deflection error for errors of equal size, marker by marker"),
-        ("largest_pressure", ("mode", "plane"), largest, "Pa", "largest reference pressure"),
-        ("deflection_error", trial[:3], None, "percent",
-         "rms deflection error over the markers of the same run (eq. 4.9)"),
-        ("best_and_worst", ("case", "mode", "extreme"), np.array(list(chosen.values())), "1",
-         "index of the setting with the lowest and highest deflection error in trial 0"),
-        (
-            "piston_size",
-            ("mode",),
-            piston_size,
-            "1",
-            "wavenumber times the longer side of a piston; above 1 it is hardly a point source",
-        ),
-        ("radiation_efficiency", ("mode",), power[:, 1], "1",
-         "radiated power over that of a plane wave of the same mean square velocity"),
-        ("pressure_reference_real", field, fields.real, "Pa", "reference pressure, real part"),
-        ("pressure_reference_imag", field, fields.imag, "Pa", "reference pressure, imaginary part"),
-        ("pressure_measured_real", ("case", "mode", "extreme", *field[1:]), None,
-         "Pa", "pressure of the measured deflections in trial 0, real part"),
-        ("pressure_measured_imag", ("case", "mode", "extreme", *field[1:]), None,
-         "Pa", "pressure of the measured deflections in trial 0, imaginary part"),
-    ):  # fmt: skip
-        attributes = {"units": units, "long_name": long_name}
-        kind = "float32" if name.startswith("pressure") else "float64"
-        order.append(name)
-        if values is None:
-            later[name] = (dims, kind, attributes)
-        else:
-            cube[name] = (dims, values.astype(kind) if kind == "float32" else values, attributes)
+    values = {
+        "independent_ratio": independent * amplitude / usable,
+        "largest_pressure": largest,
+        "best_and_worst": np.array(list(chosen.values())),
+        "piston_size": piston_size,
+        "radiation_efficiency": power[:, 1],
+        "pressure_reference_real": fields.real.astype("float32"),
+        "pressure_reference_imag": fields.imag.astype("float32"),
+    }
+    cube = cube.assign(labelled(values, VARIABLES))
+    later = {
+        name: (one.dims, "float32" if name.startswith("pressure") else "float64", one.attributes)
+        for name, one in VARIABLES.items()
+        if name not in values
+    }
+    later["predicted_error"][2]["long_name"] = study.law
+    order = [*VARIABLES]
     for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
         cube[name] = plate_cube[name]
     if study.amplitude_mm == "force":
-        _add_levels(cube, power[:, 0], largest)
+        cube = _with_levels(cube, power[:, 0], largest)
     order += [str(name) for name in cube.data_vars if name not in order]
 
     rests = np.zeros_like(reference)
@@ -226,13 +234,11 @@ def outline(
     return Outline(cube, later, fill, tuple(order))
 
 
-def _add_levels(cube: xr.Dataset, power: Array, largest: Array) -> None:
-    """Power and levels, which mean something only for a force in newtons."""
-    for name, dims, values, units, long_name in (
-        ("sound_power", ("mode",), power, "W", "sound power of the reference deflection"),
-        ("sound_power_level", ("mode",), radiation.power_level(power), "dB",
-         "sound power level re 1 pW"),
-        ("largest_pressure_level", ("mode", "plane"), radiation.pressure_level(largest), "dB",
-         "largest sound pressure level re 20 uPa"),
-    ):  # fmt: skip
-        cube[name] = (dims, values, {"units": units, "long_name": long_name})
+def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:
+    """A cube with power and levels, which mean something only for a force in newtons."""
+    values = {
+        "sound_power": power,
+        "sound_power_level": radiation.power_level(power),
+        "largest_pressure_level": radiation.pressure_level(largest),
+    }
+    return cube.assign(labelled(values, LEVELS))
