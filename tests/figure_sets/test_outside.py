@@ -78,6 +78,34 @@ def test_it_is_listed_run_drawn_and_compared(footprint, tmp_path):
     assert "pixel at 500 mm" in differs.out
 
 
+def test_a_cube_of_it_is_known_in_its_folder_alone(footprint, tmp_path, monkeypatch):
+    asked = ["run", footprint, "--out", tmp_path / "out"]
+    assert thesis(*asked).status == 0
+    for known in (registry.FIGURE_SETS, registry.STUDIES, outside._PLACES):
+        known.pop("footprint")
+    monkeypatch.setenv(outside.ENVIRONMENT, "")
+    monkeypatch.chdir(tmp_path)
+    cube = tmp_path / "out" / "footprint.nc"
+    said = refusal(thesis("compare", cube))
+    assert "its figure set footprint is not known here: run this in its folder" in said
+    said = refusal(thesis("run", "footprint"))
+    assert "for the folder here: thesis run ./footprint" in said
+    monkeypatch.chdir(footprint)
+    assert thesis("compare", cube).status == 0
+
+
+def test_a_failing_cell_is_counted_as_in_the_notebook(footprint, tmp_path):
+    file = footprint / "footprint.ipynb"
+    document = nbformat.read(file, as_version=4)
+    document.metadata.pop("kernelspec")  # nor is a kernel needed
+    document.cells[1].source = document.cells[1].source.replace('"line"', '"lines"')
+    nbformat.write(document, file)
+    done = thesis("run", footprint, "--out", tmp_path / "out")
+    assert done.status == 1
+    assert "footprint: cell 2 failed with AttributeError" in done.err
+    assert "figures.py has no function lines (did you mean line?)" in done.err
+
+
 def test_it_is_refused_as_others_are(footprint, tmp_path):
     said = refusal(thesis("run", footprint, "-p", "focal_length_mm=-1", "--out", tmp_path / "out"))
     assert said == ("thesis: footprint: focal_length_mm: given -1, allowed: a number above 0, "
@@ -126,11 +154,25 @@ def rewrite(file: Path, old: str, new: str) -> None:
 
 
 BROKEN = {
-    "no folder": (lambda f: shutil.rmtree(f), "figure_set.py is missing"),
+    "no folder": (lambda f: shutil.rmtree(f), "footprint: no such folder"),
     "no figure_set.py": (lambda f: (f / "figure_set.py").unlink(), "figure_set.py is missing"),
     "no compute.py": (lambda f: (f / "compute.py").unlink(), "compute.py is missing"),
     "no notebook": (lambda f: (f / "footprint.ipynb").unlink(), "footprint.ipynb is missing"),
-    "no module": (lambda f: (f / "parameters.py").unlink(), "cannot be imported"),
+    "no module": (
+        lambda f: (f / "parameters.py").unlink(),
+        "parameters.py is missing; figure_set.py imports it"),
+    "another package": (
+        lambda f: rewrite(f / "parameters.py", "from thesis_lib.studies.request", "from nowhere"),
+        "cannot be imported: No module named 'nowhere'"),
+    "chapter": (
+        lambda f: rewrite(f / "figure_set.py", 'chapter=""', 'chapter="ch9"'),
+        "the chapter 'ch9'; wanted: empty, or of ch2, ch3"),
+    "words": (
+        lambda f: rewrite(f / "parameters.py", "varied, varied_label =", "_, _ ="),
+        "Footprint does not say varied, varied_label"),
+    "default": (
+        lambda f: rewrite(f / "parameters.py", "field(24.0,", "field(-24.0,"),
+        "of its defaults, footprint: focal_length_mm: given -24.0, allowed: a number above 0"),
     "syntax": (lambda f: (f / "parameters.py").write_text("def"), "SyntaxError"),
     "no list": (lambda f: rewrite(f / "figure_set.py", "FIGURE_SETS", "SETS"), "FIGURE_SETS"),
     "another list": (

@@ -101,7 +101,8 @@ def _request(cube: xr.Dataset, path: Path) -> Study:
     """What a cube says it was made for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
     if not outside.is_known(name):
-        raise _refusal(path, "it lacks a known figure set")
+        here = "run this in its folder, the one with figure_set.py"
+        raise _refusal(path, f"its figure set {one_line(name)} is not known here: {here}")
     try:
         values = json.loads(given)
         request = validate(name, values)
@@ -166,5 +167,5 @@ def _list_problems(cube: xr.Dataset, needed: set[str]) -> Iterator[str]:
             yield f"its {name} is not along {first}"
     if len(set(cube[first].values.tolist())) < cube.sizes[first]:
         yield f"it has a {first} twice"
-    if "value" in needed and cube["value"].dtype.kind != "f":
+    if "value" in needed and cube["value"].dtype.kind not in "fiu":
         yield "its value is no number"

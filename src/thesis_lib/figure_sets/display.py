@@ -18,7 +18,7 @@ from thesis_lib.plotting import captions
 from thesis_lib.plotting.captions import Caption
 from thesis_lib.plotting.style import in_style, svg
 from thesis_lib.studies.attributes import described
-from thesis_lib.studies.request import Study
+from thesis_lib.studies.request import Study, suggestion
 
 _PICTURE = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 
@@ -58,7 +58,11 @@ def picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
     """
     of = str(cube.attrs["figure_set"])
     with in_style(picture_style(of)):
-        drawing: Figure | None = getattr(_figures(of), name)(cube, *which)
+        figures = _figures(of)
+        if not hasattr(figures, name):
+            hint = suggestion(name, vars(figures))
+            raise AttributeError(f"{figures.__file__} has no function {name}{hint}")
+        drawing: Figure | None = getattr(figures, name)(cube, *which)
         return drawing
 
 

@@ -25,6 +25,7 @@ from thesis_lib.text import one_line
 
 ENVIRONMENT = "THESIS_FIGURE_SETS"
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+_WORDS = ("title", "subject", "study", "varied", "varied_label")
 _PLACES: dict[str, Path] = {}  # of the sets that were loaded, by name
 
 
@@ -126,6 +127,8 @@ def _assigned(code: list[ast.stmt]) -> dict[str, ast.expr | None]:
 def _declared(folder: Path) -> list[FigureSet]:
     """What a folder's module ``figure_set`` declares."""
     file = folder / "figure_set.py"
+    if not folder.is_dir():
+        raise ParameterError(f"{folder}: no such folder; wanted: one with figure_set.py")
     if not file.is_file():
         raise ParameterError(
             f"{file} is missing; wanted: a list FIGURE_SETS of what the folder holds"
@@ -136,6 +139,12 @@ def _declared(folder: Path) -> list[FigureSet]:
     sys.modules[package.__name__] = package
     try:
         module = import_module(f"{package.__name__}.figure_set")
+    except ModuleNotFoundError as error:
+        own, _, rest = str(error.name).partition(".")
+        lacks = folder.joinpath(*rest.split(".")).with_suffix(".py")
+        if own != package.__name__:
+            raise ParameterError(f"{file} cannot be imported: {one_line(str(error))}") from None
+        raise ParameterError(f"{lacks} is missing; {file.name} imports it") from None
     except Exception as error:  # whatever a reader's module does
         raise ParameterError(
             f"{file} cannot be imported: {type(error).__name__}: {one_line(str(error))}"
@@ -159,6 +168,16 @@ def _problems(one: FigureSet, folder: Path) -> Iterator[str]:
         yield f"{file}: the name {one_line(name)!r}; wanted: lower-case words joined by hyphens"
     if name in FIGURE_SETS or name in CHAPTERS:
         yield f"{file}: the name {name} is taken; wanted: another"
+    if one.chapter and one.chapter not in CHAPTERS:
+        known = ", ".join(CHAPTERS)
+        yield f"{file}: the chapter {one_line(repr(one.chapter))}; wanted: empty, or of {known}"
+    if lacks := [word for word in _WORDS if not hasattr(one.request, word)]:
+        yield f"{file}: {one.request.__name__} does not say {', '.join(lacks)}"
+    try:
+        fields = one.request.model_fields.items()
+        validated(one.request, {n: f.get_default(call_default_factory=True) for n, f in fields})
+    except ParameterError as error:
+        yield f"{file}: of its defaults, {error}"
     modules = {"module": one.module, "figure": one.figure.partition(":")[0]}
     for field, module in modules.items():
         own, _, rest = module.partition(".")

@@ -50,8 +50,10 @@ def validate(name: str, values: Mapping[str, Any]) -> Study:
         In one line: the set and field, what was given, what is allowed and in which unit.
     """
     if name not in STUDIES:
+        folders = {file.parent.name for file in Path().glob("*/figure_set.py")}
+        here = f"for the folder here: thesis run ./{name}; " if name in folders else ""
         raise ParameterError(
             f"{one_line(name)}: no such figure set{suggestion(name, [*STUDIES, *CHAPTERS])}; "
-            f"{listed([*STUDIES, *CHAPTERS], 'thesis list')}"
+            f"{here}{listed([*STUDIES, *CHAPTERS], 'thesis list')}"
         )
     return validated(STUDIES[name], values)

@@ -186,6 +186,7 @@ def _in_kernel(job: Job, folder: Path, executed: Path, cube: Path) -> None:
             str(executed),
             parameters={**given(job.study), "cube": str(cube)},
             kernel_name="python3",
+            language="python",
             kernel_manager_class=kernel.manager(folder / "kernel"),
             progress_bar=False,
             store_widget_state=False,
@@ -195,8 +196,12 @@ def _in_kernel(job: Job, folder: Path, executed: Path, cube: Path) -> None:
         if full := full_disk(folder):
             raise RunError(f"{name}: {full}") from None
         why = f"{error.ename}: {' '.join(error.evalue.split())}"
+        codes = [cell for cell in asked.cells if cell.cell_type == "code"]
+        tags = [cell.metadata.get("tags", []) for cell in codes]
+        injected = next(i for i, tagged in enumerate(tags, 1) if "parameters" in tagged)
+        number = error.exec_count - (error.exec_count > injected)
         raise RunError(
-            f"{name}: cell {error.exec_count} failed with {why}; {kept}; "
+            f"{name}: cell {number} failed with {why}; {kept}; "
             "mend the cause and run the same command again"
         ) from None
     except (DeadKernelError, RuntimeError) as error:

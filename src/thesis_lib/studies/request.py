@@ -87,7 +87,7 @@ class Study(BaseModel):
     def is_of_the_thesis(self) -> bool:
         """Whether the parameters are the thesis's, apart from what only chooses or draws."""
         model = type(self)
-        if any(info.is_required() for info in model.model_fields.values()):
+        if model.folder or any(info.is_required() for info in model.model_fields.values()):
             return False
         printed, fields = model(), set(model.model_fields) - CHOOSES
         return all(getattr(self, name) == getattr(printed, name) for name in fields)
