@@ -14,10 +14,10 @@ from rocrate.model.contextentity import ContextEntity
 from rocrate.rocrate import ROCrate
 
 from thesis_lib import __version__
-from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.runs.provenance import FOLDER
 from thesis_lib.studies.commands import command
+from thesis_lib.studies.storage import attributes
 
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 NAME = "ro-crate-metadata.json"
@@ -75,10 +75,10 @@ def _entity(crate: ROCrate, id_: str, kind: str, **said: Any) -> Any:
 
 def _action(crate: ROCrate, book: Path, notebook: Path, file: Path) -> Any:
     """The run of one figure set."""
-    cube = cube_file.read(file)
+    about = attributes(file)
     ran = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]
-    name = str(cube.attrs["figure_set"])
-    study = validate(name, json.loads(cube.attrs["parameters"]))
+    name = str(about["figure_set"])
+    study = validate(name, json.loads(about["parameters"]))
     files = {
         f"{FOLDER}/{name}.nc": ("application/x-netcdf", "results, as netCDF"),
         f"{FOLDER}/{name}.csv": ("text/csv", "errors, as a table"),
@@ -111,7 +111,7 @@ def _action(crate: ROCrate, book: Path, notebook: Path, file: Path) -> Any:
                 "description": f"`{command(study)}`; parameters' hash {study.digest}",
                 "startTime": str(papermill["start_time"]),
                 "endTime": str(papermill["end_time"]),
-                "instrument": {"@id": _library(crate, cube).id},
+                "instrument": {"@id": _library(crate, about).id},
                 "object": [{"@id": one.id} for one in (*filter(None, [source]), *values)],
                 "result": [{"@id": one.id} for one in parts.values()],
                 "actionStatus": "http://schema.org/CompletedActionStatus",
@@ -120,12 +120,12 @@ def _action(crate: ROCrate, book: Path, notebook: Path, file: Path) -> Any:
     )
 
 
-def _library(crate: ROCrate, cube: Any) -> Any:
+def _library(crate: ROCrate, about: dict[str, Any]) -> Any:
     """The software that made a cube."""
-    commit, versions = str(cube.attrs["commit"]).strip(), json.loads(cube.attrs["versions"])
+    commit, versions = str(about["commit"]).strip(), json.loads(about["versions"])
     packages = ", ".join(f"{name} {version}" for name, version in versions.items())
     return _entity(
         crate, f"#thesis_lib-{commit}", "SoftwareApplication", name="thesis_lib",
         softwareVersion=f"{__version__}, commit {commit}", softwareRequirements=packages,
-        description=f"SHA-256 of the library: {cube.attrs['library_sha256']}",
+        description=f"SHA-256 of the library: {about['library_sha256']}",
     )  # fmt: skip

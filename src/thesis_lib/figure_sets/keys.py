@@ -10,6 +10,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 from thesis_lib.facts.setups import data_folder
@@ -78,7 +79,12 @@ def digest(files: Iterable[Path]) -> str:
 
 def _words(files: Iterable[Path]) -> set[str]:
     """What stands between quotation marks in some modules, if it could name a file."""
-    return {word for file in files for word in re.findall(r'"([\w.-]+)"', code(file).decode())}
+    return {word for file in files for word in _quoted(code(file))}
+
+
+@cache
+def _quoted(text: bytes) -> frozenset[str]:
+    return frozenset(re.findall(r'"([\w.-]+)"', text.decode()))
 
 
 def _lock() -> Path:

@@ -203,6 +203,12 @@ def _refuse_bomb(file: h5netcdf.File, path: Path) -> None:
         raise CubeError(f"{path}: not a cube of this project ({size:.3g} MB say {held:.3g} MB)")
 
 
+def attributes(path: Path) -> dict[str, Any]:
+    """What a netCDF file says of itself as a whole, without its variables."""
+    with _HDF5, h5netcdf.File(path) as file:
+        return dict(file.attrs)
+
+
 def opened(path: Path) -> xr.Dataset:
     """Open a netCDF file, with one-line errors.
 
