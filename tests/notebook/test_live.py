@@ -140,10 +140,13 @@ def test_what_fails_is_told(monkeypatch):
     assert not made.button.disabled
 
 
-def test_what_takes_minutes_says_so():
+@pytest.mark.parametrize(("seconds", "said"), [(99, True), (9, False)])
+def test_what_takes_minutes_says_so(monkeypatch, seconds, said):
+    cost = effort.Effort(seconds, 300, 1)
+    monkeypatch.setattr(effort, "read", lambda: {"design-law": cost})
     request = validate("design-law", {})
     title = live.layout(request, live.controls(request)).children[0].value
-    assert f"Takes minutes: {effort.read()['design-law'].time}" in title
+    assert (f"Takes minutes: {cost.time}" in title) == said
 
 
 # The notebooks.
