@@ -171,8 +171,7 @@ def print_commands() -> None:
 def print_times() -> None:
     """What took longer here, the last time that it ran, than is published."""
     here, published = times.read(times.measured_path()), times.read(times.published_path())
-    print("\nSteps of the book and files of tests that take longer than published, in loops of "
-          f"{1000 * times.calibration():.1f} ms")  # fmt: skip
+    print("\nSteps of the book and files of tests that take longer than published: loops then, now")
     for what, then, now in times.longer(published, here):
         print(f"{what:<60} {then:>8.0f} {now:>8.0f}")
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from thesis_lib.book.site import swap
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.files import staging, whole_file
 from thesis_lib.plotting import numbers as plotted
@@ -37,8 +38,7 @@ def tables(folder: Path, made: Iterable[Path]) -> None:
             for (case, mode), name in plotted.figure_names(cube).items():
                 table = plotted.figure_table(cube, errors, case, mode)
                 _write(new / path.stem / f"{name}.csv", plotted.as_csv(table))
-        shutil.rmtree(folder, ignore_errors=True)
-        new.rename(folder)
+        swap(new, folder)
 
 
 def fill(book: Path, made: Iterable[Path], numbers: Path) -> None:

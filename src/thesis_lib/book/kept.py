@@ -28,10 +28,8 @@ def reading(root: Path) -> Iterator[Path]:
     folder = root / "build" / "cache" / "pages"
     folder.mkdir(parents=True, exist_ok=True)
     record = folder / "read.json"
-    rests_on = [root / name for name in SETTINGS]
-    made_from = files.digest_of(
-        [*filter(Path.is_file, rests_on), *Path(__file__).parent.glob("*.py")]
-    )
+    own = sorted(Path(__file__).parent.glob("*.py"))
+    made_from = files.digest_of([*(root / name for name in SETTINGS), *own])
     with files.one_at_a_time(folder):
         found = records.read(record)
         if found is None or found.made_from != made_from:

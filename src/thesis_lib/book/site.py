@@ -76,7 +76,7 @@ def install_assets(root: Path) -> Path:
         shutil.copy(package / "es5" / Path(MATHJAX).name, new / MATHJAX)
         shutil.copy(package / "LICENSE", new / "mathjax")
         records.write(new / INSTALLED, digest, [new / "mathjax"])
-        _swap(new, assets)
+        swap(new, assets)
     return assets
 
 
@@ -128,7 +128,7 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
                 file.unlink()
         if finish is not None:
             finish(new)
-        _swap(new, out)
+        swap(new, out)
     return out / "index.html"
 
 
@@ -199,7 +199,7 @@ def npm_ci(work: Path, what: str, *options: str) -> None:
         raise BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
 
 
-def _swap(new: Path, target: Path) -> None:
+def swap(new: Path, target: Path) -> None:
     """Put the folder `new` in the place of `target`, by renaming within one file system."""
     old = new.with_name("old")
     if target.exists():

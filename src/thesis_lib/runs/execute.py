@@ -105,6 +105,16 @@ def _only_words_changed(job: Job, made_from: str) -> bool:
     return same and not records.damage(job.notebook, job.targets)
 
 
+def _retold(job: Job) -> Any:
+    """A job's executed notebook with the prose that its source has now."""
+    document = json.loads(job.notebook.read_text(encoding="utf-8"))
+    words = _words(json.loads(source(job.study.name).read_text(encoding="utf-8")))
+    for cell in document["cells"]:
+        if cell["id"] in words:
+            cell["source"] = words[cell["id"]].splitlines(keepends=True)
+    return document
+
+
 def execute(job: Job, made_from: str) -> None:
     """Execute a job's notebook and put its files in place, with the digest of what it is made from.
 
@@ -116,12 +126,7 @@ def execute(job: Job, made_from: str) -> None:
     name = job.study.name
     with staging(job.notebook.parent) as folder:
         if _only_words_changed(job, made_from):
-            document = json.loads(job.notebook.read_text(encoding="utf-8"))
-            words = _words(json.loads(source(name).read_text(encoding="utf-8")))
-            for cell in document["cells"]:
-                if cell["id"] in words:
-                    cell["source"] = words[cell["id"]].splitlines(keepends=True)
-            _put(job, folder, document, made_from, [])
+            _put(job, folder, _retold(job), made_from, [])
             return
         import nbformat  # papermill and nbconvert take a second to import
 

@@ -98,8 +98,8 @@ class Progress:
         self.done += 1
         if measured:
             self.took[name] = took
-            if known:
-                self.ended.append((took, known))
+        if measured and known:
+            self.ended.append((took, known))
         return took
 
     def left(self) -> str:

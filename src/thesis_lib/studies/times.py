@@ -66,13 +66,7 @@ def note(kind: str, seconds: Mapping[str, float]) -> None:
 def write(path: Path, known: Times) -> None:
     """Write times, the longest first."""
     ordered = {k: dict(sorted(known[k].items(), key=lambda one: -one[1][0])) for k in KINDS}
-    lines = [
-        f' "{kind}": {{\n'
-        + ",\n".join(f"  {json.dumps(name)}: {json.dumps(pair)}" for name, pair in one.items())
-        + "\n }"
-        for kind, one in ordered.items()
-    ]
-    whole_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
+    whole_text(path, json.dumps(ordered, indent=1) + "\n")
 
 
 def longer(published: Times, here: Times, by: float = 1.5) -> list[tuple[str, float, float]]:

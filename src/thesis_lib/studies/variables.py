@@ -2,9 +2,9 @@
 
 Each is ``name(dimensions) [unit] what it is``::
 
-rate(camera) [Hz] frames per second
-tracks(camera, frame, axis) [px] centres of the markers, where they
-were found
+    rate(camera) [Hz] frames per second
+    tracks(camera, frame, axis) [px] centres of the markers, where they
+        were found
 """
 
 from __future__ import annotations
