@@ -11,7 +11,7 @@ from types import ModuleType
 
 from thesis_lib import files
 from thesis_lib.book import chapter as one_chapter
-from thesis_lib.book import crate, downloads, explorer, missing, rerun_form, unchanged
+from thesis_lib.book import crate, demos, downloads, explorer, missing, rerun_form, unchanged
 from thesis_lib.book import publish as publishing
 from thesis_lib.book import site as book
 from thesis_lib.book.conclusions import figure as conclusions_figure
@@ -34,6 +34,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "explorer": explorer.explorer_html,
     "explorer-home": partial(explorer.explorer_html, "s=beam&m=3&t=4a-6", compact=True),
     "rerun-form": rerun_form.page,
+    **{name.replace("_", "-"): partial(demos.html, name) for name in demos.NAMES},
 }
 """Pieces of pages that depend on the library, and what is published, alone."""
 
@@ -206,7 +207,7 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
         step(
             "index, assumptions, explorer, form",
             lambda: _tell(executed),
-            [thesis_index, assumptions, explorer, rerun_form],
+            [thesis_index, assumptions, explorer, demos, rerun_form],
             [*plan.pages, *published],
             [
                 *texts([*thesis_index.PIECES, *assumptions.PIECES]),

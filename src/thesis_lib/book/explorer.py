@@ -7,7 +7,6 @@ their published errors, and what the thesis states of them.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -26,36 +25,17 @@ from thesis_lib.studies import cubes
 from thesis_lib.studies.published import read_published
 from thesis_lib.vibration.beam import Beam, cantilever_roots
 from thesis_lib.vibration.plate import Plate
-from thesis_lib.web.fragment import ASSETS, plain, static_html
+from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, plain, static_html
 
 __all__ = ["Explorer", "explorer_data", "explorer_html"]
 
 MODES = (1, 2, 3)
 ERRORS = ("mean_error", "max_point_error")
 WITHOUT = "The explorer needs JavaScript; `thesis run beam-arrays` measures layouts of your own."
-_IMPORT = re.compile(r'^import (?:(\w+)|\{.*\}) from "\./(\w+)\.js";\n', re.MULTILINE)
 
 
-def _asset(name: str) -> str:
-    return (ASSETS / name).read_text(encoding="utf-8")
-
-
-def _module(name: str, written: dict[str, str]) -> str:
-    """Write explorer.js and what it imports as one module, each part behind those it needs."""
-    text = _asset(f"{name}.js")
-    for default, needed in _IMPORT.findall(text):
-        if needed not in written:
-            part = _module(needed, written)
-            before, _, export = part.rpartition("\nexport default ")
-            joined = f"{before}\nconst {default} = {export}" if default else part
-            written[needed] = re.sub("^export ", "", joined, flags=re.MULTILINE)
-    return _IMPORT.sub("", text)
-
-
-_PARTS: dict[str, str] = {}
-_PARTS["explorer"] = _module("explorer", _PARTS)  # last: behind all that it needs
-_ESM = "".join(_PARTS.values())
-_CSS = _asset("viewer.css") + _asset("explorer.css")
+_ESM = joined("explorer")
+_CSS = VIEWER_CSS + asset("explorer.css")
 
 
 def explorer_data() -> dict[str, Any]:

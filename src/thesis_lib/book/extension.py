@@ -9,6 +9,7 @@ from typing import Any
 from docutils import nodes
 from sphinx.addnodes import toctree
 
+from thesis_lib.book.shown_code import ShownCode
 from thesis_lib.files import digest_of
 
 _BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
@@ -16,6 +17,7 @@ _BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(
 
 def setup(app: Any) -> dict[str, bool]:
     """Connect all of it."""
+    app.add_directive("computed-by", ShownCode)
     app.connect("env-get-outdated", _edited)
     app.connect("env-updated", _remember)
     app.connect("write-started", _shorten_margin)

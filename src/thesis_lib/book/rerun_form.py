@@ -13,10 +13,10 @@ from typing import Any
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, TITLES
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import Study, describe, permitted, whole_numbers
-from thesis_lib.web.fragment import ASSETS, static_html
+from thesis_lib.web.fragment import asset, static_html
 
-_ESM = (ASSETS / "rerun.js").read_text(encoding="utf-8")
-_CSS = (ASSETS / "rerun.css").read_text(encoding="utf-8")
+_ESM = asset("rerun.js")
+_CSS = asset("rerun.css")
 WITHOUT = "This form needs JavaScript; `thesis list NAME` tells the same of a figure set."
 _TOLD = {"title", "description", "default", "allowed"}  # of a schema, told apart from it
 

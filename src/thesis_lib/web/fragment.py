@@ -14,10 +14,16 @@ from pathlib import Path
 from typing import Any
 
 ASSETS = Path(__file__).parent / "assets"
-VIEWER_CSS = (ASSETS / "viewer.css").read_text(encoding="utf-8")
 KINDS = ("beam", "plate", "sound")
-_IMPORT = re.compile(r'^import (?:\{[^}]*\} from )?"\./(\w+)\.js";\n', re.MULTILINE)
+_IMPORT = re.compile(r'^import (?:(?:(\w+)|\{[^}]*\}) from )?"\./(\w+)\.js";\n', re.MULTILINE)
 
+
+def asset(name: str) -> str:
+    """The text of a file of the front ends."""
+    return (ASSETS / name).read_text(encoding="utf-8")
+
+
+VIEWER_CSS = asset("viewer.css")
 WITHOUT = "This viewer needs JavaScript; the figures below show the same results."
 _FRAGMENT = """\
 <div class="tl-fragment" data-tl-fragment="%(id)s"%(prints)s>
@@ -53,15 +59,18 @@ def joined(front: str, *kinds: str) -> str:
     """Write a front end and what it imports as one module, without the panels of other kinds."""
     modules = {kind: "" for kind in KINDS if kind not in kinds}
 
-    def add(name: str) -> None:
+    def add(name: str, wanted: str = "") -> None:
         if name in modules:
             return
         modules[name] = ""  # a part stands behind those it needs, also if they need each other
-        text = (ASSETS / f"{name}.js").read_text(encoding="utf-8")
-        for needed in _IMPORT.findall(text):
-            add(needed)
+        text = asset(f"{name}.js")
+        for default, needed in _IMPORT.findall(text):
+            add(needed, default)
         del modules[name]
-        modules[name] = re.sub(r"^export (?!default )", "", _IMPORT.sub("", text), flags=re.M)
+        text = re.sub(r"^export (?!default )", "", _IMPORT.sub("", text), flags=re.M)
+        modules[name] = (
+            text.replace("\nexport default ", f"\nconst {wanted} = ") if wanted else text
+        )
 
     add(front)
     return "".join(modules.values())

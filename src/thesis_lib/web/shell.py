@@ -6,13 +6,13 @@ from html import escape
 
 from pygments.formatters import HtmlFormatter  # type: ignore[import-untyped, unused-ignore]
 
-from thesis_lib.web.fragment import ASSETS
+from thesis_lib.web.fragment import asset
 
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' blob: data:; style-src 'unsafe-inline'; "
     "img-src data: blob:; media-src data: blob:; font-src data:; connect-src data: blob:"
 )
-_CSS = (ASSETS / "page.css").read_text(encoding="utf-8")
+_CSS = asset("page.css")
 # Equations are where `_math` has put them, and nowhere else: not in what readers have named. And
 # what they say makes no links, attributes or scripts.
 _MATHJAX_SETUP = """{

@@ -1,0 +1,91 @@
+// What the small experiments of a page share: controls, panels that are drawn anew when something changes, draws.
+import { MARGIN, frame } from "./chart.js";
+import { figure, fill, fixed, html, path, svg, text, ticks } from "./parts.js";
+
+export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
+export const rms = (values) => Math.sqrt(values.reduce((sum, value) => sum + value * value, 0) / values.length);
+
+// Numbers in [0, 1) that are the same on every visit (mulberry32).
+export function dice() {
+  let seed = 0;
+  return () => {
+    seed = (seed + 0x6d2b79f5) | 0;
+    let z = Math.imul(seed ^ (seed >>> 15), seed | 1);
+    z ^= z + Math.imul(z ^ (z >>> 7), z | 61);
+    return ((z ^ (z >>> 14)) >>> 0) / 2 ** 32;
+  };
+}
+
+export function slider(words, [low, high], step, digits, unit, read, write) {
+  const box = html("input", { type: "range", min: low, max: high, step }), shown = html("b");
+  box.addEventListener("input", () => write(Number(box.value)));
+  const node = html("label", { class: "tl-field tl-demo-slider" }, html("span", {}, `${words} `, shown), box);
+  return { node, refresh() {
+    box.value = read();
+    shown.textContent = `${fixed(read(), digits)}${unit}`;
+    fill(box, { "aria-valuetext": shown.textContent });
+  } };
+}
+export function button(words, onClick) {
+  const node = html("button", { type: "button", class: "tl-play" }, words);
+  node.addEventListener("click", onClick);
+  return { node, refresh() {} };
+}
+
+// An experiment in `el`: `controls` as above, figures by their letters, and `draw(figures, width)`, which returns what is said
+// below and may ask for one more frame by `request`.
+export function experiment(el, label, letters, build) {
+  const status = html("p", { class: "tl-summary", role: "status" }), panels = {};
+  for (const letter of letters) panels[letter] = figure(letter, svg("svg", { role: "img" }));
+  let waiting = 0;
+  const request = () => { waiting ||= requestAnimationFrame(refresh); };
+  const { controls, draw, model } = build(request, panels);
+  const root = html("section", { class: "tl-viewer tl-demo", "aria-label": label },
+    html("div", { class: "tl-controls" }, ...controls.map(({ node }) => node)),
+    html("div", { class: "tl-grid" }, ...letters.map((letter) => panels[letter].node)), status);
+  function refresh() {
+    waiting = 0;
+    root.classList.toggle("tl-wide", root.clientWidth > 640);
+    controls.forEach((one) => one.refresh());
+    status.textContent = draw(Object.fromEntries(letters.map((one) => [one, panels[one].canvas.clientWidth || 480])));
+  }
+  root.demo = model; // for tests
+  el.replaceChildren(root);
+  refresh();
+  const observer = new ResizeObserver(request);
+  observer.observe(root);
+  return () => { observer.disconnect(); cancelAnimationFrame(waiting); };
+}
+
+// Words above a panel, and for whoever does not see it.
+export function headline({ canvas, caption }, words, more = "") {
+  caption.textContent = words;
+  fill(canvas, { "aria-label": `${words}. ${more}` });
+}
+
+// Axes with numbers on both sides; `frame` draws those of y.
+export function axes(panel, width, across, up, xTitle, yTitle) {
+  const { x, y, bottom } = frame(panel, width, across, up, xTitle, yTitle);
+  panel.canvas.append(...ticks(...across, width < 420 ? 4 : 7).flatMap(([value, words]) =>
+    [path("tl-axis", `M${x(value)} ${bottom}v5`), text(x(value), bottom + 18, words)]));
+  return { x, y, bottom, right: width - MARGIN.right };
+}
+
+// Follow the pointer over a drawing: `take(x, y)` at its begin returns what `move(x, y)` then is called on, or nothing.
+export function drag(canvas, take) {
+  let move = null;
+  const at = ({ clientX, clientY }) => {
+    const box = canvas.getBoundingClientRect();
+    return [clientX - box.left, clientY - box.top];
+  };
+  canvas.classList.add("tl-demo-drag");
+  canvas.addEventListener("pointerdown", (event) => {
+    if (event.button || move) return;
+    move = take(...at(event)) ?? null;
+    if (!move) return;
+    canvas.setPointerCapture(event.pointerId);
+    event.preventDefault();
+  });
+  canvas.addEventListener("pointermove", (event) => move?.(...at(event)));
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { move = null; });
+}

@@ -1,0 +1,145 @@
+"""The experiments on the law of rounding draw the library's law, and can be used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from browser import Opened, open_offline
+
+from thesis_lib.book import demos
+from thesis_lib.facts import setups
+from thesis_lib.vibration.structure import deflection_shape, world_points
+from thesis_lib.vision.pinhole import hemisphere_cameras
+from thesis_lib.vision.rounding import deflection_variance, difference_variance
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+Show = Callable[..., Any]
+HEAD = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+
+
+@pytest.fixture
+def show(chromium: Browser, tmp_path: Path) -> Show:
+    @contextmanager
+    def opened(name: str, width: int = 900) -> Iterator[Opened]:
+        file = tmp_path / f"{name}.html"
+        file.write_text(f"{HEAD}<body style='margin: 0'>{demos.html(name)}", encoding="utf-8")
+        with open_offline(chromium, file, width) as page:
+            yield page
+            assert page.trouble == []
+            assert page.sideways_px() == 0
+
+    return opened
+
+
+def run(opened: Opened, script: str) -> Any:
+    """A script in which `demo` is what the experiment offers to tests."""
+    return opened.page.evaluate(
+        f"() => {{ const {{ demo }} = document.querySelector('.tl-demo'); {script} }}"
+    )
+
+
+def said(opened: Opened) -> str:
+    return opened.page.locator(".tl-summary").inner_text()
+
+
+def press(opened: Opened, name: str) -> None:
+    opened.page.get_by_role("button", name=name).click()
+
+
+def put(opened: Opened, label: str, value: float) -> None:
+    opened.page.get_by_role("slider", name=label).fill(str(value))
+
+
+def test_a_marker_is_drawn_as_the_library_draws_it(show: Show) -> None:
+    motions = [0.0, 0.05, 0.5, 1.0, 1.3, 2.75]
+    with show("rounding_marker") as opened:
+        law = run(opened, f"return {motions}.map(demo.law)")
+        np.testing.assert_allclose(law, np.sqrt(difference_variance(motions)), atol=1e-12)
+        put(opened, "Motion", 0.4)
+        for _ in range(10):
+            press(opened, "200 random grids")
+        opened.page.wait_for_function(
+            "() => document.querySelector('.tl-demo').demo.found.get(0.4)?.length === 2000"
+        )
+        errors = np.array(run(opened, "return demo.found.get(0.4)"))
+        np.testing.assert_allclose(np.sort(np.unique(errors.round(9))), [-0.4, 0.6])
+        assert np.mean(errors > 0) == pytest.approx(0.4, abs=4 * np.sqrt(0.24 / 2000))
+        opened.page.wait_for_function(
+            "() => document.querySelector('.tl-summary').innerText.includes('Of 2000 draws')"
+        )
+        put(opened, "Motion", 2)
+        opened.page.wait_for_timeout(100)
+        assert said(opened) == "A motion of 2 px is measured without error on every grid."
+
+
+def test_every_motion_is_drawn_at_once_for_whoever_wants_no_movement(show: Show) -> None:
+    with show("rounding_marker") as opened:
+        opened.page.emulate_media(reduced_motion="reduce")
+        press(opened, "for every motion")
+        opened.page.wait_for_timeout(100)
+        assert run(opened, "return demo.found.size") == 60
+
+
+@pytest.mark.parametrize("width", [390, 900])
+def test_marker_and_grid_follow_the_pointer(show: Show, width: int) -> None:
+    with show("rounding_marker", width) as opened:
+        box = opened.page.get_by_test_id("panel-a").bounding_box()
+        pixel = box["width"] / 5.5
+        mouse, y = opened.page.mouse, box["y"] + 74
+        mouse.move(box["x"] + 2.5 * pixel, y)  # 0.2 + 1.3 px from the left end at −1
+        mouse.down()
+        mouse.move(box["x"] + 3.5 * pixel, y)
+        mouse.up()
+        assert run(opened, "return demo.state.motion") == pytest.approx(2.3, abs=0.02)
+        mouse.move(box["x"] + 0.3 * pixel, y)
+        mouse.down()
+        mouse.move(box["x"] + 0.5 * pixel, y)
+        mouse.up()
+        assert run(opened, "return demo.state.shift") == pytest.approx(-0.2, abs=0.02)
+        assert run(opened, "return demo.state.motion") == pytest.approx(2.3, abs=0.02)
+
+
+def test_two_cameras_have_the_law_of_the_library(show: Show) -> None:
+    angles = np.radians([[90, 40], [-90, 40]])
+    cameras = hemisphere_cameras(0.5, *angles.T, 24 / 36 * 320, (320, 180))
+    law = 1e3 * np.sqrt(deflection_variance(cameras.P, [0, 0, 0], [0, 0, 2e-3]))
+    with show("rounding_point") as opened:
+        put(opened, "Elevation", 40)
+        put(opened, "Deflection", 2)
+        press(opened, "400 random pairs")
+        opened.page.wait_for_function(
+            "() => document.querySelector('.tl-summary').innerText.includes('400 draws')"
+        )
+        assert run(opened, "return demo.law(demo.state).sigma") == pytest.approx(law, rel=0.02)
+        errors = np.array(run(opened, "return demo.errors()"))
+        assert np.sqrt(np.mean(errors**2)) == pytest.approx(law, rel=0.15)
+
+
+def test_a_beam_has_the_law_of_the_library(show: Show) -> None:
+    beam = setups.beam()
+    shape = deflection_shape(beam, 2, beam.markers, 5.5e-3)
+    azimuths = (np.arange(6) + 0.3) * 2 * np.pi / 6
+    cameras = hemisphere_cameras(
+        0.5, azimuths, np.full(6, np.radians(35)), 24 / 36 * 320, (320, 180)
+    )
+    law = deflection_variance(cameras.P, *(world_points(beam, w) for w in (0 * shape, shape)))
+    with show("rounding_beam") as opened:
+        put(opened, "Cameras", 6)
+        put(opened, "Mode", 2)
+        opened.page.wait_for_function(
+            "() => document.querySelector('.tl-demo').demo.scene()?.draws === 400"
+        )
+        found = run(opened, "return Array.from(demo.scene().variance)")
+        np.testing.assert_allclose(found, law, rtol=1e-9)
+        drawn = np.array(run(opened, "return demo.scene().squares")) / 400
+        assert np.mean(drawn) == pytest.approx(np.mean(law), rel=0.1)
+        opened.page.wait_for_function(
+            "() => document.querySelector('.tl-summary').innerText.includes('400 draws')"
+        )
