@@ -263,14 +263,15 @@ def test_search_finds_a_page(running: Browser, address: str, over_http: bool) ->
 
 
 @needs_book
-def test_home_shows_on_one_screen_what_this_is(running: Browser) -> None:
+def test_home_answers_on_one_screen_and_ends_on_two(running: Browser) -> None:
     with open_offline(running, BOOK / "intro.html", height=800) as opened:
         page = opened.page
-        for css in (".bd-article h1", ".tl-explorer .tl-ex-status", ".tl-explorer .tl-ex-shapes"):
+        below = {".bd-article h1": 800, ".bd-article ul": 800, ".tl-explorer": 1600}
+        for css, limit in {**below, ".sd-container-fluid >> nth=-1": 1600}.items():
             box = page.locator(css).first.bounding_box()
             assert box is not None
             assert box["y"] >= 0, css
-            assert box["y"] + box["height"] <= 800, css
+            assert box["y"] + box["height"] <= limit, css
         before = page.locator(".tl-ex-status").inner_text()
         page.locator(".tl-explorer .tl-camera").first.focus()
         for _ in range(10):

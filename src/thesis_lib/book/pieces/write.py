@@ -12,7 +12,7 @@ from thesis_lib import files
 from thesis_lib.book import missing
 from thesis_lib.book.conclusions import tables as conclusions_tables
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
-from thesis_lib.book.pieces import rounding
+from thesis_lib.book.pieces import home, rounding
 from thesis_lib.book.pieces.chapters import (
     beam_results,
     experiment_results,
@@ -105,6 +105,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},
     **{f"planner-{name}": partial(_planner, name) for name in planner_tables.PIECES},
     "planner-parameters": lambda _: parameter_table(PlanRequest, ["cube"]),
+    **home.PIECES,
     **rounding.PIECES,
     "beam-model": lambda _: structure_model(setups.beam(), "mm", 1e3),
     "beam-results": beam_results,
