@@ -30,7 +30,7 @@ class ShownCode(SphinxDirective):
             raise self.error(f"computed-by: the library has no {full}") from None
         self.env.note_dependency(str(Path(inspect.getfile(function)).relative_to(project_root())))
         return self.parse_text_to_nodes(
-            f"::::{{dropdown}} In code: `{name}`\n"
+            f"::::{{dropdown}} In code: `{name}`\n:class-container: tl-code\n\n"
             f"{{py:func}}`{full}`, without its description:\n\n"
             f"```python\n{text(function)}\n```\n::::\n"
         )

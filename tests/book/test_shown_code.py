@@ -1,0 +1,62 @@
+"""What pages show as the program text of a function is what runs."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable
+from importlib import import_module
+from types import CodeType
+from typing import Any
+
+import pytest
+
+from thesis_lib.book import shown_code
+from thesis_lib.files import project_root
+
+PAGES = {page.stem: page.read_text(encoding="utf-8") for page in project_root().glob("book/*.md")}
+SHOWN = {
+    (page, name)
+    for page, text in PAGES.items()
+    for name in re.findall(r"^```\{computed-by\} (\S+)$", text, re.MULTILINE)
+}
+
+
+def function(name: str) -> Callable[..., object]:
+    module, _, name = name.rpartition(".")
+    return getattr(import_module(f"thesis_lib.{module}"), name)
+
+
+def steps(code: CodeType, description: str | None) -> tuple[object, ...]:
+    """What a function does, wherever it stands and whatever it is said to do."""
+    inside = [steps(c, None) for c in code.co_consts if isinstance(c, CodeType)]
+    constants = {repr(c) for c in code.co_consts if not isinstance(c, CodeType)}
+    return code.co_names, code.co_varnames, constants - {repr(description), "None"}, inside
+
+
+@pytest.mark.parametrize("name", sorted({name for _, name in SHOWN}))
+def test_what_is_shown_is_what_runs(name: str) -> None:
+    shown = function(name)
+    text = shown_code.text(shown)
+    assert shown.__doc__
+    assert shown.__doc__.splitlines()[0] not in text
+    assert len(text.splitlines()) <= 25  # beside a formula, not in place of the library's page
+    module = compile("from __future__ import annotations\n" + text, "shown", "exec")
+    (again,) = (c for c in module.co_consts if isinstance(c, CodeType))
+    runs: Any = inspect.unwrap(shown)
+    assert steps(again, None) == steps(runs.__code__, shown.__doc__)
+
+
+def test_every_page_of_formulas_shows_code() -> None:
+    assert {"beam", "rounding", "sound", "design-law", "cameras"} <= {page for page, _ in SHOWN}
+
+
+def half(x: float) -> float:
+    """Half."""
+    return x / 2
+
+
+def test_a_doctored_text_is_seen() -> None:
+    assert shown_code.text(half) == "def half(x: float) -> float:\n    return x / 2"
+    other = half.__code__.replace(co_consts=(None, 3))
+    assert steps(half.__code__, "Half.") != steps(other, None)
