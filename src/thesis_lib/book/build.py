@@ -16,7 +16,7 @@ from thesis_lib.book import publish as publishing
 from thesis_lib.book import site as book
 from thesis_lib.book.conclusions import figure as conclusions_figure
 from thesis_lib.book.conformance import report as conformance
-from thesis_lib.book.pieces import assumptions, thesis_index
+from thesis_lib.book.pieces import assumptions, sketches, thesis_index
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
@@ -180,6 +180,7 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             texts(numbers),
             30 * plan.share,
         ),
+        step("sketches", lambda: sketches.write(executed), [sketches], [], sketches.NAMES, 2),
         step(
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),
