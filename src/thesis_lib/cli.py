@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.metadata
 import json
 import shlex
 import sys
@@ -61,7 +60,7 @@ def list_(name: str | None) -> None:
     costs = effort.read()
     if name is None:
         for study in STUDIES.values():
-            number = len(study().settings())
+            number = len(study.model_construct().settings())
             settings = f"{number:>3} settings" if number else ""
             cost = costs.get(study.name)
             takes = f"{cost.time:>6}  {cost.memory:>7}" if cost else ""
@@ -374,6 +373,8 @@ def compare(new: Path, old: Path | None) -> None:
 
 def _lacking(error: ModuleNotFoundError) -> str:
     """Which optional part of the project a package that is not there belongs to."""
+    import importlib.metadata
+
     package = (error.name or "").partition(".")[0]
     wanted = package.replace("_", "-")
     for line in importlib.metadata.requires("thesis-lib") or []:

@@ -22,6 +22,7 @@ from thesis_lib.studies.request import Study, permitted, refuse
 from thesis_lib.studies.vocabulary import (
     BriefExposure,
     Distortion,
+    Fields,
     FocalLength,
     Frames,
     NoiseSeed,
@@ -49,7 +50,7 @@ IN_VIEW = (
 )
 
 
-class Film(BaseModel):
+class Film(Fields):
     """Parameters of how anything is filmed; recordings add frame rates, modes and amplitudes."""
 
     focal_length_mm: FocalLength = READING["focal_length_mm"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
@@ -15,6 +15,7 @@ from thesis_lib.studies.vocabulary import (
     BeamDistance,
     Distortion,
     Exposure,
+    Fields,
     FocalLength,
     ReadNoise,
     RigAzimuth,
@@ -29,7 +30,7 @@ NAMES = "ABCD"
 RIG = setups.table("experiment", "rig") | reading("experiment")
 
 
-class Rig(BaseModel):
+class Rig(Fields):
     """Parameters of what is filmed, and with what."""
 
     focal_length_mm: FocalLength = RIG["focal_length_mm"]

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy  # its parts are imported when they are used
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.planning import lattice
@@ -209,7 +208,9 @@ def free(scene: Scene, places: Array) -> Mask:
 
 def apart(scene: Scene, places: Array, others: Array) -> Mask:
     """Whether places are far enough from all others, shape (places,)."""
-    gap = scipy.spatial.distance.cdist(centres(scene, places), centres(scene, others))
+    from scipy.spatial.distance import cdist
+
+    gap = cdist(centres(scene, places), centres(scene, others))
     return np.asarray(np.all(gap >= scene.rules.separation * (1 - SLACK), axis=1))
 
 

@@ -8,18 +8,18 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ValidationError, model_validator
 from pydantic_core import PydanticCustomError, from_json
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.vocabulary import (
     SHARED,
+    Fields,
     Seed,
     Trials,
     allowed_text,
     field,
-    tell_allowed,
     unit,
 )
 from thesis_lib.text import first_hidden, listed, one_line
@@ -29,25 +29,12 @@ CHOOSES = {"cube", "trials", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""
 
 
-STRICT = ConfigDict(
-    extra="forbid",
-    strict=True,
-    frozen=True,
-    allow_inf_nan=False,
-    validate_default=True,
-    json_schema_extra=tell_allowed,
-)
-"""How models take values: as they are typed, all of them known, unchangeable."""
-
-
 class ParameterError(ValueError):
     """A request that cannot be run; the message is one line for the person who made it."""
 
 
-class Study(BaseModel):
+class Study(Fields):
     """Parameters that all figure sets share."""
-
-    model_config = STRICT
 
     name: ClassVar[str]
     title: ClassVar[str]

@@ -5,14 +5,14 @@ from __future__ import annotations
 import warnings
 from typing import Annotated
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from thesis_lib.acoustics.planes import Plane, pistons
 from thesis_lib.acoustics.sources import Medium, check_pistons
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.studies.request import permitted, refuse
-from thesis_lib.studies.vocabulary import Positive, field, means
+from thesis_lib.studies.vocabulary import Fields, Positive, field, means
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure, resonance
 
@@ -25,7 +25,7 @@ PlanePoints = Annotated[int, Field(ge=2, le=500)]
 READING = reading("sound")
 
 
-class PlateMarkers(BaseModel):
+class PlateMarkers(Fields):
     """Parameters of a plate."""
 
     grid: Grid

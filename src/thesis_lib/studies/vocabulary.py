@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 SHARED = (
     "focal_length_mm",
@@ -106,6 +106,20 @@ def tell_allowed(schema: dict[str, Any], model: type[BaseModel]) -> None:
     """Write into the JSON schema of a model what its fields allow."""
     for name, part in schema["properties"].items():
         part["allowed"] = allowed_text(model, name)
+
+
+class Fields(BaseModel):
+    """Values as they are typed, all of them known, unchangeable; checks are built when used."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        validate_default=True,
+        defer_build=True,
+        json_schema_extra=tell_allowed,
+    )
 
 
 def words(kind: Any, limits: Sequence[Any] = (), several: bool = False) -> str:

@@ -17,11 +17,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy  # its parts are imported when they are used
 
 from thesis_lib.arrays import Array, IntArray
 
 if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import LinearOperator
     from skfem import MeshTri
 
 SIMPLY_SUPPORTED, CLAMPED, FREE = "simply supported", "clamped", "free"
@@ -84,8 +85,10 @@ def located(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
     weights : ndarray, shape (3, n)
         Barycentric coordinates, which are not negative and add up to 1.
     """
+    from scipy.spatial import cKDTree
+
     a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)  # each (2, triangles)
-    tree, total = scipy.spatial.cKDTree(((a + b + c) / 3).T), mesh.t.shape[1]
+    tree, total = cKDTree(((a + b + c) / 3).T), mesh.t.shape[1]
     cells, weights = np.zeros(points.shape[1], np.int64), np.full((3, points.shape[1]), -np.inf)
     left, near = np.arange(points.shape[1]), 8
     while len(left):
@@ -129,6 +132,7 @@ def plate_modes(
         the lower left corner of the box around the plate: the shapes of a rectangle with simply
         supported edges then rise from that corner.
     """
+    from scipy.sparse.linalg import eigsh
     from skfem import Basis, BilinearForm, LinearForm, condense
 
     from thesis_lib.vibration.morley import Morley
@@ -154,9 +158,7 @@ def plate_modes(
     Mc = condense(M, I=inner, expand=False)
     start = np.ones(len(inner))  # the same every time, for the same result
     compliance = _compliance(_strains(basis, poisson)[:, inner])
-    values, vectors = scipy.sparse.linalg.eigsh(
-        Mc, n_modes, Mc, sigma=0, OPinv=compliance, v0=start
-    )
+    values, vectors = eigsh(Mc, n_modes, Mc, sigma=0, OPinv=compliance, v0=start)
     order = np.argsort(values)
     shapes = np.zeros((basis.N, n_modes))
     shapes[inner] = vectors[:, order]  # ∫ φ² dA = 1
@@ -165,12 +167,14 @@ def plate_modes(
     return PlateModes(basis, values[order], shapes * sign * np.sqrt(area))
 
 
-def _strains(basis: Any, poisson: float) -> scipy.sparse.csc_array:
+def _strains(basis: Any, poisson: float) -> csc_array:
     """The matrix B that makes of coefficients w what the energy wᵀBᵀBw is the sum of squares of.
 
     With the curvatures a, b, c = w_xx, w_yy, w_xy, which are constant on a triangle of area A,
     A (a² + b² + 2ν ab + 2(1 − ν) c²) = A ((1 + ν)(a + b)²/2 + (1 − ν)(a − b)²/2 + 2(1 − ν) c²).
     """
+    from scipy.sparse import coo_array
+
     hess = np.stack([one[0].hess[..., 0] for one in basis.basis])  # (6, 2, 2, triangles)
     xx, yy, xy = hess[:, 0, 0], hess[:, 1, 1], hess[:, 0, 1]
     scale = np.sqrt([(1 + poisson) / 2, (1 - poisson) / 2, 2 * (1 - poisson)])[:, None, None]
@@ -179,17 +183,19 @@ def _strains(basis: Any, poisson: float) -> scipy.sparse.csc_array:
     columns = np.broadcast_to(basis.element_dofs, values.shape)
     shape = (rows.size, basis.N)
     at = (np.broadcast_to(rows, values.shape).ravel(), columns.ravel())
-    return scipy.sparse.coo_array((values.ravel(), at), shape).tocsc()
+    return coo_array((values.ravel(), at), shape).tocsc()
 
 
-def _compliance(B: scipy.sparse.csc_array) -> scipy.sparse.linalg.LinearOperator:
+def _compliance(B: csc_array) -> LinearOperator:
     """The inverse of the stiffness BᵀB, as exact as B.
 
     The square of B has a condition number that is squared, too: where elements are small beside the
     plate, the factors of BᵀB give 7 digits, other ones on another processor. What they leave of the
     equation is found without the square, and solved for again.
     """
-    factors = scipy.sparse.linalg.splu((B.T @ B).tocsc())
+    from scipy.sparse.linalg import LinearOperator, splu
+
+    factors = splu((B.T @ B).tocsc())
 
     def solve(load: Array) -> Array:
         found: Array = factors.solve(load)
@@ -198,7 +204,7 @@ def _compliance(B: scipy.sparse.csc_array) -> scipy.sparse.linalg.LinearOperator
         return found
 
     n = B.shape[1]
-    return scipy.sparse.linalg.LinearOperator((n, n), solve, dtype=float)
+    return LinearOperator((n, n), solve, dtype=float)
 
 
 def _one(basis: Any) -> Array:

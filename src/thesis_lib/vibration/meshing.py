@@ -13,7 +13,6 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy  # its parts are imported when they are used
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.vibration.polygons import (
@@ -91,13 +90,15 @@ def triangles(
         If there would be fewer than 200 or more than 60 000 triangles, or the region is too narrow
         for elements of this size.
     """
+    from scipy.spatial import Delaunay
+
     count = abs(area(outline)) / (np.sqrt(3) / 4 * size**2)
     if not FEW <= count <= MOST:
         allowed = f"sizes that make {FEW} to {MOST} triangles (this one makes {count:.0f})"
         raise ShapeError("element_size", f"{size:g} m", allowed)
     loops = [_cut(outline, size), *(pieces(hole, size) for hole in holes)]
     points = _points(outline, holes, size, loops)
-    corners = scipy.spatial.Delaunay(points.T).simplices
+    corners = Delaunay(points.T).simplices
     middle = points[:, corners].mean(axis=2)
     kept = contains(loops[0], middle)
     for loop in loops[1:]:

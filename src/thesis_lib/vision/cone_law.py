@@ -18,7 +18,6 @@ and Var z = Σ gⱼ² σⱼ². What σⱼ is depends on what makes the error:
 from __future__ import annotations
 
 import numpy as np
-import scipy  # its parts are imported when they are used
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.arrays import Array
@@ -218,9 +217,11 @@ def swing_error(amplitude_px: ArrayLike) -> Array:
 
     which is near ζ(3) / (π⁴ a) for amplitudes a of some pixels, and 16 a / (3π²) for small ones.
     """
+    from scipy.special import jv
+
     a = np.asarray(amplitude_px, float)
     k = np.arange(1, _TERMS + 1)
-    series = np.sum((scipy.special.jv(1, 2 * np.pi * k * a[..., None]) / k) ** 2, axis=-1)
+    series = np.sum((jv(1, 2 * np.pi * k * a[..., None]) / k) ** 2, axis=-1)
     return np.asarray(np.sqrt(2 * series) / np.pi)
 
 

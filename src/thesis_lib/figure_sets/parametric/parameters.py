@@ -23,6 +23,7 @@ from thesis_lib.studies.shared_fields import PlateMarkers, SoundPlanes
 from thesis_lib.studies.vocabulary import (
     Azimuth,
     Elevation,
+    Fields,
     HalfAperture,
     Name,
     Positive,
@@ -201,7 +202,7 @@ class Perforated(Arrays):
 # What beam and sound add.
 
 
-class BeamMarkers(BaseModel):
+class BeamMarkers(Fields):
     """Parameters of the beam."""
 
     first_marker_mm: Annotated[float, Field(ge=0, le=23)] = field(

@@ -10,15 +10,16 @@ from itertools import combinations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.studies.request import STRICT, permitted, refuse
+from thesis_lib.studies.request import permitted, refuse
 from thesis_lib.studies.vocabulary import (
     Azimuth,
     Elevation,
+    Fields,
     Name,
     Positive,
     Width,
@@ -35,10 +36,8 @@ FileName = Annotated[str, Field(min_length=1, max_length=500)]
 INSIDE = "a path inside the manifest's folder"
 
 
-class Part(BaseModel):
-    """What all parts of a manifest share: typed, bounded, unchangeable."""
-
-    model_config = STRICT
+class Part(Fields):
+    """What all parts of a manifest share."""
 
     def refuse(self, name: str, why: str = "") -> None:
         """Refuse the value of a field, by what it allows if no other reason is given."""
