@@ -11,7 +11,6 @@ import shutil
 import sys
 import tempfile
 import time
-import tokenize
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
@@ -20,6 +19,7 @@ _SHIPPED = "_project"  # what of the project a wheel has beside the library
 _STAGING = ".staging-"
 _NAME = re.compile(re.escape(_STAGING) + r"[a-z0-9_]{8}")  # as mkdtemp makes them
 _LOCK = ".lock"
+_STRING_OR_COMMENT = re.compile(r"""(("{3}|'{3}|["'])(?:\\.|.)*?\2)|#[^\n]*""", re.DOTALL)
 _held: set[Path] = set()  # staging folders of this process
 
 
@@ -102,19 +102,23 @@ def _code(path: Path, _as_it_is: tuple[int, ...]) -> bytes:
     if path.suffix != ".py":
         return path.read_bytes()
     text = path.read_text(encoding="utf-8")
-    lines = text.splitlines()
-    for node in ast.walk(ast.parse(text)):
+    lines = _STRING_OR_COMMENT.sub(lambda found: found[1] or "", text).splitlines()
+    for node in statements([ast.parse(text)]):
         body = getattr(node, "body", None)
         first = body[0] if isinstance(body, list) and body else None
         if isinstance(first, ast.Expr) and isinstance(getattr(first.value, "value", None), str):
             for row in range(first.lineno - 1, first.end_lineno or first.lineno):
                 lines[row] = ""
-    said = iter([f"{line}\n" for line in lines]).__next__
-    for token in tokenize.generate_tokens(said):
-        if token.type == tokenize.COMMENT:
-            row, column = token.start
-            lines[row - 1] = lines[row - 1][:column]
     return "".join(f"{line.rstrip()}\n" for line in lines if line.strip()).encode()
+
+
+def statements(nodes: Iterable[ast.AST]) -> Iterator[ast.AST]:
+    """All statements, those inside others included."""
+    for node in nodes:
+        yield node
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            inside = getattr(node, part, ())
+            yield from statements(inside if isinstance(inside, list) else ())
 
 
 def sha256(path: Path) -> str:

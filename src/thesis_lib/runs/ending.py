@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from thesis_lib import files
-from thesis_lib.runs.kernel_main import fixed
+from thesis_lib.runs.kernel_main import fixed, without_dask
 
 _SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -35,6 +35,7 @@ def prepare() -> None:
     readers.discard(Path(__file__).resolve().parents[2])  # where we are
     sys.path[:] = [place for place in sys.path if Path(place).resolve() not in readers]
     os.environ.update(fixed() | {"MPLBACKEND": "agg"})  # the reader may have named one there is not
+    without_dask()
     warnings.simplefilter("ignore")  # of libraries; ours are errors or results
     logging.getLogger().addHandler(logging.NullHandler())
     sys.unraisablehook = threading.excepthook = _say_nothing

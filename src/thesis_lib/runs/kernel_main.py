@@ -34,6 +34,15 @@ def fixed() -> dict[str, str]:
     return {**dict.fromkeys(THREADS, "1"), "MPLCONFIGDIR": str(fonts)}
 
 
+def without_dask() -> None:
+    """Let xarray not ask whether an array is dask's: where dask is, that imports all of its arrays.
+
+    It takes 0.4 s, and none of ours is. A reader's own folder may have some
+    (:func:`thesis_lib.figure_sets.outside.load`).
+    """
+    sys.modules.setdefault("dask.array", None)  # type: ignore[arg-type]
+
+
 def environment(of: Mapping[str, str], home: Path) -> dict[str, str]:
     """What is left of an environment."""
     from thesis_lib.asides import QUIET
@@ -53,6 +62,7 @@ def main(arguments: list[str]) -> None:
     os.environ.update(left)
     os.chdir(home)
     logging.getLogger().addHandler(logging.NullHandler())  # libraries' remarks are no output
+    without_dask()
 
     from ipykernel.kernelapp import IPKernelApp
 

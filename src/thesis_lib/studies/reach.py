@@ -6,12 +6,11 @@ import ast
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from thesis_lib.files import shipped
+from thesis_lib.files import shipped, statements
 
 
 def library() -> Path:
@@ -86,7 +85,7 @@ def _imports(file: Path) -> tuple[tuple[str, str, str], ...]:
 @cache
 def _imports_of(file: Path, _as_it_is: tuple[int, ...]) -> tuple[tuple[str, str, str], ...]:
     found = []
-    for node in _statements(ast.parse(_source(file)).body):
+    for node in statements(ast.parse(_source(file)).body):
         if isinstance(node, ast.Import):
             found += [(alias.name, "", alias.asname or alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -112,14 +111,6 @@ def _source(file: Path) -> bytes:
     cells = json.loads(file.read_bytes())["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
     return "\n".join(code).encode()
-
-
-def _statements(nodes: Iterable[ast.AST]) -> Iterator[ast.AST]:
-    """All statements, those inside others included."""
-    for node in nodes:
-        yield node
-        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
-            yield from _statements(getattr(node, part, ()))
 
 
 def _defining(module: str, name: str, places: tuple[Path, ...]) -> Path | None:
