@@ -13,6 +13,7 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -116,54 +117,24 @@ def open_offline(
     dark: bool = False,
     query: str = "",
     served: str = "",
+    fresh: bool = False,
 ) -> Iterator[Opened]:
     """Open the file `path` with no network, and wait until it and its equations are there.
 
     With `served`, the address at which a server on this machine has the file, only that server is
-    reached.
+    reached. A window that was left in order is used again, since a new one takes half a second;
+    `fresh` wants one that has seen nothing yet.
     """
     server = re.match(r"http://127\.0\.0\.1:\d+/", served)
-    local = (*LOCAL, server[0]) if server else LOCAL
-    context = running.new_context(
-        viewport={"width": width, "height": height},
-        color_scheme="dark" if dark else "light",
-        offline=not served,
-        has_touch=width < 600,
-    )
+    kind = (width < 600, server[0] if server else "")
+    windows = _WINDOWS.setdefault(running, {})
+    opened = None if fresh else windows.pop(kind, None)
+    opened = opened or _window(running, *kind)
+    page = opened.page
+    in_order = False
     try:
-        if served:
-            context.route(lambda url: not url.startswith(local), lambda route: route.abort())
-        page = context.new_page()
-        opened = Opened(page)
-        page.on(
-            "request",
-            lambda request: (
-                None
-                if request.url.startswith(local)
-                else opened.external.append(f"external request: {request.url}")
-            ),
-        )
-        page.on(
-            "requestfailed",
-            lambda request: opened.failed.append(f"failed: {request.url}: {request.failure}"),
-        )
-        page.on(
-            "console",
-            lambda message: (
-                opened.console.append(f"console: {message.text}")
-                if message.type == "error"
-                else None
-            ),
-        )
-        page.on(
-            "response",
-            lambda response: (
-                opened.failed.append(f"{response.status}: {response.url}")
-                if response.status >= 400
-                else None
-            ),
-        )
-        page.on("pageerror", lambda error: opened.console.append(f"page error: {error}"))
+        page.set_viewport_size({"width": width, "height": height})
+        page.emulate_media(color_scheme="dark" if dark else "light")
         address = served or path.resolve().as_uri()
         page.goto(address + (f"?{query}" if query else ""), wait_until="load")
         page.wait_for_function("() => !document.querySelector('meta[http-equiv=Refresh]')")
@@ -171,5 +142,63 @@ def open_offline(
         page.evaluate("() => window.MathJax?.startup?.promise")
         page.wait_for_timeout(100)
         yield opened
+        in_order = not fresh and kind not in windows
     finally:
-        context.close()
+        if in_order:
+            windows[kind] = _emptied(opened)
+        else:
+            page.context.close()
+
+
+_WINDOWS: WeakKeyDictionary[Browser, dict[tuple[bool, str], Opened]] = WeakKeyDictionary()
+"""Windows that may be used again, by whether they have a touch screen and by their server."""
+
+
+def _window(running: Browser, touch: bool, server: str) -> Opened:
+    """A window that reaches nothing, or one server on this machine, and what it tried."""
+    local = (*LOCAL, server) if server else LOCAL
+    context = running.new_context(offline=not server, has_touch=touch)
+    if server:
+        context.route(lambda url: not url.startswith(local), lambda route: route.abort())
+    opened = Opened(context.new_page())
+    opened.page.on(
+        "request",
+        lambda request: (
+            None
+            if request.url.startswith(local)
+            else opened.external.append(f"external request: {request.url}")
+        ),
+    )
+    opened.page.on(
+        "requestfailed",
+        lambda request: opened.failed.append(f"failed: {request.url}: {request.failure}"),
+    )
+    opened.page.on(
+        "console",
+        lambda message: (
+            opened.console.append(f"console: {message.text}") if message.type == "error" else None
+        ),
+    )
+    opened.page.on(
+        "response",
+        lambda response: (
+            opened.failed.append(f"{response.status}: {response.url}")
+            if response.status >= 400
+            else None
+        ),
+    )
+    opened.page.on("pageerror", lambda error: opened.console.append(f"page error: {error}"))
+    return opened
+
+
+def _emptied(opened: Opened) -> Opened:
+    """A window as it was before it was used."""
+    page = opened.page
+    page.evaluate("() => { localStorage.clear(); sessionStorage.clear(); }")
+    page.goto("about:blank")
+    page.mouse.move(0, 0)
+    page.emulate_media(media="null", reduced_motion="null")
+    page.context.clear_permissions()
+    for told in (opened.external, opened.failed, opened.console):
+        told.clear()
+    return opened
