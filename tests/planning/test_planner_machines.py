@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -106,6 +107,12 @@ def layouts(scene, objective="mean", counts=(2, 5), step=20.0):
     return [one for one in (*some, most) if one is not None]
 
 
+@cache
+def found(name, objective="mean"):
+    """The layouts of a scene as they are found here, once for all tests."""
+    return layouts(SCENES[name], objective)
+
+
 def same(some, others):
     return [hashlib.sha256(one.tobytes()).hexdigest() for one in some] == [
         hashlib.sha256(one.tobytes()).hexdigest() for one in others
@@ -122,16 +129,15 @@ def steps_off(values, per_unit, limits):
 @pytest.mark.parametrize("objective", optimum.OBJECTIVES)
 @pytest.mark.parametrize("name", SCENES)
 def test_layouts_do_not_hang_on_last_digits(digits, name, objective):
-    expected = layouts(SCENES[name], objective)
-    for seed in range(2):
-        digits(seed)
-        assert same(layouts(SCENES[name], objective), expected)
+    expected = found(name, objective)
+    digits(list(SCENES).index(name))
+    assert same(layouts(SCENES[name], objective), expected)
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_of_equal_layouts_the_one_of_least_rank_is_taken(name):
     scene = SCENES[name]
-    for one in layouts(scene):
+    for one in found(name):
         assert np.array_equal(one, lattice.by_rule(one))
         least = optimum.layout_cost(scene, one, "mean")
         for image in search.images(scene, one):
@@ -146,7 +152,7 @@ def test_markers_in_another_order_have_the_same_layouts(name):
     order = np.random.default_rng(1).permutation(scene.body.points.shape[1])
     turned = {key: getattr(scene.body, key)[:, order] for key in ("points", "normals", "shapes")}
     body = replace(scene.body, **turned)
-    assert same(layouts(replace(scene, body=body)), layouts(scene))
+    assert same(layouts(replace(scene, body=body)), found(name))
 
 
 @pytest.mark.parametrize("name", [*SCENES, *ODD])
@@ -169,7 +175,7 @@ def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
 @pytest.mark.parametrize("seed", range(5))
 def test_a_region_that_forbids_the_rounded_place_is_respected(conforms, seed):
     """Spheres about where cameras would stand, with edges at no whole step."""
-    first = layouts(SCENES["plate"])[0]
+    first = found("plate")[0]
     where = places.centres(SCENES["plate"], first)
     radius = np.random.default_rng(seed).uniform(0.0002, 0.05, len(where))
     scene = scene_of(plate(), spheres=np.column_stack([where, radius]))
