@@ -328,7 +328,7 @@ def test_commands_say_what_the_form_holds(
     chromium: Browser, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rng = random.Random(7)
-    cases = [(name, filled(rng, name)) for name in list(STUDIES) * 6]
+    cases = [(name, filled(rng, name)) for name in list(STUDIES) * 3]
     texts = [(name, {k: v if k in ("cases", "readings", "camera_counts") else typed(v, rng)
                      for k, v in values.items()}) for name, values in cases]  # fmt: skip
     accepted = 0
@@ -349,7 +349,7 @@ def test_commands_say_what_the_form_holds(
                 assert line == command(wanted)
                 number = len(words[4::2])
                 assert said["status"].startswith(f"{number} parameter" if number else "As publ")
-        assert accepted > 60
+        assert accepted > 30
         assert opened.trouble == []
 
 
