@@ -28,6 +28,7 @@ STYLE: Any = {
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # no ticks are looked for above a panel, where none are
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,

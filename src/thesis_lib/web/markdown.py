@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from IPython.display import Markdown
+if TYPE_CHECKING:
+    from IPython.display import Markdown
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -40,6 +42,8 @@ def markdown_table(
     plain : bool
         Whether cells are plain text rather than Markdown.
     """
+    from IPython.display import Markdown  # takes longer than all else of a command's imports
+
     cells = [[escape(cell) if plain else cell for cell in row] for row in rows]
     lines = table(header, cells)
     return Markdown(f"{text}\n\n{lines}" if above else f"{lines}\n{text}")
