@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import subprocess
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -75,6 +77,15 @@ def test_list_names_sets_and_chapters():
     for chapter, names in CHAPTERS.items():
         line = next(line for line in done.out.splitlines() if line.startswith(f"{chapter} "))
         assert all(name in line for name in names)
+
+
+def test_list_reads_nothing_that_computes_or_draws():
+    code = (
+        "import sys; from thesis_lib.cli import cli; cli.main(['list'], standalone_mode=False); "
+        "print({'scipy', 'xarray', 'pandas', 'matplotlib', 'IPython'} & sys.modules.keys())"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.splitlines()[-1] == "set()"
 
 
 @pytest.mark.parametrize("name", ["beam-arrays", "ch3"])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -150,3 +152,14 @@ def test_of_the_environment_only_what_is_named_is_left(tmp_path):
     assert left["PATH"] == "/bin"
     assert "PYTHONPATH" not in left
     assert {value for name, value in left.items() if name.endswith("_NUM_THREADS")} == {"1"}
+
+
+def test_no_array_is_asked_whether_it_is_dasks():
+    pytest.importorskip("dask")
+    code = (
+        "import sys; from thesis_lib.runs.kernel_main import without_dask; without_dask(); "
+        "import xarray; xarray.Dataset({'a': ('x', [1.0])}).mean().to_dict(); "
+        "print([name for name in sys.modules if name.startswith('dask.array.')])"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout == "[]\n"
