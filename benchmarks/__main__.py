@@ -85,14 +85,15 @@ def print_scale(keep: bool) -> None:
 
 def print_centres() -> None:
     """Table of times beside the reference."""
-    print("\nAnalytic centre of 20000 points; joint: pairs of images with common x and y")
+    print("\nAnalytic centre of 20000 points; joint: pairs of images with common x and y; interval")
     print("microseconds a point (joint: a pair), medians; ratio: median over interleaved pairs")
     print(f"{'cameras':>8} {'centre':>8} {'joint':>8} {'triangulate':>12} {'svd':>7} "
-          f"{'to svd':>7} {'memory':>9}")  # fmt: skip
+          f"{'interval':>9} {'to svd':>7} {'to centre':>10} {'memory':>9}")  # fmt: skip
     for n_cameras in (2, 4, 12, 64):
         c = centre.compare(n_cameras)
         print(f"{c.n_cameras:>8} {c.centre:>8.1f} {c.joint:>8.1f} {c.least_squares:>12.2f} "
-              f"{c.svd:>7.1f} {c.ratio_svd:>7.2f} {c.memory:>5.1f} MiB")  # fmt: skip
+              f"{c.svd:>7.1f} {c.interval:>9.1f} {c.ratio_svd:>7.2f} {c.ratio_centre:>10.2f} "
+              f"{c.memory:>5.1f} MiB")  # fmt: skip
 
 
 def print_studies(trials: int = 200) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes.slabs import SIZE, box, faces, rig, rounded
 from scipy.optimize import linprog, minimize
 
 from benchmarks import centre as benchmark
@@ -11,52 +12,14 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.vision import estimators
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
-from thesis_lib.vision.pinhole import (
-    CameraArray,
-    hemisphere_directions,
-    hemisphere_rotations,
-    intrinsics,
-    pixelate,
-    project,
-)
+from thesis_lib.vision.pinhole import CameraArray, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
 
-SIZE = (320, 180)
 STUDIES = [
     f"{subject}-{study}"
     for subject in ("beam", "plate")
     for study in ("distance", "aperture", "resolution", "arrays")
 ]
-
-
-def rig(n, seed=0):
-    """Cameras all around at unequal distances and focal lengths."""
-    rng = np.random.default_rng([seed, n])
-    azimuth = 2 * np.pi * np.arange(n) / n + rng.uniform(0, 0.5, n)
-    elevation = rng.uniform(0.2, 1.3, n)
-    K = np.stack([intrinsics(f, SIZE) for f in rng.uniform(150, 500, n)])
-    centres = rng.uniform(0.5, 2, (n, 1)) * hemisphere_directions(azimuth, elevation)
-    return CameraArray(K, hemisphere_rotations(azimuth, elevation), centres, SIZE)
-
-
-def box(n=30, seed=0):
-    limits = np.array([0.3, 0.1, 0.01])[:, None]
-    return np.random.default_rng(seed).uniform(-limits, limits, (3, n))
-
-
-def rounded(P, points, noise=0.0, seed=1):
-    uv = project(P, points)
-    return np.rint(uv + np.random.default_rng(seed).normal(0, noise or 1e-300, uv.shape))
-
-
-def faces(P, uv, half=0.5):
-    """Rows (a, b) of a·X + b ≥ 0 for one point's images, written out slab by slab."""
-    rows = []
-    for camera, image in zip(P, uv, strict=True):
-        for axis in range(2):
-            rows.append(camera[axis] - (image[axis] - half) * camera[2])
-            rows.append((image[axis] + half) * camera[2] - camera[axis])
-    return np.array(rows)
 
 
 def decrement(A, b, x):

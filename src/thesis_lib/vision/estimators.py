@@ -7,7 +7,9 @@ origin move along Z; every image is rounded to whole pixels. The estimators are
 * ``least-squares``: refined by Gauss–Newton steps (3.2.2),
 * ``analytic-centre``: the centre of the slabs that the pixels leave
   (:mod:`thesis_lib.vision.analytic_centre`),
-* ``joint``: the same with x and y common to rest and motion.
+* ``joint``: the same with x and y common to rest and motion,
+* ``interval``, ``joint-interval``: the mean of all points that noise and rounding allow
+  (:mod:`thesis_lib.vision.interval`), which must be told the noise.
 
 The linear equations weigh a camera's residual in pixels with its depth. With D the depths and J
 the derivative of the images, the first-order response to the images is (JᵀD²J)⁻¹JᵀD² in place of
@@ -24,16 +26,20 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
+from thesis_lib.vision.interval import interval, joint_interval
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 from thesis_lib.vision.triangulation import jacobian, triangulate
 
-_RULES: dict[str, Callable[[Array, Array], Array]] = {
-    "linear": lambda P, uv: triangulate(P, uv, steps=0),
-    "least-squares": triangulate,
-    "analytic-centre": lambda P, uv: analytic_centre(P, uv).points,
-    "joint": lambda P, uv: joint_centre(P, uv).points,
+# Points (3, ...) from projection matrices, images (cameras, 2, ...) and their noise in px.
+RULES: dict[str, Callable[[Array, Array, float], Array]] = {
+    "linear": lambda P, uv, noise: triangulate(P, uv, steps=0),
+    "least-squares": lambda P, uv, noise: triangulate(P, uv),
+    "analytic-centre": lambda P, uv, noise: analytic_centre(P, uv).points,
+    "joint": lambda P, uv, noise: joint_centre(P, uv).points,
+    "interval": lambda P, uv, noise: interval(P, uv, noise).points,
+    "joint-interval": lambda P, uv, noise: joint_interval(P, uv, noise).points,
 }
-ESTIMATORS = tuple(_RULES)
+ESTIMATORS = ("linear", "least-squares", "analytic-centre", "joint")  # that ask for no noise
 SIZE, FOCAL_PX = (320, 180), 24 / 36 * 320  # the thesis's smallest sensor and its lens
 EXTENT = (0.05, 0.05)  # markers: |x|, |y| up to this, in m
 MOTION = 0.01  # displacements: up to this, in m
@@ -60,9 +66,11 @@ def moved_markers(rng: np.random.Generator, markers: int) -> Array:
     return points
 
 
-def estimates(P: Array, uv: Array, rules: Sequence[str] = ESTIMATORS) -> Array:
+def estimates(
+    P: Array, uv: Array, rules: Sequence[str] = ESTIMATORS, noise_px: float = 0.0
+) -> Array:
     """Points by every estimator from images (cameras, 2, 2, ...) in px: (estimators, 3, 2, ...)."""
-    return np.stack([_RULES[rule](P, uv) for rule in rules])
+    return np.stack([RULES[rule](P, uv, noise_px) for rule in rules])
 
 
 def deflection_errors(
@@ -93,7 +101,7 @@ def deflection_errors(
         Layout i is a function of the seed, i and the number of cameras alone, so that layouts at
         other distances, or with other noise, have the same directions and markers.
     rules : sequence of str
-        Estimators, of ``ESTIMATORS``.
+        Estimators, of ``RULES``.
 
     Returns
     -------
@@ -107,7 +115,7 @@ def deflection_errors(
         points = moved_markers(rng, markers)
         uv = project(P, points)
         uv += noise_px * rng.standard_normal(uv.shape)
-        height = estimates(P, np.rint(uv), rules)[:, 2]
+        height = estimates(P, np.rint(uv), rules, noise_px)[:, 2]
         wrong = height[:, 1] - height[:, 0] - (points[2, 1] - points[2, 0])
         errors[layout] = np.sqrt(np.mean(wrong**2, axis=-1))
     return errors

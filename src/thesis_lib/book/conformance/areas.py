@@ -12,8 +12,8 @@ AREAS = {
     "The experiment": "scene lens render media corners calibration adjustment synchronisation "
     "listening tracking reconstruction laboratory experiment_study lab_layouts lab_motions",
     "Own recordings": "feasibility measuring measure result own_recordings foreign",
-    "Beyond the thesis": "rounding design_law dither polytope estimators planner "
-    "planner_machines finite_elements shapes",
+    "Beyond the thesis": "rounding design_law dither polytope interval "
+    "pixel_noise estimators planner planner_machines finite_elements shapes",
 }
 KINDS = {
     "closed form": "closed forms",
