@@ -314,6 +314,31 @@ def test_prediction_of_the_analytic_centre_is_said_to_be_that_of_least_squares()
     assert words == ["law of rounding", "law of rounding of least squares"]
 
 
+@pytest.mark.parametrize("rest", ["rebuilt", "known"])
+def test_noise_is_simulated_and_predicted_for_least_squares(conforms, rest):
+    cube = cube_of("beam-aperture", trials=400, noise_px=0.2, rest=rest)
+    drawn = np.sqrt(np.mean(cube["mean_error"].values[:, :, 1:] ** 2, axis=2))
+    conforms.sampled(cube["predicted_error"] / drawn, 1, atol=0.05)
+    law = "rms error over the trials by the law of rounding and noise"
+    assert cube["predicted_error"].attrs["long_name"] == law
+    clean = cube_of("beam-aperture", trials=400, rest=rest)
+    assert (cube["predicted_error"] > clean["predicted_error"]).all()
+
+
+def test_interval_is_told_the_noise_and_better_than_both_others(conforms):
+    values = {"cases": ("4c",), "trials": 100, "modes": (1, 2)}
+    for noise_px, gain in ((0.0, 0.8), (0.05, 0.9), (0.3, 1.01)):
+        squares, centres, means = (
+            np.sqrt((cube_of("plate-arrays", estimator=name, noise_px=noise_px, **values)
+                     ["mean_error"].values[-1] ** 2).mean())
+            for name in ("least-squares", "analytic-centre", "interval")
+        )  # fmt: skip
+        conforms.sampled(means / squares, below=gain)
+        conforms.sampled(means / centres, below=1.01)
+    study = validate("plate-arrays", {"estimator": "interval", "noise_px": 0.1})
+    assert study.predicted_by == "law of rounding and noise of least squares"
+
+
 def same(one, other):
     for variable in ("measured_deflection", "mean_error", "mac", "predicted_error"):
         xr.testing.assert_allclose(

@@ -131,6 +131,7 @@ def test_every_number_of_the_tables_counts(name):
 
 
 SEEN = [{}, {"rest": "known"}, {"estimator": "analytic-centre"}, {"principal_offset_px": 0.2},
+        {"estimator": "interval", "noise_px": 0.1}, {"noise_px": 0.2, "rest": "known"},
         {"azimuth_zero": "X"}, {"amplitude_mm": "force"}, {"trials": 0}]  # fmt: skip
 OTHERWISE = {
     "beam-distance": SEEN,

@@ -23,6 +23,7 @@ CHANGES = {
     "azimuth_zero": "X",
     "principal_offset_px": 0.25,
     "estimator": "analytic-centre",
+    "noise_px": 0.1,
     "first_marker_mm": 12,
     "readings": ["1 N"],
     "modes": [1, 2],

@@ -126,3 +126,56 @@ def test_variance_is_that_of_the_linearised_measurement(conforms, height):
     for known, sampled in ((False, after - before), (True, after)):
         law = rounding.deflection_variance(P, rest, deflected, known)
         conforms.sampled(law, np.var(sampled), rtol=0.01)
+
+
+# Noise before rounding.
+
+
+@pytest.mark.parametrize("noise", [0.03, 0.1, 0.4])
+def test_noise_blurs_the_law_and_adds_its_own(conforms, noise):
+    rng = np.random.default_rng(3)
+    place, first, second = rng.uniform(-0.5, 0.5, 200_000), *rng.normal(0, noise, (2, 200_000))
+    for displacement in (0.0, 0.2, 0.5, 1.7):
+        error = np.rint(place + displacement + second) - np.rint(place + first) - displacement
+        law = 2 * noise**2 + rounding.difference_variance(displacement, noise)
+        conforms.sampled(np.mean(error**2), law, rtol=0.02)
+
+
+def test_law_of_noise_tends_to_that_without_and_to_independent_roundings(conforms):
+    displacements = np.linspace(-2, 2, 37)
+    sharp = rounding.difference_variance(displacements)
+    conforms.closed_form(rounding.difference_variance(displacements, 1e-3), sharp, atol=2e-3)
+    conforms.closed_form(rounding.difference_variance(displacements, 0.7), 1 / 6, atol=1e-7)
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("noise_px", [0.05, 0.3])
+def test_covariance_with_noise_is_that_of_draws(conforms, known, noise_px):
+    study = validate("beam-arrays", {"cases": ["4d"]})
+    cameras = study.settings()[1].cameras(24, 36)
+    x, y = study.structure.markers[:, ::8]
+    rest = np.stack([x - x.mean(), y, np.zeros_like(x)])
+    points = np.stack([rest, rest + np.array([0, 0, 2e-3])[:, None]], axis=1)
+    trials = 20_000
+    noise = noise_px * rounding.image_noise(5, trials, [1], len(cameras), points.shape[2])
+    shifts = rounding.grid_shifts(5, trials, len(cameras))
+    found = measure(cameras, points, shifts, known, noise=noise, noise_px=noise_px)[0, 1:]
+    error = found - 2e-3
+    arguments = cameras.P, points[:, 0], points[:, 1], known
+    law = rounding.deflection_covariance(*arguments, noise_px)
+    scale = np.sqrt(np.diag(law))[:, None] * np.sqrt(np.diag(law))
+    conforms.sampled(error.T @ error / trials / scale, law / scale, atol=0.04)
+    variance = rounding.deflection_variance(*arguments, noise_px=noise_px)
+    conforms.closed_form(np.diag(law), variance, rtol=1e-9)
+
+
+def test_noise_belongs_to_seed_trial_and_mode_and_begins_with_the_first_cameras(conforms):
+    whole = rounding.image_noise(7, 9, [1, 2, 3], 4, 5)
+    assert whole.shape == (10, 4, 2, 4, 5)
+    conforms.invariance(rounding.image_noise(7, 9, [1, 2, 3], 4, 5, 6), whole[6:], atol=0)
+    conforms.invariance(
+        rounding.image_noise(7, 9, [3, 1], 2, 5), whole[:, :2, :, [0, 3, 1]], atol=0
+    )
+    assert len(np.unique(whole)) == whole.size
+    assert not np.any(rounding.image_noise(8, 9, [1, 2, 3], 4, 5) == whole)
+    conforms.sampled([np.mean(whole), np.std(whole) - 1], 0, atol=0.1)

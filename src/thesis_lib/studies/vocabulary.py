@@ -22,6 +22,7 @@ SHARED = (
     "azimuth_zero",
     "principal_offset_px",
     "estimator",
+    "noise_px",
     "modes",
 )
 """Parameters that mean the same in all figure sets: they are told after a set's own."""
@@ -197,7 +198,7 @@ Width = Annotated[int, Field(ge=2, le=20_000)]
 Mode = Annotated[int, Field(ge=1, le=30)]
 Resolution = tuple[Width, Width]
 Name = Annotated[str, Field(pattern=r"^\S(.{0,38}\S)?$")]
-Estimator = Literal["least-squares", "analytic-centre"]
+Estimator = Literal["least-squares", "analytic-centre", "interval"]
 
 # Every request.
 

@@ -5,9 +5,15 @@ one pixel. Each rounding error then has variance 1/12 px². Two images of one ma
 apart on the same grid have errors whose difference has variance f(1 − f), f the fractional part of
 |δ|: the difference of the rounded values is one of the two whole numbers next to δ, the upper with
 probability f. Whole-pixel motion is measured without error.
+
+Gaussian noise of σ px in every image before it is rounded adds its own 2σ², and blurs f(1 − f) with
+the deviation √2 σ of a motion: of its Fourier series 1/6 − Σ cos(2πkδ) / (πk)² every term falls by
+exp(−4π²k²σ²).
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +21,8 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import gain
+
+_TERMS = 1000  # of a Fourier series
 
 
 def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array:
@@ -40,9 +48,47 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
     return shifts
 
 
-def difference_variance(displacement_px: ArrayLike) -> Array:
-    """Variance f(1 − f) in px² of the rounding error of a displacement, f = frac |δ|."""
+def image_noise(
+    seed: int, trials: int, modes: Sequence[int], n_cameras: int, markers: int, first: int = 0
+) -> Array:
+    """Standard normal noise of the images, a function of (seed, trial, mode) and the place in them.
+
+    Parameters
+    ----------
+    seed, trials, n_cameras, markers : int
+        Seed, last trial, number of cameras and of markers.
+    modes : sequence of int
+        Numbers of the modes wanted, beside the rest.
+    first : int
+        First trial wanted.
+
+    Returns
+    -------
+    ndarray, shape (trials + 1 - first, n_cameras, 2, 1 + modes, markers)
+        The literal run has noise, too.
+    """
+    frames = [0, *modes]
+    noise = np.empty((trials + 1 - first, n_cameras, 2, len(frames), markers))
+    for trial, part in enumerate(noise, start=first):
+        for i, frame in enumerate(frames):
+            # of the trial's stream what shifts have not used: each frame its own part of it
+            stream = np.random.Philox(key=[seed, trial], counter=[0, 0, 0, 1 + frame])
+            part[:, :, i] = np.random.Generator(stream).standard_normal((n_cameras, 2, markers))
+    return noise
+
+
+def difference_variance(displacement_px: ArrayLike, noise_px: float = 0.0) -> Array:
+    """Variance f(1 − f) in px² of the rounding error of a displacement, f = frac |δ|.
+
+    With noise before rounding its mean over the noise of both images, in which the noise's own 2σ²
+    is not contained; of less noise than 1/1000 px 1e-4 px² are left out.
+    """
     delta = np.asarray(displacement_px, float)
+    if noise_px:
+        k = np.arange(1, min(np.ceil(1 / noise_px), _TERMS) + 1)
+        terms = -np.exp(-((2 * np.pi * k * noise_px) ** 2)) / (np.pi * k) ** 2
+        series = np.polynomial.chebyshev.chebval(np.cos(2 * np.pi * delta), [1 / 6, *terms])
+        return np.asarray(series)
     f = np.abs(delta - np.rint(delta))  # or 1 − f, which gives the same
     return f * (1 - f)
 
@@ -73,6 +119,7 @@ def deflection_variance(
     deflected: ArrayLike,
     rest_is_known: bool = False,
     normals: ArrayLike | None = None,
+    noise_px: float = 0.0,
 ) -> Array:
     """First-order variance of the measured deflection Z − Z_rest over random grid shifts.
 
@@ -90,6 +137,8 @@ def deflection_variance(
         Whether the rest position is known rather than rebuilt from rounded pixels.
     normals : array_like, shape (3, ...), optional
         Unit vectors along which deflections are measured, in place of Z.
+    noise_px : float
+        Standard deviation σ of every image before it is rounded; g_d² σ² + g_r² σ² more.
 
     Returns
     -------
@@ -98,10 +147,12 @@ def deflection_variance(
     """
     g_d = _along(gain(P, deflected), normals)
     if rest_is_known:
-        return np.asarray(np.sum(g_d**2, axis=(0, 1)) / 12)
+        rounded = np.sum(g_d**2, axis=(0, 1)) / 12
+        return np.asarray(rounded + noise_px**2 * np.sum(g_d**2, axis=(0, 1)))
     g_r = _along(gain(P, rest), normals)
-    f = difference_variance(project(P, deflected) - project(P, rest))
-    return np.asarray(np.sum((g_d - g_r) ** 2 / 12 + g_d * g_r * f, axis=(0, 1)))
+    f = difference_variance(project(P, deflected) - project(P, rest), noise_px)
+    rounded = np.sum((g_d - g_r) ** 2 / 12 + g_d * g_r * f, axis=(0, 1))
+    return np.asarray(rounded + noise_px**2 * np.sum(g_d**2 + g_r**2, axis=(0, 1)))
 
 
 def _along(gains: Array, normals: ArrayLike | None) -> Array:
@@ -111,17 +162,21 @@ def _along(gains: Array, normals: ArrayLike | None) -> Array:
     return np.asarray(np.sum(gains * np.asarray(normals, float)[:, None, None], axis=0))
 
 
-def error_covariance(distance_px: ArrayLike) -> Array:
+def error_covariance(distance_px: ArrayLike, noise_px: float = 0.0) -> Array:
     """Covariance 1/12 − f(1 − f)/2 in px² of the rounding errors of two coordinates on one grid.
 
     `distance_px` is how far they lie apart, f its fractional part: both errors are the same
-    sawtooth of the grid's shift, moved against each other.
+    sawtooth of the grid's shift, moved against each other. Noise is each coordinate's own.
     """
-    return 1 / 12 - difference_variance(distance_px) / 2
+    return 1 / 12 - difference_variance(distance_px, noise_px) / 2
 
 
 def deflection_covariance(
-    P: ArrayLike, rest: ArrayLike, deflected: ArrayLike, rest_is_known: bool = False
+    P: ArrayLike,
+    rest: ArrayLike,
+    deflected: ArrayLike,
+    rest_is_known: bool = False,
+    noise_px: float = 0.0,
 ) -> Array:
     """First-order covariance of the measured deflections of all markers over random grid shifts.
 
@@ -137,6 +192,8 @@ def deflection_covariance(
         World points in m.
     rest_is_known : bool
         Whether the rest position is known rather than rebuilt from rounded pixels.
+    noise_px : float
+        Standard deviation of every image before it is rounded.
 
     Returns
     -------
@@ -152,5 +209,8 @@ def deflection_covariance(
     gains = (gain(P, points)[2] * signs[:, None]).reshape(images.shape)
     total = np.zeros((images.shape[1],) * 2)
     for a, g in zip(images, gains, strict=True):
-        total += error_covariance(a[:, None] - a) * (g[:, None] * g)
+        total += error_covariance(a[:, None] - a, noise_px) * (g[:, None] * g)
+    if noise_px:  # an error is the same as itself, however noisy
+        own = noise_px**2 + difference_variance(0.0, noise_px) / 2
+        total += np.diag(own * np.sum(gains**2, axis=0))
     return total.reshape(len(signs), n_markers, len(signs), n_markers).sum(axis=(0, 2))

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.vision.analytic_centre import analytic_centre
+from thesis_lib.vision.estimators import RULES
 from thesis_lib.vision.pinhole import CameraArray, pixelate, project
-from thesis_lib.vision.triangulation import triangulate
 
 LEAST_SQUARES = "least-squares"
 
@@ -23,13 +22,14 @@ def assurance(measured: Array, reference: Array) -> Array:
         return np.asarray(np.sum(m * r, -1) ** 2 / (np.sum(m * m, -1) * np.sum(r * r, -1)))
 
 
-def heights(P: Array, uv: Array, estimator: str, normals: Array | None = None) -> Array:
+def heights(
+    P: Array, uv: Array, estimator: str, normals: Array | None = None, noise_px: float = 0.0
+) -> Array:
     """Heights in m of points from rounded images (cameras, 2, ...), by one of the estimators.
 
     They are Z, or what points (3, ..., markers) have along the markers' normals (3, markers).
     """
-    centre = estimator == "analytic-centre"
-    points = analytic_centre(P, uv).points if centre else triangulate(P, uv)
+    points = RULES[estimator](P, uv, noise_px)
     return points[2] if normals is None else np.einsum("k...m,km->...m", points, normals)
 
 
@@ -40,6 +40,8 @@ def measure(
     rest_is_known: bool = False,
     estimator: str = LEAST_SQUARES,
     normals: Array | None = None,
+    noise: Array | None = None,
+    noise_px: float = 0.0,
 ) -> Array:
     """Deflections that cameras with whole pixels measure.
 
@@ -54,10 +56,14 @@ def measure(
     rest_is_known : bool
         Subtract the true rest position instead of the rebuilt one.
     estimator : str
-        ``least-squares`` or ``analytic-centre``: the centre of the slabs that the rounded images
-        leave, which a shifted grid moves along.
+        One of :data:`thesis_lib.vision.estimators.RULES`. The slabs that rounded images leave move
+        along with a shifted grid.
     normals : ndarray, shape (3, markers), optional
         Unit vectors along which deflections are measured, in place of Z.
+    noise : ndarray, shape (trials, cameras, 2, 1 + modes, markers), optional
+        Noise of the images before they are rounded, in px.
+    noise_px : float
+        Its standard deviation, which the estimator is told.
 
     Returns
     -------
@@ -66,12 +72,15 @@ def measure(
     """
     P = cameras.P
     shift = np.moveaxis(shifts, 0, 2)[:, :, None, :, None]
+    seen = slice(1, None) if rest_is_known else slice(None)
+    images = project(P, points[:, seen])[:, :, :, None] + shift
+    if noise is not None:
+        images += np.moveaxis(noise[:, :, :, seen], 0, 3)
+    height = heights(P, pixelate(images) - shift, estimator, normals, noise_px)
     if rest_is_known:
-        images = project(P, points[:, 1:])[:, :, :, None] + shift
-        rest = points[2, 0] if normals is None else np.sum(points[:, 0] * normals, axis=0)
-        return heights(P, pixelate(images) - shift, estimator, normals) - rest
-    images = project(P, points)[:, :, :, None] + shift
-    height = heights(P, pixelate(images) - shift, estimator, normals)
+        return height - (
+            points[2, 0] if normals is None else np.sum(points[:, 0] * normals, axis=0)
+        )
     return height[1:] - height[0]
 
 

@@ -48,6 +48,10 @@ class CameraStudy(Study):
         "least-squares",
         "how points are estimated from rounded pixels; the thesis takes least squares",
     )
+    noise_px: Annotated[float, Field(ge=0, le=10)] = field(
+        0.0,
+        "standard deviation of noise in the images before they are rounded; interval is told it",
+    )
     modes: Several[Mode] = field(lambda: [1, 2, 3], "modes to measure")
 
     def printed(self) -> list[Setting]:
@@ -61,14 +65,18 @@ class CameraStudy(Study):
     @property
     def law(self) -> str:
         """Long name of `predicted_error`, which is a law of least squares for every estimator."""
-        law = "rms error over the trials by the law of rounding"
+        law = f"rms error over the trials by the {self._cause}"
         return law if self.estimator == LEAST_SQUARES else f"{law}, of least squares"
+
+    @property
+    def _cause(self) -> str:
+        return f"{self.predicts} and noise" if self.noise_px else self.predicts
 
     @property
     def predicted_by(self) -> str:
         """What `predicted_error` stands for, as legends say it."""
         least = self.estimator == LEAST_SQUARES
-        return self.predicts if least else f"{self.predicts} of least squares"
+        return self._cause if least else f"{self._cause} of least squares"
 
     @property
     def peaks_m(self) -> list[float]:

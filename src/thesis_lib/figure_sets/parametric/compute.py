@@ -30,12 +30,14 @@ def block_results(
     block: Block,
     *,
     points: Array,
+    modes: list[int],
     focal_length_mm: float,
     sensor_width_mm: float,
     seed: int,
     principal_offset_px: float,
     rest_is_known: bool,
     estimator: str,
+    noise_px: float,
 ) -> dict[str, Any]:
     """What some trials of a setting give: a value for each of ``VARIABLES``.
 
@@ -46,7 +48,15 @@ def block_results(
     shifts = rounding.grid_shifts(seed, trials.stop - 1, len(cameras), trials.start)
     shifts += principal_offset_px
     reference = points[2, 1:]
-    measured = measure(cameras, points, shifts, rest_is_known, estimator)
+    noise = None
+    if noise_px:
+        markers = points.shape[2]
+        noise = noise_px * rounding.image_noise(
+            seed, trials.stop - 1, modes, len(cameras), markers, trials.start
+        )
+    measured = measure(
+        cameras, points, shifts, rest_is_known, estimator, noise=noise, noise_px=noise_px
+    )
     point, mean, largest = percent_errors(measured, reference)
     results = {
         "measured_deflection": measured.astype("float32"),
@@ -56,7 +66,9 @@ def block_results(
     }
     if trials.start > 0:
         return results
-    variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:], rest_is_known)
+    variance = rounding.deflection_variance(
+        cameras.P, points[:, :1], points[:, 1:], rest_is_known, noise_px=noise_px
+    )
     scale = 100 / np.max(np.abs(reference), axis=-1)
     return results | {
         "point_error": point[:, 0],
@@ -116,12 +128,14 @@ def outline(
     work = partial(
         block_results,
         points=points,
+        modes=study.modes,
         focal_length_mm=study.focal_length_mm,
         sensor_width_mm=study.sensor_width_mm,
         seed=study.seed,
         principal_offset_px=study.principal_offset_px,
         rest_is_known=study.rest == "known",
         estimator=study.estimator,
+        noise_px=study.noise_px,
     )
 
     def fill(values: Mapping[str, Any]) -> None:

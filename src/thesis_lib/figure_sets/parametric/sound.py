@@ -79,7 +79,7 @@ def _runs(values: xr.DataArray) -> Iterator[xr.DataArray]:
 class _Sound:
     """What the blocks of a study share: of each mode, ω, the deflections, the planes' factors."""
 
-    study: tuple[float, float, bool]  # focal length and sensor width in mm, rest known
+    study: tuple[float, float, bool, float]  # focal length, sensor width in mm, rest known, noise
     omegas: list[float]
     points: Array  # (modes, 3, 2, markers): at rest and deflected
     factors: list[list[Array]]
@@ -90,14 +90,14 @@ class _Sound:
         error = measured.astype(float) - self.points[:, 2, 1][:, None]
         rms = np.empty((*error.shape[:2], len(self.factors[0])))
         predicted = np.empty((len(self.omegas), len(self.factors[0])))
-        focal_length_mm, sensor_width_mm, known = self.study
+        focal_length_mm, sensor_width_mm, known, noise_px = self.study
         first = block.trials.start == 0
         P = setting.cameras(focal_length_mm, sensor_width_mm).P
         for m, (omega, points, factors) in enumerate(
             zip(self.omegas, self.points, self.factors, strict=True)
         ):
             if first:
-                C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known)
+                C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known, noise_px)
             for p, factor in enumerate(factors):
                 rms[m, :, p] = omega * np.linalg.norm(error[m] @ factor.T, axis=-1)
                 if first:
@@ -200,7 +200,8 @@ def outline(
     points = np.stack(
         [world_points(plate, np.stack(two)) for two in zip(rests, reference, strict=True)]
     )
-    shared = (study.focal_length_mm, study.sensor_width_mm, study.rest == "known")
+    known = study.rest == "known"
+    shared = (study.focal_length_mm, study.sensor_width_mm, known, study.noise_px)
     work = _Sound(shared, omegas, points, factors)
 
     def blocks() -> Iterator[Block]:
