@@ -17,7 +17,7 @@ from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.design_law import compute as design_study
-from thesis_lib.figure_sets.design_law import dither, share_tables
+from thesis_lib.figure_sets.design_law import dither, noisy, share_tables
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
 from thesis_lib.figure_sets.design_law import tables as design_tables
@@ -568,7 +568,8 @@ def test_figures_are_drawn_from_the_cube_alone(cube, name):
 
 FROM = {"motion": "motion_error", "settings": "law_error", "cone": "cone_error",
         "exponents": "small_exponent", "pairs": "pair_error", "shares": "frame_error",
-    "estimators": "crowd_error", "refined": "stand_error", "dither": "swing_error",
+    "estimators": "crowd_error", "noisy": "noisy_share_error", "refined": "stand_error",
+    "dither": "swing_error",
 }  # fmt: skip
 
 
@@ -595,6 +596,42 @@ def test_central_claim_of_the_page_has_the_numbers_of_the_cube(cube):
     assert f"{float(slow.min()):.1f} to {float(slow.max()):.1f} % for 2 to 24 cameras" in text
     centre = cube["drawn_frame_error"].sel(estimator="analytic centre", count=8, rate=60)
     assert f"with markers that can be followed, to at most 8, {float(centre):.1f}" in text
+
+
+def test_noise_of_the_page_has_the_numbers_of_the_cube(cube):
+    text = share_tables.noisy_claim(cube)
+    at = {"count": 24, "image_noise": 0.05}
+    interval, squares = (
+        1e6 * float(cube["noisy_share_error"].sel(approach=name, **at))
+        for name in ("interval", "least squares")
+    )
+    assert f"24 coarse cameras measure to {interval:.0f} µm by *interval*" in text
+    assert f"to {squares:.0f} by least squares" in text
+    least = 1e6 * float(cube["least_share_error"].sel(at))
+    assert f"below {least:.0f}. 2 sharp ones" in text
+    bear = cube["share_tolerance"].sel(approach="interval")
+    assert f"{float(bear.min()):.2f} to {float(bear.max()):.2f} px" in text
+
+
+def test_with_noise_the_number_of_cameras_matters_to_interval_alone(conforms, cube):
+    squares, centre, interval = (
+        cube["noisy_share_error"].sel(approach=name).values
+        for name in cube["approach"].values
+    )  # fmt: skip
+    conforms.sampled(squares / squares.mean(axis=0), 1, atol=0.15)  # 300 draws each
+    conforms.sampled(interval / np.minimum(squares, centre), below=1.03)
+    conforms.sampled(interval[-1, :4], below=0.8 * interval[0, :4])  # to 0.05 px
+    least = cube["least_share_error"].values
+    conforms.invariance(least / least[:1].clip(1e-9), (least > 0) * 1.0, atol=0.005)
+    conforms.sampled((least / interval)[:, -2:], above=0.85, below=1.15)
+
+
+def test_tolerance_is_where_half_of_the_gain_is_left(conforms):
+    noises = np.array(noisy.NOISES)
+    conforms.closed_form(noisy.halved(0.4 - noises), 0.2, atol=1e-12)
+    conforms.closed_form(noisy.halved(np.where(noises < 0.05, 0.3, 0)), 0.035, atol=1e-12)
+    assert np.isnan(noisy.halved(0.01 - noises))  # next to no gain
+    assert np.isnan(noisy.halved(0.4 - 0.1 * noises))  # always more than half
 
 
 def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):

@@ -9,7 +9,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.design_law import dither as design_dither
+from thesis_lib.figure_sets.design_law.share_tables import SHOWN
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX
 from thesis_lib.plotting.style import (
     COLORS,
@@ -224,6 +226,47 @@ def estimators(cube: xr.Dataset) -> Figure:
     left.legend(loc="lower left", fontsize=7)
     right.set(title=f"(b) {design_dither.NOISY} cameras, µm", ylim=(0, None),
               xlabel="noise of the images before rounding, px")  # fmt: skip
+    return drawing
+
+
+def noisy(cube: xr.Dataset) -> Figure:
+    """Errors at equal pixels per second against the number of cameras and the noise."""
+    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
+    drawn, least = 1e6 * cube["noisy_share_error"], 1e6 * cube["least_share_error"]
+    counts, noises = np.sort(cube["count"].values), cube["image_noise"].values
+    styles = (("o", "none"), ("s", "none"), ("", "-"))  # in the order of the approaches
+
+    def lines(axes: Axes, part: xr.DataArray, x: Array, label: str, number: int) -> None:
+        for name, (marker, line) in zip(part["approach"].values, styles, strict=True):
+            axes.plot(x, part.sel(approach=name), linestyle=line, marker=marker, markersize=3.5,
+                      markerfacecolor="none", color=color(number),
+                      label=label if marker == "" else None)  # fmt: skip
+
+    for k, noise in enumerate(SHOWN):
+        at = {"image_noise": noise, "count": counts}
+        lines(left, drawn.sel(at), counts, f"{noise:g} px" if noise else "no noise", k)
+        if noise:
+            left.plot(counts, least.sel(at), ":", color=color(k), linewidth=1.2)
+    places = np.where(noises > 0, noises, 0.5 * np.min(noises[noises > 0], initial=1))
+    for k, count in enumerate((counts[0], counts[len(counts) // 2], counts[-1])):
+        lines(right, drawn.sel(count=count), places, f"{count} cameras", k)
+    few = least.sel(count=counts[0]).values
+    right.plot(noises[noises > 0], few[noises > 0], ":", color=INK, linewidth=1.2, label="bound")
+    for axes, title in ((left, "(a) error of a deflection, µm"), (right, "(b) the same, µm")):
+        logarithmic(axes.yaxis, [50, 100, 200, 300, 500])
+        axes.set(title=title)
+        axes.set_ylim(0.9 * min(float(drawn.min()), few[noises > 0].min()), None)
+    logarithmic(left.xaxis, [2, 4, 8, 16, 32, 64])
+    left.set_xlabel("number of cameras N")
+    right.set_xscale("log")
+    right.set_xticks(places, [f"{noise:g}" for noise in noises])
+    right.minorticks_off()
+    right.set_xlabel("noise of the images before rounding, px")
+    for name, (marker, line) in zip(drawn["approach"].values, styles, strict=True):
+        left.plot([], [], linestyle=line, marker=marker, markersize=3.5, markerfacecolor="none",
+                  color=INK, label=str(name))  # fmt: skip
+    left.legend(loc="lower left", fontsize=6, ncols=2)
+    right.legend(loc="upper left", fontsize=7)
     return drawing
 
 

@@ -10,7 +10,13 @@ from IPython.display import Markdown
 
 from thesis_lib.figure_sets.design_law import dither as design_dither
 from thesis_lib.figure_sets.design_law.pairs import paired
-from thesis_lib.figure_sets.design_law.share_tables import asked, few_shares, shares
+from thesis_lib.figure_sets.design_law.share_tables import (
+    asked,
+    few_noisy,
+    few_shares,
+    noisy,
+    shares,
+)
 from thesis_lib.vision import dither
 from thesis_lib.vision.estimators import exponent
 from thesis_lib.web.markdown import table
@@ -201,9 +207,9 @@ def dithered(cube: xr.Dataset) -> str:
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
     "motion": motion, "settings": settings, "cone": cone, "exponents": exponents,
     "pairs": paired, "shares": shares,
-    "estimators": estimated, "refined": refined, "dither": dithered,
+    "estimators": estimated, "noisy": noisy, "refined": refined, "dither": dithered,
 }  # fmt: skip
 PIECES: dict[str, Callable[[xr.Dataset], str]] = {
     "settings": settings, "findings": findings, "pairs": paired, "shares": few_shares,
-    "estimators": estimated, "refined": refined, "dither": dithered,
+    "estimators": estimated, "noisy": few_noisy, "refined": refined, "dither": dithered,
 }  # fmt: skip
