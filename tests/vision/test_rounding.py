@@ -137,15 +137,15 @@ def test_noise_blurs_the_law_and_adds_its_own(conforms, noise):
     place, first, second = rng.uniform(-0.5, 0.5, 200_000), *rng.normal(0, noise, (2, 200_000))
     for displacement in (0.0, 0.2, 0.5, 1.7):
         error = np.rint(place + displacement + second) - np.rint(place + first) - displacement
-        law = 2 * noise**2 + rounding.difference_variance(displacement, noise)
+        law = 2 * noise**2 + rounding.noisy_difference_variance(displacement, noise)
         conforms.sampled(np.mean(error**2), law, rtol=0.02)
 
 
 def test_law_of_noise_tends_to_that_without_and_to_independent_roundings(conforms):
     displacements = np.linspace(-2, 2, 37)
     sharp = rounding.difference_variance(displacements)
-    conforms.closed_form(rounding.difference_variance(displacements, 1e-3), sharp, atol=2e-3)
-    conforms.closed_form(rounding.difference_variance(displacements, 0.7), 1 / 6, atol=1e-7)
+    conforms.closed_form(rounding.noisy_difference_variance(displacements, 1e-3), sharp, atol=2e-3)
+    conforms.closed_form(rounding.noisy_difference_variance(displacements, 0.7), 1 / 6, atol=1e-7)
 
 
 @pytest.mark.parametrize("known", [False, True])

@@ -77,20 +77,24 @@ def image_noise(
     return noise
 
 
-def difference_variance(displacement_px: ArrayLike, noise_px: float = 0.0) -> Array:
-    """Variance f(1 − f) in px² of the rounding error of a displacement, f = frac |δ|.
-
-    With noise before rounding its mean over the noise of both images, in which the noise's own 2σ²
-    is not contained; of less noise than 1/1000 px 1e-4 px² are left out.
-    """
+def difference_variance(displacement_px: ArrayLike) -> Array:
+    """Variance f(1 − f) in px² of the rounding error of a displacement, f = frac |δ|."""
     delta = np.asarray(displacement_px, float)
-    if noise_px:
-        k = np.arange(1, min(np.ceil(1 / noise_px), _TERMS) + 1)
-        terms = -np.exp(-((2 * np.pi * k * noise_px) ** 2)) / (np.pi * k) ** 2
-        series = np.polynomial.chebyshev.chebval(np.cos(2 * np.pi * delta), [1 / 6, *terms])
-        return np.asarray(series)
     f = np.abs(delta - np.rint(delta))  # or 1 − f, which gives the same
     return f * (1 - f)
+
+
+def noisy_difference_variance(displacement_px: ArrayLike, noise_px: float) -> Array:
+    """Mean of f(1 − f) in px² over the noise of both images; the noise's own 2σ² is not in it.
+
+    Noise below 1/1000 px leaves out 1e-4 px².
+    """
+    if noise_px == 0:
+        return difference_variance(displacement_px)
+    k = np.arange(1, min(np.ceil(1 / noise_px), _TERMS) + 1)
+    terms = -np.exp(-((2 * np.pi * k * noise_px) ** 2)) / (np.pi * k) ** 2
+    cosine = np.cos(2 * np.pi * np.asarray(displacement_px, float))
+    return np.asarray(np.polynomial.chebyshev.chebval(cosine, [1 / 6, *terms]))
 
 
 def mean_difference_variance(displacement_px: ArrayLike, least: float, most: float) -> Array:
@@ -150,7 +154,7 @@ def deflection_variance(
         rounded = np.sum(g_d**2, axis=(0, 1)) / 12
         return np.asarray(rounded + noise_px**2 * np.sum(g_d**2, axis=(0, 1)))
     g_r = _along(gain(P, rest), normals)
-    f = difference_variance(project(P, deflected) - project(P, rest), noise_px)
+    f = noisy_difference_variance(project(P, deflected) - project(P, rest), noise_px)
     rounded = np.sum((g_d - g_r) ** 2 / 12 + g_d * g_r * f, axis=(0, 1))
     return np.asarray(rounded + noise_px**2 * np.sum(g_d**2 + g_r**2, axis=(0, 1)))
 
@@ -168,7 +172,7 @@ def error_covariance(distance_px: ArrayLike, noise_px: float = 0.0) -> Array:
     `distance_px` is how far they lie apart, f its fractional part: both errors are the same
     sawtooth of the grid's shift, moved against each other. Noise is each coordinate's own.
     """
-    return 1 / 12 - difference_variance(distance_px, noise_px) / 2
+    return 1 / 12 - noisy_difference_variance(distance_px, noise_px) / 2
 
 
 def deflection_covariance(
@@ -211,6 +215,6 @@ def deflection_covariance(
     for a, g in zip(images, gains, strict=True):
         total += error_covariance(a[:, None] - a, noise_px) * (g[:, None] * g)
     if noise_px:  # an error is the same as itself, however noisy
-        own = noise_px**2 + difference_variance(0.0, noise_px) / 2
+        own = noise_px**2 + noisy_difference_variance(0.0, noise_px) / 2
         total += np.diag(own * np.sum(gains**2, axis=0))
     return total.reshape(len(signs), n_markers, len(signs), n_markers).sum(axis=(0, 2))
