@@ -1,5 +1,7 @@
 """Posterior means of noisy, rounded pixels against grids, centroids, least squares and draws."""
 
+import time
+
 import numpy as np
 import pytest
 from scenes.slabs import box, faces, rig, rounded
@@ -7,7 +9,6 @@ from scipy.spatial import ConvexHull, Delaunay, HalfspaceIntersection
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import truncnorm
 
-from benchmarks import centre as benchmark
 from thesis_lib.vision import estimators, interval, pixel_noise
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.interval import joint_interval, pixel_mass
@@ -266,5 +267,12 @@ def test_what_is_wrong_is_named(P, uv, sigma, named):
 
 
 def test_as_fast_as_the_analytic_centre_within_a_factor_of_two():
-    compared = benchmark.compare(12, 10_000, repetitions=5)
-    assert compared.ratio_centre < 2
+    P = rig(12).P
+    uv = rounded(P, box(4000))
+    calls, least = (analytic_centre, posterior), [np.inf, np.inf]
+    for _ in range(12):  # in turns, of which the fastest is the least disturbed
+        for i, call in enumerate(calls):
+            start = time.process_time()
+            call(P, uv)
+            least[i] = min(least[i], time.process_time() - start)
+    assert least[1] < 2 * least[0]

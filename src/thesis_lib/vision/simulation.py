@@ -56,8 +56,8 @@ def measure(
     rest_is_known : bool
         Subtract the true rest position instead of the rebuilt one.
     estimator : str
-        One of :data:`thesis_lib.vision.estimators.RULES`. The slabs that rounded images leave move
-        along with a shifted grid.
+        One of ``RULES`` of :mod:`thesis_lib.vision.estimators`. The slabs that rounded images
+        leave move along with a shifted grid.
     normals : ndarray, shape (3, markers), optional
         Unit vectors along which deflections are measured, in place of Z.
     noise : ndarray, shape (trials, cameras, 2, 1 + modes, markers), optional
