@@ -1,4 +1,4 @@
-"""What Sphinx has read is kept: an edit reads one page, and gives what reading all would give."""
+"""What Sphinx has made is kept: an edit takes one page, and gives what making all would give."""
 
 from __future__ import annotations
 
@@ -11,14 +11,18 @@ import pytest
 pytest.importorskip("jupyter_book", reason="the book needs jupyter-book")
 
 from conftest import PROJECT
+from thesis_lib import files
 from thesis_lib.book import kept, site
 from thesis_lib.web.page import BookError
 
 PAGES = {
     "intro.md": "# Start\n\n(here)=\n## Here\n\n[There](there)\n",
-    "second.md": "# Second\n\n(there)=\n## There\n\n```{include} piece.txt\n```\n\n[Here](here)\n",
+    "second.md": "# Second\n\n(there)=\n## There\n\n```{include} piece.txt\n```\n\n[Here](here)\n\n"
+    "![A line](old.svg)\n",
     "third.md": "# Third\n\n```{eval-rst}\n.. automodule:: thesis_lib.asides\n   :members:\n```\n",
     "piece.txt": "Old words\n",
+    "old.svg": '<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 1"/></svg>',
+    "new.svg": '<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 2"/></svg>',
     "_toc.yml": "format: jb-book\nroot: intro\nchapters: [{file: second}, {file: third}]\n",
     "references.bib": "",
 }
@@ -55,26 +59,61 @@ def read(root: Path) -> dict[str, int]:
     return {tree.stem: tree.stat().st_mtime_ns for tree in trees}
 
 
+def written(root: Path) -> dict[str, int]:
+    """When each page was written that is not written always."""
+    html = root / "build" / "cache" / "pages" / "_build" / "html"
+    pages = {page.relative_to(html).as_posix(): page for page in html.rglob("*.html")}
+    always = ("genindex", "py-modindex", "search", "_modules/index", "_static")
+    return {n: p.stat().st_ctime_ns for n, p in pages.items() if not n.startswith(always)}
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     """All files of a folder."""
     inside = [path for path in folder.rglob("*") if path.is_file()]
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in inside}
 
 
+def changed(before: dict[str, int], after: dict[str, int]) -> set[str]:
+    """What has another time."""
+    return {name for name in before if before[name] != after[name]}
+
+
 @pytest.mark.book
-def test_an_edit_reads_its_page_alone_and_gives_what_reading_all_gives(small: Path) -> None:
+def test_an_edit_takes_its_page_alone_and_gives_what_making_all_gives(small: Path) -> None:
     html = small / "build" / "html"
     site.render(small, html)
-    first = read(small)
+    were_read, were_written = read(small), written(small)
     edit(small / "book" / "piece.txt", "Old", "New")
+    edit(small / "book" / "second.md", "old.svg", "new.svg")
     site.render(small, html)
-    second = read(small)
-    assert {page for page in first if first[page] != second[page]} == {"second"}
+    assert changed(were_read, read(small)) == {"second"}
+    home = "intro.html"  # which Sphinx writes always
+    assert changed(were_written, written(small)) == {"second.html", home}
+    assert "_modules/thesis_lib/asides.html" in were_written
     assert "New words" in (html / "second.html").read_text()
+    assert [file.name for file in (html / "_images").iterdir()] == ["new.svg"]
+
+    edit(small / "book" / "second.md", "## There", "## Where")  # which the others' margins tell
+    were_read, were_written = read(small), written(small)
+    site.render(small, html)
+    assert changed(were_read, read(small)) == {"second"}
+    assert changed(were_written, written(small)) == {*were_written} - {"index.html"}
     shutil.rmtree(small / "build" / "cache")
     site.render(small, small / "build" / "other")
     assert contents(html) == contents(small / "build" / "other")
 
+
+@pytest.mark.book
+def test_all_is_made_anew_by_other_settings_or_if_a_kept_page_is_damaged(small: Path) -> None:
+    html = small / "build" / "html"
+    site.render(small, html)
+    first, whole = read(small), contents(html)
+    kept_page = small / "build" / "cache" / "pages" / "_build" / "html" / "third.html"
+    kept_page.write_text("No page")
+    site.render(small, html)
+    second = read(small)
+    assert contents(html) == whole
+    assert min(second.values()) > max(first.values())
     edit(small / "_config.yml", "title: Vib", "title: Bib")
     site.render(small, html)
     assert "Bibration" in (html / "second.html").read_text()
@@ -104,7 +143,7 @@ def test_nothing_is_kept_of_a_rendering_that_failed_or_of_other_settings(tmp_pat
     def found() -> bool:
         with kept.reading(tmp_path) as folder:
             there = (folder / "_build").is_dir()
-            (folder / "_build").mkdir(exist_ok=True)
+            files.whole_text(folder / "_build" / "page", "words")
         return there
 
     assert [found(), found()] == [False, True]

@@ -238,7 +238,6 @@ def _render(plan: Plan) -> None:
     """Pages, downloads, their description, and all of it as one file."""
 
     def finish(html: Path) -> None:
-        downloads.slim_sources(html)
         downloads.fill(html, [job.cube for job in plan.ran], plan.tables)
         crate.write(html, [(job.notebook, job.cube) for job in plan.ran])
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import zipfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from thesis_lib.book.site import swap
 from thesis_lib.figure_sets import cube_file
@@ -51,22 +49,6 @@ def fill(book: Path, made: Iterable[Path], numbers: Path) -> None:
 def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
-
-
-def slim_sources(book: Path) -> None:
-    """Drop from the notebooks that a book offers what its pages show: pictures and widgets."""
-    for path in (book / "_sources").rglob("*.ipynb"):
-        notebook: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        notebook["metadata"].pop("widgets", None)
-        for cell in notebook["cells"]:
-            for output in cell.get("outputs", []):
-                data = output.get("data", {})
-                for kind in [kind for kind in data if not kind.startswith("text/")]:
-                    del data[kind]
-                    output["metadata"].pop(kind, None)  # its words, which the cell has, too
-                if len(data) > 1:  # what a widget or a table is in a page
-                    data.pop("text/html", None)
-        path.write_text(json.dumps(notebook, ensure_ascii=False, indent=1), encoding="utf-8")
 
 
 def archive(book: Path, place: Path) -> Path:

@@ -9,6 +9,7 @@ from typing import Any
 from docutils import nodes
 from sphinx.addnodes import toctree
 
+from thesis_lib.book import writing
 from thesis_lib.book.shown_code import ShownCode
 from thesis_lib.files import digest_of
 
@@ -23,7 +24,7 @@ def setup(app: Any) -> dict[str, bool]:
     app.connect("write-started", _shorten_margin)
     app.connect("autodoc-process-docstring", _keep_bars)
     app.connect("autodoc-process-signature", _keep_readable)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return writing.setup(app)
 
 
 def _edited(_app: Any, env: Any, _added: Any, _changed: Any, removed: set[str]) -> list[str]:

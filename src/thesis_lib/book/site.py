@@ -19,8 +19,6 @@ from typing import Any
 from thesis_lib import records
 from thesis_lib.asides import aside
 from thesis_lib.book import kept
-from thesis_lib.book.accessible import mend
-from thesis_lib.book.images import in_files, lazy, squeeze
 from thesis_lib.files import staging
 from thesis_lib.web.page import INSTALLED, MATHJAX, BookError, damaged_assets
 
@@ -31,12 +29,6 @@ from jupyter_book.cli.main import main
 main()
 """
 _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
-_SPARE = re.compile(
-    r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*'
-    r'|<script defer src="[^"]*/fontawesome\.js[^"]*"></script>\s*'
-    r'|<span class="(?:[npw]|nn)">(?P<p><span class="pre">)?(?P<text>[^<]*)</span>(?(p)</span>)',
-    re.DOTALL,
-)  # what the widgets' own html and the style sheets repeat, and marks of words in the text's colour
 
 
 def install_assets(root: Path) -> Path:
@@ -83,9 +75,8 @@ def install_assets(root: Path) -> Path:
 def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) -> Path:
     """Render the book and publish it as a whole.
 
-    All pages are written into a fresh folder, so that none is stale and no warning is hidden; what
-    they are written from is read anew where it has changed (:mod:`thesis_lib.book.kept`). A failed
-    or interrupted build leaves `out` alone.
+    Pages are read and written anew where they would be otherwise than they were
+    (:mod:`thesis_lib.book.kept`). A failed or interrupted build leaves `out` alone.
 
     Parameters
     ----------
@@ -116,16 +107,7 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
         new = beside / "html"
         with kept.reading(root) as work:
             _build(root, work)
-            shutil.move(work / "_build" / "html", new)
-        for file in new.rglob("*.html"):
-            text = _SPARE.sub(r"\g<text>", file.read_text(encoding="utf-8"))
-            text = in_files(text, file.parent, new / "_images")
-            file.write_text(lazy(mend(text), file.parent), encoding="utf-8")
-        for file in new.glob("_images/*.svg"):
-            file.write_text(squeeze(file.read_text(encoding="utf-8")), encoding="utf-8")
-        for unread in ("*.map", "*.ttf", "*.[mp]o", "fontawesome.js"):  # no page reads these
-            for file in new.glob(f"_static/**/{unread}"):
-                file.unlink()
+            shutil.copytree(work / "_build" / "html", new)
         if finish is not None:
             finish(new)
         swap(new, out)

@@ -1,0 +1,62 @@
+"""What Sphinx has written, made smaller and more accessible, file by file."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from itertools import chain
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from thesis_lib.book.accessible import mend
+from thesis_lib.book.images import in_files, lazy, squeeze
+
+_ICONS = "fontawesome.js"
+_SPARE = re.compile(
+    r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*'
+    r'|<script defer src="[^"]*/fontawesome\.js[^"]*"></script>\s*'
+    r'|<span class="(?:[npw]|nn)">(?P<p><span class="pre">)?(?P<text>[^<]*)</span>(?(p)</span>)',
+    re.DOTALL,
+)  # what the widgets' own html and the style sheets repeat, and marks of words in the text's colour
+_SHOWN = re.compile(rb"_images/([^\"]+)")
+
+
+def polish(book: Path, files: Iterable[Path]) -> None:
+    """Polish some pages, drawings or notebooks of a book.
+
+    A page's long drawings become files of their own, which are still to be polished.
+    """
+    for file in files:
+        text = file.read_text(encoding="utf-8")
+        if file.suffix == ".html":
+            text = in_files(_SPARE.sub(r"\g<text>", text), file.parent, book / "_images")
+            text = lazy(mend(text), file.parent)
+        else:
+            text = squeeze(text) if file.suffix == ".svg" else _slim(text)
+        file.write_text(text, encoding="utf-8")
+
+
+def _slim(text: str) -> str:
+    """A notebook without what its page shows: pictures and widgets."""
+    notebook: dict[str, Any] = json.loads(text)
+    notebook["metadata"].pop("widgets", None)
+    for cell in notebook["cells"]:
+        for output in cell.get("outputs", []):
+            data = output.get("data", {})
+            for kind in [kind for kind in data if not kind.startswith("text/")]:
+                del data[kind]
+                output["metadata"].pop(kind, None)  # its words, which the cell has, too
+            if len(data) > 1:  # what a widget or a table is in a page
+                data.pop("text/html", None)
+    return json.dumps(notebook, ensure_ascii=False, indent=1)
+
+
+def tidy(book: Path) -> None:
+    """Remove what no page needs: sources of styles, and pictures that are no longer shown."""
+    shown = {name for page in book.rglob("*.html") for name in _SHOWN.findall(page.read_bytes())}
+    pictures = [file for file in book.glob("_images/*") if quote(file.name).encode() not in shown]
+    unread = [book.glob(f"_static/**/{name}") for name in ("*.map", "*.ttf", "*.[mp]o", _ICONS)]
+    for file in chain(pictures, *unread):
+        file.unlink()

@@ -1,0 +1,161 @@
+"""Which pages of the book Sphinx writes: those that would become other than they are.
+
+A page is made of what was read of it and of what the book tells it: titles and contents, labels
+and numbers, names, citations, styles and scripts. If anything of that has changed, all pages are
+written anew, so that a reference that has lost its target is warned of wherever it stands; else
+those alone that were read anew, and the program texts that have changed. The others stay, and
+their words in the index for the search.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx.builders.html import StandaloneHTMLBuilder
+from sphinx.util.parallel import ParallelTasks, SerialTasks, parallel_available
+
+from thesis_lib.book.polish import polish, tidy
+from thesis_lib.files import digest_of
+
+_OWN = {"index entries", "cite bibdata", "cite bibliographies"}  # no other page's
+_BY_PAGE = ("_titles", "_filenames", "_all_titles", "_index_entries")
+_BY_WORD = ("_mapping", "_title_mapping")
+_PROGRAMS = "_modules/"
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Have Sphinx write the book so; the module ``extension`` calls it."""
+    app.add_builder(Pages, override=True)
+    app.connect("env-get-updated", _outdated, priority=900)  # when sections are numbered
+    app.connect("html-collect-pages", _leave_out, priority=0)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _outdated(app: Any, env: Any) -> Iterable[str]:
+    """Remove pages that are not as they would be; returns those that Sphinx would not write."""
+    if not isinstance(app.builder, Pages):
+        return ()
+    styles = [Path(app.confdir, entry) for entry in env.config.html_static_path]
+    programs = getattr(env, "_viewcode_modules", {})
+    told = _digest([*_told(env), sorted(programs), digest_of(styles)])
+    new = {"": told, **{name: _digest([told, program]) for name, program in programs.items()}}
+    old: dict[str, str] = getattr(env, "thesis_written", {})
+    env.thesis_written = new
+    for name in old.keys() | new.keys():
+        if name and old.get(name) != new.get(name):
+            page = app.builder.get_outfilename(_PROGRAMS + name.replace(".", "/"))
+            Path(page).unlink(missing_ok=True)
+    return () if old.get("") == told else env.found_docs
+
+
+def _told(env: Any) -> Iterator[Any]:
+    """What the book tells its pages."""
+    yield [env.titles, env.longtitles, env.tocs, env.toctree_includes]
+    yield [env.toc_secnumbers, env.toc_fignumbers]
+    for page, about in sorted(env.metadata.items()):
+        yield [page, {slug: told[1:] for slug, told in about.get("myst_slugs", {}).items()}]
+    for name, domain in sorted(env.domaindata.items()):
+        for key, value in sorted(domain.items()):
+            if f"{name} {key}" not in _OWN:
+                yield sorted(map(_text, value)) if isinstance(value, list) else value
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(_text(value).encode()).hexdigest()
+
+
+def _text(value: Any) -> str:
+    """What is in a value, whatever the order in which it came together."""
+    if isinstance(value, nodes.Node):
+        return value.pformat()
+    if isinstance(value, Mapping):
+        return str(sorted((_text(key), _text(each)) for key, each in value.items()))
+    if isinstance(value, set | frozenset):
+        return str(sorted(map(_text, value)))
+    if isinstance(value, list | tuple):
+        return str(list(map(_text, value)))
+    said = repr(value)
+    return said if said != object.__repr__(value) else _text(vars(value))
+
+
+def _leave_out(app: Any) -> list[Any]:
+    """Have no page made of program texts whose page is there."""
+    programs = getattr(app.env, "_viewcode_modules", {})
+    for name in programs:
+        if Path(app.builder.get_outfilename(_PROGRAMS + name.replace(".", "/"))).is_file():
+            programs[name] = False
+    return []
+
+
+class Pages(StandaloneHTMLBuilder):
+    """Pages of a book in a folder that may hold the book as it was, and polished."""
+
+    def get_outdated_docs(self) -> list[str]:  # type: ignore[override]
+        """None by their dates: contents count."""
+        return []
+
+    @property
+    def _words(self) -> Path:
+        return Path(self.doctreedir, "words.pickle")
+
+    def load_indexer(self, docnames: Iterable[str]) -> None:
+        """Take the words of pages that stay, as they were found in them."""
+        stay = self.env.all_docs.keys() - set(docnames)
+        found = pickle.loads(self._words.read_bytes()) if stay else {}
+        for name in found:
+            index = getattr(self.indexer, name)
+            if name in _BY_PAGE:
+                index.update({page: of for page, of in found[name].items() if page in stay})
+            else:
+                index.update({w: of & stay for w, of in found[name].items() if of & stay})
+
+    def dump_search_index(self) -> None:
+        """Write the index, as if all pages had been written in their order."""
+        found = {name: getattr(self.indexer, name) for name in (*_BY_PAGE, *_BY_WORD)}
+        for name in _BY_PAGE:
+            ordered = sorted(found[name].items())
+            found[name].clear()
+            found[name].update(ordered)
+        super().dump_search_index()
+        self._words.write_bytes(pickle.dumps(found))
+
+    def copy_assets(self) -> None:
+        """Begin with the program texts beside the pages, as soon as both can name the styles."""
+        for copied in ("_static", "_downloads"):
+            shutil.rmtree(Path(self.outdir, copied), ignore_errors=True)
+        self._before = self._stamps()
+        super().copy_assets()
+        self._programs = _tasks(1)
+        self._programs.add_task(super().gen_pages_from_extensions)
+
+    def gen_pages_from_extensions(self) -> None:
+        """Wait for the program texts."""
+        self._programs.join()
+
+    def finish(self) -> None:
+        """Write the rest, and polish all that was written."""
+        super().finish()
+        book = Path(self.outdir)
+        for kind in ("**/*.html", "_sources/**/*.ipynb", "_images/*.svg"):  # drawings of pages, too
+            files = sorted(dict(self._stamps(kind).items() - self._before.items()))
+            tasks = _tasks(2)
+            for half in (files[::2], files[1::2]):
+                tasks.add_task(lambda some: polish(book, some), half)
+            tasks.join()
+        tidy(book)
+
+    def _stamps(self, kind: str = "**/*") -> dict[Path, int]:
+        """When files of a kind were written, which cannot be said otherwise than it was."""
+        files = Path(self.outdir).glob(kind)
+        return {file: file.stat().st_ctime_ns for file in files if file.is_file()}
+
+
+def _tasks(number: int) -> Any:
+    """So many tasks at a time, beside what follows, where processes can be forked."""
+    return ParallelTasks(number) if parallel_available else SerialTasks()
