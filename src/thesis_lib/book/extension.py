@@ -20,6 +20,7 @@ def setup(app: Any) -> dict[str, bool]:
     """Connect all of it."""
     app.add_directive("computed-by", ShownCode)
     app.connect("env-get-outdated", _edited)
+    app.connect("env-before-read-docs", _two_at_a_time)
     app.connect("env-updated", _remember)
     app.connect("write-started", _shorten_margin)
     app.connect("autodoc-process-docstring", _keep_bars)
@@ -31,6 +32,11 @@ def _edited(_app: Any, env: Any, _added: Any, _changed: Any, removed: set[str]) 
     """Pages that do not hold what they held when they were read: contents count, not dates."""
     known: dict[str, str] = getattr(env, "thesis_contents", {})
     return [page for page in known if page not in removed and known[page] != _contents(env, page)]
+
+
+def _two_at_a_time(app: Any, _env: Any, _pages: list[str]) -> None:
+    """Let pages be read so: this extension does not say that it numbers sections afterwards."""
+    app.extensions["sphinx_multitoc_numbering"].parallel_read_safe = True
 
 
 def _remember(_app: Any, env: Any) -> list[str]:

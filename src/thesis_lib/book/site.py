@@ -25,7 +25,10 @@ from thesis_lib.web.page import INSTALLED, MATHJAX, BookError, damaged_assets
 _JUPYTER_BOOK = """
 import gc
 gc.set_threshold(1_000_000, 50, 1000)  # trees of all pages stay: looking for waste costs a third
+from functools import partial
+from jupyter_book import sphinx
 from jupyter_book.cli.main import main
+sphinx.build_sphinx = partial(sphinx.build_sphinx, jobs=2)
 main()
 """
 _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")

@@ -43,6 +43,8 @@ def _outdated(app: Any, env: Any) -> Iterable[str]:
         return ()
     styles = [Path(app.confdir, entry) for entry in env.config.html_static_path]
     programs = getattr(env, "_viewcode_modules", {})
+    for name in [name for name, program in programs.items() if not (program and program[2])]:
+        del programs[name]  # which no page points at; that depends on the order of reading
     told = _digest([*_told(env), sorted(programs), digest_of(styles)])
     new = {"": told, **{name: _digest([told, program]) for name, program in programs.items()}}
     old: dict[str, str] = getattr(env, "thesis_written", {})
