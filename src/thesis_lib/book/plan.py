@@ -12,7 +12,7 @@ from thesis_lib.book import downloads
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
 from thesis_lib.files import project_root
 from thesis_lib.runs.execute import Job
-from thesis_lib.studies import effort
+from thesis_lib.studies import effort, times
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Plan:
     jobs : sequence of Job
         Its figure sets, in the order in which they begin.
     seconds : mapping
-        What these take where they were published, by name.
+        What these and other steps take where they were published, by name.
     publish : bool
         Whether these results become the published ones.
     chapter : str
@@ -105,6 +105,9 @@ def planned(chapter: str = "", publish: bool = False) -> Plan:
     root = project_root()
     executed, results = root / "book" / "executed", root / "data" / "results"
     seconds = {name: cost.seconds for name, cost in effort.read().items()}
+    seconds |= {
+        name: took for name, (took, _) in times.read(times.published_path())["book"].items()
+    }
     names = sorted(CHAPTERS.get(chapter, STUDIES), key=lambda name: -seconds.get(name, 0.0))
     jobs = [Job(STUDIES[n](), executed / f"{n}.ipynb", results / f"{n}.nc") for n in names]
     return Plan(root, jobs, seconds, publish, chapter)

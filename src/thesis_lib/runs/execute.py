@@ -24,6 +24,7 @@ from thesis_lib.figure_sets import cube_file, keys, outside, recorded
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import digest_of, shipped, staging, workplace
 from thesis_lib.runs import edits as executed_notebook
+from thesis_lib.runs.beforehand import made_beforehand
 from thesis_lib.runs.tasks import RunError, Task, full_disk, log
 from thesis_lib.studies import comparison, effort, reach
 from thesis_lib.studies.commands import given
@@ -232,11 +233,12 @@ def _stand_alone(notebook: Any, study: Study, result: Any) -> None:
 def job_tasks(jobs: Sequence[Job], seconds: Mapping[str, float] | None = None) -> list[Task]:
     """The jobs as tasks; what needs another's cube, or the same recordings, waits for it.
 
+    What the ledger needs beside the cubes of others comes first.
     `seconds` are those that figure sets are known to take, by name.
     """
     names = {job.study.name for job in jobs}
     first = {job.study.digest: job.study.name for job in jobs}  # to make what others need, too
-    tasks = []
+    tasks: list[Task] = []
     for job in jobs:
         name, files = job.study.name, list[Path]()
         figure_set = FIGURE_SETS[name]
@@ -244,6 +246,10 @@ def job_tasks(jobs: Sequence[Job], seconds: Mapping[str, float] | None = None) -
         after = {first.setdefault(each, name) for each in needed}
         if figure_set.judges:
             files, after = _judged(jobs), names
+            if len(jobs) > 1:
+                early = made_beforehand(job.study, seconds or {})
+                tasks.insert(0, early)
+                after = names | {early.name}
         one = Task(
             name,
             partial(execute, job),
