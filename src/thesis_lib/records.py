@@ -21,18 +21,11 @@ _KEY = "thesis_lib"  # in a notebook's metadata
 
 @dataclass(frozen=True)
 class Record:
-    """Digests of one run of a task.
+    """Digests of one run of a task."""
 
-    Parameters
-    ----------
-    made_from : str
-        Of all that it depends on: request, code, inputs.
-    made : mapping
-        Of each file that it has made, by name, in a folder with the folder's before it; of the
-        notebook that holds the record, of all but the record.
-    """
-
-    made_from: str
+    made_from: str  #: Of all that it depends on: request, code, inputs
+    #: Of each file that it has made, by name, in a folder with the folder's before it; of the
+    #: notebook that holds the record, of all but the record
     made: Mapping[str, str]
 
 

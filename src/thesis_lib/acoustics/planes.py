@@ -23,28 +23,18 @@ from thesis_lib.vibration.plate import Plate
 class Plane:
     """A plane through the plate's centre and its normal.
 
-    Parameters
-    ----------
-    name : str
-        ``XZ`` (along the length) or ``YZ`` (across).
-    half_width : float
-        The points lie at |u| ≤ half_width in m, u being X or Y.
-    bottom, top : float
-        Lowest and highest Z in m; the lowest is above the plate.
-    shape : tuple of int
-        Points along u and along Z.
-
     Raises
     ------
     ValueError
         If the plane does not lie in front of the plate or has no points.
     """
 
-    name: Literal["XZ", "YZ"]
-    half_width: float
+    name: Literal["XZ", "YZ"]  #: ``XZ`` (along the length) or ``YZ`` (across)
+    half_width: float  #: The points lie at |u| ≤ half_width in m, u being X or Y
+    #: Lowest and highest Z in m; the lowest is above the plate
     bottom: float
     top: float
-    shape: tuple[int, int]
+    shape: tuple[int, int]  #: Points along u and along Z
 
     def __post_init__(self) -> None:
         if not 0 < self.bottom <= self.top or not self.half_width > 0 or min(self.shape) < 1:
@@ -83,20 +73,12 @@ def pistons(plate: Plate) -> Pistons:
 
 @dataclass(frozen=True)
 class PlaneOperator:
-    """From piston velocities to the pressure on a plane, at one frequency.
+    """From piston velocities to the pressure on a plane, at one frequency."""
 
-    Parameters
-    ----------
-    plane : Plane
-        Where the pressure is wanted.
-    grid : tuple of int
-        Pistons along x and y.
-    kernel : ndarray, shape (right columns · rows, folded pistons), complex
-        Pressure per folded velocity at the points with u ≥ 0, in Pa s/m.
-    """
-
-    plane: Plane
-    grid: tuple[int, int]
+    plane: Plane  #: Where the pressure is wanted
+    grid: tuple[int, int]  #: Pistons along x and y
+    #: Pressure per folded velocity at the points with u ≥ 0, in Pa s/m, complex, shape (right
+    #: columns · rows, folded pistons)
     kernel: ComplexArray
 
     def fold(self, velocity: ArrayLike) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:

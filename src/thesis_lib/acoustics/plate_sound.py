@@ -24,30 +24,15 @@ NODAL = 1e-6
 
 @dataclass(frozen=True)
 class PlateSound:
-    """The sound of one deflection shape, and of others held against it.
+    """The sound of one deflection shape, and of others held against it."""
 
-    Parameters
-    ----------
-    omega : float
-        Angular frequency in rad/s.
-    reference : ndarray, shape (markers,)
-        True deflection in m.
-    operators : tuple of PlaneOperator
-        From velocities to the pressure on each plane.
-    factors : tuple of ndarray
-        ‖F v‖ is the rms pressure on a plane in Pa for real velocities v.
-    largest : ndarray, shape (planes,)
-        Largest reference pressure on each plane in Pa; NaN where a plane is nodal.
-    resistance : ndarray, shape (markers, markers)
-        Radiation resistance R in W s²/m².
-    """
-
-    omega: float
-    reference: Array
-    operators: tuple[PlaneOperator, ...]
-    factors: tuple[Array, ...]
+    omega: float  #: Angular frequency in rad/s
+    reference: Array  #: True deflection in m, shape (markers,)
+    operators: tuple[PlaneOperator, ...]  #: From velocities to the pressure on each plane
+    factors: tuple[Array, ...]  #: ‖F v‖ is the rms pressure on a plane in Pa for real velocities v
+    #: Largest reference pressure on each plane in Pa; NaN where a plane is nodal, shape (planes,)
     largest: Array
-    resistance: Array
+    resistance: Array  #: Radiation resistance R in W s²/m², shape (markers, markers)
 
     @classmethod
     def of(

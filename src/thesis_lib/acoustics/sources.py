@@ -23,21 +23,14 @@ def _check_positive(name: str, value: float) -> None:
 class Medium:
     """The fluid that the sound is in.
 
-    Parameters
-    ----------
-    speed_of_sound : float
-        Speed of sound c in m/s.
-    density : float
-        Density ρ₀ in kg/m³.
-
     Raises
     ------
     ValueError
         If either is not positive and finite.
     """
 
-    speed_of_sound: float = 343.0
-    density: float = 1.21
+    speed_of_sound: float = 343.0  #: Speed of sound c in m/s
+    density: float = 1.21  #: Density ρ₀ in kg/m³
 
     def __post_init__(self) -> None:
         for name in ("speed_of_sound", "density"):
@@ -49,18 +42,10 @@ AIR = Medium()
 
 @dataclass(frozen=True)
 class Pistons:
-    """A baffled plate as equal rectangular pistons.
+    """A baffled plate as equal rectangular pistons."""
 
-    Parameters
-    ----------
-    centres : ndarray, shape (2, pistons)
-        Centres of the pistons in world coordinates, m.
-    size : tuple of float
-        Length and width of each piston in m.
-    """
-
-    centres: Array
-    size: tuple[float, float]
+    centres: Array  #: Centres of the pistons in world coordinates, m, shape (2, pistons)
+    size: tuple[float, float]  #: Length and width of each piston in m
 
     @property
     def area(self) -> float:

@@ -17,30 +17,15 @@ from thesis_lib.studies import effort, times
 
 @dataclass(frozen=True)
 class Plan:
-    """The places of a book, and what has failed so far, by the name of the step.
+    """The places of a book, and what has failed so far, by the name of the step."""
 
-    Parameters
-    ----------
-    root : pathlib.Path
-        The project.
-    jobs : sequence of Job
-        Its figure sets, in the order in which they begin.
-    seconds : mapping
-        What these and other steps take where they were published, by name.
-    publish : bool
-        Whether these results become the published ones.
-    chapter : str
-        The chapter that is made; empty for all.
-    failed : dict
-        Why a step failed, by its name.
-    """
-
-    root: Path
-    jobs: Sequence[Job]
+    root: Path  #: The project
+    jobs: Sequence[Job]  #: Its figure sets, in the order in which they begin
+    #: What these and other steps take where they were published, by name
     seconds: Mapping[str, float] = field(default_factory=dict)
-    publish: bool = False
-    chapter: str = ""
-    failed: dict[str, str] = field(default_factory=dict)
+    publish: bool = False  #: Whether these results become the published ones
+    chapter: str = ""  #: The chapter that is made; empty for all
+    failed: dict[str, str] = field(default_factory=dict)  #: Why a step failed, by its name
 
     @property
     def ran(self) -> list[Job]:

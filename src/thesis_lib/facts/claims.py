@@ -31,51 +31,30 @@ QUANTITIES = ("mean_error", "max_point_error", "plane_error_xz", "plane_error_yz
 
 @dataclass(frozen=True)
 class Claim:
-    """One figure that the thesis states.
+    """One figure that the thesis states."""
 
-    Parameters
-    ----------
-    id, figure_set, section, figure, panel, case : str
-        Where it stands.
-    mode : int
-        Mode it speaks of.
-    quantity : str
-        ``mean_error``, ``max_point_error``, ``plane_error_xz`` or ``plane_error_yz``.
-    values : tuple of float
-        Values of the varied parameter; empty if it speaks of all settings of the case.
-    relation : str
-        ``about``, ``range``, ``max``, ``less_than`` or ``min``.
-    low, high : float
-        The stated interval in %; equal for a single value.
-    excepted : int
-        How many markers the text leaves out.
-    pair_order : str
-        Order of adding pairs that it speaks of; empty for the one that the study runs.
-    rounding : tuple of float
-        Half a unit of the last printed digit of `low` and of `high`.
-    conflicts : tuple of str
-        Ids of claims that cannot be true together with this one.
-    conflict_why : str
-        Why not.
-    """
-
+    #: Where it stands
     id: str
     figure_set: str
     section: str
     figure: str
     panel: str
     case: str
-    mode: int
-    quantity: str
+    mode: int  #: Mode it speaks of
+    quantity: str  #: ``mean_error``, ``max_point_error``, ``plane_error_xz`` or ``plane_error_yz``
+    #: Values of the varied parameter; empty if it speaks of all settings of the case
     values: tuple[float, ...]
-    relation: str
+    relation: str  #: ``about``, ``range``, ``max``, ``less_than`` or ``min``
+    #: The stated interval in %; equal for a single value
     low: float
     high: float
-    excepted: int
+    excepted: int  #: How many markers the text leaves out
+    #: Order of adding pairs that it speaks of; empty for the one that the study runs
     pair_order: str = ""
+    #: Half a unit of the last printed digit of `low` and of `high`
     rounding: tuple[float, float] = (0.0, 0.0)
-    conflicts: tuple[str, ...] = ()
-    conflict_why: str = ""
+    conflicts: tuple[str, ...] = ()  #: Ids of claims that cannot be true together with this one
+    conflict_why: str = ""  #: Why not
 
     @property
     def chapter(self) -> int:

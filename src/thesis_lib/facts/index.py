@@ -23,26 +23,16 @@ SEVERAL = ("function", "cube", "test", "errata")
 
 @dataclass(frozen=True)
 class Entry:
-    """One figure, table or equation of the thesis.
+    """One figure, table or equation of the thesis."""
 
-    Parameters
-    ----------
-    item, what : str
-        Its name there, such as ``figure 3.4``, and what it shows, in our words.
-    page, reason : str
-        Document of the book, such as ``beam#eq-modal``; or why nothing here is about it.
-    function, cube, test, errata : tuple of str
-        Names in the library, variables of figure sets, tests, and what is wrong with it.
-    """
-
-    item: str
-    what: str
-    page: str
-    function: tuple[str, ...]
-    cube: tuple[str, ...]
-    test: tuple[str, ...]
-    reason: str
-    errata: tuple[str, ...]
+    item: str  #: Its name there, such as ``figure 3.4``
+    what: str  #: What it shows, in our words
+    page: str  #: Document of the book, such as ``beam#eq-modal``
+    function: tuple[str, ...]  #: Names in the library
+    cube: tuple[str, ...]  #: Variables of figure sets
+    test: tuple[str, ...]  #: Names of tests
+    reason: str  #: Why nothing here is about it
+    errata: tuple[str, ...]  #: What is wrong with it
 
 
 def read_index() -> list[Entry]:

@@ -29,27 +29,16 @@ BEAM, PLATE, RIG = setups.beam(), setups.plate(), setups.table("experiment", "ri
 
 @dataclass(frozen=True)
 class StatedNumber:
-    """One number that the thesis prints and that can be computed.
+    """One number that the thesis prints and that can be computed."""
 
-    Parameters
-    ----------
-    id, place, words, unit : str
-        Its name, where it stands, what it is, and its unit, empty if it has none.
-    chapter : int
-        Chapter of the thesis; an appendix counts as the chapter that refers to it.
-    stated : str
-        As printed: a decimal such as ``39.6`` or ``16e6``, or an exact ``1/60`` or ``12×4``.
-    value_of : str
-        Key of ``VALUES``.
-    """
-
-    id: str
-    chapter: int
-    place: str
-    words: str
+    id: str  #: Its name
+    chapter: int  #: Chapter of the thesis; an appendix counts as the chapter that refers to it
+    place: str  #: Where it stands
+    words: str  #: What it is
+    #: As printed: a decimal such as ``39.6`` or ``16e6``, or an exact ``1/60`` or ``12×4``
     stated: str
-    unit: str
-    value_of: str
+    unit: str  #: Its unit, empty if it has none
+    value_of: str  #: Key of ``VALUES``
 
     @property
     def low(self) -> float:

@@ -12,21 +12,11 @@ ADOPTED = "adopted"
 
 @dataclass(frozen=True)
 class Reading:
-    """Another reading of what the thesis leaves open.
+    """Another reading of what the thesis leaves open."""
 
-    Parameters
-    ----------
-    name : str
-        Short and unique.
-    topic : str
-        What it is about, as in ``assumptions.toml``.
-    values : dict
-        Parameters that differ; a study takes those that it has.
-    """
-
-    name: str
-    topic: str
-    values: dict[str, Any]
+    name: str  #: Short and unique
+    topic: str  #: What it is about, as in ``assumptions.toml``
+    values: dict[str, Any]  #: Parameters that differ; a study takes those that it has
 
 
 def _focal(focal_mm: float, **more: Any) -> dict[str, Any]:

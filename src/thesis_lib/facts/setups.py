@@ -30,32 +30,15 @@ OPPOSITE_DEG = {"2b": (90.0, -90.0), "2d": (0.0, 180.0)}  # the two sides of the
 
 @dataclass(frozen=True)
 class Setting:
-    """One camera setup of a study.
+    """One camera setup of a study."""
 
-    Parameters
-    ----------
-    case : str
-        The thesis's case, such as ``2a``, or the name of a layout.
-    value : float
-        Value of the varied parameter.
-    label : str
-        The value as it stands in figures and tables.
-    distance_mm : float
-        Distance of all cameras from the structure's centre.
-    directions_deg : tuple
-        Azimuth and elevation of each camera.
-    resolution_px : tuple of int
-        Width and height of the sensor.
-    pair_order : str
-        ``printed``, ``reversed``, or empty where the order of adding pairs has no meaning.
-    """
-
-    case: str
-    value: float
-    label: str
-    distance_mm: float
-    directions_deg: tuple[Direction, ...]
-    resolution_px: tuple[int, int]
+    case: str  #: The thesis's case, such as ``2a``, or the name of a layout
+    value: float  #: Value of the varied parameter
+    label: str  #: The value as it stands in figures and tables
+    distance_mm: float  #: Distance of all cameras from the structure's centre
+    directions_deg: tuple[Direction, ...]  #: Azimuth and elevation of each camera
+    resolution_px: tuple[int, int]  #: Width and height of the sensor
+    #: ``printed``, ``reversed``, or empty where the order of adding pairs has no meaning
     pair_order: str = ""
 
     def turned(self) -> Setting:

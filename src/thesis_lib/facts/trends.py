@@ -37,35 +37,19 @@ WORDS = {  # what is stated, and what has to be said with it
 
 @dataclass(frozen=True)
 class Trend:
-    """One trend that the thesis states.
+    """One trend that the thesis states."""
 
-    Parameters
-    ----------
-    id, section, kind, parameter, words : str
-        Where it stands and what it says, in a few words.
-    chapter : int
-        Chapter of the thesis.
-    cases, quantities : tuple of str
-        What it speaks of; no case means all of the source.
-    modes : tuple of int
-        Modes it speaks of.
-    source : tuple of str
-        Figure sets, or runs of the ledger's own, that it is judged by.
-    test : str
-        One of ``WORDS``, and its argument.
-    """
-
-    id: str
-    chapter: int
-    section: str
-    cases: tuple[str, ...]
-    modes: tuple[int, ...]
-    quantities: tuple[str, ...]
-    kind: str
-    parameter: str
-    words: str
-    source: tuple[str, ...]
-    test: str
+    id: str  #: Its name
+    chapter: int  #: Chapter of the thesis
+    section: str  #: Section of the thesis
+    cases: tuple[str, ...]  #: Cases it speaks of; none means all of the source
+    modes: tuple[int, ...]  #: Modes it speaks of
+    quantities: tuple[str, ...]  #: Errors it speaks of
+    kind: str  #: How it goes, such as ``increasing_with``
+    parameter: str  #: What varies
+    words: str  #: What it says
+    source: tuple[str, ...]  #: Figure sets, or runs of the ledger's own, that it is judged by
+    test: str  #: One of ``WORDS``, and its argument
 
 
 def read_trends() -> list[Trend]:

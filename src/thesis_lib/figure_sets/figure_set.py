@@ -29,28 +29,18 @@ def _nothing(_: Any) -> Inputs:
 
 @dataclass(frozen=True, kw_only=True)
 class Product:
-    """Something that is computed once for a request.
+    """Something that is computed once for a request."""
 
-    Parameters
-    ----------
-    module : str
-        The module that computes it: ``run(request, **inputs)`` gives a dataset or, of what is cut
-        into pieces, ``outline(request, **inputs, scheduler=...)`` a cube to be filled in.
-    needs : callable
-        What it is computed from: the request to a product and its request, by parameter of ``run``.
-    kept : bool
-        Whether ``build/cache`` keeps it, for what takes long or serves others, too.
-    recorded : bool
-        Whether it is filmed, and kept as data (:mod:`thesis_lib.figure_sets.recorded`).
-    in_pieces : bool
-        Whether workers can compute it together, piece by piece.
-    """
-
+    #: The module that computes it: ``run(request, **inputs)`` gives a dataset or, of what is cut
+    #: into pieces, ``outline(request, **inputs, scheduler=...)`` a cube to be filled in
     module: str
+    #: What it is computed from: the request to a product and its request, by parameter of ``run``
     needs: Callable[[Any], Inputs] = field(default=_nothing)
+    #: Whether ``build/cache`` keeps it, for what takes long or serves others, too
     kept: bool = False
+    #: Whether it is filmed, and kept as data (:mod:`thesis_lib.figure_sets.recorded`)
     recorded: bool = False
-    in_pieces: bool = False
+    in_pieces: bool = False  #: Whether workers can compute it together, piece by piece
 
     def compute(
         self, asked: Study, inputs: Mapping[str, xr.Dataset], scheduler: str = ""
@@ -66,24 +56,14 @@ class Product:
 
 @dataclass(frozen=True, kw_only=True)
 class FigureSet(Product):
-    """A product with a notebook and a page.
+    """A product with a notebook and a page."""
 
-    Parameters
-    ----------
-    request : type of Study
-        Its parameters, whose name is its name.
-    chapter : str
-        Where it belongs: a key of :data:`thesis_lib.figure_sets.registry.TITLES`, or empty.
-    figure : str
-        ``module:function`` that draws one case and mode of its cube, if it has cases.
-    judges : bool
-        Whether it is made from the cubes of all others, after them.
-    """
-
-    request: type[Study]
+    request: type[Study]  #: Its parameters, whose name is its name
+    #: Where it belongs: a key of :data:`thesis_lib.figure_sets.registry.TITLES`, or empty
     chapter: str
+    #: ``module:function`` that draws one case and mode of its cube, if it has cases
     figure: str = ""
-    judges: bool = False
+    judges: bool = False  #: Whether it is made from the cubes of all others, after them
 
     def draw(self, cube: xr.Dataset, case: str, mode: int) -> Figure:
         """The figure of one case and mode of a cube."""

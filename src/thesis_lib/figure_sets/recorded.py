@@ -38,21 +38,11 @@ STEP = 1e-4
 
 @dataclass(frozen=True)
 class Recordings:
-    """Some recordings, and how they are made.
+    """Some recordings, and how they are made."""
 
-    Parameters
-    ----------
-    request : Study
-        What is filmed.
-    film : callable
-        Films it and measures: request to dataset.
-    sources : list of Path
-        What the result depends on besides the request.
-    """
-
-    request: Study
-    film: Callable[[Any], Any]
-    sources: list[Path]
+    request: Study  #: What is filmed
+    film: Callable[[Any], Any]  #: Films it and measures: request to dataset
+    sources: list[Path]  #: What the result depends on besides the request
 
     @property
     def path(self) -> Path:

@@ -27,21 +27,13 @@ WRONG = 1.0  # px from the truth beyond which a marker counts as taken for anoth
 
 @dataclass(frozen=True)
 class Seen:
-    """What one camera has seen of the markers.
+    """What one camera has seen of the markers."""
 
-    Parameters
-    ----------
-    times : ndarray, shape (frames,)
-        World times of the frames, s.
-    centres : ndarray, shape (frames, 2, markers)
-        As they were found, lens distortion included, px; NaN where missing.
-    truth : ndarray, shape (frames, 2, markers)
-        Where they were at the middle of the exposure, px.
-    """
-
-    times: Array
+    times: Array  #: World times of the frames, s, shape (frames,)
+    #: As they were found, lens distortion included, px; NaN where missing, shape
+    #: (frames, 2, markers)
     centres: Array
-    truth: Array
+    truth: Array  #: Where they were at the middle of the exposure, px, shape (frames, 2, markers)
 
     @property
     def missing(self) -> float:

@@ -28,27 +28,16 @@ FINE = 2  # the spread acts on pixels this much finer: light is spread before pi
 
 @dataclass(frozen=True)
 class Sensor:
-    """What turns light into grey levels.
+    """What turns light into grey levels."""
 
-    Parameters
-    ----------
-    exposure : float
-        Exposure time in s; a frame's time is the middle of it.
-    samples : int
-        Positions within the exposure that are averaged; 1 freezes the motion.
-    spread : float
-        Standard deviation of the Gaussian point spread in px, beside the pixel's own area.
-    shot, read : float
-        The variance of the noise is shot · I + read² for a grey level I.
-    white, dark, background : float
-        Grey levels of the beam and the board, of the print, and of what lies behind.
-    """
-
-    exposure: float = 1 / 250
-    samples: int = 8
+    exposure: float = 1 / 250  #: Exposure time in s; a frame's time is the middle of it
+    samples: int = 8  #: Positions within the exposure that are averaged; 1 freezes the motion
+    #: Standard deviation of the Gaussian point spread in px, beside the pixel's own area
     spread: float = 0.6
+    #: The variance of the noise is shot · I + read² for a grey level I
     shot: float = 0.05
     read: float = 1.0
+    #: Grey levels of the beam and the board, of the print, and of what lies behind
     white: float = 200.0
     dark: float = 30.0
     background: float = 60.0
@@ -56,17 +45,10 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Polygons:
-    """Closed polygons one after the other.
+    """Closed polygons one after the other."""
 
-    Parameters
-    ----------
-    first : ndarray of int, shape (polygons,)
-        Index of each polygon's first vertex.
-    contrast : ndarray, shape (polygons,)
-        What the polygon adds to the grey level of what is under it.
-    """
-
-    first: IntArray
+    first: IntArray  #: Index of each polygon's first vertex, shape (polygons,)
+    #: What the polygon adds to the grey level of what is under it, shape (polygons,)
     contrast: Array
 
     def following(self, n_vertices: int) -> IntArray:
@@ -223,17 +205,10 @@ def expose(
 
 @dataclass(frozen=True)
 class Light:
-    """What a sensor collects in an exposure.
+    """What a sensor collects in an exposure."""
 
-    Parameters
-    ----------
-    picture : ndarray of float32, shape (height, width)
-        Grey levels without noise.
-    box : tuple of slice or None
-        Rows and columns beyond which there is background alone; None if nothing is in view.
-    """
-
-    picture: NDArray[np.float32]
+    picture: NDArray[np.float32]  #: Grey levels without noise, shape (height, width)
+    #: Rows and columns beyond which there is background alone; None if nothing is in view
     box: tuple[slice, slice] | None
 
     def recorded(self, sensor: Sensor, rng: np.random.Generator | None = None) -> Image:

@@ -29,57 +29,27 @@ HEADROOM = 0.5  # largest force on the audio track over full scale
 
 @dataclass(frozen=True)
 class Station:
-    """A camera, what its sensor does, how fast it films, and when it starts.
+    """A camera, what its sensor does, how fast it films, and when it starts."""
 
-    Parameters
-    ----------
-    camera : Camera
-        Optics and pose.
-    sensor : Sensor
-        Exposure, spread, noise, grey levels.
-    frame_rate : float
-        Frames per second.
-    start : float
-        World time of its first frame, s.
-    """
-
-    camera: Camera
-    sensor: Sensor
-    frame_rate: float
-    start: float
+    camera: Camera  #: Optics and pose
+    sensor: Sensor  #: Exposure, spread, noise, grey levels
+    frame_rate: float  #: Frames per second
+    start: float  #: World time of its first frame, s
 
 
 @dataclass(frozen=True)
 class Rig:
-    """All that is filmed and heard.
+    """All that is filmed and heard."""
 
-    Parameters
-    ----------
-    stations : tuple of Station
-        The cameras.
-    markers : Markers
-        The beam and what is printed on it.
-    motion : Motion
-        How it moves, in world time.
-    duration : float
-        Length of each recording, s.
-    audio_noise_db : float
-        Power of the force over that of the noise on the audio tracks, dB.
-    seed : int
-        Seed of all noise.
-    board : Board
-        The calibration board.
-    rotations, translations : ndarray, shapes (shots, 3, 3) and (shots, 3)
-        Poses of the board in the world.
-    """
-
-    stations: tuple[Station, ...]
-    markers: Markers
-    motion: Motion
-    duration: float
+    stations: tuple[Station, ...]  #: The cameras
+    markers: Markers  #: The beam and what is printed on it
+    motion: Motion  #: How it moves, in world time
+    duration: float  #: Length of each recording, s
+    #: Power of the force over that of the noise on the audio tracks, dB
     audio_noise_db: float = 20.0
-    seed: int = 0
-    board: Board = field(default_factory=Board)
+    seed: int = 0  #: Seed of all noise
+    board: Board = field(default_factory=Board)  #: The calibration board
+    #: Poses of the board in the world
     rotations: Array = field(default_factory=lambda: default_poses()[0])
     translations: Array = field(default_factory=lambda: default_poses()[1])
 

@@ -43,57 +43,34 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of the ledger.
+    """One line of the ledger."""
 
-    Parameters
-    ----------
-    id, kind : str
-        Its name, and ``figure``, ``trend`` or ``number``.
-    chapter : int
-        Chapter of the thesis.
-    place, case, what, stated, got : str
-        Where it stands, of which case, and in a few words each what is stated of what, and what we
-        get.
-    modes : tuple of int
-        Modes that it speaks of.
-    verdict, note : str
-        One of ``verdicts.VERDICTS``, and the reason or a remark.
-    ratio : float or None
-        What we get over what is stated, where both are numbers.
-    counted : bool
-        Whether the totals count it: not if it is judged by rendered recordings, nor if it is
-        bookkeeping.
-    href, command : str
-        The page with its figure, and the commands that make what it is judged by, line by line.
-    least, most : float
-        What is stated, with NaN at the open end of a bound.
-    literal, median, low, high : float
-        What we get: the literal run (or the value), and median and 5–95 % band of the trials.
-    confidence, single, effect : float
-        Of a trend, see :class:`thesis_lib.ledger.trends.Finding`.
-    """
-
-    id: str
-    kind: str
-    chapter: int
-    place: str
-    case: str
-    modes: tuple[int, ...]
-    what: str
-    stated: str
-    got: str
-    verdict: str
-    note: str
-    ratio: float | None
+    id: str  #: Its name
+    kind: str  #: ``figure``, ``trend`` or ``number``
+    chapter: int  #: Chapter of the thesis
+    place: str  #: Where it stands
+    case: str  #: Of which case it speaks
+    modes: tuple[int, ...]  #: Modes that it speaks of
+    what: str  #: What it is about, in a few words
+    stated: str  #: What is stated, in a few words
+    got: str  #: What we get, in a few words
+    verdict: str  #: One of ``verdicts.VERDICTS``
+    note: str  #: The reason, or a remark
+    ratio: float | None  #: What we get over what is stated, where both are numbers
+    #: Whether the totals count it: not if it is judged by rendered recordings, nor if it is
+    #: bookkeeping
     counted: bool
-    href: str
-    command: str
+    href: str  #: The page with its figure
+    command: str  #: The commands that make what it is judged by, line by line
+    #: What is stated, with NaN at the open end of a bound
     least: float = NAN
     most: float = NAN
+    #: What we get: the literal run (or the value), and median and 5–95 % band of the trials
     literal: float = NAN
     median: float = NAN
     low: float = NAN
     high: float = NAN
+    #: Of a trend, see :class:`thesis_lib.ledger.trends.Finding`
     confidence: float = NAN
     single: float = NAN
     effect: float = NAN

@@ -21,24 +21,14 @@ WEAKEST = {"falls": np.max, "falls_steadily": np.max, "rises": np.min}
 
 @dataclass(frozen=True)
 class Series:
-    """One error of the settings of a case, in the order of what is varied.
+    """One error of the settings of a case, in the order of what is varied."""
 
-    Parameters
-    ----------
-    quantity, case : str
-        Which error, of which case.
-    mode : int
-        Of which mode.
-    values : ndarray, shape (settings,)
-        The varied parameter, growing.
-    errors : ndarray, shape (settings, trials)
-        In %, of the random trials; NaN where there is no reference.
-    """
-
+    #: Which error, of which case
     quantity: str
     case: str
-    mode: int
-    values: Array
+    mode: int  #: Of which mode
+    values: Array  #: The varied parameter, growing, shape (settings,)
+    #: In %, of the random trials; NaN where there is no reference, shape (settings, trials)
     errors: Array
 
 

@@ -19,27 +19,16 @@ VERDICTS = ("agrees", "within scatter", "differs", UNCHANGED, "undefined")
 
 @dataclass(frozen=True)
 class Check:
-    """A claim and what a cube says of it, in %, at that of its settings that is farthest off.
+    """A claim and what a cube says of it, in %, at that of its settings that is farthest off."""
 
-    Parameters
-    ----------
-    claim : Claim
-        What is stated.
-    literal, median, low, high : float
-        The literal run, and median and 5–95 % band of the trials.
-    inside : bool
-        Whether the band meets the claim in all of its settings.
-    exact : bool
-        Whether the literal run does, to the printed digits.
-    """
-
-    claim: Claim
+    claim: Claim  #: What is stated
+    #: The literal run, and median and 5–95 % band of the trials
     literal: float
     median: float
     low: float
     high: float
-    inside: bool
-    exact: bool
+    inside: bool  #: Whether the band meets the claim in all of its settings
+    exact: bool  #: Whether the literal run does, to the printed digits
 
     @property
     def verdict(self) -> str:

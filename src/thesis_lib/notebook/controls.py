@@ -31,15 +31,9 @@ SLIDER = 720  # widest range that a slider can set
 
 @dataclass(frozen=True)
 class View:
-    """A widget that shows in a live front end, and leaves nothing in a file.
+    """A widget that shows in a live front end, and leaves nothing in a file."""
 
-    Parameters
-    ----------
-    widget : ipywidgets.Widget
-        What to show.
-    """
-
-    widget: ipywidgets.Widget
+    widget: ipywidgets.Widget  #: What to show
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
         view = {"version_major": 2, "version_minor": 0, "model_id": self.widget.model_id}
@@ -48,25 +42,14 @@ class View:
 
 @dataclass(frozen=True)
 class Controls:
-    """The controls of one figure set.
+    """The controls of one figure set."""
 
-    Parameters
-    ----------
-    inputs : mapping
-        A widget for each parameter, by name.
-    button : ipywidgets.Button
-        Runs the figure set with the values of the inputs.
-    command, message : ipywidgets.HTML
-        The command that does the same, and why it cannot be run.
-    output : ipywidgets.Output
-        Progress and results.
-    """
-
-    inputs: Mapping[str, ipywidgets.ValueWidget]
-    button: ipywidgets.Button
+    inputs: Mapping[str, ipywidgets.ValueWidget]  #: A widget for each parameter, by name
+    button: ipywidgets.Button  #: Runs the figure set with the values of the inputs
+    #: The command that does the same, and why it cannot be run
     command: ipywidgets.HTML
     message: ipywidgets.HTML
-    output: ipywidgets.Output
+    output: ipywidgets.Output  #: Progress and results
 
     @property
     def values(self) -> dict[str, Any]:

@@ -99,17 +99,10 @@ def viewer(cube: xr.Dataset) -> Viewer:
 
 @dataclass(frozen=True)
 class Shown:
-    """A figure with its words: a picture for pages, and in a front end its caption, too.
+    """A figure with its words: a picture for pages, and in a front end its caption, too."""
 
-    Parameters
-    ----------
-    svg : str
-        The picture.
-    about : mapping
-        Its ``name``, ``caption`` and ``alt``, and ``case`` and ``mode`` if it is of one.
-    """
-
-    svg: str = field(repr=False)
+    svg: str = field(repr=False)  #: The picture
+    #: Its ``name``, ``caption`` and ``alt``, and ``case`` and ``mode`` if it is of one
     about: Mapping[str, Any] = field(repr=False)
 
     def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, str], dict[str, Any]]:

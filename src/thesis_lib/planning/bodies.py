@@ -18,32 +18,17 @@ from thesis_lib.vibration.structure import Structure, deflection_shape
 
 @dataclass(frozen=True)
 class Body:
-    """Markers that vibrate along their normals.
+    """Markers that vibrate along their normals."""
 
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    points : ndarray, shape (3, markers)
-        Markers at rest in m.
-    normals : ndarray, shape (3, markers)
-        Unit vectors along which they move, and towards which they face.
-    shapes : ndarray, shape (modes, markers)
-        Deflections along the normals where the peak over the structure is 1.
-    frequencies : ndarray, shape (modes,)
-        In Hz.
-    modes : tuple of int
-        Their numbers.
-    outline : ndarray, shape (3, corners)
-        What is drawn of the structure; empty if only its markers are known.
-    """
-
-    name: str
-    points: Array
+    name: str  #: What it is called
+    points: Array  #: Markers at rest in m, shape (3, markers)
+    #: Unit vectors along which they move, and towards which they face, shape (3, markers)
     normals: Array
+    #: Deflections along the normals where the peak over the structure is 1, shape (modes, markers)
     shapes: Array
-    frequencies: Array
-    modes: tuple[int, ...]
+    frequencies: Array  #: In Hz, shape (modes,)
+    modes: tuple[int, ...]  #: Their numbers
+    #: What is drawn of the structure; empty if only its markers are known, shape (3, corners)
     outline: Array
 
     @cached_property

@@ -23,18 +23,10 @@ MOTION = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
 
 @dataclass(frozen=True)
 class Simulated:
-    """What a simulation found of a layout, in % of each mode's largest deflection of a marker.
+    """What a simulation found of a layout, in % of each mode's largest deflection of a marker."""
 
-    Parameters
-    ----------
-    mean : ndarray, shape (modes, trials)
-        Rms errors over the markers.
-    point : ndarray, shape (modes, markers)
-        Rms errors over the trials.
-    """
-
-    mean: Array
-    point: Array
+    mean: Array  #: Rms errors over the markers, shape (modes, trials)
+    point: Array  #: Rms errors over the trials, shape (modes, markers)
 
     def error(self, objective: str, at: NDArray[np.int_]) -> Array:
         """Rms over the trials of the error that counts, by mode.

@@ -30,60 +30,33 @@ _VALUES = 2_000_000  # images at a time, which bounds the memory
 
 @dataclass(frozen=True)
 class Rules:
-    """Limits on places. Angles in rad, lengths in m, regions in the body's frame.
+    """Limits on places. Angles in rad, lengths in m, regions in the body's frame."""
 
-    Parameters
-    ----------
-    distances, azimuths, elevations : tuple of float
-        Least and largest; azimuths may span more than a turn.
-    tilt : float
-        Largest angle between a marker's normal and the line of sight at which it is read.
-    in_view : float
-        Share of the markers that each camera must see and read.
-    separation : float
-        Least distance between two cameras.
-    boxes : ndarray, shape (boxes, 3, 2)
-        Forbidden boxes along the axes, least and largest coordinates.
-    spheres : ndarray, shape (spheres, 4)
-        Forbidden spheres: centre and radius.
-    sectors : ndarray, shape (sectors, 4)
-        Forbidden directions: least and largest azimuth, least and largest elevation.
-    """
-
+    #: Least and largest; azimuths may span more than a turn
     distances: tuple[float, float]
     azimuths: tuple[float, float]
     elevations: tuple[float, float]
+    #: Largest angle between a marker's normal and the line of sight at which it is read
     tilt: float
-    in_view: float
-    separation: float
+    in_view: float  #: Share of the markers that each camera must see and read
+    separation: float  #: Least distance between two cameras
+    #: Forbidden boxes along the axes, least and largest coordinates, shape (boxes, 3, 2)
     boxes: Array
-    spheres: Array
+    spheres: Array  #: Forbidden spheres: centre and radius, shape (spheres, 4)
+    #: Forbidden directions: least and largest azimuth, least and largest elevation, shape
+    #: (sectors, 4)
     sectors: Array
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A body, how far its markers move, the rules, and the shape of the sensors.
+    """A body, how far its markers move, the rules, and the shape of the sensors."""
 
-    Parameters
-    ----------
-    body : Body
-        What is measured.
-    peaks : tuple of float
-        Peak deflection of each mode in m.
-    rules : Rules
-        Where cameras may stand.
-    focals : tuple of float
-        Focal lengths to choose from, over the sensor's width.
-    aspect : float
-        Height over width of the sensors.
-    """
-
-    body: Body
-    peaks: tuple[float, ...]
-    rules: Rules
-    focals: tuple[float, ...]
-    aspect: float
+    body: Body  #: What is measured
+    peaks: tuple[float, ...]  #: Peak deflection of each mode in m
+    rules: Rules  #: Where cameras may stand
+    focals: tuple[float, ...]  #: Focal lengths to choose from, over the sensor's width
+    aspect: float  #: Height over width of the sensors
 
 
 def centres(scene: Scene, places: Array) -> Array:
@@ -105,21 +78,14 @@ def cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArray:
 
 @dataclass(frozen=True)
 class Sights:
-    """What is seen in some directions from the centre, whatever the distance.
+    """What is seen in some directions from the centre, whatever the distance."""
 
-    Parameters
-    ----------
-    inside : ndarray, shape (directions, markers)
-        Distance in m from which on a marker's whole motion is in the picture.
-    towards : ndarray, shape (directions, markers)
-        How far a marker is from the centre along the direction, in m.
-    facing : ndarray, shape (directions, markers)
-        Cosine between its normal and the direction.
-    """
-
+    #: Distance in m from which on a marker's whole motion is in the picture, shape
+    #: (directions, markers)
     inside: Array
+    #: How far a marker is from the centre along the direction, in m, shape (directions, markers)
     towards: Array
-    facing: Array
+    facing: Array  #: Cosine between its normal and the direction, shape (directions, markers)
 
 
 def sights(scene: Scene, grid: Array, focal: Array) -> Sights:

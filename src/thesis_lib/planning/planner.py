@@ -31,42 +31,22 @@ _SHARP = 40  # power of the variances that weigh markers in the bound of the lar
 
 @dataclass(frozen=True)
 class Option:
-    """A number of cameras of one kind, best placed.
+    """A number of cameras of one kind, best placed."""
 
-    Parameters
-    ----------
-    layout : ndarray, shape (cameras, 4)
-        Places: azimuth and elevation in rad, distance in m, focal length over sensor width.
-    resolution : tuple of int
-        Width and height in px.
-    kind : int
-        Which of the resolutions that is.
-    frame_rate : float
-        In Hz.
-    cost : float
-        Pixels per second of all cameras, or their price.
-    expected : float
-        Largest error of a mode in %, averaged over amplitudes.
-    point : ndarray, shape (modes, markers)
-        Error of every marker by the law of rounding, at the amplitude asked for, in %.
-    predicted : ndarray, shape (modes,)
-        The error that counts, of each mode.
-    bound : float
-        What `expected` of no layout on the grid of the search can be below.
-    scene : Scene
-        What was optimised.
-    """
-
+    #: Places: azimuth and elevation in rad, distance in m, focal length over sensor width, shape
+    #: (cameras, 4)
     layout: Array
-    resolution: tuple[int, int]
-    kind: int
-    frame_rate: float
-    cost: float
-    expected: float
+    resolution: tuple[int, int]  #: Width and height in px
+    kind: int  #: Which of the resolutions that is
+    frame_rate: float  #: In Hz
+    cost: float  #: Pixels per second of all cameras, or their price
+    expected: float  #: Largest error of a mode in %, averaged over amplitudes
+    #: Error of every marker by the law of rounding, at the amplitude asked for, in %, shape
+    #: (modes, markers)
     point: Array
-    predicted: Array
-    bound: float
-    scene: Scene
+    predicted: Array  #: The error that counts, of each mode, shape (modes,)
+    bound: float  #: What `expected` of no layout on the grid of the search can be below
+    scene: Scene  #: What was optimised
 
     @property
     def error(self) -> float:
@@ -89,33 +69,15 @@ class Verified:
 
 @dataclass(frozen=True)
 class Plan:
-    """What was found.
+    """What was found."""
 
-    Parameters
-    ----------
-    request : PlanRequest
-        What was asked.
-    body : Body
-        What is measured.
-    options : list of Option
-        Every number of cameras with every resolution.
-    verified : list of Verified
-        Their simulations.
-    front : list of int
-        Options that no other beats in cost without being less accurate, by cost.
-    chosen : int
-        The cheapest that reaches the target, or without a target the most accurate.
-    candidates : int
-        Places on the grid of the search.
-    """
-
-    request: PlanRequest
-    body: Body
-    options: list[Option]
-    verified: list[Verified]
-    front: list[int]
-    chosen: int
-    candidates: int
+    request: PlanRequest  #: What was asked
+    body: Body  #: What is measured
+    options: list[Option]  #: Every number of cameras with every resolution
+    verified: list[Verified]  #: Their simulations
+    front: list[int]  #: Options that no other beats in cost without being less accurate, by cost
+    chosen: int  #: The cheapest that reaches the target, or without a target the most accurate
+    candidates: int  #: Places on the grid of the search
 
 
 def plan(

@@ -13,21 +13,11 @@ from thesis_lib.plotting.numbers import figure_names
 
 @dataclass(frozen=True)
 class Caption:
-    """Words of a figure, all of them plain text.
+    """Words of a figure, all of them plain text."""
 
-    Parameters
-    ----------
-    name : str
-        What its page calls it, for links.
-    text : str
-        What stands under it.
-    alt : str
-        What it shows; empty if :func:`panels` tells it.
-    """
-
-    name: str = ""
-    text: str = ""
-    alt: str = ""
+    name: str = ""  #: What its page calls it, for links
+    text: str = ""  #: What stands under it
+    alt: str = ""  #: What it shows; empty if :func:`panels` tells it
 
 
 def of_cases(cube: xr.Dataset) -> dict[tuple[str, int], Caption]:

@@ -47,25 +47,14 @@ def stated(
 
 @dataclass(frozen=True)
 class Bars:
-    """One error of every setting: literal run, band of the trials, prediction, stated figures.
+    """One error of every setting: literal run, band of the trials, prediction, stated figures."""
 
-    Parameters
-    ----------
-    literal, predicted : ndarray, shape (settings,)
-        In %.
-    band : ndarray, shape (3, settings)
-        Quantiles 5, 50 and 95 % in %.
-    claims : list
-        What the thesis states of each setting, or None.
-    name : str
-        What the bars are, if there is more than one to a setting.
-    """
-
+    #: In %, shape (settings,)
     literal: Array
     predicted: Array
-    band: Array
-    claims: list[Claim | None]
-    name: str = ""
+    band: Array  #: Quantiles 5, 50 and 95 % in %, shape (3, settings)
+    claims: list[Claim | None]  #: What the thesis states of each setting, or None
+    name: str = ""  #: What the bars are, if there is more than one to a setting
 
 
 def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error") -> Bars:

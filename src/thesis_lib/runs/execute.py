@@ -36,22 +36,13 @@ _LAST_WORDS = "import thesis_lib.studies.effort\n\nprint(thesis_lib.studies.effo
 
 @dataclass(frozen=True)
 class Job:
-    """One figure set to execute, and the files it makes.
+    """One figure set to execute, and the files it makes."""
 
-    Parameters
-    ----------
-    study : Study
-        Validated parameters.
-    notebook, cube : Path
-        Where the executed notebook and the cube go.
-    page : Path or None
-        Where the self-contained page goes, if one is wanted.
-    """
-
-    study: Study
+    study: Study  #: Validated parameters
+    #: Where the executed notebook and the cube go
     notebook: Path
     cube: Path
-    page: Path | None = None
+    page: Path | None = None  #: Where the self-contained page goes, if one is wanted
 
     @property
     def targets(self) -> list[Path]:

@@ -58,27 +58,14 @@ def seconds_left(
 
 @dataclass
 class Progress:
-    """How many tasks there are and are done, since when, and what is known of the rest.
+    """How many tasks there are and are done, since when, and what is known of the rest."""
 
-    Parameters
-    ----------
-    total : int
-        Number of tasks.
-    known : dict
-        Of what is to do the seconds that it has taken elsewhere, by name; 0 if nobody knows.
-    waits : mapping
-        Of each task those that come before it.
-    workers : int
-        Tasks at a time.
-    clock : callable
-        Seconds since any moment.
-    """
-
-    total: int
+    total: int  #: Number of tasks
+    #: Of what is to do the seconds that it has taken elsewhere, by name; 0 if nobody knows
     known: dict[str, float]
-    waits: Mapping[str, Iterable[str]]
-    workers: int = 2
-    clock: Callable[[], float] = time.monotonic
+    waits: Mapping[str, Iterable[str]]  #: Of each task those that come before it
+    workers: int = 2  #: Tasks at a time
+    clock: Callable[[], float] = time.monotonic  #: Seconds since any moment
     done: int = 0
     at_work: dict[str, float] = field(default_factory=dict)  # when they began
     ended: list[tuple[float, float]] = field(default_factory=list)  # seconds here, and elsewhere

@@ -30,25 +30,14 @@ FOLDER = "data"
 
 @dataclass(frozen=True)
 class Record:
-    """Where the results of a figure set come from.
+    """Where the results of a figure set come from."""
 
-    Parameters
-    ----------
-    study : Study
-        What was asked for.
-    sha256 : str
-        Of the cube's file.
-    commit, created : str
-        Commit of the library, and when the cube was made.
-    effort : Effort
-        What the run cost.
-    """
-
-    study: Study
-    sha256: str
+    study: Study  #: What was asked for
+    sha256: str  #: Of the cube's file
+    #: Commit of the library, and when the cube was made
     commit: str
     created: str
-    effort: Effort
+    effort: Effort  #: What the run cost
 
     @property
     def anchor(self) -> str:

@@ -49,39 +49,18 @@ class RunError(RuntimeError):
 
 @dataclass(frozen=True)
 class Task:
-    """Something to do that makes files.
+    """Something to do that makes files."""
 
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    act : callable
-        Does it, and leaves the record last; given the digest of all that it is made from.
-    makes : sequence of Path
-        Files, and folders as a whole.
-    record : Path
-        Where the record is.
-    needs : sequence of Path
-        Files that it depends on; what makes one of them comes before.
-    key : str
-        What else it depends on.
-    after : frozenset of str
-        Names of tasks that come before, if they are there.
-    always : bool
-        Whether to do it even if it is up to date.
-    seconds : float
-        How long it took where it was published; 0 if that is not known.
-    """
-
-    name: str
+    name: str  #: What it is called
+    #: Does it, and leaves the record last; given the digest of all that it is made from
     act: Callable[[str], object]
-    makes: Sequence[Path]
-    record: Path
-    needs: Sequence[Path] = ()
-    key: str = ""
-    after: frozenset[str] = frozenset()
-    always: bool = False
-    seconds: float = 0.0
+    makes: Sequence[Path]  #: Files, and folders as a whole
+    record: Path  #: Where the record is
+    needs: Sequence[Path] = ()  #: Files that it depends on; what makes one of them comes before
+    key: str = ""  #: What else it depends on
+    after: frozenset[str] = frozenset()  #: Names of tasks that come before, if they are there
+    always: bool = False  #: Whether to do it even if it is up to date
+    seconds: float = 0.0  #: How long it took where it was published; 0 if that is not known
 
     def made_from(self) -> str:
         """Digest of all that it depends on, as it is now."""

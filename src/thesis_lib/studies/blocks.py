@@ -29,24 +29,12 @@ HELD_BYTES = 64 * 2**20  # a cube up to this size is held in memory
 
 @dataclass(frozen=True)
 class Block:
-    """A run of trials of one setting.
+    """A run of trials of one setting."""
 
-    Parameters
-    ----------
-    setting : int
-        Index of the setting.
-    trials : slice
-        First trial, and the one after the last.
-    nbytes : int
-        Size of what is computed with.
-    load : object
-        What computing it needs.
-    """
-
-    setting: int
-    trials: slice
-    nbytes: int
-    load: Any = field(compare=False)
+    setting: int  #: Index of the setting
+    trials: slice  #: First trial, and the one after the last
+    nbytes: int  #: Size of what is computed with
+    load: Any = field(compare=False)  #: What computing it needs
 
     @property
     def place(self) -> tuple[int, slice, slice]:
@@ -125,25 +113,15 @@ class _Each:
 
 @dataclass(frozen=True)
 class Outline:
-    """A cube without its large variables, and what fills them in.
+    """A cube without its large variables, and what fills them in."""
 
-    Parameters
-    ----------
-    cube : xarray.Dataset
-        Coordinates and small variables.
-    large : mapping
-        Dimensions, type and attributes of the large variables, by name; the dimensions are the
-        cube's.
-    fill : callable
-        Is given something to assign to by index for each large variable.
-    order : tuple of str
-        Names of all variables as they shall stand in the cube.
-    """
-
-    cube: xr.Dataset
+    cube: xr.Dataset  #: Coordinates and small variables
+    #: Dimensions, type and attributes of the large variables, by name; the dimensions are the
+    #: cube's
     large: Mapping[str, tuple[tuple[str, ...], str, dict[str, str]]]
+    #: Is given something to assign to by index for each large variable
     fill: Callable[[Mapping[str, Any]], None]
-    order: tuple[str, ...]
+    order: tuple[str, ...]  #: Names of all variables as they shall stand in the cube
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of a large variable."""

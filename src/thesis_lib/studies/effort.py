@@ -28,21 +28,11 @@ class EffortError(ValueError):
 
 @dataclass(frozen=True)
 class Effort:
-    """What a figure set costs.
+    """What a figure set costs."""
 
-    Parameters
-    ----------
-    seconds : float
-        Run time of the notebook on a machine with two cores, with all that it needs.
-    peak_memory_mb : float
-        Largest resident memory of its process.
-    cube_mb : float
-        Size of its cube.
-    """
-
-    seconds: float
-    peak_memory_mb: float
-    cube_mb: float
+    seconds: float  #: Run time of the notebook on a machine with two cores, with all that it needs
+    peak_memory_mb: float  #: Largest resident memory of its process
+    cube_mb: float  #: Size of its cube
 
     @property
     def kind(self) -> str:

@@ -22,17 +22,10 @@ _LINE = re.compile(r"(?P<name>\w+)\((?P<dims>[\w, ]*)\) \[(?P<units>[^]]+)\] (?P
 
 @dataclass(frozen=True)
 class Variable:
-    """What the values of a variable are.
+    """What the values of a variable are."""
 
-    Parameters
-    ----------
-    dims : tuple of str
-        Its dimensions.
-    units, long_name : str
-        Unit, "1" if it has none, and words.
-    """
-
-    dims: tuple[str, ...]
+    dims: tuple[str, ...]  #: Its dimensions
+    #: Unit, "1" if it has none, and words
     units: str
     long_name: str
 

@@ -15,37 +15,19 @@ from thesis_lib.vibration.structure import numbers_from_one
 
 @dataclass(frozen=True)
 class Beam:
-    """Slender cantilever beam, clamped at x = 0 and free at x = length.
+    """Slender cantilever beam, clamped at x = 0 and free at x = length."""
 
-    Parameters
-    ----------
-    length, width, thickness : float
-        Dimensions in m.
-    density : float
-        Density in kg/m³.
-    youngs_modulus : float
-        Young's modulus in Pa.
-    damping : float
-        Modal damping ratio ξ, equal for all modes.
-    force_position : float
-        Distance of the point force from the clamp in m.
-    n_markers : int
-        Number of markers on the longitudinal axis.
-    marker_spacing : float
-        Distance between markers in m.
-    first_marker : float or None
-        Distance of the first marker from the clamp in m; None for a row centred on the beam.
-    """
-
+    #: Dimensions in m
     length: float
     width: float
     thickness: float
-    density: float
-    youngs_modulus: float
-    damping: float
-    force_position: float
-    n_markers: int
-    marker_spacing: float
+    density: float  #: Density in kg/m³
+    youngs_modulus: float  #: Young's modulus in Pa
+    damping: float  #: Modal damping ratio ξ, equal for all modes
+    force_position: float  #: Distance of the point force from the clamp in m
+    n_markers: int  #: Number of markers on the longitudinal axis
+    marker_spacing: float  #: Distance between markers in m
+    #: Distance of the first marker from the clamp in m; None for a row centred on the beam
     first_marker: float | None = None
 
     @property

@@ -31,20 +31,11 @@ SUPPORTS = (SIMPLY_SUPPORTED, CLAMPED, FREE)
 
 @dataclass(frozen=True, eq=False)
 class PlateModes:
-    """Modes of a plate with D = m = 1.
+    """Modes of a plate with D = m = 1."""
 
-    Parameters
-    ----------
-    basis : skfem.Basis
-        Morley's elements on the plate's triangles.
-    eigenvalues : ndarray, shape (modes,)
-        λ = ω² m / D in m⁻⁴, ascending.
-    coefficients : ndarray, shape (coefficients, modes)
-        Of shapes whose mean square over the plate is 1.
-    """
-
-    basis: Any
-    eigenvalues: Array
+    basis: Any  #: Morley's elements on the plate's triangles
+    eigenvalues: Array  #: λ = ω² m / D in m⁻⁴, ascending, shape (modes,)
+    #: Of shapes whose mean square over the plate is 1, shape (coefficients, modes)
     coefficients: Array
 
     @property

@@ -14,27 +14,15 @@ from thesis_lib.vibration.structure import Structure
 
 @dataclass(frozen=True)
 class Component:
-    """One harmonic part of a motion.
+    """One harmonic part of a motion."""
 
-    Parameters
-    ----------
-    kind : str
-        ``bending`` (the modes of eq. 3.4) or ``torsion`` (sin((2n − 1)πx / 2L) times y).
-    mode : int
-        Number from 1.
-    frequency : float
-        In Hz.
-    amplitude : float
-        At the tip (torsion: at the tip's edges; a plate: at an antinode), in m.
-    phase : float
-        In rad.
-    """
-
+    #: ``bending`` (the modes of eq. 3.4) or ``torsion`` (sin((2n − 1)πx / 2L) times y)
     kind: str = "bending"
-    mode: int = 1
-    frequency: float = 4.25
+    mode: int = 1  #: Number from 1
+    frequency: float = 4.25  #: In Hz
+    #: At the tip (torsion: at the tip's edges; a plate: at an antinode), in m
     amplitude: float = 0.004
-    phase: float = 0.0
+    phase: float = 0.0  #: In rad
 
     def shape(self, structure: Structure, points: ArrayLike) -> Array:
         """Deflection for amplitude 1 at points (2, ...) of the structure's frame, dimensionless."""
@@ -52,24 +40,13 @@ class Component:
 
 @dataclass(frozen=True)
 class Motion:
-    """A structure at rest that starts to vibrate and reaches a steady state.
+    """A structure at rest that starts to vibrate and reaches a steady state."""
 
-    Parameters
-    ----------
-    structure : Structure
-        What moves, a beam or a plate.
-    components : sequence of Component
-        Bending and torsion in any mix.
-    start : float
-        Time of the first motion, s.
-    ramp : float
-        Time from there to the steady state, s; the envelope is a polynomial of degree 7, so that
-        the acceleration, and with it the force, has no jump.
-    """
-
-    structure: Structure
-    components: tuple[Component, ...] = (Component(),)
-    start: float = 1.25
+    structure: Structure  #: What moves, a beam or a plate
+    components: tuple[Component, ...] = (Component(),)  #: Bending and torsion in any mix
+    start: float = 1.25  #: Time of the first motion, s
+    #: Time from there to the steady state, s; the envelope is a polynomial of degree 7, so that the
+    #: acceleration, and with it the force, has no jump
     ramp: float = 0.5
 
     @property

@@ -50,50 +50,27 @@ ON_EDGE = 1e-9  # of the box: nearer than this to an edge, a point is on it
 class Panel:
     """Thin plate with a polygonal outline and holes.
 
-    Parameters
-    ----------
-    outline : tuple of (x, y)
-        Corners in m; the box around them begins at (0, 0).
-    supports : tuple of str
-        Of each edge, from the corner of its number to the next: ``simply supported``, ``clamped``
-        or ``free``.
-    holes : tuple of Circle or tuple of (x, y)
-        What is cut out, round or with corners; its edges are free.
-    thickness : float
-        In m.
-    density : float
-        In kg/m³.
-    youngs_modulus : float
-        In Pa.
-    poisson : float
-        Poisson's ratio.
-    damping : float
-        Modal damping ratio ξ, equal for all modes.
-    force_position : tuple of float
-        Where the point force acts, x and y in m.
-    grid : tuple of int
-        The box is divided into so many cells along x and y; a cell whose centre is on the panel has
-        a marker there.
-    element_size : float
-        Length of an element's side in m.
-
     Raises
     ------
     ShapeError
         In one line, if any of these does not make a panel that can be computed.
     """
 
-    outline: tuple[Point, ...]
+    outline: tuple[Point, ...]  #: Corners in m; the box around them begins at (0, 0)
+    #: Of each edge, from the corner of its number to the next: ``simply supported``, ``clamped`` or
+    #: ``free``
     supports: tuple[str, ...]
-    holes: tuple[Hole, ...]
-    thickness: float
-    density: float
-    youngs_modulus: float
-    poisson: float
-    damping: float
-    force_position: Point
+    holes: tuple[Hole, ...]  #: What is cut out, round or with corners; its edges are free
+    thickness: float  #: In m
+    density: float  #: In kg/m³
+    youngs_modulus: float  #: In Pa
+    poisson: float  #: Poisson's ratio
+    damping: float  #: Modal damping ratio ξ, equal for all modes
+    force_position: Point  #: Where the point force acts, x and y in m
+    #: The box is divided into so many cells along x and y; a cell whose centre is on the panel has
+    #: a marker there
     grid: tuple[int, int]
-    element_size: float
+    element_size: float  #: Length of an element's side in m
 
     def __post_init__(self) -> None:
         _check_numbers(self)

@@ -15,35 +15,18 @@ from thesis_lib.vibration.structure import numbers_from_one
 
 @dataclass(frozen=True)
 class Plate:
-    """Thin rectangular plate, simply supported on its four edges (thesis 4.1).
+    """Thin rectangular plate, simply supported on its four edges (thesis 4.1)."""
 
-    Parameters
-    ----------
-    length, width, thickness : float
-        Dimensions along x, y and z in m.
-    density : float
-        Density in kg/m³.
-    youngs_modulus : float
-        Young's modulus in Pa.
-    poisson : float
-        Poisson's ratio.
-    damping : float
-        Modal damping ratio ξ, equal for all modes.
-    force_position : tuple of float
-        Where the point force acts, x and y in m.
-    grid : tuple of int
-        Markers along x and y: the centres of so many equal cells.
-    """
-
+    #: Dimensions along x, y and z in m
     length: float
     width: float
     thickness: float
-    density: float
-    youngs_modulus: float
-    poisson: float
-    damping: float
-    force_position: tuple[float, float]
-    grid: tuple[int, int]
+    density: float  #: Density in kg/m³
+    youngs_modulus: float  #: Young's modulus in Pa
+    poisson: float  #: Poisson's ratio
+    damping: float  #: Modal damping ratio ξ, equal for all modes
+    force_position: tuple[float, float]  #: Where the point force acts, x and y in m
+    grid: tuple[int, int]  #: Markers along x and y: the centres of so many equal cells
 
     @property
     def mass(self) -> float:

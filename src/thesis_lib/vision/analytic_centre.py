@@ -38,19 +38,12 @@ _QUADRATIC = 0.25  # Newton decrement below which full steps converge
 
 @dataclass(frozen=True)
 class Centres:
-    """Estimated points, and where their slabs had a common interior.
+    """Estimated points, and where their slabs had a common interior."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (3, ...)
-        Analytic centres in m; least-squares points where the polytope is empty; NaN where an
-        image is NaN.
-    feasible : ndarray of bool, shape (...)
-        Whether the point is an analytic centre.
-    """
-
+    #: Analytic centres in m; least-squares points where the polytope is empty; NaN where an image
+    #: is NaN, shape (3, ...)
     points: Array
-    feasible: Mask
+    feasible: Mask  #: Whether the point is an analytic centre, shape (...)
 
 
 def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Centres:

@@ -28,30 +28,14 @@ HALF = 0.5  # a pixel's centre in our coordinates minus that in OpenCV's, px
 
 @dataclass(frozen=True)
 class Camera:
-    """One camera with lens distortion.
+    """One camera with lens distortion."""
 
-    Parameters
-    ----------
-    name : str
-        Its name in manifests and figures.
-    K : ndarray, shape (3, 3)
-        Intrinsic matrix in px.
-    distortion : ndarray, shape (5,)
-        Brown–Conrady coefficients k₁, k₂, p₁, p₂, k₃.
-    R_camera_world : ndarray, shape (3, 3)
-        Rotation from world to camera directions.
-    centre : ndarray, shape (3,)
-        Centre of projection in world coordinates, m.
-    size : tuple of int
-        Width and height of the sensor in px.
-    """
-
-    name: str
-    K: Array
-    distortion: Array
-    R_camera_world: Array
-    centre: Array
-    size: tuple[int, int]
+    name: str  #: Its name in manifests and figures
+    K: Array  #: Intrinsic matrix in px, shape (3, 3)
+    distortion: Array  #: Brown–Conrady coefficients k₁, k₂, p₁, p₂, k₃, shape (5,)
+    R_camera_world: Array  #: Rotation from world to camera directions, shape (3, 3)
+    centre: Array  #: Centre of projection in world coordinates, m, shape (3,)
+    size: tuple[int, int]  #: Width and height of the sensor in px
 
     @property
     def t(self) -> Array:

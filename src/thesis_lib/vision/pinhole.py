@@ -19,24 +19,12 @@ from thesis_lib.arrays import Array, Mask
 
 @dataclass(frozen=True)
 class CameraArray:
-    """Several pinhole cameras.
+    """Several pinhole cameras."""
 
-    Parameters
-    ----------
-    K : ndarray, shape (cameras, 3, 3)
-        Intrinsic matrices in px.
-    R_camera_world : ndarray, shape (cameras, 3, 3)
-        Rotations from world to camera directions.
-    centres : ndarray, shape (cameras, 3)
-        Centres of projection in world coordinates, m.
-    size : tuple of int
-        Width and height of the sensor in px.
-    """
-
-    K: Array
-    R_camera_world: Array
-    centres: Array
-    size: tuple[int, int]
+    K: Array  #: Intrinsic matrices in px, shape (cameras, 3, 3)
+    R_camera_world: Array  #: Rotations from world to camera directions, shape (cameras, 3, 3)
+    centres: Array  #: Centres of projection in world coordinates, m, shape (cameras, 3)
+    size: tuple[int, int]  #: Width and height of the sensor in px
 
     @property
     def P(self) -> Array:

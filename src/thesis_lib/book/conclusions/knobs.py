@@ -18,24 +18,15 @@ PLANES = ("plane_error_xz", "plane_error_yz")
 
 @dataclass(frozen=True)
 class Knob:
-    """One of the five things that the thesis varies.
+    """One of the five things that the thesis varies."""
 
-    Parameters
-    ----------
-    label, symbol : str
-        What it is, with its unit, and what the error is taken to be a power of.
-    better : int
-        1 if more of it should measure better, else -1.
-    sources : tuple
-        Who measured it: name of the group, figure set, cases (none means all) and errors.
-    exponent_of : callable
-        What the error is taken to be a power of, from the values.
-    """
-
+    #: What it is, with its unit, and what the error is taken to be a power of
     label: str
     symbol: str
-    better: int
+    better: int  #: 1 if more of it should measure better, else -1
+    #: Who measured it: name of the group, figure set, cases (none means all) and errors
     sources: tuple[Source, ...]
+    #: What the error is taken to be a power of, from the values
     exponent_of: Callable[[Array], Array] = field(default=lambda values: values)
 
 

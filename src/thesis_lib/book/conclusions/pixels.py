@@ -26,21 +26,13 @@ from thesis_lib.web.markdown import table
 
 @dataclass(frozen=True)
 class Equal:
-    """Errors by the law in %, rms over markers and modes, at equal pixels.
+    """Errors by the law in %, rms over markers and modes, at equal pixels."""
 
-    Parameters
-    ----------
-    structure, case : str
-        What is measured, and the growing array of the thesis.
-    n_cameras : int
-        All cameras of the case.
-    array, pair : float
-        Error of all of them, and of the best of its pairs with as many pixels.
-    """
-
+    #: What is measured, and the growing array of the thesis
     structure: str
     case: str
-    n_cameras: int
+    n_cameras: int  #: All cameras of the case
+    #: Error of all of them, and of the best of its pairs with as many pixels
     array: float
     pair: float
 

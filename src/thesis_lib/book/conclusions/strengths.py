@@ -31,36 +31,21 @@ Cubes = Mapping[str, xr.Dataset]
 
 @dataclass(frozen=True)
 class Curve:
-    """One error of one case and mode over one knob.
+    """One error of one case and mode over one knob."""
 
-    Parameters
-    ----------
-    group, case, quantity : str
-        Whose error, of which case, and its name in the tables.
-    mode : int
-        Of which mode.
-    values : ndarray, shape (settings,)
-        What is varied, growing.
-    errors : ndarray, shape (settings, trials)
-        In %, of the random trials.
-    predicted, stated : ndarray, shape (settings,)
-        The cube's prediction and the thesis's figure in %; NaN where there is none.
-    elevation : float
-        Of the first camera in the first setting, in degrees.
-    lost : int
-        Settings without any result, which are left out.
-    """
-
+    #: Whose error, of which case, and its name in the tables
     group: str
     case: str
     quantity: str
-    mode: int
-    values: Array
-    errors: Array
+    mode: int  #: Of which mode
+    values: Array  #: What is varied, growing, shape (settings,)
+    errors: Array  #: In %, of the random trials, shape (settings, trials)
+    #: The cube's prediction and the thesis's figure in %; NaN where there is none, shape
+    #: (settings,)
     predicted: Array
     stated: Array
-    elevation: float
-    lost: int
+    elevation: float  #: Of the first camera in the first setting, in degrees
+    lost: int  #: Settings without any result, which are left out
 
     @property
     def rms(self) -> Array:
@@ -146,37 +131,22 @@ def step(values: Array, better: int) -> float:
 
 @dataclass(frozen=True)
 class Strength:
-    """How strongly a conclusion holds in the curves of one group.
+    """How strongly a conclusion holds in the curves of one group."""
 
-    Parameters
-    ----------
-    group : str
-        Whose error.
-    ends : tuple of float
-        The knob's value where it should measure worst and best.
-    factors, stated : ndarray
-        Error at the best end over that at the worst, of each curve: here, and as stated.
-    exponents, predicted : ndarray
-        Fitted exponent of each curve: here, and of the prediction.
-    confident, opposite : int
-        Curves in which the trend holds in expectation, and in which its opposite does, each in at
-        least 95 % of the resamples.
-    single : float
-        Share of single runs in which the trend shows.
-    lost : int
-        Settings without a result.
-    """
-
-    group: str
-    ends: tuple[float, float]
+    group: str  #: Whose error
+    ends: tuple[float, float]  #: The knob's value where it should measure worst and best
+    #: Error at the best end over that at the worst, of each curve: here, and as stated
     factors: Array
     stated: Array
+    #: Fitted exponent of each curve: here, and of the prediction
     exponents: Array
     predicted: Array
+    #: Curves in which the trend holds in expectation, and in which its opposite does, each in at
+    #: least 95 % of the resamples
     confident: int
     opposite: int
-    single: float
-    lost: int
+    single: float  #: Share of single runs in which the trend shows
+    lost: int  #: Settings without a result
 
 
 def strengths(opened: Cubes, knob: Knob) -> list[Strength]:

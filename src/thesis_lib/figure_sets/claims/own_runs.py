@@ -50,17 +50,10 @@ VARIABLES = declared("""
 
 @dataclass(frozen=True)
 class Source:
-    """Studies to run, and how their errors are read.
+    """Studies to run, and how their errors are read."""
 
-    Parameters
-    ----------
-    requests : tuple of Study
-        What to run.
-    read : callable
-        From the cubes, in the order of the requests, to series.
-    """
-
-    requests: tuple[Study, ...]
+    requests: tuple[Study, ...]  #: What to run
+    #: From the cubes, in the order of the requests, to series
     read: Callable[[Sequence[xr.Dataset]], list[Series]]
 
     @property

@@ -86,21 +86,13 @@ def one_frame(rig: CameraArray, points: Array, study: DesignLaw, estimate: Estim
 
 @dataclass(frozen=True)
 class Film:
-    """A point at the centre that vibrates along Z, in every frame of every trial.
+    """A point at the centre that vibrates along Z, in every frame of every trial."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (3, trials, frames)
-        Where it is, in m.
-    peaks : ndarray, shape (trials,)
-        Amplitudes in m. They differ, so that what depends on their fraction of a pixel averages
-        out.
-    fit : ndarray, shape (trials, 3, frames)
-        Pseudo-inverse of the fit: rows for cosine, sine and constant.
-    """
-
-    points: Array
+    points: Array  #: Where it is, in m, shape (3, trials, frames)
+    #: Amplitudes in m, shape (trials,). They differ, so that what depends on their fraction of a
+    #: pixel averages out.
     peaks: Array
+    #: Pseudo-inverse of the fit: rows for cosine, sine and constant, shape (trials, 3, frames)
     fit: Array
 
 

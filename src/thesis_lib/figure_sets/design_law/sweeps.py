@@ -31,27 +31,15 @@ AMPLITUDES = (0.5, 1.5)  # from and to how many times the thesis's is averaged
 
 @dataclass(frozen=True)
 class Rig:
-    """Equal cameras at one distance: a pair that shares an elevation, or a cone of several.
+    """Equal cameras at one distance: a pair that shares an elevation, or a cone of several."""
 
-    Parameters
-    ----------
-    distance : float
-        Distance from the structure's centre in m.
-    size : tuple of int
-        Width and height of the sensors in px.
-    focal : float
-        Focal length over the width of the sensor.
-    aperture, elevation : float
-        Angles of a pair in rad: between the azimuths, and above the structure.
-    count, angle : int, float
-        Cameras on a cone, and its angle from the normal in rad; no cone if `count` is 0.
-    """
-
-    distance: float
-    size: tuple[int, int]
-    focal: float
+    distance: float  #: Distance from the structure's centre in m
+    size: tuple[int, int]  #: Width and height of the sensors in px
+    focal: float  #: Focal length over the width of the sensor
+    #: Angles of a pair in rad: between the azimuths, and above the structure
     aperture: float = 0.0
     elevation: float = 0.0
+    #: Cameras on a cone, and its angle from the normal in rad; no cone if `count` is 0
     count: int = 0
     angle: float = 0.0
 

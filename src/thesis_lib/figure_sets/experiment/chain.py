@@ -34,28 +34,17 @@ CALIBRATIONS = ("literal", "full")
 
 @dataclass(frozen=True)
 class Calibrations:
-    """The cameras, calibrated alone, as in the thesis, and all together.
+    """The cameras, calibrated alone, as in the thesis, and all together."""
 
-    Parameters
-    ----------
-    corners : ndarray, shape (cameras, shots, 2, corners)
-        Corners in px in one order, NaN where the board was not found.
-    lost : list of str
-        Which shots were not used, and why.
-    single : list of Calibration
-        Zhang's method, camera by camera, with all corners.
-    literal : Adjustment
-        The thesis's way: Zhang's method on the central 5 × 7 squares, whose intrinsics and
-        distortion are kept, and all poses refined in common, in the frame of the first shot.
-    full : Adjustment
-        All corners, intrinsics and distortion adjusted too.
-    """
-
+    #: Corners in px in one order, NaN where the board was not found, shape
+    #: (cameras, shots, 2, corners)
     corners: Array
-    lost: list[str]
-    single: list[Calibration]
+    lost: list[str]  #: Which shots were not used, and why
+    single: list[Calibration]  #: Zhang's method, camera by camera, with all corners
+    #: The thesis's way: Zhang's method on the central 5 × 7 squares, whose intrinsics and
+    #: distortion are kept, and all poses refined in common, in the frame of the first shot
     literal: Adjustment
-    full: Adjustment
+    full: Adjustment  #: All corners, intrinsics and distortion adjusted too
 
 
 def calibrate(manifest: Manifest, folder: Path) -> Calibrations:

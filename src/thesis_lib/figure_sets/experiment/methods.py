@@ -43,43 +43,27 @@ class MatchErrors:
 
     Neighbours share much of it: the markers' spacing is a whole number of the resampled picture's
     pixels. So it is kept as it is, for trials to draw from.
-
-    Parameters
-    ----------
-    rest, moved : list of ndarray, shape (frames, 2, markers)
-        Of each camera, in px: at rest, and within a frame and a half of a maximum.
     """
 
+    #: Of each camera, in px: at rest, and within a frame and a half of a maximum, shape
+    #: (frames, 2, markers)
     rest: list[Array]
     moved: list[Array]
 
 
 @dataclass(frozen=True)
 class Tracks(Fitted):
-    """Tracks of the chosen cameras at one width, ready for triangulation.
+    """Tracks of the chosen cameras at one width, ready for triangulation."""
 
-    Parameters
-    ----------
-    uv : ndarray, shape (cameras, frames, 2, markers)
-        Marker centres without distortion, px.
-    times : ndarray, shape (cameras, frames)
-        On the reference camera's clock, s.
-    frames : ndarray of int, shape (cameras,)
-        Delays to the first of these cameras in whole frames (eq. 5.2).
-    still : ndarray, shape (cameras, 2, markers)
-        Mean of the fitted centres at rest, px: what `rest` scatters about.
-    rest_frames : int
-        Frames that `rest` is the mean of.
-    match_errors : MatchErrors or None
-        Of the template match, if its places are the centres.
-    """
-
-    uv: Array
-    times: Array
+    uv: Array  #: Marker centres without distortion, px, shape (cameras, frames, 2, markers)
+    times: Array  #: On the reference camera's clock, s, shape (cameras, frames)
+    #: Delays to the first of these cameras in whole frames (eq. 5.2), shape (cameras,)
     frames: IntArray
+    #: Mean of the fitted centres at rest, px: what `rest` scatters about, shape
+    #: (cameras, 2, markers)
     still: Array
-    rest_frames: int
-    match_errors: MatchErrors | None = None
+    rest_frames: int  #: Frames that `rest` is the mean of
+    match_errors: MatchErrors | None = None  #: Of the template match, if its places are the centres
 
     @property
     def rate(self) -> float:
@@ -149,21 +133,11 @@ def _undistorted(cameras: list[Camera], raw: Array) -> Array:
 
 @dataclass(frozen=True)
 class Instant:
-    """The maxima of the deflection, as the force's phase tells them.
+    """The maxima of the deflection, as the force's phase tells them."""
 
-    Parameters
-    ----------
-    omega : float
-        Angular frequency in rad/s.
-    phase : float
-        Phase of the deflection on the reference camera's clock, rad.
-    times : ndarray, shape (maxima,)
-        The maxima of the steady part, s.
-    """
-
-    omega: float
-    phase: float
-    times: Array
+    omega: float  #: Angular frequency in rad/s
+    phase: float  #: Phase of the deflection on the reference camera's clock, rad
+    times: Array  #: The maxima of the steady part, s, shape (maxima,)
 
     def nearest(self, rate: float, offset: ArrayLike = 0.0) -> tuple[Array, Array]:
         """Of the maxima, the one that a frame comes nearest to, and that frame's time.

@@ -31,23 +31,15 @@ from thesis_lib.measure.synchronisation.delays import delay_deviation
 
 @dataclass(frozen=True)
 class Draws:
-    """What differs from trial to trial, for all four cameras.
+    """What differs from trial to trial, for all four cameras."""
 
-    Parameters
-    ----------
-    starts : ndarray, shape (trials, cameras)
-        True starts, s.
-    clocks : ndarray, shape (trials, cameras)
-        Errors of the aligned clocks, s.
-    noise : ndarray, shape (trials, 2, cameras, 2, markers)
-        Of centres at rest and in motion, with a standard deviation of one.
-    picks : ndarray, shape (trials, 2, cameras)
-        From 0 to 1: which frames lend their errors of the template match.
-    """
-
-    starts: Array
-    clocks: Array
+    starts: Array  #: True starts, s, shape (trials, cameras)
+    clocks: Array  #: Errors of the aligned clocks, s, shape (trials, cameras)
+    #: Of centres at rest and in motion, with a standard deviation of one, shape
+    #: (trials, 2, cameras, 2, markers)
     noise: Array
+    #: From 0 to 1: which frames lend their errors of the template match, shape
+    #: (trials, 2, cameras)
     picks: Array
 
 

@@ -36,28 +36,20 @@ def mean(values: Array, axis: int | tuple[int, ...] | None = None) -> Array:
 
 @dataclass(frozen=True)
 class Recording:
-    """One recording, measured.
+    """One recording, measured."""
 
-    Parameters
-    ----------
-    rig : Rig
-        What was filmed, with what.
-    noisy, quiet : Fitted or None
-        Harmonics of the tracks with and without noise; None if too few markers were found.
-    noise : ndarray, shape (cameras, frames, 2, markers)
-        Of the middle row's centres, px; NaN where missing, and where a centre is another marker's.
-    bias : ndarray, shape (cameras, frames, 2, markers)
-        What the quiet centres are off the true ones, px, with the same gaps.
-    lost, wrong : ndarray, shape (cameras,)
-        Share of the middle row's centres that are missing, and of the others those off by more than
-        a pixel, which are other markers'.
-    """
-
-    rig: Rig
+    rig: Rig  #: What was filmed, with what
+    #: Harmonics of the tracks with and without noise; None if too few markers were found
     noisy: Fitted | None
     quiet: Fitted | None
+    #: Of the middle row's centres, px; NaN where missing, and where a centre is another marker's,
+    #: shape (cameras, frames, 2, markers)
     noise: Array
+    #: What the quiet centres are off the true ones, px, with the same gaps, shape
+    #: (cameras, frames, 2, markers)
     bias: Array
+    #: Share of the middle row's centres that are missing, and of the others those off by more than
+    #: a pixel, which are other markers', shape (cameras,)
     lost: Array
     wrong: Array
 

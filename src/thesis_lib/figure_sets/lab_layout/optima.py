@@ -48,18 +48,12 @@ def one_sided(part: xr.Dataset) -> Mask:
 
 @dataclass(frozen=True)
 class Optimum:
-    """Where an error is least, on a curve through the settings.
+    """Where an error is least, on a curve through the settings."""
 
-    Parameters
-    ----------
-    at, error : float
-        Elevation in degrees and error in % of the least.
-    low, high : float
-        Elevations between which the error is at most :data:`NEAR` times the least, degrees.
-    """
-
+    #: Elevation in degrees and error in % of the least
     at: float
     error: float
+    #: Elevations between which the error is at most :data:`NEAR` times the least, degrees
     low: float
     high: float
 

@@ -36,21 +36,11 @@ CYCLES = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # by which a known frequency is ta
 
 @dataclass(frozen=True)
 class Recording:
-    """One mode at one frame rate, and the truth about it.
+    """One mode at one frame rate, and the truth about it."""
 
-    Parameters
-    ----------
-    rig : Rig
-        What was filmed.
-    found : list of Seen
-        What each camera saw: frames at rest, then steady ones.
-    exposure : float
-        Exposure time in s.
-    """
-
-    rig: Rig
-    found: list[Seen]
-    exposure: float
+    rig: Rig  #: What was filmed
+    found: list[Seen]  #: What each camera saw: frames at rest, then steady ones
+    exposure: float  #: Exposure time in s
 
     @property
     def rate(self) -> float:

@@ -26,25 +26,14 @@ CROP = (24, 36)  # rows and columns of the part that is shown
 
 @dataclass(frozen=True)
 class BeamPicture:
-    """What a camera sees of a beam, pixel by pixel.
+    """What a camera sees of a beam, pixel by pixel."""
 
-    Parameters
-    ----------
-    beam, markers : ndarray, shape (rows, columns)
-        Share of each pixel that the beam and its markers cover.
-    camera : CameraArray
-        The camera, with ``FINEST`` pixels.
-    structure : Beam
-        What it sees.
-    top : int
-        Row of the camera's picture at which the strip begins.
-    """
-
+    #: Share of each pixel that the beam and its markers cover, shape (rows, columns)
     beam: Array
     markers: Array
-    camera: CameraArray
-    structure: Beam
-    top: int
+    camera: CameraArray  #: The camera, with ``FINEST`` pixels
+    structure: Beam  #: What it sees
+    top: int  #: Row of the camera's picture at which the strip begins
 
     def colours(self, block: int) -> Array:
         """The picture with pixels of `block` by `block` finest ones, shape (rows, columns, 3)."""
@@ -150,22 +139,15 @@ def _values_at(picture: Array, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class ColourLoss:
-    """What colour filters cost a picture.
+    """What colour filters cost a picture."""
 
-    Parameters
-    ----------
-    error, largest : float
-        Rms and largest difference of the interpolated colours from the true ones, on the beam,
-        as a share of full scale.
-    shift : float
-        Rms shift of the markers' centres by it, px of each coordinate.
-    true, mosaic, interpolated : ndarray, shape (rows, columns, 3)
-        The part around the largest marker; in the mosaic each pixel has its filter's colour alone.
-    """
-
+    #: Rms and largest difference of the interpolated colours from the true ones, on the beam, as a
+    #: share of full scale
     error: float
     largest: float
-    shift: float
+    shift: float  #: Rms shift of the markers' centres by it, px of each coordinate
+    #: The part around the largest marker; in the mosaic each pixel has its filter's colour alone,
+    #: shape (rows, columns, 3)
     true: Array
     mosaic: Array
     interpolated: Array

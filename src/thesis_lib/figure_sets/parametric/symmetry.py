@@ -56,22 +56,15 @@ def modes(cube: xr.Dataset) -> Markdown:
 
 @dataclass(frozen=True)
 class Symmetry:
-    """What a mirror does to one case of one structure.
+    """What a mirror does to one case of one structure."""
 
-    Parameters
-    ----------
-    same : float
-        Share of the markers with a mirrored partner on the plate whose literal deflections have the
-        same size as their partner's.
-    literal, drawn : float
-        Root mean square of ln(error / law), of the literal runs and of the trials.
-    simulated, predicted : float
-        Error over that of the rectangle, median over settings and modes, by trials and by the law.
-    """
-
+    #: Share of the markers with a mirrored partner on the plate whose literal deflections have the
+    #: same size as their partner's
     same: float
+    #: Root mean square of ln(error / law), of the literal runs and of the trials
     literal: float
     drawn: float
+    #: Error over that of the rectangle, median over settings and modes, by trials and by the law
     simulated: float
     predicted: float
 

@@ -26,35 +26,22 @@ _DETERMINED = 1e-11  # least eigenvalue of the normal equations, scaled to a uni
 
 @dataclass(frozen=True)
 class Adjustment(Network):
-    """Cameras and boards after a bundle adjustment.
+    """Cameras and boards after a bundle adjustment."""
 
-    Parameters
-    ----------
-    cameras, rotations, translations
-        As in :class:`~thesis_lib.measure.calibration.reprojection.Network`.
-    residuals : ndarray, shape (cameras, shots, 2, points)
-        Seen minus computed, px; NaN where absent.
-    rms : float
-        Root mean square residual per coordinate, px.
-    sigma : float
-        Standard deviation of a coordinate that the residuals speak of, px: as the rms, but over
-        the degrees of freedom.
-    deviations : ndarray, shape (cameras, 8)
-        Standard deviations of f_x, f_y, c_x, c_y (px), k₁, k₂, p₁, p₂; 0 where held fixed.
-    covariance : ndarray, shape (unknowns, unknowns)
-        Of all cameras' poses, then all boards' (rotation, position; rad, m), then the lenses', up
-        to the choice of a datum; see
-        :func:`~thesis_lib.measure.calibration.alignment.camera_deviations`.
-    iterations : int
-        Steps taken.
-    """
-
+    #: Seen minus computed, px; NaN where absent, shape (cameras, shots, 2, points)
     residuals: Array
-    rms: float
+    rms: float  #: Root mean square residual per coordinate, px
+    #: Standard deviation of a coordinate that the residuals speak of, px: as the rms, but over the
+    #: degrees of freedom
     sigma: float
+    #: Standard deviations of f_x, f_y, c_x, c_y (px), k₁, k₂, p₁, p₂; 0 where held fixed, shape
+    #: (cameras, 8)
     deviations: Array
+    #: Of all cameras' poses, then all boards' (rotation, position; rad, m), then the lenses', up to
+    #: the choice of a datum, shape (unknowns, unknowns); see
+    #: :func:`~thesis_lib.measure.calibration.alignment.camera_deviations`
     covariance: Array
-    iterations: int
+    iterations: int  #: Steps taken
 
 
 def adjust(

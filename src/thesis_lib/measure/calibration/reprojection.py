@@ -35,21 +35,11 @@ POSE, LENS = 6, 8  # unknowns of a pose and of a lens
 
 @dataclass(frozen=True)
 class Network:
-    """Cameras and the boards they see.
+    """Cameras and the boards they see."""
 
-    Parameters
-    ----------
-    cameras : tuple of Camera
-        The cameras.
-    rotations : ndarray, shape (shots, 3, 3)
-        From each shot's board to the world.
-    translations : ndarray, shape (shots, 3)
-        Each board's centre in the world, m.
-    """
-
-    cameras: tuple[Camera, ...]
-    rotations: Array
-    translations: Array
+    cameras: tuple[Camera, ...]  #: The cameras
+    rotations: Array  #: From each shot's board to the world, shape (shots, 3, 3)
+    translations: Array  #: Each board's centre in the world, m, shape (shots, 3)
 
     @property
     def unknowns(self) -> int:

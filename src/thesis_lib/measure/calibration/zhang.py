@@ -29,35 +29,18 @@ class CalibrationError(ValueError):
 
 @dataclass(frozen=True)
 class Calibration:
-    """One camera, calibrated by itself.
+    """One camera, calibrated by itself."""
 
-    Parameters
-    ----------
-    name : str
-        The camera's name.
-    size : tuple of int
-        Width and height of the sensor in px.
-    K : ndarray, shape (3, 3)
-        Intrinsic matrix in px.
-    distortion : ndarray, shape (5,)
-        Coefficients k₁, k₂, p₁, p₂, k₃, the last always 0.
-    rotations, translations : tuple of ndarray or None
-        The board's pose in the camera in each shot: rotation (3, 3) from board to camera and the
-        board's centre (3,) in m; None where the board was not found.
-    rms : float
-        Root mean square residual per coordinate, px.
-    deviations : ndarray, shape (4,)
-        Standard deviations of f_x, f_y, c_x and c_y in px.
-    """
-
-    name: str
-    size: tuple[int, int]
-    K: Array
-    distortion: Array
+    name: str  #: The camera's name
+    size: tuple[int, int]  #: Width and height of the sensor in px
+    K: Array  #: Intrinsic matrix in px, shape (3, 3)
+    distortion: Array  #: Coefficients k₁, k₂, p₁, p₂, k₃, the last always 0, shape (5,)
+    #: The board's pose in the camera in each shot: rotation (3, 3) from board to camera and the
+    #: board's centre (3,) in m; None where the board was not found
     rotations: tuple[Array | None, ...]
     translations: tuple[Array | None, ...]
-    rms: float
-    deviations: Array
+    rms: float  #: Root mean square residual per coordinate, px
+    deviations: Array  #: Standard deviations of f_x, f_y, c_x and c_y in px, shape (4,)
 
     def camera(self, shot: int = 0) -> Camera:
         """The camera in the frame of the board of one shot; at the origin if that is absent."""

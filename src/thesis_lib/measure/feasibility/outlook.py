@@ -32,76 +32,48 @@ OPTICS = ("focal_length_mm", "sensor_width_mm", "distance_mm", "azimuth_deg", "e
 
 @dataclass(frozen=True)
 class CameraOutlook:
-    """What one camera can do; NaN where the manifest does not tell.
+    """What one camera can do; NaN where the manifest does not tell."""
 
-    Parameters
-    ----------
-    name : str
-        The camera.
-    ground_sample_mm : float
-        Length d/f that a pixel spans at the structure's centre across the axis, mm.
-    along_px, across_px : float
-        Axes D f/d and D sin φ f/d of a marker's image there, px.
-    blur_px, lost : float
-        Most that an image moves in an exposure, min(2πfT, 2) A ∂(u, v)/∂Z, px, and the share
-        1 − sin(πfT)/(πfT) of the amplitude that the exposure takes.
-    near_mm, far_mm : float
-        Depths between which points are sharp, mm.
-    nearest_mm, farthest_mm, defocus_px : float
-        Depths of the nearest and the farthest marker as they move, mm; largest circle of
-        confusion of the two, f²/(N(d − f)) |1 − d/z|, px.
-    in_view : float
-        Share of the markers that stay in the picture.
-    gap_px : float
-        Least distance between the edges of two markers' images, px.
-    move_px, move_spacings : float
-        Most that an image moves from frame to frame, 2A |sin(πf/r)| ∂(u, v)/∂Z, px; what the same
-        is on the plane at rest, by the cotangent of the line of sight, over the least spacing.
-    """
-
-    name: str
+    name: str  #: The camera
+    #: Length d/f that a pixel spans at the structure's centre across the axis, mm
     ground_sample_mm: float
+    #: Axes D f/d and D sin φ f/d of a marker's image there, px
     along_px: float
     across_px: float
+    #: Most that an image moves in an exposure, min(2πfT, 2) A ∂(u, v)/∂Z, px, and the share 1 −
+    #: sin(πfT)/(πfT) of the amplitude that the exposure takes
     blur_px: float
     lost: float
+    #: Depths between which points are sharp, mm
     near_mm: float
     far_mm: float
+    #: Depths of the nearest and the farthest marker as they move, mm; largest circle of confusion
+    #: of the two, f²/(N(d − f)) |1 − d/z|, px
     nearest_mm: float
     farthest_mm: float
     defocus_px: float
-    in_view: float
-    gap_px: float
+    in_view: float  #: Share of the markers that stay in the picture
+    gap_px: float  #: Least distance between the edges of two markers' images, px
+    #: Most that an image moves from frame to frame, 2A |sin(πf/r)| ∂(u, v)/∂Z, px; what the same is
+    #: on the plane at rest, by the cotangent of the line of sight, over the least spacing
     move_px: float
     move_spacings: float
 
 
 @dataclass(frozen=True)
 class RigOutlook:
-    """Standard errors of the deflection: root mean square over the markers, and worst, in mm.
+    """Standard errors of the deflection: root mean square over the markers, and worst, in mm."""
 
-    Parameters
-    ----------
-    located : int
-        Cameras whose lens and place are given; only they count.
-    noise_px : float
-        Scatter of the centres that is assumed, px.
-    steady_s, frames : float, int
-        Length of the steady recording, s, and frames in it of the slowest camera.
-    one_frame, fit, rounding : tuple of float
-        Of one frame, of the harmonic fit, and of whole-pixel centres at `amplitude_mm`, mm.
-    smallest_mm : float
-        Three standard errors of the fit at the worst marker, mm.
-    """
-
-    located: int
-    noise_px: float
+    located: int  #: Cameras whose lens and place are given; only they count
+    noise_px: float  #: Scatter of the centres that is assumed, px
+    #: Length of the steady recording, s, and frames in it of the slowest camera
     steady_s: float
     frames: int
+    #: Of one frame, of the harmonic fit, and of whole-pixel centres at `amplitude_mm`, mm
     one_frame: tuple[float, float]
     fit: tuple[float, float]
     rounding: tuple[float, float]
-    smallest_mm: float
+    smallest_mm: float  #: Three standard errors of the fit at the worst marker, mm
 
 
 @dataclass(frozen=True)

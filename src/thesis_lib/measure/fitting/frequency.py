@@ -30,21 +30,12 @@ class FrequencyError(ValueError):
 
 @dataclass(frozen=True)
 class Advance:
-    """How the motion's phase and size change over the recording.
+    """How the motion's phase and size change over the recording."""
 
-    Parameters
-    ----------
-    frequency : float
-        Frequency in Hz at which the phase stands still.
-    deviation : float
-        Its standard error in Hz, from the scatter of the parts; NaN with fewer than three parts.
-    growth : float
-        Change of the amplitude over the whole recording, relative to its mean.
-    """
-
-    frequency: float
+    frequency: float  #: Frequency in Hz at which the phase stands still
+    #: Its standard error in Hz, from the scatter of the parts; NaN with fewer than three parts
     deviation: float
-    growth: float
+    growth: float  #: Change of the amplitude over the whole recording, relative to its mean
 
 
 def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float:

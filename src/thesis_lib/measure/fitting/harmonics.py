@@ -26,20 +26,14 @@ from thesis_lib.vision.lens import Camera
 
 @dataclass(frozen=True)
 class Harmonics:
-    """Mean and harmonics of tracks, with the scatter about them.
+    """Mean and harmonics of tracks, with the scatter about them."""
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape (1 + 2 order, ...)
-        Constant, then cosine and sine of each harmonic.
-    covariance : ndarray, shape (1 + 2 order, 1 + 2 order, ...)
-        Of the coefficients, for a scatter of one.
-    sigma : ndarray, shape (...)
-        Standard deviation of the residuals, with degrees of freedom; NaN where nothing is known.
-    """
-
+    #: Constant, then cosine and sine of each harmonic, shape (1 + 2 order, ...)
     coefficients: Array
+    #: Of the coefficients, for a scatter of one, shape (1 + 2 order, 1 + 2 order, ...)
     covariance: Array
+    #: Standard deviation of the residuals, with degrees of freedom; NaN where nothing is known,
+    #: shape (...)
     sigma: Array
 
     def unblurred(self, turn: float) -> Harmonics:
@@ -89,27 +83,13 @@ def basis(omega: float, times: ArrayLike, order: int) -> Array:
 
 @dataclass(frozen=True)
 class Sums:
-    """Sums of a least-squares fit of harmonics to values of shape (times, ...).
+    """Sums of a least-squares fit of harmonics to values of shape (times, ...)."""
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (series, n, n)
-        Normal equations of every series, n = 1 + 2 order.
-    right : ndarray, shape (series, n)
-        Their right sides.
-    squares : ndarray, shape (series,)
-        Sum of the squares of the values.
-    count : ndarray of int, shape (series,)
-        Number of known values.
-    shape : tuple of int
-        Shape of the series.
-    """
-
-    matrix: Array
-    right: Array
-    squares: Array
-    count: IntArray
-    shape: tuple[int, ...]
+    matrix: Array  #: Normal equations of every series, n = 1 + 2 order, shape (series, n, n)
+    right: Array  #: Their right sides, shape (series, n)
+    squares: Array  #: Sum of the squares of the values, shape (series,)
+    count: IntArray  #: Number of known values, shape (series,)
+    shape: tuple[int, ...]  #: Shape of the series
 
     def __add__(self, other: Sums) -> Sums:
         return Sums(
@@ -211,24 +191,13 @@ def mean_of(values: Array) -> Array:
 
 @dataclass(frozen=True)
 class Fitted:
-    """Harmonics of all cameras, and the frame of the markers at rest.
+    """Harmonics of all cameras, and the frame of the markers at rest."""
 
-    Parameters
-    ----------
-    cameras : list of Camera
-        Calibrated.
-    harmonics : list of Harmonics
-        Of the tracks (2, markers) of each camera without lens distortion, px.
-    rest : ndarray, shape (cameras, 2, markers)
-        Marker centres at rest without distortion, px.
-    frame : Frame
-        The structure's frame.
-    """
-
-    cameras: list[Camera]
+    cameras: list[Camera]  #: Calibrated
+    #: Of the tracks (2, markers) of each camera without lens distortion, px
     harmonics: list[Harmonics]
-    rest: Array
-    frame: Frame
+    rest: Array  #: Marker centres at rest without distortion, px, shape (cameras, 2, markers)
+    frame: Frame  #: The structure's frame
 
     @property
     def P(self) -> Array:

@@ -16,21 +16,12 @@ BENDING, TORSION, PLATE = 6, 3, 12  # modes of each kind that are tried
 
 @dataclass(frozen=True)
 class Candidate:
-    """A mode of the model.
+    """A mode of the model."""
 
-    Parameters
-    ----------
-    name : str
-        What it is called, as ``bending 1``.
-    frequency : float
-        Frequency in Hz of its displacement resonance by the model; NaN where the model has none.
-    shape : ndarray, shape (markers,)
-        Its deflection at the markers, of any size.
-    """
-
-    name: str
+    name: str  #: What it is called, as ``bending 1``
+    #: Frequency in Hz of its displacement resonance by the model; NaN where the model has none
     frequency: float
-    shape: Array
+    shape: Array  #: Its deflection at the markers, of any size, shape (markers,)
 
 
 def candidates(structure: Structure) -> list[Candidate]:

@@ -52,27 +52,13 @@ def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
 
 @dataclass(frozen=True)
 class Frame:
-    """The beam's frame in the frame of the calibration, from its markers at rest.
+    """The beam's frame in the frame of the calibration, from its markers at rest."""
 
-    Parameters
-    ----------
-    R : ndarray, shape (3, 3)
-        Rotation: ``beam = R @ (calibration − origin)``.
-    origin : ndarray, shape (3,)
-        The beam's centre in the calibration's frame, m.
-    rms : float
-        Rms distance of the markers from the nominal grid, m.
-    scale : float
-        Size of the measured grid over the nominal one; 1 if the calibration is right.
-    tilt : float
-        Angle between the plane of the markers alone and the fitted one, rad.
-    """
-
-    R: Array
-    origin: Array
-    rms: float
-    scale: float
-    tilt: float
+    R: Array  #: Rotation: ``beam = R @ (calibration − origin)``, shape (3, 3)
+    origin: Array  #: The beam's centre in the calibration's frame, m, shape (3,)
+    rms: float  #: Rms distance of the markers from the nominal grid, m
+    scale: float  #: Size of the measured grid over the nominal one; 1 if the calibration is right
+    tilt: float  #: Angle between the plane of the markers alone and the fitted one, rad
 
     def to_beam(self, points: ArrayLike) -> Array:
         """Points (3, ...) of the calibration's frame in the beam's, m."""

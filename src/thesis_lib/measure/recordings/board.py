@@ -15,22 +15,13 @@ from thesis_lib.arrays import Array
 
 @dataclass(frozen=True)
 class Board:
-    """A checkerboard.
+    """A checkerboard."""
 
-    Parameters
-    ----------
-    columns, rows : int
-        Tiles along x and y.
-    tile : float
-        Side of a tile in m.
-    margin : float
-        Width of the white margin around the tiles in m.
-    """
-
+    #: Tiles along x and y
     columns: int = 9
     rows: int = 9
-    tile: float = 0.045
-    margin: float = 0.045
+    tile: float = 0.045  #: Side of a tile in m
+    margin: float = 0.045  #: Width of the white margin around the tiles in m
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -21,27 +21,13 @@ from thesis_lib.vibration.beam import Beam
 
 @dataclass(frozen=True)
 class Markers:
-    """Round markers on a flat structure, and one hole that looks like them (thesis 5.1.1).
+    """Round markers on a flat structure, and one hole that looks like them (thesis 5.1.1)."""
 
-    Parameters
-    ----------
-    extent : tuple of float
-        Length and width of the structure in m.
-    centres : ndarray, shape (2, n)
-        Centres on the structure in m, from its corner.
-    diameter : float
-        Diameter of markers and hole in m.
-    hole : tuple of float or None
-        Centre of the hole in m.
-    bright : bool
-        Whether they are brighter than the structure.
-    """
-
-    extent: tuple[float, float]
-    centres: Array
-    diameter: float
-    hole: tuple[float, float] | None = None
-    bright: bool = False
+    extent: tuple[float, float]  #: Length and width of the structure in m
+    centres: Array  #: Centres on the structure in m, from its corner, shape (2, n)
+    diameter: float  #: Diameter of markers and hole in m
+    hole: tuple[float, float] | None = None  #: Centre of the hole in m
+    bright: bool = False  #: Whether they are brighter than the structure
 
     @cached_property
     def positions(self) -> Array:

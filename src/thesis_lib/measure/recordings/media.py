@@ -171,20 +171,12 @@ def read_frames(path: Path, start: int = 0, stop: int | None = None) -> Iterator
 
 @dataclass(frozen=True)
 class Audio:
-    """Sound of a video that is read block by block, once.
+    """Sound of a video that is read block by block, once."""
 
-    Parameters
-    ----------
-    rate : int
-        Samples per second in Hz.
-    start : float
-        Time of the first sample after that of the first frame, s.
-    blocks : iterator of ndarray, shape (samples,)
-        The samples in −1…1, mixed to one channel, some tens of thousands at a time.
-    """
-
-    rate: int
-    start: float
+    rate: int  #: Samples per second in Hz
+    start: float  #: Time of the first sample after that of the first frame, s
+    #: The samples in −1…1, mixed to one channel, some tens of thousands at a time, shape
+    #: (samples,)
     blocks: Iterator[Array]
 
 

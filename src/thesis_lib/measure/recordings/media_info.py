@@ -24,36 +24,17 @@ class MediaError(ValueError):
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """What a video says about itself.
+    """What a video says about itself."""
 
-    Parameters
-    ----------
-    size : tuple of int
-        Width and height in px.
-    frame_rate : float
-        Mean frame rate in Hz.
-    frames : int or None
-        Number of frames, None if the file does not say.
-    duration : float or None
-        Length of the video track in s, None if the file does not say.
-    sound_end : float or None
-        When the sound ends after the first frame, s, None if the file does not say.
-    codec : str
-        Name of the video codec.
-    sample_rate : int or None
-        Audio sample rate in Hz, None without audio.
-    channels : int
-        Audio channels, 0 without audio.
-    """
-
-    size: tuple[int, int]
-    frame_rate: float
-    frames: int | None
-    duration: float | None
+    size: tuple[int, int]  #: Width and height in px
+    frame_rate: float  #: Mean frame rate in Hz
+    frames: int | None  #: Number of frames, None if the file does not say
+    duration: float | None  #: Length of the video track in s, None if the file does not say
+    #: When the sound ends after the first frame, s, None if the file does not say
     sound_end: float | None
-    codec: str
-    sample_rate: int | None
-    channels: int
+    codec: str  #: Name of the video codec
+    sample_rate: int | None  #: Audio sample rate in Hz, None without audio
+    channels: int  #: Audio channels, 0 without audio
 
     @property
     def has_audio(self) -> bool:

@@ -28,44 +28,25 @@ BUTTONS = 0.5  # s at either end of a room's recording, in which buttons are pre
 
 @dataclass(frozen=True)
 class Recording:
-    """A camera's file with sound.
+    """A camera's file with sound."""
 
-    Parameters
-    ----------
-    name : str
-        Of the camera, for errors.
-    path : Path
-        The file.
-    """
-
-    name: str
-    path: Path
+    name: str  #: Of the camera, for errors
+    path: Path  #: The file
 
 
 @dataclass(frozen=True)
 class Heard:
-    """What was read of all recordings.
+    """What was read of all recordings."""
 
-    Parameters
-    ----------
-    rate : float
-        Sample rate of the files in Hz.
-    starts, ends : ndarray, shape (recordings,)
-        Of the sound of each after its first frame, s.
-    tones : list of ndarray, shape (samples,)
-        Of each as much as is held, at some tens of samples per period; empty without a tone.
-    tone_rate : float
-        Sample rate of the tones in Hz.
-    tone_start : float
-        When the tones' first samples come after the first samples of the files, s.
-    """
-
-    rate: float
+    rate: float  #: Sample rate of the files in Hz
+    #: Of the sound of each after its first frame, s, shape (recordings,)
     starts: Array
     ends: Array
+    #: Of each as much as is held, at some tens of samples per period; empty without a tone, shape
+    #: (samples,)
     tones: list[Track]
-    tone_rate: float
-    tone_start: float
+    tone_rate: float  #: Sample rate of the tones in Hz
+    tone_start: float  #: When the tones' first samples come after the first samples of the files, s
 
 
 def low_rate_of(rate: float, frequency: float) -> float:

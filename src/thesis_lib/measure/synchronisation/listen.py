@@ -46,30 +46,17 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class Sound:
-    """What the audio tracks tell.
+    """What the audio tracks tell."""
 
-    Parameters
-    ----------
-    synchronisation : Synchronisation
-        When each camera started.
-    frequency : float or None
-        Of the force in Hz: the given one, else the one that was found.
-    force : complex or None
-        Its amplitude over full scale, time factor e^{+jωt}, on the reference camera's clock; None
-        where microphones hear a room.
-    steady : tuple of float
-        From when to when it is steady on that clock, s.
-    found_frequency : float or None
-        Frequency of the force's signal in Hz, by the clock of the reference camera's sound.
-    frequency_deviation : float or None
-        Its standard error in Hz; that the clock is off, by some 10⁻⁵, is not in it.
-    """
-
-    synchronisation: Synchronisation
-    frequency: float | None
+    synchronisation: Synchronisation  #: When each camera started
+    frequency: float | None  #: Of the force in Hz: the given one, else the one that was found
+    #: Its amplitude over full scale, time factor e^{+jωt}, on the reference camera's clock; None
+    #: where microphones hear a room
     force: complex | None
-    steady: Interval
+    steady: Interval  #: From when to when it is steady on that clock, s
+    #: Frequency of the force's signal in Hz, by the clock of the reference camera's sound
     found_frequency: float | None = None
+    #: Its standard error in Hz; that the clock is off, by some 10⁻⁵, is not in it
     frequency_deviation: float | None = None
 
 

@@ -37,43 +37,24 @@ IN_A_ROOM = (
 
 @dataclass(frozen=True)
 class Synchronisation:
-    """Starts of all cameras.
+    """Starts of all cameras."""
 
-    Parameters
-    ----------
-    delays : ndarray, shape (cameras,)
-        Start of each camera minus that of the reference, s.
-    frames : ndarray of int, shape (cameras,)
-        The same in whole frames (eq. 5.2).
-    frame_rate : float
-        Frames per second.
-    reference : int
-        Index of the reference camera.
-    method : str
-        ``phase`` of a tone of known frequency, ``correlation``, or ``room``: correlation of what
-        microphones hear.
-    period : float or None
-        Whole multiples of this many seconds are in doubt, or would be for a pure tone; None if
-        nothing in the signal repeats.
-    ratio : float
-        Second highest peak of the correlation over the highest, the largest of all cameras.
-    threshold : float
-        Ratio from which on the two cannot be told apart.
-    ambiguous : bool
-        Whether `ratio` reaches `threshold`; then the shortest possible delays are given.
-    snr : float
-        Signal-to-noise power ratio up to half of the correlation's rate, the smallest of all.
-    """
-
-    delays: Array
-    frames: IntArray
-    frame_rate: float
-    reference: int
+    delays: Array  #: Start of each camera minus that of the reference, s, shape (cameras,)
+    frames: IntArray  #: The same in whole frames (eq. 5.2), shape (cameras,)
+    frame_rate: float  #: Frames per second
+    reference: int  #: Index of the reference camera
+    #: ``phase`` of a tone of known frequency, ``correlation``, or ``room``: correlation of what
+    #: microphones hear
     method: str
+    #: Whole multiples of this many seconds are in doubt, or would be for a pure tone; None if
+    #: nothing in the signal repeats
     period: float | None
+    #: Second highest peak of the correlation over the highest, the largest of all cameras
     ratio: float
-    threshold: float
+    threshold: float  #: Ratio from which on the two cannot be told apart
+    #: Whether `ratio` reaches `threshold`; then the shortest possible delays are given
     ambiguous: bool
+    #: Signal-to-noise power ratio up to half of the correlation's rate, the smallest of all
     snr: float
 
     def describe(self, names: Sequence[str] | None = None) -> list[str]:

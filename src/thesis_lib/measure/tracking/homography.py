@@ -28,24 +28,13 @@ class TrackingError(ValueError):
 
 @dataclass(frozen=True)
 class View:
-    """How a camera sees the beam's plane.
+    """How a camera sees the beam's plane."""
 
-    Parameters
-    ----------
-    camera : Camera
-        Intrinsics and distortion; the pose is not used.
-    markers : Markers
-        What is printed on the beam.
-    H_image_plane : ndarray, shape (3, 3)
-        Homography from the beam's plane in m to undistorted pixels.
-    blur : float
-        Standard deviation in px of the edges in the picture.
-    """
-
-    camera: Camera
-    markers: Markers
+    camera: Camera  #: Intrinsics and distortion; the pose is not used
+    markers: Markers  #: What is printed on the beam
+    #: Homography from the beam's plane in m to undistorted pixels, shape (3, 3)
     H_image_plane: Array
-    blur: float = 0.6
+    blur: float = 0.6  #: Standard deviation in px of the edges in the picture
 
     def to_image(self, plane: ArrayLike) -> Array:
         """Pixels (2, ...), distortion included, of points (2, ...) of the plane in m."""

@@ -34,30 +34,15 @@ CHUNK = 512  # frames that are read back at once
 
 @dataclass(frozen=True)
 class Recording:
-    """One camera, its clock and its tracks.
+    """One camera, its clock and its tracks."""
 
-    Parameters
-    ----------
-    camera : Camera
-        Calibrated.
-    rate : float
-        Frames per second.
-    delay : float
-        Start after the reference camera's, s.
-    exposure : float
-        Exposure time in s.
-    readout : float
-        Time from the first row's exposure to the last row's, s; a frame's time is the middle row's.
-    path : Path
-        File of the centres (frames, 2, markers) in px, lens distortion included, NaN where
-        missing.
-    """
-
-    camera: Camera
-    rate: float
-    delay: float
-    exposure: float
+    camera: Camera  #: Calibrated
+    rate: float  #: Frames per second
+    delay: float  #: Start after the reference camera's, s
+    exposure: float  #: Exposure time in s
+    #: Time from the first row's exposure to the last row's, s; a frame's time is the middle row's
     readout: float
+    #: File of the centres (frames, 2, markers) in px, lens distortion included, NaN where missing
     path: Path
 
     @property
