@@ -6,7 +6,6 @@ import threading
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -35,8 +34,34 @@ from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
 from thesis_lib.studies.cache import kept, key_of
 from thesis_lib.studies.parallel import abreast
+from thesis_lib.studies.variables import declared, labelled
 
 STEPS = ".steps"  # folder of what is kept between runs
+CALIBRATION = declared("""
+    reprojection_rms() [px] rms residual of a coordinate of the board's corners
+    single_rms(camera) [px] the same of each camera calibrated alone
+    focal_deviation(camera) [px] standard deviation of the focal length
+    centre_deviation(camera) [m] standard deviation of the centre of projection
+    K(camera, i, j) [px] intrinsic matrix
+    distortion(camera, coefficient) [1] k1, k2, p1, p2, k3
+    size(camera, side) [px] width and height of the pictures
+    residuals(camera, shot, side, corner) [px] corners seen minus computed
+    corners(camera, shot, side, corner) [px] corners of the board as they were found
+    R_camera_world(camera, i, j) [1] rotation from the first board to the camera
+    centre(camera, i) [m] centre of projection in the first board's frame
+""")
+SOUND = declared("""
+    delay(camera) [s] start after the first camera's
+    steady(end) [s] steady part on the first camera's clock
+    ambiguous() [1] whether the delays are in doubt by whole periods
+    signal_to_noise() [1] signal over noise of the sound, power
+    force(part) [1] amplitude of the force's signal over full scale, real and imaginary part
+    frequency() [Hz] frequency of the force
+    of_sound() [Hz] frequency of the force's signal
+    of_sound_deviation() [Hz] its standard error
+""")
+SHOTS = declared("shots_used(camera) [1] pictures of the board that were used")
+UNKEPT = {"R_camera_world", "centre", "frequency", "of_sound", "of_sound_deviation"}
 
 
 class StoppedError(RuntimeError):
@@ -145,22 +170,17 @@ def calibrated(
         say(f"calibrating from {len(shots)} pictures of the board")
         with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
             corners, lost, single, full = adjusted(manifest, folder, lambda: bar.update())
-        data = xr.Dataset(coords={"camera": [c.name for c in manifest.cameras]})
-        for name, dims, values in (
-            ("K", "camera i j", [c.K for c in full.cameras]),
-            ("distortion", "camera coefficient", [c.distortion for c in full.cameras]),
-            ("R_camera_world", "camera i j", [c.R_camera_world for c in full.cameras]),
-            ("centre", "camera i", [c.centre for c in full.cameras]),
-            ("size", "camera side", [c.size for c in full.cameras]),
-            ("reprojection_rms", "", full.rms),
-            ("single_rms", "camera", [c.rms for c in single]),
-            ("focal_deviation", "camera", full.deviations[:, 0]),
-            ("centre_deviation", "camera", np.linalg.norm(camera_deviations(full)[0], axis=1)),
-            ("corners", "camera shot side corner", corners),
-            ("residuals", "camera shot side corner", full.residuals),
-        ):
-            data[name] = (dims.split(), np.asarray(values))
-        return data.assign_attrs(notes="\n".join(lost))
+        poses = ("K", "distortion", "R_camera_world", "centre", "size")
+        values = {name: [getattr(c, name) for c in full.cameras] for name in poses} | {
+            "reprojection_rms": full.rms,
+            "single_rms": [c.rms for c in single],
+            "focal_deviation": full.deviations[:, 0],
+            "centre_deviation": np.linalg.norm(camera_deviations(full)[0], axis=1),
+            "corners": corners,
+            "residuals": full.residuals,
+        }
+        names = {"camera": [c.name for c in manifest.cameras]}
+        return xr.Dataset(labelled(values, CALIBRATION), names, {"notes": "\n".join(lost)})
 
     return kept(steps, "calibration", key_of(what, shots), compute)
 
@@ -184,20 +204,17 @@ def heard(
                 "which the vibration is steady"
             )
         force = sound.force or 0j
-        unknown: Any = np.nan
         values = {
-            "delay": ("camera", found.delays),
-            "frequency": ("", sound.frequency or unknown),
-            "of_sound": ("", sound.found_frequency or unknown),
-            "of_sound_deviation": ("", sound.frequency_deviation or unknown),
-            "force": ("part", [force.real, force.imag]),
-            "steady": ("end", sound.steady),
-            "ambiguous": ("", int(found.ambiguous)),
-            "signal_to_noise": ("", found.snr),
+            "delay": found.delays,
+            "frequency": sound.frequency or np.nan,
+            "of_sound": sound.found_frequency or np.nan,
+            "of_sound_deviation": sound.frequency_deviation or np.nan,
+            "force": [force.real, force.imag],
+            "steady": sound.steady,
+            "ambiguous": int(found.ambiguous),
+            "signal_to_noise": found.snr,
         }
-        data = xr.Dataset(
-            {name: (dims.split(), np.asarray(v)) for name, (dims, v) in values.items()}
-        )
+        data = xr.Dataset(labelled(values, SOUND))
         return data.assign_attrs(
             synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
         )
@@ -239,29 +256,12 @@ def tracked(
 
 def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
     """What of calibration and sound belongs to the result."""
-    data = xr.Dataset(coords={"camera": calibration["camera"]})
-    texts = {
-        "reprojection_rms": ("px", "rms residual of a coordinate of the board's corners"),
-        "single_rms": ("px", "the same of each camera calibrated alone"),
-        "focal_deviation": ("px", "standard deviation of the focal length"),
-        "centre_deviation": ("m", "standard deviation of the centre of projection"),
-        "K": ("px", "intrinsic matrix"),
-        "distortion": ("1", "k1, k2, p1, p2, k3"),
-        "size": ("px", "width and height of the pictures"),
-        "residuals": ("px", "corners seen minus computed"),
-        "corners": ("px", "corners of the board as they were found"),
-        "delay": ("s", "start after the first camera's"),
-        "steady": ("s", "steady part on the first camera's clock"),
-        "ambiguous": ("1", "whether the delays are in doubt by whole periods"),
-        "signal_to_noise": ("1", "signal over noise of the sound, power"),
-        "force": ("1", "amplitude of the force's signal over full scale, real and imaginary part"),
+    values = {
+        name: (calibration if name in CALIBRATION else sound)[name].values
+        for name in (*CALIBRATION, *SOUND)
+        if name not in UNKEPT
     }
-    for name, (units, long_name) in texts.items():
-        source = calibration if name in calibration else sound
-        values = source[name]
-        data[name] = (values.dims, values.values, {"units": units, "long_name": long_name})
-    seen = np.isfinite(calibration["corners"].values[:, :, 0, 0]).sum(axis=1)
-    data["shots_used"] = (
-        "camera", seen, {"units": "1", "long_name": "pictures of the board that were used"},
-    )  # fmt: skip
-    return data
+    seen = np.isfinite(values["corners"][:, :, 0, 0]).sum(axis=1)
+    table = CALIBRATION | SOUND | SHOTS
+    names = {"camera": calibration["camera"]}
+    return xr.Dataset(labelled(values | {"shots_used": seen}, table), names)

@@ -26,10 +26,31 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.synchronisation.listen import Sound, listen
 from thesis_lib.measure.tracking.follow import follow
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vision.lens import Camera, resized, undistorted
 
 Followed = tuple[Array, Array, list[str]]
 CALIBRATIONS = ("literal", "full")
+VARIABLES = declared("""
+    tracks(camera, width, frame, axis, marker) [px] marker centres, lens distortion included
+    matches(camera, width, frame, axis, marker) [px] the same as the template match alone has them
+    exposure(camera) [s] exposure time
+    rest() [s] time at rest at the start
+    full_scale() [N] force at full scale of the audio tracks
+    frame_rate(camera) [Hz] frame rate
+    delay(camera) [s] start after the reference camera's
+    delay_frames(camera) [1] the same in whole frames
+    frequency() [Hz] frequency of the force
+    force(part) [1] amplitude of the force over full scale, real and imaginary part
+    steady(end) [s] steady part on the reference camera's clock
+    K(calibration, camera, i, j) [px] intrinsic matrix
+    distortion(calibration, camera, coefficient) [1] k1, k2, p1, p2, k3
+    R_camera_world(calibration, camera, i, j) [1] rotation from the first board to the camera
+    centre(calibration, camera, i) [m] centre of projection in the first board's frame
+    size(camera, axis) [px] size of the frames
+    reprojection_rms(calibration) [px] rms residual of a coordinate
+    single_rms(camera) [px] rms residual of a coordinate, camera by camera
+""")
 
 
 @dataclass(frozen=True)
@@ -165,55 +186,39 @@ def _dataset(
         matches[i, :, : centres.shape[1]] = matched
     both = [getattr(calibrations, name) for name in CALIBRATIONS]
     found = sound.synchronisation
-    data = xr.Dataset(
-        coords={
-            "camera": ("camera", names, {"long_name": "camera"}),
-            "width": ("width", list(widths), {"long_name": "width of the frames in px"}),
-            "axis": ("axis", ["u", "v"], {"long_name": "image coordinate"}),
-            "calibration": ("calibration", list(CALIBRATIONS), {"long_name": "calibration"}),
-        }
-    )
-
-    def add(name: str, dims: Sequence[str], values: object, units: str, long_name: str) -> None:
-        data[name] = (tuple(dims), np.asarray(values), {"units": units, "long_name": long_name})
-
-    add("tracks", ("camera", "width", "frame", "axis", "marker"), tracks, "px",
-        "marker centres, lens distortion included")  # fmt: skip
-    add("matches", ("camera", "width", "frame", "axis", "marker"), matches.astype(np.float32), "px",
-        "the same as the template match alone has them")  # fmt: skip
-    add("exposure", ("camera",), [c.exposure_s for c in manifest.cameras], "s", "exposure time")
-    add("rest", (), manifest.excitation.rest_s, "s", "time at rest at the start")
-    add("full_scale", (), manifest.excitation.force_per_full_scale_n or np.nan, "N",
-        "force at full scale of the audio tracks")  # fmt: skip
-    add("frame_rate", ("camera",), [c.frame_rate_hz for c in manifest.cameras], "Hz", "frame rate")
-    add("delay", ("camera",), found.delays, "s", "start after the reference camera's")
-    add("delay_frames", ("camera",), found.frames, "1", "the same in whole frames")
-    add("frequency", (), sound.frequency, "Hz", "frequency of the force")
     force = sound.force or 0j
-    add("force", ("part",), [force.real, force.imag], "1",
-        "amplitude of the force over full scale, real and imaginary part")  # fmt: skip
-    add("steady", ("end",), sound.steady, "s", "steady part on the reference camera's clock")
-    poses = ("calibration", "camera")
     cameras = [adjusted.cameras for adjusted in both]
-    add("K", (*poses, "i", "j"), [[c.K for c in row] for row in cameras], "px", "intrinsic matrix")
-    add("distortion", (*poses, "coefficient"), [[c.distortion for c in row] for row in cameras],
-        "1", "k1, k2, p1, p2, k3")  # fmt: skip
-    add("R_camera_world", (*poses, "i", "j"), [[c.R_camera_world for c in row] for row in cameras],
-        "1", "rotation from the first board to the camera")  # fmt: skip
-    add("centre", (*poses, "i"), [[c.centre for c in row] for row in cameras], "m",
-        "centre of projection in the first board's frame")  # fmt: skip
-    add("size", ("camera", "axis"), [c.size for c in cameras[1]], "px", "size of the frames")
-    add("reprojection_rms", ("calibration",), [adjusted.rms for adjusted in both], "px",
-        "rms residual of a coordinate")  # fmt: skip
-    add("single_rms", ("camera",), [c.rms for c in calibrations.single], "px",
-        "rms residual of a coordinate, camera by camera")  # fmt: skip
+    values = {
+        "tracks": tracks,
+        "matches": matches.astype(np.float32),
+        "exposure": [c.exposure_s for c in manifest.cameras],
+        "rest": manifest.excitation.rest_s,
+        "full_scale": manifest.excitation.force_per_full_scale_n or np.nan,
+        "frame_rate": [c.frame_rate_hz for c in manifest.cameras],
+        "delay": found.delays,
+        "delay_frames": found.frames,
+        "frequency": sound.frequency,
+        "force": [force.real, force.imag],
+        "steady": sound.steady,
+        **{
+            name: [[getattr(c, name) for c in row] for row in cameras]
+            for name in ("K", "distortion", "R_camera_world", "centre")
+        },
+        "size": [c.size for c in cameras[1]],
+        "reprojection_rms": [adjusted.rms for adjusted in both],
+        "single_rms": [c.rms for c in calibrations.single],
+    }
+    coords = {
+        "camera": ("camera", names, {"long_name": "camera"}),
+        "width": ("width", list(widths), {"long_name": "width of the frames in px"}),
+        "axis": ("axis", ["u", "v"], {"long_name": "image coordinate"}),
+        "calibration": ("calibration", list(CALIBRATIONS), {"long_name": "calibration"}),
+    }
+    data = xr.Dataset(labelled(values, VARIABLES), coords)
     data.attrs["notes"] = "\n".join(
-        [
-            *calibrations.lost,
-            *(f"{name}: {note}" for name, (*_, notes) in zip(names, followed, strict=True)
-              for note in notes),
-        ]
-    )  # fmt: skip
+        calibrations.lost
+        + [f"{name}: {note}" for name, own in zip(names, followed, strict=True) for note in own[2]]
+    )
     data.attrs["synchronisation"] = "\n".join(found.describe())
     return data
 

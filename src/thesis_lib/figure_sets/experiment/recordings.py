@@ -6,6 +6,7 @@ is kept are the tracks, the calibrations, a few pictures, and how far each step 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +28,27 @@ from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking.homography import find_view
 from thesis_lib.measure.tracking.tracker import Tracker, assign, sharpen
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens
+
+TRUTH = declared("""
+    true_delay(camera) [s] true start after the reference's
+    missing_share(width) [1] share of marker images that are missing
+    wrong_share(width) [1] share of those found that are more than 1 px off
+    centre_error(width) [px] rms error of a coordinate of the others
+    focal_error_single(camera, axis) [percent] error of the focal lengths, single calibration
+    focal_error_literal(camera, axis) [percent] error of the focal lengths, literal calibration
+    centre_error_literal(camera) [m] error of the centres, literal, cameras aligned as a body
+    focal_error_full(camera, axis) [percent] error of the focal lengths, full calibration
+    centre_error_full(camera) [m] error of the centres, full, cameras aligned as a body
+    centre_deviation(camera) [m] standard deviation of the centres of projection that the adjustment
+        predicts
+    shots_used(camera) [1] pictures of the board that were used
+    adjusted_corners(camera, shot, axis, corner) [px] corners of the board as they were found
+    corner_residuals(camera, shot, axis, corner) [px] corners seen minus computed after the
+        adjustment
+""")
 
 
 def rig_of(request: Laboratory) -> Rig:
@@ -83,12 +103,7 @@ def true_tracks(rig: Rig, frames: int, width: int) -> Array:
 
 def _add_truth(data: xr.Dataset, rig: Rig, calibrations: chain.Calibrations) -> None:
     """The errors of every step against the truth, as variables of the dataset."""
-
-    def add(name: str, dims: tuple[str, ...], values: object, units: str, text: str) -> None:
-        data[name] = (dims, np.asarray(values, float), {"units": units, "long_name": text})
-
     starts = np.array([station.start for station in rig.stations])
-    add("true_delay", ("camera",), starts - starts[0], "s", "true start after the reference's")
     missing, wrong, rms = [], [], []
     for width in data["width"].values:
         tracks = data["tracks"].sel(width=width).values
@@ -99,31 +114,32 @@ def _add_truth(data: xr.Dataset, rig: Rig, calibrations: chain.Calibrations) -> 
         wrong.append(np.mean(off[seen] > WRONG) if seen.any() else np.nan)
         right = off[seen & (np.nan_to_num(off, nan=np.inf) <= WRONG)]
         rms.append(np.sqrt(np.mean(right**2) / 2) if right.size else np.nan)
-    add("missing_share", ("width",), missing, "1", "share of marker images that are missing")
-    add("wrong_share", ("width",), wrong, "1", "share of those found that are more than 1 px off")
-    add("centre_error", ("width",), rms, "px", "rms error of a coordinate of the others")
-
     focal = np.array([[c.K[0, 0], c.K[1, 1]] for c in rig.cameras])
-    full = calibrations.full
-    kinds = {"single": [c.camera() for c in calibrations.single],
-             "literal": calibrations.literal.cameras, "full": full.cameras}  # fmt: skip
-    for name, cameras in kinds.items():
-        found = np.array([[c.K[0, 0], c.K[1, 1]] for c in cameras])
-        add(f"focal_error_{name}", ("camera", "axis"), 100 * (found / focal - 1), "percent",
-            f"error of the focal lengths, {name} calibration")  # fmt: skip
-        if name != "single":
-            add(f"centre_error_{name}", ("camera",),
-                np.linalg.norm(align(cameras, rig.cameras)[1], axis=1), "m",
-                f"error of the centres, {name}, cameras aligned as a body")  # fmt: skip
-    deviations, _ = camera_deviations(full)
-    add("centre_deviation", ("camera",), np.linalg.norm(deviations, axis=1), "m",
-        "standard deviation of the centres of projection that the adjustment predicts")  # fmt: skip
-    seen = np.isfinite(calibrations.corners[:, :, 0, 0])
-    add("shots_used", ("camera",), seen.sum(axis=1), "1", "pictures of the board that were used")
-    add("adjusted_corners", ("camera", "shot", "axis", "corner"), calibrations.corners, "px",
-        "corners of the board as they were found")  # fmt: skip
-    add("corner_residuals", ("camera", "shot", "axis", "corner"), full.residuals, "px",
-        "corners seen minus computed after the adjustment")  # fmt: skip
+    full, literal = calibrations.full, calibrations.literal
+    single = [one.camera() for one in calibrations.single]
+
+    def focal_error(cameras: Sequence[lens.Camera]) -> Array:
+        return 100 * (np.array([[c.K[0, 0], c.K[1, 1]] for c in cameras]) / focal - 1)
+
+    def centre_error(cameras: Sequence[lens.Camera]) -> Array:
+        return np.linalg.norm(align(cameras, rig.cameras)[1], axis=1)
+
+    values = {
+        "true_delay": starts - starts[0],
+        "missing_share": missing,
+        "wrong_share": wrong,
+        "centre_error": rms,
+        "focal_error_single": focal_error(single),
+        "focal_error_literal": focal_error(literal.cameras),
+        "centre_error_literal": centre_error(literal.cameras),
+        "focal_error_full": focal_error(full.cameras),
+        "centre_error_full": centre_error(full.cameras),
+        "centre_deviation": np.linalg.norm(camera_deviations(full)[0], axis=1),
+        "shots_used": np.isfinite(calibrations.corners[:, :, 0, 0]).sum(axis=1, dtype=float),
+        "adjusted_corners": calibrations.corners,
+        "corner_residuals": full.residuals,
+    }
+    data.update(labelled(values, TRUTH))
 
 
 def _pictures(rig: Rig, camera: lens.Camera, folder: Path) -> xr.Dataset:

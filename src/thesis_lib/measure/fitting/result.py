@@ -21,16 +21,51 @@ from thesis_lib.measure.fitting.harmonics import (
     mean_of,
     sums_of,
 )
-from thesis_lib.measure.fitting.models import candidates, scaled
+from thesis_lib.measure.fitting.models import Candidate, candidates, scaled
 from thesis_lib.measure.fitting.reconstruction import checked_frame
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.tracking.tracks import Recording, lost_share
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vision.lens import distorted
 from thesis_lib.vision.simulation import assurance
 
 ORDER = 2  # harmonics of the images that are fitted
 FOLDED = 0.2  # of the frame rate; from there on the second harmonic's alias nears the first's
+VARIABLES = declared("""
+    x(marker) [m] place along the structure
+    y(marker) [m] place across the structure
+    deflection(marker) [m] deflection at its maximum
+    standard_error(marker) [m] standard error of it by the centres' scatter
+    quadrature(marker) [m] deflection a quarter of a period later
+    amplitude_real(marker) [m] complex amplitude, exp(+jωt), on the first camera's clock, real part
+    amplitude_imag(marker) [m] the same, imaginary part
+    phase(marker) [degree] phase to the force; NaN if that is unknown
+    rest_position(axis, marker) [m] place at rest, from the structure's centre
+    cameras_seen(marker) [1] cameras that a marker's deflection rests on
+    missing(camera, marker) [1] share of the frames in which a marker is missing
+    centre_scatter(camera, marker) [px] rms scatter of a coordinate of the centres about its
+        harmonics
+    without_camera(camera, marker) [m] deflection from all cameras but one; NaN with two cameras
+    without_deviation(camera, marker) [m] standard deviation of its difference from that of all
+        cameras
+    frequency() [Hz] frequency of the fit
+    frequency_of_tracks() [Hz] frequency that the tracks show
+    frequency_deviation() [Hz] its standard error
+    growth() [1] change of the amplitude over the steady part
+    harmonics() [1] harmonics of the images that were fitted
+    frames(camera) [1] frames that the fit used
+    grid_rms() [m] rms distance of the markers at rest from their places
+    grid_scale() [1] size of the measured grid over the nominal one
+    frame_rotation(axis, i) [1] from the calibration's axes to the structure's
+    frame_origin(i) [m] the structure's centre in the calibration's frame
+    camera_centre(camera, axis) [m] centre of projection from the structure's
+    mac(candidate) [1] modal assurance criterion with the model's mode
+    model_frequency(candidate) [Hz] frequency of that mode's resonance by the model
+    reference_deflection(marker) [m] the most similar mode of the model in the size that fits best
+    point_error(marker) [percent] distance from it over its largest deflection
+    mean_error() [percent] root of the mean square of these (eq. 3.22)
+""")
 
 
 def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording]) -> xr.Dataset:
@@ -82,54 +117,42 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
     turned = complex_shape * np.exp(-1j * phase)
     shape, error = turned.real, deviation(fit, omega, exposures)
 
-    data = xr.Dataset(
-        coords={
-            "camera": ("camera", [c.name for c in cameras], {"long_name": "camera"}),
-            "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
-        }
-    )
-
-    def put(name: str, dims: str, values: Any, units: str, long_name: str) -> None:
-        data[name] = (dims.split(), np.asarray(values), {"units": units, "long_name": long_name})
-
-    put("x", "marker", markers.centres[0], "m", "place along the structure")
-    put("y", "marker", markers.centres[1], "m", "place across the structure")
-    put("deflection", "marker", shape, "m", "deflection at its maximum")
-    put("standard_error", "marker", error, "m", "standard error of it by the centres' scatter")
-    put("quadrature", "marker", turned.imag, "m", "deflection a quarter of a period later")
-    put("amplitude_real", "marker", complex_shape.real, "m",
-        "complex amplitude, exp(+jωt), on the first camera's clock, real part")  # fmt: skip
-    put("amplitude_imag", "marker", complex_shape.imag, "m", "the same, imaginary part")
-    to_force = np.degrees(np.angle(complex_shape / force)) if force else np.nan * shape
-    put("phase", "marker", to_force, "degree", "phase to the force; NaN if that is unknown")
-    put("rest_position", "axis marker", frame.to_beam(fit.points), "m",
-        "place at rest, from the structure's centre")  # fmt: skip
-    put("cameras_seen", "marker", np.isfinite(fit.sigma).all(axis=1).sum(axis=0), "1",
-        "cameras that a marker's deflection rests on")  # fmt: skip
-    lost = [lost_share(own) for own in recordings]
-    put("missing", "camera marker", lost, "1", "share of the frames in which a marker is missing")
-    put("centre_scatter", "camera marker", scatter, "px",
-        "rms scatter of a coordinate of the centres about its harmonics")  # fmt: skip
     without, differs = _without_each(fit, omega, exposures, phase)
-    put("without_camera", "camera marker", without, "m",
-        "deflection from all cameras but one; NaN with two cameras")  # fmt: skip
-    put("without_deviation", "camera marker", differs, "m",
-        "standard deviation of its difference from that of all cameras")  # fmt: skip
-    put("frequency", "", frequency, "Hz", "frequency of the fit")
-    put("frequency_of_tracks", "", motion.frequency, "Hz", "frequency that the tracks show")
-    put("frequency_deviation", "", motion.deviation, "Hz", "its standard error")
-    put("growth", "", motion.growth, "1", "change of the amplitude over the steady part")
-    put("harmonics", "", order, "1", "harmonics of the images that were fitted")
-    put("frames", "camera", [np.diff(own.between(begin, end))[0] for own in recordings], "1",
-        "frames that the fit used")  # fmt: skip
-    put("grid_rms", "", frame.rms, "m", "rms distance of the markers at rest from their places")
-    put("grid_scale", "", frame.scale, "1", "size of the measured grid over the nominal one")
-    put("frame_rotation", "axis i", frame.R, "1", "from the calibration's axes to the structure's")
-    put("frame_origin", "i", frame.origin, "m", "the structure's centre in the calibration's frame")
-    centres = frame.to_beam(np.array([c.centre for c in cameras]).T).T
-    put("camera_centre", "camera axis", centres, "m", "centre of projection from the structure's")
-    _compare(data, manifest, put)
-    return data
+    values = {
+        "x": markers.centres[0],
+        "y": markers.centres[1],
+        "deflection": shape,
+        "standard_error": error,
+        "quadrature": turned.imag,
+        "amplitude_real": complex_shape.real,
+        "amplitude_imag": complex_shape.imag,
+        "phase": np.degrees(np.angle(complex_shape / force)) if force else np.nan * shape,
+        "rest_position": frame.to_beam(fit.points),
+        "cameras_seen": np.isfinite(fit.sigma).all(axis=1).sum(axis=0),
+        "missing": [lost_share(own) for own in recordings],
+        "centre_scatter": scatter,
+        "without_camera": without,
+        "without_deviation": differs,
+        "frequency": frequency,
+        "frequency_of_tracks": motion.frequency,
+        "frequency_deviation": motion.deviation,
+        "growth": motion.growth,
+        "harmonics": order,
+        "frames": [np.diff(own.between(begin, end))[0] for own in recordings],
+        "grid_rms": frame.rms,
+        "grid_scale": frame.scale,
+        "frame_rotation": frame.R,
+        "frame_origin": frame.origin,
+        "camera_centre": frame.to_beam(np.array([c.centre for c in cameras]).T).T,
+    }
+    modes = candidates(manifest.structure)
+    compared, best = _compared(shape, modes)
+    coords = {
+        "camera": ("camera", [c.name for c in cameras], {"long_name": "camera"}),
+        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
+        "candidate": ("candidate", [m.name for m in modes], {"long_name": "mode of the model"}),
+    }
+    return xr.Dataset(labelled(values | compared, VARIABLES), coords, {"most_similar": best})
 
 
 def _best(start: float, motion: Advance, sound: xr.Dataset) -> float:
@@ -216,25 +239,21 @@ def _without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> 
     return shapes, deviations
 
 
-def _compare(data: xr.Dataset, manifest: Manifest, put: Any) -> None:
-    """The measured shape against the model's modes."""
-    shape = data["deflection"].values
-    modes = candidates(manifest.structure)
-    data.coords["candidate"] = ("candidate", [m.name for m in modes],
-                                {"long_name": "mode of the model"})  # fmt: skip
+def _compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]:
+    """The measured shape against the model's modes, and the name of the most similar."""
     mac = np.array([assurance(shape, mode.shape) for mode in modes])
-    put("mac", "candidate", mac, "1", "modal assurance criterion with the model's mode")
-    put("model_frequency", "candidate", [mode.frequency for mode in modes], "Hz",
-        "frequency of that mode's resonance by the model")  # fmt: skip
     best = modes[int(np.nanargmax(mac))] if np.isfinite(mac).any() else None
     reference = scaled(shape, best.shape) if best else np.full_like(shape, np.nan)
-    put("reference_deflection", "marker", reference, "m",
-        "the most similar mode of the model in the size that fits best")  # fmt: skip
     with np.errstate(invalid="ignore", divide="ignore"):
         error = 100 * np.abs(shape - reference) / np.abs(reference).max()
-    put("point_error", "marker", error, "percent", "distance from it over its largest deflection")
-    put("mean_error", "", rms(error), "percent", "root of the mean square of these (eq. 3.22)")
-    data.attrs["most_similar"] = best.name if best else ""
+    values = {
+        "mac": mac,
+        "model_frequency": [mode.frequency for mode in modes],
+        "reference_deflection": reference,
+        "point_error": error,
+        "mean_error": rms(error),
+    }
+    return values, best.name if best else ""
 
 
 def rms(values: Array) -> float:
