@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.variables import Variable, declared, labelled
@@ -36,7 +35,12 @@ FIELD_COORDINATES = declared("""
 """)
 SHORT = {"measured_deflection": "float32"}
 """Type on disk where it is not float64, in which rounding would not matter."""
-CAMERAS = {"camera_distance": "m", "camera_azimuth": "degree", "camera_elevation": "degree"}
+CAMERAS = declared("""
+    camera_distance(setting, camera) [m] camera distance
+    camera_azimuth(setting, camera) [degree] camera azimuth
+    camera_elevation(setting, camera) [degree] camera elevation
+""")
+REFERENCE = declared("reference_deflection(mode, point) [m] reference deflection of the markers")
 
 
 def extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
@@ -65,32 +69,33 @@ def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, 
 
 
 def of_settings(
-    results: Sequence[Mapping[str, Any]], table: Mapping[str, Variable]
+    settings: list[Setting], results: Sequence[Mapping[str, Any]], table: Mapping[str, Variable]
 ) -> dict[str, Any]:
-    """The results of settings as variables, in the order of a table."""
+    """The results of settings as variables, in the order of a table, and where cameras stand."""
     values = {
         name: np.array([one[name] for one in results]).astype(SHORT.get(name, "float64"))
         for name in table
     }
-    return labelled(values, table, over=["setting"])
+    return labelled(values, table, over=["setting"]) | camera_places(settings)
 
 
-def add_cameras(cube: xr.Dataset, settings: list[Setting]) -> None:
-    """Add distance, azimuth and elevation of every setting's cameras to a cube."""
-    table = _camera_table(settings)
-    for column, (name, units) in enumerate(CAMERAS.items()):
-        said = {"units": units, "long_name": name.replace("_", " ")}
-        cube[name] = (("setting", "camera"), table[:, :, column], said)
-
-
-def _camera_table(settings: list[Setting]) -> Array:
-    """Distance in m, azimuth and elevation in degrees: (settings, cameras, 3), NaN-padded."""
+def camera_places(settings: list[Setting]) -> dict[str, Any]:
+    """Distance, azimuth and elevation of every setting's cameras as variables, NaN-padded."""
     most = max(len(setting.directions_deg) for setting in settings)
-    table = np.full((len(settings), most, 3), np.nan)
-    for row, setting in zip(table, settings, strict=True):
-        row[: len(setting.directions_deg), 0] = setting.distance_mm / 1000
-        row[: len(setting.directions_deg), 1:] = setting.directions_deg
-    return table
+    table = np.full((3, len(settings), most), np.nan)
+    for i, setting in enumerate(settings):
+        there = slice(len(setting.directions_deg))
+        table[0, i, there] = setting.distance_mm / 1000
+        table[1:, i, there] = np.transpose(setting.directions_deg)
+    return labelled(dict(zip(CAMERAS, table, strict=True)), CAMERAS)
+
+
+def filmed(coords: dict[str, Any], hertz: Sequence[float], drawn: str) -> dict[str, Any]:
+    """Coordinates of modes that were filmed at these frequencies; words tell what trials draw."""
+    words = {"long_name": "frequency of the vibration", "units": "Hz"}
+    coords["frequency"] = ("mode", np.array(hertz), words)
+    coords["trial"][2]["long_name"] = drawn
+    return coords
 
 
 def coordinates(

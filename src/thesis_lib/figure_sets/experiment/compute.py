@@ -22,8 +22,8 @@ from thesis_lib.figure_sets.experiment.trials import draw, trials
 from thesis_lib.laboratory.parameters import NAMES
 from thesis_lib.measure.fitting.harmonics import amplitude
 from thesis_lib.measure.recordings.markers import Markers, rows_on
-from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates, of_settings
-from thesis_lib.studies.variables import declared
+from thesis_lib.studies.labels import REFERENCE, VARIABLES, coordinates, filmed, of_settings
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens
 from thesis_lib.vision.pinhole import on_sensor
@@ -142,18 +142,11 @@ def _cube(
     results: list[dict[str, Any]],
     data: xr.Dataset,
 ) -> xr.Dataset:
-    cube = xr.Dataset(coords=coordinates(study, study.modes, setups.beam(), settings))
-    cube["frequency"] = ("mode", [study.frequency_hz],
-                         {"long_name": "frequency of the force", "units": "Hz"})  # fmt: skip
-    cube["trial"].attrs["long_name"] = "draw of starts, clocks and noise, 0 for the chain's result"
-    cube["reference_deflection"] = (
-        ("mode", "point"),
-        reference[None],
-        {"units": "m", "long_name": "reference deflection of the markers"},
-    )
-    cube = cube.assign(of_settings(results, _VARIABLES))
-    add_cameras(cube, settings)
-    beam = setups.beam()
+    beam, drawn = setups.beam(), "draw of starts, clocks and noise, 0 for the chain's result"
+    coords = filmed(coordinates(study, study.modes, beam, settings), [study.frequency_hz], drawn)
+    coords["frequency"][2]["long_name"] = "frequency of the force"
+    cube = xr.Dataset(labelled({"reference_deflection": reference[None]}, REFERENCE), coords)
+    cube = cube.assign(of_settings(settings, results, _VARIABLES))
     natural = 2 * np.pi * study.frequency_hz / np.sqrt(1 - 2 * beam.damping**2)
     omega = 2 * np.pi * study.frequency_hz
     drive = Component().shape(beam, beam.force_point)[0]

@@ -29,8 +29,8 @@ from thesis_lib.figure_sets.lab_layout.parameters import Layouts
 from thesis_lib.laboratory.localisation import edge_scatter
 from thesis_lib.measure.fitting.harmonics import amplitude
 from thesis_lib.measure.fitting.reconstruction import real_shape
-from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates, of_settings
-from thesis_lib.studies.variables import declared
+from thesis_lib.studies.labels import REFERENCE, VARIABLES, coordinates, filmed, of_settings
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import amplitudes
 from thesis_lib.vision.simulation import assurance
 
@@ -142,21 +142,15 @@ _VARIABLES = VARIABLES | declared("""
 
 
 def _cube(study: Layouts, settings: list[Setting], results: list[dict[str, Any]]) -> xr.Dataset:
-    beam = setups.beam()
-    cube = xr.Dataset(coords=coordinates(study, study.modes, beam, settings))
-    cube["frequency"] = ("mode", [study.frequency_hz],
-                         {"long_name": "frequency of the vibration", "units": "Hz"})  # fmt: skip
-    cube["trial"].attrs["long_name"] = "draw of the centres' noise, 0 for the rendered run"
+    drawn = "draw of the centres' noise, 0 for the rendered run"
+    coords = filmed(
+        coordinates(study, study.modes, setups.beam(), settings), [study.frequency_hz], drawn
+    )
+    reference = {"reference_deflection": results[0]["reference"][None]}
+    cube = xr.Dataset(labelled(reference, REFERENCE), coords)
     varied = [study.varied_of(setting.case) for setting in settings]
     cube["parameter"] = ("setting", varied, cube["parameter"].attrs)
     if len(set(varied)) > 1:
         cube["value"].attrs["long_name"] += ", in the unit of its name"
     cube["axis"] = ("axis", ["u", "v"], {"long_name": "image coordinate", "units": "1"})
-    cube["reference_deflection"] = (
-        ("mode", "point"),
-        results[0]["reference"][None],
-        {"units": "m", "long_name": "reference deflection of the markers"},
-    )
-    cube = cube.assign(of_settings(results, _VARIABLES))
-    add_cameras(cube, settings)
-    return cube
+    return cube.assign(of_settings(settings, results, _VARIABLES))

@@ -20,7 +20,7 @@ from thesis_lib.figure_sets.lab_modes.methods import (
 )
 from thesis_lib.figure_sets.lab_modes.parameters import LabModes
 from thesis_lib.measure.fitting import aliasing
-from thesis_lib.studies.labels import VARIABLES, add_cameras, coordinates, of_settings
+from thesis_lib.studies.labels import VARIABLES, coordinates, filmed, of_settings
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.structure import resonance
 from thesis_lib.vibration.torsion import twist
@@ -67,8 +67,7 @@ def run(study: LabModes, data: xr.Dataset) -> xr.Dataset:
     for result in results:
         result["in_view"] = 1.0  # others are refused
         result["ground_sample_distance"] = study.distance_mm / 1000 / focal
-    cube = cube.assign(of_settings(results, _VARIABLES))
-    add_cameras(cube, settings)
+    cube = cube.assign(of_settings(settings, results, _VARIABLES))
     return _with_rates(cube, films, reads, founds)
 
 
@@ -118,14 +117,12 @@ def _read(film: Recording) -> float:
 def _frame(study: LabModes, films: list[list[Recording]], settings: list[Any]) -> xr.Dataset:
     """Coordinates, and what is true."""
     beam = setups.beam()
-    coords = coordinates(study, study.modes, beam, settings)
+    hertz = [of_mode[0].frequency for of_mode in films]
+    drawn = "draw of starts and noise, 0 for what was filmed"
+    coords = filmed(coordinates(study, study.modes, beam, settings), hertz, drawn)
     x, y = films[0][0].rig.markers.centres
     for name, values in (("x", x), ("y", y)):
         coords[name] = ("point", values, coords[name][2])
-    cube = xr.Dataset(coords=coords)
-    cube["frequency"] = ("mode", [of_mode[0].frequency for of_mode in films],
-                         {"long_name": "frequency of the vibration", "units": "Hz"})  # fmt: skip
-    cube["trial"].attrs["long_name"] = "draw of starts and noise, 0 for what was filmed"
     truth = np.array([of_mode[0].truth for of_mode in films])
     natural = [resonance(beam, mode) for mode in study.modes]
     losses = [1 - np.sinc(of_mode[0].frequency * of_mode[0].exposure) for of_mode in films]
@@ -138,7 +135,7 @@ def _frame(study: LabModes, films: list[list[Recording]], settings: list[Any]) -
         "exposure_loss": losses,
         "settling_time": [-np.log(SETTLED) / (beam.damping * w) for w in natural],
     }
-    return cube.assign(labelled(values, _TRUTH))
+    return xr.Dataset(labelled(values, _TRUTH), coords)
 
 
 def _with_rates(

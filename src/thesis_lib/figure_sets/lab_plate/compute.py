@@ -28,13 +28,7 @@ from thesis_lib.measure.fitting.aliasing import alias
 from thesis_lib.measure.fitting.harmonics import amplitude, deviation
 from thesis_lib.measure.fitting.reconstruction import normal_gain
 from thesis_lib.studies import labels
-from thesis_lib.studies.labels import (
-    VARIABLES,
-    add_cameras,
-    coordinates,
-    field_coordinates,
-    of_settings,
-)
+from thesis_lib.studies.labels import VARIABLES, coordinates, field_coordinates, filmed, of_settings
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import amplitudes
 from thesis_lib.vibration.plate import Plate
@@ -81,10 +75,9 @@ def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
             "ground_sample_distance": setting.distance_mm / 1000 * study.sensor_width_mm
             / (study.focal_length_mm * setting.resolution_px[0]),
         }  # fmt: skip
-    cube = xr.Dataset(coords=_coordinates(study, plate, settings))
-    cube = cube.assign(labelled({"reference_deflection": [h.reference for h in sounds]}, _TRUTH))
-    cube = cube.assign(of_settings(results, _VARIABLES))
-    add_cameras(cube, settings)
+    reference = labelled({"reference_deflection": [h.reference for h in sounds]}, _TRUTH)
+    cube = xr.Dataset(reference, _coordinates(study, plate, settings))
+    cube = cube.assign(of_settings(settings, results, _VARIABLES))
     return cube.assign(labelled(_fields(cube, study, sounds), _TRUTH))
 
 
@@ -205,14 +198,11 @@ def neighbours(errors: Array, grid: tuple[int, int]) -> float:
 
 def _coordinates(study: LabPlate, plate: Plate, settings: list[Setting]) -> dict[str, Any]:
     cases = list(dict.fromkeys(setting.case for setting in settings))
-    coords = coordinates(study, study.modes, plate, settings)
-    coords["parameter"] = (
-        "setting", np.array([PARAMETERS[s.case] for s in settings]), coords["parameter"][2]
-    )  # fmt: skip
-    hertz = np.array([resonance(plate, mode) / (2 * np.pi) for mode in study.modes])
-    coords["frequency"] = ("mode", hertz, {"long_name": "frequency of the vibration",
-                                           "units": "Hz"})  # fmt: skip
-    coords["trial"][2]["long_name"] = "draw of the centres' noise, 0 for what was filmed"
+    hertz = [resonance(plate, mode) / (2 * np.pi) for mode in study.modes]
+    drawn = "draw of the centres' noise, 0 for what was filmed"
+    coords = filmed(coordinates(study, study.modes, plate, settings), hertz, drawn)
+    varied = np.array([PARAMETERS[s.case] for s in settings])
+    coords["parameter"] = ("setting", varied, coords["parameter"][2])
     return {**coords, **field_coordinates(study.planes, cases)}
 
 

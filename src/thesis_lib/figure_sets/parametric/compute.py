@@ -19,7 +19,15 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
-from thesis_lib.studies.labels import CAMERAS, SHORT, VARIABLES, add_cameras, coordinates
+from thesis_lib.studies.labels import (
+    CAMERAS,
+    REFERENCE,
+    SHORT,
+    VARIABLES,
+    camera_places,
+    coordinates,
+)
+from thesis_lib.studies.variables import labelled
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project
@@ -112,14 +120,9 @@ def outline(
     ]
     reference = np.array(shapes)
     points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
-    cube = xr.Dataset(coords=coordinates(study, study.modes, structure, settings))
-    cube["reference_deflection"] = (
-        ("mode", "point"),
-        reference,
-        {"units": "m", "long_name": "reference deflection of the markers"},
-    )
-    add_cameras(cube, settings)
-    order = ("reference_deflection", *VARIABLES, *CAMERAS)
+    values = labelled({"reference_deflection": reference}, REFERENCE) | camera_places(settings)
+    cube = xr.Dataset(values, coordinates(study, study.modes, structure, settings))
+    order = (*REFERENCE, *VARIABLES, *CAMERAS)
     large = {
         name: (("setting", *one.dims), SHORT.get(name, "float64"), one.attributes)
         for name, one in VARIABLES.items()
