@@ -302,7 +302,8 @@ def measure(manifest: Path | None, out: Path | None, check: bool, example: Path 
         _example(example)
         return
     assert manifest is not None
-    from thesis_lib.measure.feasibility.assess import assess, describe
+    from thesis_lib.measure.feasibility.assess import assess
+    from thesis_lib.measure.feasibility.describe import describe
     from thesis_lib.measure.recordings.manifest import read_manifest
 
     out = manifest.parent / "measured" if out is None else out

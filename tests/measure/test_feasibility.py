@@ -8,7 +8,8 @@ import warnings
 import numpy as np
 import pytest
 
-from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, assess, describe
+from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, assess
+from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.feasibility.limits import THRESHOLDS
 from thesis_lib.measure.feasibility.predictions import alias, noise_errors, rounding_errors
 from thesis_lib.measure.recordings.manifest_model import Manifest

@@ -15,7 +15,8 @@ from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration.alignment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
-from thesis_lib.measure.feasibility.assess import assess, describe
+from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import check as recordings_check
 from thesis_lib.measure.recordings.check import ChainError, markers_of

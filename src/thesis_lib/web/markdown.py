@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -13,6 +13,12 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table; its cells stand as they are."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def columns(rows: Iterable[Mapping[str, str]]) -> str:
+    """The same of rows that have their cells by the names of the columns; nothing of no rows."""
+    rows = list(rows)
+    return table(list(rows[0]), [list(row.values()) for row in rows]) if rows else ""
 
 
 def escape(text: str) -> str:

@@ -21,7 +21,7 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.ledger.trend_tests import MATERIAL
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
 from thesis_lib.vision.rounding import deflection_variance
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns
 
 
 @dataclass(frozen=True)
@@ -79,16 +79,21 @@ def pixels() -> str:
     """Arrays and pairs at equal pixels, as a table and a sentence."""
     found = list(equal_pixels())
     rows = [
-        [one.structure, one.case, str(one.n_cameras), f"{one.array:.1f}", f"{one.pair:.1f}",
-         f"×{one.ratio:.2f}"]
+        {
+            "": one.structure,
+            "case": one.case,
+            "cameras": str(one.n_cameras),
+            "all of them, %": f"{one.array:.1f}",
+            "its best pair, sharper, %": f"{one.pair:.1f}",
+            "pair over all": f"×{one.ratio:.2f}",
+        }
         for one in found
-    ]  # fmt: skip
+    ]
     ratios = np.array([one.ratio for one in found])
     worse = [f"{one.structure} {one.case}" for one in found if one.ratio > 1 + MATERIAL]
     better = int(np.sum(ratios < 1 - MATERIAL))
-    header = ["", "case", "cameras", "all of them, %", "its best pair, sharper, %", "pair over all"]
     words = f", {', '.join(worse)}" if worse else ""
-    return table(header, rows) + (
+    return columns(rows) + (
         f"\nBy the law of rounding, at equal pixels in all. Of {len(found)} pairs {len(worse)} "
         f"{'is' if len(worse) == 1 else 'are'} worse by more than {MATERIAL:.0%}{words}; {better} "
         f"are better by more than that; the median ratio is ×{np.median(ratios):.2f}.\n"

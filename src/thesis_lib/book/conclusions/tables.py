@@ -31,16 +31,24 @@ from thesis_lib.ledger.verdicts import VERDICTS
 from thesis_lib.plotting.selection import error_bars, select, stated
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.vision.cone_law import pair_noise_error
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 # Numbers of one cell stay on one line.
 TOGETHER = str.maketrans({" ": "\N{NO-BREAK SPACE}", "–": "\N{WORD JOINER}–\N{WORD JOINER}"})
 TURNED = {  # what the ledger calls the parameter of a trend, and what this page calls it
-    "closer": "distance d", "wider": "aperture alpha", "lower": "elevation phi",
-    "finer": "resolution", "more": "number of cameras",
-}  # fmt: skip
-WORDS = {"closer": "closer", "wider": "wider apart", "lower": "lower", "finer": "finer pixels",
-         "more": "more cameras"}  # fmt: skip
+    "closer": "distance d",
+    "wider": "aperture alpha",
+    "lower": "elevation phi",
+    "finer": "resolution",
+    "more": "number of cameras",
+}
+WORDS = {
+    "closer": "closer",
+    "wider": "wider apart",
+    "lower": "lower",
+    "finer": "finer pixels",
+    "more": "more cameras",
+}
 
 
 def _knob(name: str, opened: Cubes) -> str:
@@ -60,8 +68,16 @@ def _knob(name: str, opened: Cubes) -> str:
             f"{one.single:.0%}",
         ]
         rows.append([*(cell.translate(TOGETHER) for cell in row[:-2]), *row[-2:]])
-    header = ["error of", knob.label, "error changes by", "as stated",
-              f"exponent of {knob.symbol}", "by the law", "holds in", "single runs"]  # fmt: skip
+    header = [
+        "error of",
+        knob.label,
+        "error changes by",
+        "as stated",
+        f"exponent of {knob.symbol}",
+        "by the law",
+        "holds in",
+        "single runs",
+    ]
     more = {"lower": _optimum, "wider": _pair}
     return table(header, rows) + (more[name](opened) if name in more else "")
 
@@ -154,18 +170,16 @@ def _sound(opened: Cubes) -> str:
                 float(spearmanr(a, b).statistic) for a, b in zip(shape.T, field.T, strict=True)
             ]
         rows.append(
-            [
-                STUDIES[f"sound-{study}"].varied_label,
-                str(len(pairs[0][0])),
-                spread(orders),
-                signed(float(np.median(draws))),
-                f"{np.mean(np.array(draws) > 0):.0%}",
-                spread(slopes),
-            ]
+            {
+                "varied": STUDIES[f"sound-{study}"].varied_label,
+                "settings": str(len(pairs[0][0])),
+                "rank correlation, expected": spread(orders),
+                "of one run (median)": signed(float(np.median(draws))),
+                "runs in which it is positive": f"{np.mean(np.array(draws) > 0):.0%}",
+                "exponent of the deflection's error": spread(slopes),
+            }
         )
-    header = ["varied", "settings", "rank correlation, expected", "of one run (median)",
-              "runs in which it is positive", "exponent of the deflection's error"]  # fmt: skip
-    return table(header, rows)
+    return columns(rows)
 
 
 def _small(opened: Cubes) -> str:
@@ -181,17 +195,15 @@ def _small(opened: Cubes) -> str:
         worst = np.nanmax(np.quantile(drawn.transpose("trial", ...).values, 0.95, axis=0))
         shape = cube["deflection_error"].isel(trial=slice(1, None))
         rows.append(
-            [
-                STUDIES[f"sound-{study}"].varied_label,
-                percent_text(float(shape.median())),
-                percent_text(float(np.median(every))),
-                percent_text(float(worst)),
-                f"{np.mean(every < 10):.1%}",
-            ]
+            {
+                "varied": STUDIES[f"sound-{study}"].varied_label,
+                "deflection: median, %": percent_text(float(shape.median())),
+                "sound: median, %": percent_text(float(np.median(every))),
+                "sound: largest 95 % quantile, %": percent_text(float(worst)),
+                "runs below 10 %": f"{np.mean(every < 10):.1%}",
+            }
         )
-    header = ["varied", "deflection: median, %", "sound: median, %",
-              "sound: largest 95 % quantile, %", "runs below 10 %"]  # fmt: skip
-    return table(header, rows)
+    return columns(rows)
 
 
 def _experiment(opened: Cubes) -> str:
@@ -213,18 +225,17 @@ def _experiment(opened: Cubes) -> str:
             given = [c.stated if c and case == "matched" else "" for c in (claim[0], claim[-1])]
             labels = part["label"].values
             rows.append(
-                [
-                    WORDS[knob],
-                    case,
-                    f"{labels[0]} → {labels[-1]}",
-                    f"{percent_text(first)} → {percent_text(last)}",
-                    " → ".join(given) if all(given) else "—",
-                    f"{one.single:.0%}",
-                    "yes" if one.confident else "the opposite" if one.opposite else "open",
-                ]
+                {
+                    "conclusion": WORDS[knob],
+                    "chain": case,
+                    "from → to": f"{labels[0]} → {labels[-1]}",
+                    "error, %": f"{percent_text(first)} → {percent_text(last)}",
+                    "as stated": " → ".join(given) if all(given) else "—",
+                    "single runs": f"{one.single:.0%}",
+                    "holds": "yes" if one.confident else "the opposite" if one.opposite else "open",
+                }
             )
-    header = ["conclusion", "chain", "from → to", "error, %", "as stated", "single runs", "holds"]
-    return table(header, rows)
+    return columns(rows)
 
 
 def _of_case(opened: Cubes, name: str, case: str, knob: str) -> Strength:
@@ -254,12 +265,17 @@ def _costs(opened: Cubes) -> str:
                 half = "in reach" if best <= 0.5 else "out of reach"
                 much = "as much"
             rows.append(
-                [WORDS[name], group, half, much, f"{one.ends[0]:g} → {one.ends[1]:g}",
-                 f"×{best:.2f}", _in_view(opened, f"{group}-", name)]
-            )  # fmt: skip
-    header = ["what is turned", "error of", "half the error", "pixels to store",
-              "range of the thesis", "error changes by", "markers in view"]  # fmt: skip
-    return table(header, rows)
+                {
+                    "what is turned": WORDS[name],
+                    "error of": group,
+                    "half the error": half,
+                    "pixels to store": much,
+                    "range of the thesis": f"{one.ends[0]:g} → {one.ends[1]:g}",
+                    "error changes by": f"×{best:.2f}",
+                    "markers in view": _in_view(opened, f"{group}-", name),
+                }
+            )
+    return columns(rows)
 
 
 def _in_view(opened: Cubes, subject: str, name: str) -> str:

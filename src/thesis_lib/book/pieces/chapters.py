@@ -17,7 +17,7 @@ from thesis_lib.ledger.cube import from_cube
 from thesis_lib.ledger.verdicts import VERDICTS
 from thesis_lib.plotting.selection import error_bars, select, stated
 from thesis_lib.studies import cubes
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 
 def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
@@ -172,17 +172,16 @@ def scatter_table(opened: dict[str, xr.Dataset]) -> str:
             spread += list(high / low)
             law += list(part["predicted_error"].values / np.sqrt(np.mean(drawn.values**2, axis=1)))
             known += list(_standard_error(drawn**2))
+        widest = f"{np.median(spread):.1f} ({min(spread):.1f}–{max(spread):.1f})"
         rows.append(
-            [
-                f"{mode}, {plane}",
-                f"{np.median(spread):.1f} ({min(spread):.1f}–{max(spread):.1f})",
-                f"{min(law):.2f}–{max(law):.2f}",
-                f"{100 * np.median(known):.0f} %",
-            ]
+            {
+                "mode, plane": f"{mode}, {plane}",
+                "95 % over 5 % of the trials": widest,
+                "law over rms of the trials": f"{min(law):.2f}–{max(law):.2f}",
+                "standard error of that rms": f"{100 * np.median(known):.0f} %",
+            }
         )
-    header = ["mode, plane", "95 % over 5 % of the trials", "law over rms of the trials",
-              "standard error of that rms"]  # fmt: skip
-    return table(header, rows) + "\nMedians and ranges over all settings of the chapter.\n"
+    return columns(rows) + "\nMedians and ranges over all settings of the chapter.\n"
 
 
 def layouts(opened: dict[str, xr.Dataset]) -> str:

@@ -7,12 +7,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from thesis_lib.laboratory.example import example_manifest, example_rig
-from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, assess, describe
+from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, assess
+from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.feasibility.limits import LIMIT, Assessment
 from thesis_lib.measure.feasibility.predictions import alias
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 from thesis_lib.vision.optics import depth_of_field
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 LAYOUTS = {
     "two on one side, 20° apart": (-10, 10),
@@ -70,10 +71,16 @@ def _elevations() -> str:
         phi = np.radians(degrees)
         one, _ = _rms_um(seen_from((0, 180), float(degrees)))
         of = seen_from((0, 180), float(degrees)).table[0]
-        rows.append([f"{degrees}°", f"{100 * np.cos(phi):.0f} %", f"{of.across_px:.1f}",
-                     f"{1 / np.tan(phi):.1f}", f"{one:.0f}"])  # fmt: skip
-    header = ["elevation", "deflection seen", "markers high, px", "slides, mm/mm", "one frame, µm"]
-    return table(header, rows) + (
+        rows.append(
+            {
+                "elevation": f"{degrees}°",
+                "deflection seen": f"{100 * np.cos(phi):.0f} %",
+                "markers high, px": f"{of.across_px:.1f}",
+                "slides, mm/mm": f"{1 / np.tan(phi):.1f}",
+                "one frame, µm": f"{one:.0f}",
+            }
+        )
+    return columns(rows) + (
         "\nTwo cameras that face each other. *Slides*: along the plane at rest, where its "
         "neighbours are, a marker seems to move so far for each mm of deflection. The last column "
         "takes the centres to scatter alike at all elevations, which flat markers do not.\n"

@@ -21,7 +21,7 @@ from thesis_lib.vibration.structure import (
     resonance,
     single_mode_distance,
 )
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 GRAVITY = 9.80665
 
@@ -30,19 +30,17 @@ def structure_model(structure: Structure, unit: str, scale: float) -> str:
     """What sections 3.1 and 4.1 assume of a structure, mode by mode."""
     rows = []
     for mode in (1, 2, 3):
-        omega = resonance(structure, mode)
+        omega, hertz = resonance(structure, mode), structure.angular_frequencies(mode) / (2 * np.pi)
         rows.append(
-            [
-                str(mode),
-                f"{structure.angular_frequencies(mode)[-1] / (2 * np.pi):.4g}",
-                f"{scale * peak_deflection(structure, mode):.3g}",
-                f"{float(modal_overlap(structure, omega)):.3f}",
-                f"{100 * single_mode_distance(structure, mode):.2g}",
-            ]
+            {
+                "mode": str(mode),
+                "natural frequency, Hz": f"{hertz[-1]:.4g}",
+                f"peak for 1 N, {unit}": f"{scale * peak_deflection(structure, mode):.3g}",
+                "modal overlap": f"{float(modal_overlap(structure, omega)):.3f}",
+                "one mode against all, %": f"{100 * single_mode_distance(structure, mode):.2g}",
+            }
         )
-    header = ["mode", "natural frequency, Hz", f"peak for 1 N, {unit}", "modal overlap",
-              "one mode against all, %"]  # fmt: skip
-    return table(header, rows)
+    return columns(rows)
 
 
 def markers(opened: dict[str, xr.Dataset]) -> str:
@@ -59,12 +57,16 @@ def markers(opened: dict[str, xr.Dataset]) -> str:
         ratio = np.linalg.norm(full_factor(op)) * plate.shape_peak(1) / largest
         counts.append(plate.markers.shape[1])
         ratios.append(float(ratio))
-        rows.append([f"{grid[0]}×{grid[1]}", str(counts[-1]), f"{ratio:.4f}",
-                     f"{ratio * np.sqrt(counts[-1]):.2f}"])  # fmt: skip
+        rows.append(
+            {
+                "grid": f"{grid[0]}×{grid[1]}",
+                "markers M": str(counts[-1]),
+                "κ (mode 1, XZ)": f"{ratio:.4f}",
+                "κ √M": f"{ratio * np.sqrt(counts[-1]):.2f}",
+            }
+        )
     slope = np.polyfit(np.log(counts), np.log(ratios), 1)[0]
-    return table(["grid", "markers M", "κ (mode 1, XZ)", "κ √M"], rows) + (
-        f"\nThe fitted exponent of M is {slope:.3f}.\n"
-    )
+    return columns(rows) + (f"\nThe fitted exponent of M is {slope:.3f}.\n")
 
 
 def levels(opened: dict[str, xr.Dataset]) -> str:
@@ -79,26 +81,25 @@ def levels(opened: dict[str, xr.Dataset]) -> str:
         shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)
         velocity = omega * peak_deflection(plate, mode) * shape
         power = radiation.sound_power(parts, velocity, omega)
+        efficiency = radiation.radiation_efficiency(parts, velocity, omega)
         largest = max(
             np.max(np.abs(planes.operator(plate, plane, omega).field(velocity)))
             for plane in request.planes  # type: ignore[attr-defined]
         )
-        scale = request.peaks_m[mode - 1] / peak_deflection(plate, mode)
+        meant = request.peaks_m[mode - 1]
+        scale = meant / peak_deflection(plate, mode)
         level = float(radiation.pressure_level(largest))
         rows.append(
-            [
-                str(mode),
-                f"{radiation.radiation_efficiency(parts, velocity, omega):.3f}",
-                f"{float(radiation.power_level(power)):.0f}",
-                f"{level:.0f}",
-                f"{level + 20 * np.log10(scale):.0f}",
-                f"{omega**2 * request.peaks_m[mode - 1] / GRAVITY:.0f} g",
-            ]
+            {
+                "mode": str(mode),
+                "radiation efficiency": f"{efficiency:.3f}",
+                "sound power for 1 N, dB": f"{float(radiation.power_level(power)):.0f}",
+                "largest pressure level for 1 N, dB": f"{level:.0f}",
+                f"level for {peak}, dB": f"{level + 20 * np.log10(scale):.0f}",
+                f"acceleration for {peak}": f"{omega**2 * meant / GRAVITY:.0f} g",
+            }
         )
-    header = ["mode", "radiation efficiency", "sound power for 1 N, dB",
-              "largest pressure level for 1 N, dB",
-              f"level for {peak}, dB", f"acceleration for {peak}"]  # fmt: skip
-    return table(header, rows)
+    return columns(rows)
 
 
 def effort_table(_: dict[str, xr.Dataset]) -> str:

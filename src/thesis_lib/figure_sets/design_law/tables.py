@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.design_law.share_tables import (
 )
 from thesis_lib.vision import dither
 from thesis_lib.vision.estimators import exponent
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 REFINED = ("linear", "least-squares")
 
@@ -41,18 +41,21 @@ def settings(cube: xr.Dataset) -> str:
         law, naive, drawn = (
             cube[f"{kind}_error"].values[at] for kind in ("law", "naive", "simulated")
         )
+        off = naive / law
         rows.append(
-            [one, str(law.size), f"{np.median(law / drawn):.3f}",
-             f"{(law / drawn).min():.3f}–{(law / drawn).max():.3f}",
-             f"{(naive / law).min():.2f}–{(naive / law).max():.2f}"]
-        )  # fmt: skip
-    header = ["", "settings × modes", "law over simulated, median", "least and largest",
-              "independent roundings over law"]  # fmt: skip
+            {
+                "": one,
+                "settings × modes": str(law.size),
+                "law over simulated, median": f"{np.median(law / drawn):.3f}",
+                "least and largest": f"{(law / drawn).min():.3f}–{(law / drawn).max():.3f}",
+                "independent roundings over law": f"{off.min():.2f}–{off.max():.2f}",
+            }
+        )
     where = np.unravel_index(
         np.argmax((cube["naive_error"] / cube["law_error"]).values), cube["law_error"].shape
     )
     at = cube.isel(setting=int(where[0]), shape=int(where[1]))
-    return table(header, rows) + (
+    return columns(rows) + (
         f"\nSimulated with {asked(cube, 'trials')} trials. Independent roundings are farthest "
         f"off, {float(at['naive_error'] / at['law_error']):.2f} times the law, in case "
         f"{at['of_layout'].item()} of the {at['of_structure'].item()}, {at['label'].item()}, mode "
@@ -97,11 +100,16 @@ def _range(values: xr.DataArray) -> str:
 def exponents(cube: xr.Dataset) -> str:
     """Exponents of the findings at the centre, over all markers, and far below a pixel."""
     rows = [
-        [finding, *(_both(cube[f"{kind}_exponent"].sel(finding=finding).values)
-                    for kind in ("centre", "expected", "small"))]
+        [
+            finding,
+            *(
+                _both(cube[f"{kind}_exponent"].sel(finding=finding).values)
+                for kind in ("centre", "expected", "small")
+            ),
+        ]
         for finding in cube["finding"].values
         if np.isfinite(cube["centre_exponent"].sel(finding=finding)).all()
-    ]  # fmt: skip
+    ]
     header = ["", "at the centre", "over all markers", "far below a pixel"]
     text = f"\nExponents for {' / '.join(_structures(cube))}, that of elevation of cos φ.\n"
     for kind in cube["amplitudes"].values:
@@ -132,26 +140,45 @@ def findings(cube: xr.Dataset) -> str:
     lowest = float(values[0, 0])
     small = {f: _both(cube["small_exponent"].sel(finding=f).values) for f in cube["finding"].values}
     said: dict[str, tuple[str, str, str]] = {
-        "distance": ("nearer cameras measure better", "$d^{1}$",
-                     f"motions far below a pixel: {small['distance']}"),
-        "resolution": ("more pixels measure better", "$W^{-1}$",
-                       f"motions far below a pixel: {small['resolution']}"),
-        "number": ("more cameras measure better", "$N^{-1/2}$",
-                   f"growing arrays of the thesis: {spread}, as added pairs are better or worse"),
-        "elevation": ("lower cameras measure better", "$(\\cos\\varphi)^{-1}$",
-                      f"from 20° down to {lowest:g}° there is {below} left to gain"),
-        "aperture": ("wider apertures measure better",
-                     "no effect: $u$ does not move",
-                     f"least error at {best[0]}°; from 60° on there is {late[0]} % left to gain "
-                     f"(amplitudes averaged: {best[1]}°, {late[1]} %)"),
-    }  # fmt: skip
+        "distance": (
+            "nearer cameras measure better",
+            "$d^{1}$",
+            f"motions far below a pixel: {small['distance']}",
+        ),
+        "resolution": (
+            "more pixels measure better",
+            "$W^{-1}$",
+            f"motions far below a pixel: {small['resolution']}",
+        ),
+        "number": (
+            "more cameras measure better",
+            "$N^{-1/2}$",
+            f"growing arrays of the thesis: {spread}, as added pairs are better or worse",
+        ),
+        "elevation": (
+            "lower cameras measure better",
+            "$(\\cos\\varphi)^{-1}$",
+            f"from 20° down to {lowest:g}° there is {below} left to gain",
+        ),
+        "aperture": (
+            "wider apertures measure better",
+            "no effect: $u$ does not move",
+            f"least error at {best[0]}°; from 60° on there is {late[0]} % left to gain "
+            f"(amplitudes averaged: {best[1]}°, {late[1]} %)",
+        ),
+    }
     rows = []
     for finding, (words, law, end) in said.items():
         measured = cube["expected_exponent"].sel(finding=finding).values
         found = "no power" if np.isnan(measured).all() else _both(measured)
         rows.append([finding, words, law, found, end])
-    header = ["", "the thesis says", "the law, at the centre", "exponent over all markers",
-              "where it ends"]  # fmt: skip
+    header = [
+        "",
+        "the thesis says",
+        "the law, at the centre",
+        "exponent over all markers",
+        "where it ends",
+    ]
     return table(header, rows) + (
         f"\n{' / '.join(_structures(cube)).capitalize()}. Exponents are fitted over the ranges of "
         "the thesis, of the base that the law has; the number is that of cameras on a cone.\n"
@@ -162,10 +189,13 @@ def estimated(cube: xr.Dataset) -> str:
     """Errors of the estimators by number of cameras, and their exponents."""
     names = [str(one) for one in cube["rule"].values]
     rows = [
-        [str(int(n)), *(f"{1e6 * float(e):.0f}" for e in cube["crowd_error"].sel(crowd=n)),
-         f"{float(cube['tolerated_noise'].sel(crowd=n)):.2f}"]
+        [
+            str(int(n)),
+            *(f"{1e6 * float(e):.0f}" for e in cube["crowd_error"].sel(crowd=n)),
+            f"{float(cube['tolerated_noise'].sel(crowd=n)):.2f}",
+        ]
         for n in cube["crowd"].values
-    ]  # fmt: skip
+    ]
     powers = [exponent(cube["crowd"], cube["crowd_error"].sel(rule=name)) for name in names]
     rows.append(["exponent", *(f"{float(p):.2f}".replace("-", "−") for p in powers), ""])
     return table(["cameras", *names, "noise that halves the gain, px"], rows) + (
@@ -188,15 +218,24 @@ def refined(cube: xr.Dataset) -> str:
 def dithered(cube: xr.Dataset) -> str:
     """What is left of one rounded coordinate's error, at a few motions, shakes and sizes."""
     whole = dither.ONE_FRAME**0.5
-    picks = {"swing": ("amplitude", (0.25, 0.5, 1, 2, 5)), "shake": ("shake", (0.1, 0.2, 0.3, 0.5)),
-             "disc": ("diameter", (3, 5, 10))}  # fmt: skip
+    picks = {
+        "swing": ("amplitude", (0.25, 0.5, 1, 2, 5)),
+        "shake": ("shake", (0.1, 0.2, 0.3, 0.5)),
+        "disc": ("diameter", (3, 5, 10)),
+    }
     rows = []
     for name, (words, values) in picks.items():
         for value in values:
             at = cube.sel({name: value}, method="nearest")
             left, drawn = float(at[f"{name}_error"]), float(at[f"drawn_{name}_error"])
-            rows.append([f"{words} {float(at[name]):.2g} px", f"{left:.3f}", f"{drawn:.3f}",
-                         f"{whole / left:.1f}"])  # fmt: skip
+            rows.append(
+                [
+                    f"{words} {float(at[name]):.2g} px",
+                    f"{left:.3f}",
+                    f"{drawn:.3f}",
+                    f"{whole / left:.1f}",
+                ]
+            )
     return table(["", "error, px", "drawn, px", "times better"], rows) + (
         f"\n*Amplitude*: fitted to endless frames. *Shake*: mean of {design_dither.FRAMES} frames. "
         f"*Diameter*: centroid of black pixels. One coordinate in one frame is off by {whole:.3f} "
@@ -205,11 +244,24 @@ def dithered(cube: xr.Dataset) -> str:
 
 
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
-    "motion": motion, "settings": settings, "cone": cone, "exponents": exponents,
-    "pairs": paired, "shares": shares,
-    "estimators": estimated, "noisy": noisy, "refined": refined, "dither": dithered,
-}  # fmt: skip
+    "motion": motion,
+    "settings": settings,
+    "cone": cone,
+    "exponents": exponents,
+    "pairs": paired,
+    "shares": shares,
+    "estimators": estimated,
+    "noisy": noisy,
+    "refined": refined,
+    "dither": dithered,
+}
 PIECES: dict[str, Callable[[xr.Dataset], str]] = {
-    "settings": settings, "findings": findings, "pairs": paired, "shares": few_shares,
-    "estimators": estimated, "noisy": few_noisy, "refined": refined, "dither": dithered,
-}  # fmt: skip
+    "settings": settings,
+    "findings": findings,
+    "pairs": paired,
+    "shares": few_shares,
+    "estimators": estimated,
+    "noisy": few_noisy,
+    "refined": refined,
+    "dither": dithered,
+}

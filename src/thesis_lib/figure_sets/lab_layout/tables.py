@@ -18,7 +18,7 @@ from thesis_lib.figure_sets.lab_layout.optima import (
     ratios,
     trial_optima,
 )
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 
 def errors(cube: xr.Dataset) -> str:
@@ -33,13 +33,16 @@ def errors(cube: xr.Dataset) -> str:
                 rms = float(np.sqrt(np.mean(drawn**2)))
                 trials = f"{_percent(rms)} ({_percent(low)}–{_percent(high)})"
             rows.append(
-                [
-                    case, str(one["label"].item()), _percent(float(one["mean_error"][0])), trials,
-                    _percent(float(one["predicted_error"])), f"{float(one['missing'][0]):.0%}",
-                ]
-            )  # fmt: skip
-    header = ["case", "setting", "rendered, %", "trials, rms (5–95 %), %", "law, %", "no result"]
-    return table(header, rows) + (
+                {
+                    "case": case,
+                    "setting": str(one["label"].item()),
+                    "rendered, %": _percent(float(one["mean_error"][0])),
+                    "trials, rms (5–95 %), %": trials,
+                    "law, %": _percent(float(one["predicted_error"])),
+                    "no result": f"{float(one['missing'][0]):.0%}",
+                }
+            )
+    return columns(rows) + (
         "\nMean (rms) errors in % of the largest deflection, over the markers that have a result; "
         "a dash where none has. *Law*: to first order, with centres as exact everywhere as in the "
         "case's best recording. *No result*: share of the markers.\n"
@@ -70,14 +73,31 @@ def optima(cube: xr.Dataset) -> str:
         if len(drawn):
             low, high = np.quantile(drawn, [0.05, 0.95])
             spread = f"{low:.0f}–{high:.0f}°"
-        tall = np.interp(np.sin(np.radians(best.at)), np.sin(np.radians(part["value"].values)),
-                         part["image_height"].values)  # fmt: skip
+        tall = np.interp(
+            np.sin(np.radians(best.at)),
+            np.sin(np.radians(part["value"].values)),
+            part["image_height"].values,
+        )
         rows.append(
-            [case, f"{width}×{height}", f"{best.at:.0f}°", spread,
-             f"{best.low:.0f}–{best.high:.0f}°", _percent(best.error), f"{tall:.1f}"]
-        )  # fmt: skip
-    header = ["case", "frames", "least at", "5–95 % of the trials", "within a tenth of it",
-              "least error, %", "height there, px"]  # fmt: skip
+            [
+                case,
+                f"{width}×{height}",
+                f"{best.at:.0f}°",
+                spread,
+                f"{best.low:.0f}–{best.high:.0f}°",
+                _percent(best.error),
+                f"{tall:.1f}",
+            ]
+        )
+    header = [
+        "case",
+        "frames",
+        "least at",
+        "5–95 % of the trials",
+        "within a tenth of it",
+        "least error, %",
+        "height there, px",
+    ]
     return table(header, rows) + (
         "\nOn a curve through the settings in which every marker has a result; *height* is that of "
         f"a marker's image. {failures(cube)}\n"
@@ -117,17 +137,20 @@ def localisation(cube: xr.Dataset) -> str:
     for case in cases(cube):
         for one in _filmed(part_of(cube, case)):
             rows.append(
-                [
-                    case, str(one["label"].item()), f"{float(one['image_height']):.1f}",
-                    _pair(one["centre_scatter"]), _pair(one["edge_scatter"]),
-                    _pair(one["centre_bias"]),
-                    f"{float(one['lost']):.1%}", _share(float(one["wrong"])),
-                    _percent(float(one["noise_error"])), _percent(float(one["bias_error"])),
-                ]
-            )  # fmt: skip
-    header = ["case", "setting", "height, px", "scatter u · v, px", "law of edges, px",
-              "bias u · v, px", "lost", "wrong", "by scatter, %", "by bias, %"]  # fmt: skip
-    return table(header, rows) + (
+                {
+                    "case": case,
+                    "setting": str(one["label"].item()),
+                    "height, px": f"{float(one['image_height']):.1f}",
+                    "scatter u · v, px": _pair(one["centre_scatter"]),
+                    "law of edges, px": _pair(one["edge_scatter"]),
+                    "bias u · v, px": _pair(one["centre_bias"]),
+                    "lost": f"{float(one['lost']):.1%}",
+                    "wrong": _share(float(one["wrong"])),
+                    "by scatter, %": _percent(float(one["noise_error"])),
+                    "by bias, %": _percent(float(one["bias_error"])),
+                }
+            )
+    return columns(rows) + (
         "\nHeight of a marker's image; scatter and bias of the centres within 1 px of the truth, "
         "while the others are *wrong*: other markers. The *law of edges* is the least scatter that "
         "images of this size can have. By scatter and by bias alone: mean error in % of the "
@@ -161,15 +184,18 @@ def slopes(cube: xr.Dataset) -> str:
     x = np.log(part["value"].values[known])
     scatter = part["centre_scatter"].values
     rows = [
-        [name, *(f"{value:.4f}" for value in (values[known][0], values[known][-1])),
-         f"{np.polyfit(x, np.log(values[known]), 1)[0]:.2f}"]
+        [
+            name,
+            *(f"{value:.4f}" for value in (values[known][0], values[known][-1])),
+            f"{np.polyfit(x, np.log(values[known]), 1)[0]:.2f}",
+        ]
         for name, values in (
             ("error, rms over the trials, %", error),
             ("law, one noise for all, %", part["predicted_error"].values),
             ("scatter of the centres along u, px", scatter[:, 0]),
             ("scatter of the centres along v, px", scatter[:, 1]),
         )
-    ]  # fmt: skip
+    ]
     labels = part["label"].values[known]
     header = ["", f"at {labels[0]}", f"at {labels[-1]}", "power of the distance"]
     return table(header, rows)
@@ -202,8 +228,11 @@ def numbers(cube: xr.Dataset) -> str:
         text += f" The best pair is better than these sets: {', '.join(beaten)} cameras."
     side = one_sided(part) & np.isfinite(error)
     counts = [(n, np.flatnonzero(side & (count == n))) for n in np.unique(count) if n > 2]
-    worse = [f"{np.count_nonzero(error[own] > best_pair)} of the {len(own)} of {n}"
-             for n, own in counts if len(own)]  # fmt: skip
+    worse = [
+        f"{np.count_nonzero(error[own] > best_pair)} of the {len(own)} of {n}"
+        for n, own in counts
+        if len(own)
+    ]
     if worse:
         text += f" Of sets that look from one side alone it is better than {', '.join(worse)}."
     if len(quotient):
@@ -231,13 +260,17 @@ def shares(cube: xr.Dataset) -> str:
         ]
         if factor:
             rows.append(
-                [name, f"{float(whole['camera_azimuth'][number]):g}°".replace("-", "−"),
-                 f"{float(whole['camera_elevation'][number]):g}°", f"{len(factor)}",
-                 f"×{np.exp(np.mean(np.log(factor))):.2f}", f"×{min(factor):.2f}",
-                 f"×{max(factor):.2f}"]
-            )  # fmt: skip
-    header = ["camera", "azimuth", "elevation", "sets without it", "mean", "at best", "at worst"]
-    return table(header, rows) + (
+                {
+                    "camera": name,
+                    "azimuth": f"{float(whole['camera_azimuth'][number]):g}°".replace("-", "−"),
+                    "elevation": f"{float(whole['camera_elevation'][number]):g}°",
+                    "sets without it": f"{len(factor)}",
+                    "mean": f"×{np.exp(np.mean(np.log(factor))):.2f}",
+                    "at best": f"×{min(factor):.2f}",
+                    "at worst": f"×{max(factor):.2f}",
+                }
+            )
+    return columns(rows) + (
         "\nThe error of a set with the camera over that of the set without it: geometric mean and "
         "extremes.\n"
     )

@@ -11,7 +11,7 @@ from IPython.display import Markdown
 from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting.selection import select
 from thesis_lib.studies.cubes import percent_text
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 
 def frequency_table(cube: xr.Dataset) -> Markdown:
@@ -22,23 +22,26 @@ def frequency_table(cube: xr.Dataset) -> Markdown:
         for r, rate in enumerate(cube["frame_rate"].values):
             misfits = np.sort(part["misfit"].values[r])
             rows.append(
-                [
-                    str(mode), f"{rate:g}", f"{float(part['frequency']):.2f}",
-                    f"{part['alias_frequency'].values[r]:.2f}",
-                    f"{part['read_frequency'].values[r]:.2f}",
-                    f"{part['found_frequency'].values[r]:.2f}", f"{misfits[0]:.2f}",
-                    "—" if len(misfits) < 2 or np.isnan(misfits[1]) else f"{misfits[1]:.1f}",
-                ]
-            )  # fmt: skip
-    header = ["mode", "fps", "true, Hz", "shows at, Hz", "read, Hz", "agree at, Hz",
-              "there", "next best"]  # fmt: skip
+                {
+                    "mode": str(mode),
+                    "fps": f"{rate:g}",
+                    "true, Hz": f"{float(part['frequency']):.2f}",
+                    "shows at, Hz": f"{part['alias_frequency'].values[r]:.2f}",
+                    "read, Hz": f"{part['read_frequency'].values[r]:.2f}",
+                    "agree at, Hz": f"{part['found_frequency'].values[r]:.2f}",
+                    "there": f"{misfits[0]:.2f}",
+                    "next best": "—"
+                    if len(misfits) < 2 or np.isnan(misfits[1])
+                    else f"{misfits[1]:.1f}",
+                }
+            )
     note = (
         "Agree at: the frequency at which the cameras do. The last columns are their disagreement "
         "there and at the next best frequency: what one motion in space leaves of the amplitudes "
         "in the pictures, over what the noise of the centres makes it, which is 1. A dash: no "
         "other frequency up to the highest that is tried shows at the same place."
     )
-    return Markdown(f"{table(header, rows)}\n{note}")
+    return Markdown(f"{columns(rows)}\n{note}")
 
 
 def parts_table(cube: xr.Dataset) -> Markdown:
@@ -84,24 +87,24 @@ def conditions_table(cube: xr.Dataset) -> Markdown:
         rms = 100 * np.sqrt(np.mean(shape**2)) / np.abs(shape).max()
         allowed = float(np.interp(1, rms * detuning_loss(cycles, frames), cycles))
         rows.append(
-            [
-                str(mode), f"{float(part['frequency']):.2f}",
-                f"{1e6 * float(part['bending_reference']):.0f}",
-                f"{float(part['signal_over_noise'][-1]):.0f}",
-                f"{100 * float(part['exposure_loss']):.1f}",
-                f"{allowed * slowest / frames:.3f}", f"{float(part['settling_time']):.2f}",
-                f"{1e6 * float(part['torsion_of_force']):.1f}",
-            ]
-        )  # fmt: skip
-    header = ["mode", "Hz", "tip, µm", "over noise", "exposure, %", "δf for 1 %, Hz",
-              "settled, s", "twist by 1 N, µm"]  # fmt: skip
+            {
+                "mode": str(mode),
+                "Hz": f"{float(part['frequency']):.2f}",
+                "tip, µm": f"{1e6 * float(part['bending_reference']):.0f}",
+                "over noise": f"{float(part['signal_over_noise'][-1]):.0f}",
+                "exposure, %": f"{100 * float(part['exposure_loss']):.1f}",
+                "δf for 1 %, Hz": f"{allowed * slowest / frames:.3f}",
+                "settled, s": f"{float(part['settling_time']):.2f}",
+                "twist by 1 N, µm": f"{1e6 * float(part['torsion_of_force']):.1f}",
+            }
+        )
     note = (
         "Over noise: tip over the noise of deflections by one frame of each camera. δf: error of "
         f"the frequency at which {frames} frames at {slowest:g} a second lose 1 % of the largest "
         "deflection, rms. Exposure: what it takes. Settled: when a transient has fallen to a "
         "hundredth. Twist: of the tip's edges, by a force 10 mm beside the axis."
     )
-    return Markdown(f"{table(header, rows)}\n{note}")
+    return Markdown(f"{columns(rows)}\n{note}")
 
 
 def modes_results(cube: xr.Dataset) -> str:

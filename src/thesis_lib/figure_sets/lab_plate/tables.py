@@ -13,7 +13,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.plotting.selection import select
 from thesis_lib.studies import cubes
 from thesis_lib.studies.cubes import percent_text
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 
 def plate_results(cube: xr.Dataset) -> str:
@@ -34,8 +34,14 @@ def plate_results(cube: xr.Dataset) -> str:
         )
         cells = [f"{percent_text(v[0])} → {percent_text(v[-1])}" for v in pairs]
         rows.append([case, f"{labels[0]} → {labels[-1]}", *cells])
-    header = ["varied", "from → to", "deflection, %", f"pressure {plane}, %",
-              "whole pixels: deflection, %", f"pressure {plane}, %"]  # fmt: skip
+    header = [
+        "varied",
+        "from → to",
+        "deflection, %",
+        f"pressure {plane}, %",
+        "whole pixels: deflection, %",
+        f"pressure {plane}, %",
+    ]
     filmed = cube["mean_error"].isel(trial=0) / cube["predicted_error"]
     fine = filmed.isel(setting=np.flatnonzero(cube["width_px"].values >= 640))
     return table(header, rows) + (
@@ -52,10 +58,16 @@ def plate_table(cube: xr.Dataset, mode: int) -> Markdown:
     if mode not in cube["mode"]:
         return Markdown(f"Mode {mode} was not asked for.")
     part = cube.sel(mode=mode)
-    names = {"mean_error": "deflection", "plane_error_xz": "pressure, XZ",
-             "plane_error_yz": "pressure, YZ", "power_error": "power"}  # fmt: skip
-    rows = [[str(part[name].values[s]) for name in ("case", "label")]
-            for s in range(part.sizes["setting"])]  # fmt: skip
+    names = {
+        "mean_error": "deflection",
+        "plane_error_xz": "pressure, XZ",
+        "plane_error_yz": "pressure, YZ",
+        "power_error": "power",
+    }
+    rows = [
+        [str(part[name].values[s]) for name in ("case", "label")]
+        for s in range(part.sizes["setting"])
+    ]
     header = ["case", "setting"]
     for name, word in names.items():
         values = cubes.errors(part)[name].transpose("setting", "trial").values
@@ -74,9 +86,11 @@ def plate_table(cube: xr.Dataset, mode: int) -> Markdown:
     if silent:
         note += f" Plane {' and '.join(silent)} is nodal: it has no pressure to compare with."
     if float(part["missing"].max()) > 0:
-        gaps = [f"{row[0]}, {row[1]} ({share:.1%})"
-                for row, share in zip(rows, part["missing"].values[:, 0], strict=True)
-                if share > 0]  # fmt: skip
+        gaps = [
+            f"{row[0]}, {row[1]} ({share:.1%})"
+            for row, share in zip(rows, part["missing"].values[:, 0], strict=True)
+            if share > 0
+        ]
         note += (
             " Markers that too few cameras see are left out of the deflection, and for the sound "
             f"put on a smooth surface through the others, in: {'; '.join(gaps)}."
@@ -114,8 +128,10 @@ def ratios(cube: xr.Dataset, mode: int, plane: str) -> dict[str, Array]:
     field = part["plane_error"].transpose("setting", "trial").values
     rounded = part["rounded_error"].values, part["rounded_plane_error"].values
     with np.errstate(invalid="ignore"):
-        drawn = [np.sqrt(np.mean(v[:, 1:] ** 2, axis=1)) if v.shape[1] > 1 else v[:, 0] * np.nan
-                 for v in (shape, field)]  # fmt: skip
+        drawn = [
+            np.sqrt(np.mean(v[:, 1:] ** 2, axis=1)) if v.shape[1] > 1 else v[:, 0] * np.nan
+            for v in (shape, field)
+        ]
     return {
         "trials": np.array(drawn),
         "filmed": np.array([shape[:, 0], field[:, 0]]),
@@ -139,8 +155,16 @@ def ratio_table(cube: xr.Dataset) -> Markdown:
                 )
                 row += [f"{ratio.min():.3f}–{ratio.max():.3f}", f"{follows:.2f}"]
             rows.append([text.replace("nan–nan", "—").replace("nan", "—") for text in row])
-    header = ["mode, plane", "independent", "trials", "follows", "one run", "follows",
-              "whole pixels", "follows"]  # fmt: skip
+    header = [
+        "mode, plane",
+        "independent",
+        "trials",
+        "follows",
+        "one run",
+        "follows",
+        "whole pixels",
+        "follows",
+    ]
     note = (
         "Rms pressure error over rms deflection error, least and largest of all settings; "
         "independent: for errors of equal size, marker by marker. Follows: "
@@ -170,20 +194,20 @@ def visibility_table(cube: xr.Dataset) -> Markdown:
         force = float(part["force_deflection"])
         hours = frames * (noise / force) ** 2 / rate / 3600
         rows.append(
-            [
-                str(mode), f"{float(part['frequency']):.1f}",
-                f"{float(part['alias_frequency']):.1f}",
-                f"{100 * float(part['exposure_loss']):.1f}",
-                f"{100 * float(part['marker_loss']):.3f}",
-                f"{1e6 * noise:.1f} ({part['label'].values[best]})",
-                f"{1e9 * force:.0f}", f"{hours:.1f}",
-            ]
-        )  # fmt: skip
-    header = ["mode", "true, Hz", "shows at, Hz", "exposure, %", "markers, %",
-              "least noise, µm", "1 N moves, nm", "hours"]  # fmt: skip
+            {
+                "mode": str(mode),
+                "true, Hz": f"{float(part['frequency']):.1f}",
+                "shows at, Hz": f"{float(part['alias_frequency']):.1f}",
+                "exposure, %": f"{100 * float(part['exposure_loss']):.1f}",
+                "markers, %": f"{100 * float(part['marker_loss']):.3f}",
+                "least noise, µm": f"{1e6 * noise:.1f} ({part['label'].values[best]})",
+                "1 N moves, nm": f"{1e9 * force:.0f}",
+                "hours": f"{hours:.1f}",
+            }
+        )
     note = (
         f"Noise of a marker's deflection by {frames} frames of each camera at the best setting; it "
         "falls with the root of their number. Hours: to film until it is as small as what 1 N "
         "moves. Exposure, markers: the part of an amplitude that they take."
     )
-    return Markdown(f"{table(header, rows)}\n{note}")
+    return Markdown(f"{columns(rows)}\n{note}")

@@ -14,12 +14,14 @@ from IPython.display import Markdown
 from thesis_lib.facts import setups
 from thesis_lib.facts.numbers import StatedNumber, read_numbers
 from thesis_lib.vision.optics import picture_height
-from thesis_lib.web.markdown import escape, table
+from thesis_lib.web.markdown import columns, escape, table
 
 NORMAL_MM = 50  # the lens of eq. 2.20
 PRINTED = {  # stated numbers of eq. 2.20 by side
-    "width": "view-across", "height": "view-up", "diagonal": "view-diagonal",
-}  # fmt: skip
+    "width": "view-across",
+    "height": "view-up",
+    "diagonal": "view-diagonal",
+}
 WORDS = {"width": "across", "height": "up", "diagonal": "diagonally"}
 
 
@@ -45,6 +47,10 @@ def _mm(metres: xr.DataArray, digits: int = 0) -> str:
     return "∞" if np.isinf(value) else "–" if np.isnan(value) else f"{value:.{digits}f}"
 
 
+def _depths(part: xr.Dataset) -> str:
+    return f"{_mm(part['nearest_depth'])}–{_mm(part['farthest_depth'])}"
+
+
 def _three(metres: xr.DataArray) -> str:
     """Millimetres with three digits that count."""
     value = 1000 * float(metres)
@@ -61,11 +67,13 @@ def angles(cube: xr.Dataset) -> str:
     rows = [
         [
             escape(str(sensor)),
-            *(f"{float(cube['angle_of_view'].sel(sensor=sensor, side='width')[i]):.1f}"
-              for i in range(len(focal))),
+            *(
+                f"{float(cube['angle_of_view'].sel(sensor=sensor, side='width')[i]):.1f}"
+                for i in range(len(focal))
+            ),
         ]
         for sensor in cube["sensor"].values
-    ]  # fmt: skip
+    ]
     return table(["sensor", *(f"{1000 * f:g} mm" for f in focal)], rows) + (
         "\nAngle of view across the width of the sensor, in degrees.\n"
     )
@@ -82,11 +90,17 @@ def sensors(cube: xr.Dataset) -> str:
         width, height, diagonal = one["sensor_size"].values * 1000
         crop = float(one["crop_factor"])
         angle = float(one["angle_of_view"].sel(side="width")[at])
-        rows.append([escape(str(sensor)), f"{width:g}×{height:g}", f"{diagonal:.1f}",
-                     f"{crop:.2f}", f"{angle:.1f}", f"{crop * focal:.0f}"])  # fmt: skip
-    header = ["sensor", "size, mm", "diagonal, mm", "crop factor",
-              f"{focal:g} mm sees, °", "acts like, mm"]  # fmt: skip
-    return table(header, rows)
+        rows.append(
+            {
+                "sensor": escape(str(sensor)),
+                "size, mm": f"{width:g}×{height:g}",
+                "diagonal, mm": f"{diagonal:.1f}",
+                "crop factor": f"{crop:.2f}",
+                f"{focal:g} mm sees, °": f"{angle:.1f}",
+                "acts like, mm": f"{crop * focal:.0f}",
+            }
+        )
+    return columns(rows)
 
 
 def normal_lens(cube: xr.Dataset) -> str:
@@ -116,40 +130,45 @@ def formats(cube: xr.Dataset) -> str:
     rows = []
     for width in heights["format_width"].values.tolist():
         rows_of = [int(heights.sel(ratio=ratio, format_width=width)) for ratio in names]
-        rows.append([str(width), *(f"{width}×{height}" for height in rows_of),
-                     f"{width * rows_of[0] / 1e6:.2f}"])  # fmt: skip
+        rows.append(
+            [
+                str(width),
+                *(f"{width}×{height}" for height in rows_of),
+                f"{width * rows_of[0] / 1e6:.2f}",
+            ]
+        )
     return table(["width, px", *names, f"million pixels, {names[0]}"], rows)
 
 
 def projections(cube: xr.Dataset, short: bool = False) -> str:
     """What one depth for all markers does to their images."""
     rows = [
-        [
-            _mm(part["distance"]),
-            f"{_mm(part['nearest_depth'])}–{_mm(part['farthest_depth'])}",
-            f"{float(part['depth_range']):.1f}",
-            f"{float(part['projection_error']):.1f}",
-            f"{float(part['relative_projection_error']):.1f}",
-        ]
+        {
+            "distance, mm": _mm(part["distance"]),
+            "depths of the markers, mm": _depths(part),
+            "spread, ± %": f"{float(part['depth_range']):.1f}",
+            "largest error of one depth, px": f"{float(part['projection_error']):.1f}",
+            "in % of the row": f"{float(part['relative_projection_error']):.1f}",
+        }
         for part in _at_distances(cube, short)
     ]
-    header = ["distance, mm", "depths of the markers, mm", "spread, ± %",
-              "largest error of one depth, px", "in % of the row"]  # fmt: skip
-    return table(header, rows)
+    return columns(rows)
 
 
 def pixels(cube: xr.Dataset) -> str:
     """Size of a pixel on the beam, contrast of the markers, variance kept."""
+    size = _asked(cube, "marker_mm") / 1000
     rows = [
-        [
-            str(int(part["width"])), f"{1000 * float(part['pixel_size']):.2f}",
-            f"{_asked(cube, 'marker_mm') / 1000 / float(part['pixel_size']):.1f}",
-            f"{float(part['marker_contrast']):.0f}", f"{float(part['variance_kept']):.0f}",
-        ]
+        {
+            "pixels across": str(int(part["width"])),
+            "pixel, mm": f"{1000 * float(part['pixel_size']):.2f}",
+            "across a marker": f"{size / float(part['pixel_size']):.1f}",
+            "contrast, %": f"{float(part['marker_contrast']):.0f}",
+            "variance kept, %": f"{float(part['variance_kept']):.0f}",
+        }
         for part in (cube.isel(width=i) for i in range(cube.sizes["width"]))
-    ]  # fmt: skip
-    header = ["pixels across", "pixel, mm", "across a marker", "contrast, %", "variance kept, %"]
-    return table(header, rows)
+    ]
+    return columns(rows)
 
 
 def colours(cube: xr.Dataset) -> str:
@@ -171,8 +190,7 @@ def focus(cube: xr.Dataset, short: bool = False) -> str:
         sharp = [
             f"{_mm(part['near_limit'][i])}–{_mm(part['far_limit'][i])}" for i in range(len(numbers))
         ]
-        markers = f"{_mm(part['nearest_depth'])}–{_mm(part['farthest_depth'])}"
-        rows.append([_mm(part["distance"]), *sharp, markers])
+        rows.append([_mm(part["distance"]), *sharp, _depths(part)])
     header = ["focused at, mm", *(f"f/{N:g}" for N in numbers), "the markers lie at"]
     far = ", ".join(
         f"{float(h):.1f} m at f/{N:g}"
@@ -229,24 +247,36 @@ def flow(cube: xr.Dataset) -> str:
     pixels = {width: width * picture_height(width, 16, 9) for width in widths}
     most = max(pixels.values())
     rows = [
-        [f"{width}×{number // width}", f"{number / 1e6:.2f}", f"{rate * most / number:.0f}",
-         f"{rate * most / number / 2:.0f}"]
+        {
+            "frames, px": f"{width}×{number // width}",
+            "million pixels": f"{number / 1e6:.2f}",
+            "frames per second": f"{rate * most / number:.0f}",
+            "highest frequency, Hz": f"{rate * most / number / 2:.0f}",
+        }
         for width, number in pixels.items()
-    ]  # fmt: skip
-    header = ["frames, px", "million pixels", "frames per second", "highest frequency, Hz"]
-    return table(header, rows) + (
+    ]
+    return columns(rows) + (
         f"\nAll at {rate * most / 1e6:.0f} million pixels per second; two frames are the least "
         "for a period.\n"
     )
 
 
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
-    "angles": angles, "projections": projections, "pixels": pixels, "colours": colours,
-    "focus": focus, "stereo": stereo,
-}  # fmt: skip
+    "angles": angles,
+    "projections": projections,
+    "pixels": pixels,
+    "colours": colours,
+    "focus": focus,
+    "stereo": stereo,
+}
 SHORT: Sequence[Callable[..., str]] = (projections, focus, stereo)
 PIECES: dict[str, Callable[[xr.Dataset], str]] = {
-    "flow": flow, "formats": formats, "sensors": sensors, "lens": normal_lens, "pixels": pixels,
-    "colours": colours, "horizons": horizons,
+    "flow": flow,
+    "formats": formats,
+    "sensors": sensors,
+    "lens": normal_lens,
+    "pixels": pixels,
+    "colours": colours,
+    "horizons": horizons,
     **{made.__name__: partial(made, short=True) for made in SHORT},
-}  # fmt: skip
+}

@@ -21,7 +21,7 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.studies import outlines
 from thesis_lib.vibration.finite_elements import plate_modes
 from thesis_lib.vibration.meshing import triangulated
-from thesis_lib.web.markdown import markdown_table, table
+from thesis_lib.web.markdown import columns, markdown_table, table
 
 PLATE = "plate-arrays"
 NAMES = {PLATE: "rectangle", "shape-l": "L", "shape-holes": "holes"}
@@ -49,8 +49,13 @@ def modes(cube: xr.Dataset) -> Markdown:
             cube["mode"].values.tolist(), cube["frequency"].values, reference, strict=True
         )
     ]
-    header = ["mode", "natural frequency, Hz", "of the whole plate, Hz", "peak over rms deflection",
-              "mean deflection of the markers, % of the largest"]  # fmt: skip
+    header = [
+        "mode",
+        "natural frequency, Hz",
+        "of the whole plate, Hz",
+        "peak over rms deflection",
+        "mean deflection of the markers, % of the largest",
+    ]
     return markdown_table(header, rows, f"{cube.sizes['point']} markers.")
 
 
@@ -104,15 +109,17 @@ def symmetries(opened: dict[str, xr.Dataset]) -> str:
     rows = []
     for case in cases:
         found = [symmetry(cube, opened[PLATE], [case]) for cube in cubes_.values()]
-        rows.append([
-            case + ("" if case in MIRRORED else " (not mirrored)"),
-            " · ".join(f"{one.same:.0%}" for one in found),
-            " · ".join(f"{100 * one.literal:.1f}" for one in found),
-            " · ".join(f"{100 * one.drawn:.1f}" for one in found),
-        ])  # fmt: skip
-    header = ["case", "mirrored markers of the same size", "literal run off the law, %",
-              "trials off the law, %"]  # fmt: skip
-    return table(header, rows) + f"\nEach cell: {' · '.join(NAMES.values())}.\n"
+        rows.append(
+            {
+                "case": case + ("" if case in MIRRORED else " (not mirrored)"),
+                "mirrored markers of the same size": " · ".join(f"{one.same:.0%}" for one in found),
+                "literal run off the law, %": " · ".join(
+                    f"{100 * one.literal:.1f}" for one in found
+                ),
+                "trials off the law, %": " · ".join(f"{100 * one.drawn:.1f}" for one in found),
+            }
+        )
+    return columns(rows) + f"\nEach cell: {' · '.join(NAMES.values())}.\n"
 
 
 def accuracies(opened: dict[str, xr.Dataset]) -> str:
@@ -128,15 +135,26 @@ def accuracies(opened: dict[str, xr.Dataset]) -> str:
         for m, mode in enumerate(cube["mode"].values.tolist()):
             reference = [np.abs(c["reference_deflection"].values[m]) for c in (cube, plate)]
             even = [100 * np.mean(w) / np.max(w) for w in reference]
-            rows.append([
-                word, str(mode), f"{even[0]:.0f} ({even[1]:.0f})", f"×{np.median(ratio[:, m]):.2f}",
-                f"×{np.median(laws[0][:, m] / laws[1][:, m]):.2f}",
-                f"×{ratio[:, m].min():.2f}–{ratio[:, m].max():.2f}",
-                f"{100 * (exact[:, m].min() - 1):+.1f} to {100 * (exact[:, m].max() - 1):+.1f}",
-            ])  # fmt: skip
-    header = ["shape", "mode", "mean deflection of the markers, % (rectangle)",
-              "error, over the rectangle's", "by the law", "range over 32 settings",
-              "simulated from the law, %"]  # fmt: skip
+            rows.append(
+                [
+                    word,
+                    str(mode),
+                    f"{even[0]:.0f} ({even[1]:.0f})",
+                    f"×{np.median(ratio[:, m]):.2f}",
+                    f"×{np.median(laws[0][:, m] / laws[1][:, m]):.2f}",
+                    f"×{ratio[:, m].min():.2f}–{ratio[:, m].max():.2f}",
+                    f"{100 * (exact[:, m].min() - 1):+.1f} to {100 * (exact[:, m].max() - 1):+.1f}",
+                ]
+            )
+    header = [
+        "shape",
+        "mode",
+        "mean deflection of the markers, % (rectangle)",
+        "error, over the rectangle's",
+        "by the law",
+        "range over 32 settings",
+        "simulated from the law, %",
+    ]
     return table([h.replace("32", str(plate.sizes["setting"])) for h in header], rows)
 
 

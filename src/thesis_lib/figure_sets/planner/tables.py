@@ -15,7 +15,7 @@ from thesis_lib.figure_sets.planner.parameters import THESIS
 from thesis_lib.planning.lattice import TIE
 from thesis_lib.planning.layout_view import layout_view
 from thesis_lib.studies.cubes import percent_text
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 FRONT = "beam: nearer or farther, too"  # of which the front is drawn
 DRAWN = 4  # cameras of the layouts that are drawn, or the number next to it
@@ -46,8 +46,13 @@ def _best_of_thesis(cube: xr.Dataset, body: str) -> list[tuple[str, float, float
             found.append(("—", np.nan, np.nan))
             continue
         best = int(np.nanargmin(expected))
-        found.append((str(cube["thesis_case"].values[best]), float(expected[best]),
-                      float(part["thesis_simulated"].values[best, i])))  # fmt: skip
+        found.append(
+            (
+                str(cube["thesis_case"].values[best]),
+                float(expected[best]),
+                float(part["thesis_simulated"].values[best, i]),
+            )
+        )
     return found
 
 
@@ -59,12 +64,30 @@ def against_thesis(cube: xr.Dataset) -> str:
         for i, (case, own, drawn) in enumerate(_best_of_thesis(cube, body)):
             expected, bound = (float(one[name][i]) for name in ("expected_error", "bound"))
             simulated = float(one["simulated_error"][i].max())
-            rows.append([
-                body, str(int(cube["count"][i])), case, _text(own), _text(expected),
-                _text(100 * (1 - expected / own)), _text(bound), _text(drawn), _text(simulated),
-            ])  # fmt: skip
-    header = ["", "cameras", "best case of the thesis", "its error", "planned", "less by, %",
-              "bound", "simulated: thesis", "planned"]  # fmt: skip
+            rows.append(
+                [
+                    body,
+                    str(int(cube["count"][i])),
+                    case,
+                    _text(own),
+                    _text(expected),
+                    _text(100 * (1 - expected / own)),
+                    _text(bound),
+                    _text(drawn),
+                    _text(simulated),
+                ]
+            )
+    header = [
+        "",
+        "cameras",
+        "best case of the thesis",
+        "its error",
+        "planned",
+        "less by, %",
+        "bound",
+        "simulated: thesis",
+        "planned",
+    ]
     width, height = asked(cube, "resolutions_px")[0]
     return table(header, rows) + (
         f"\nErrors of the worst mode in % of its largest deflection, {width}×{height} px, averaged "
@@ -99,15 +122,18 @@ def front(cube: xr.Dataset) -> str:
     one = cube.sel(question=FRONT)
     order = np.argsort(one["cost"].values, kind="stable")
     rows = [
-        [str(int(one["n_cameras"][i])), f"{int(one['width_px'][i])}×{int(one['height_px'][i])}",
-         f"{float(one['cost'][i]) / 1e6:.0f}", _text(float(one["expected_error"][i])),
-         _text(float(one["predicted_error"][i].max())),
-         _text(float(one["simulated_error"][i].max()))]
-        for i in order if one["on_front"].values[i] == 1
-    ]  # fmt: skip
-    header = ["cameras", "pixels", "million pixels/s", "averaged, %", "predicted, %",
-              "simulated, %"]  # fmt: skip
-    return table(header, rows)
+        {
+            "cameras": str(int(one["n_cameras"][i])),
+            "pixels": f"{int(one['width_px'][i])}×{int(one['height_px'][i])}",
+            "million pixels/s": f"{float(one['cost'][i]) / 1e6:.0f}",
+            "averaged, %": _text(float(one["expected_error"][i])),
+            "predicted, %": _text(float(one["predicted_error"][i].max())),
+            "simulated, %": _text(float(one["simulated_error"][i].max())),
+        }
+        for i in order
+        if one["on_front"].values[i] == 1
+    ]
+    return columns(rows)
 
 
 def targets(cube: xr.Dataset) -> str:
@@ -121,11 +147,16 @@ def targets(cube: xr.Dataset) -> str:
             rows.append([str(question), "none", "", "", "", ""])
             continue
         at = one.isel(option=best)
-        rows.append([
-            str(question), str(int(at["n_cameras"])),
-            f"{int(at['width_px'])}×{int(at['height_px'])}", f"{float(at['cost']) / 1e6:.0f}",
-            _text(float(at["predicted_error"].max())), _text(float(at["simulated_error"].max())),
-        ])  # fmt: skip
+        rows.append(
+            [
+                str(question),
+                str(int(at["n_cameras"])),
+                f"{int(at['width_px'])}×{int(at['height_px'])}",
+                f"{float(at['cost']) / 1e6:.0f}",
+                _text(float(at["predicted_error"].max())),
+                _text(float(at["simulated_error"].max())),
+            ]
+        )
     header = ["", "cameras", "pixels", "million pixels/s", "predicted, %", "simulated, %"]
     return table(header, rows) + f"\nThe target is {target:g} % in the worst mode.\n"
 
@@ -138,10 +169,16 @@ def verification(cube: xr.Dataset) -> str:
         part = cube.sel(question=some)
         ratio = (part["simulated_error"] / part["predicted_error"]).values.ravel()
         ratio = ratio[np.isfinite(ratio)]
-        rows.append([body, str(len(ratio)), f"{ratio.min():.3f}", f"{np.median(ratio):.3f}",
-                     f"{ratio.max():.3f}"])  # fmt: skip
-    header = ["simulated over predicted", "layouts × modes", "least", "median", "largest"]
-    return table(header, rows)
+        rows.append(
+            {
+                "simulated over predicted": body,
+                "layouts × modes": str(len(ratio)),
+                "least": f"{ratio.min():.3f}",
+                "median": f"{np.median(ratio):.3f}",
+                "largest": f"{ratio.max():.3f}",
+            }
+        )
+    return columns(rows)
 
 
 def near(cube: xr.Dataset, question: str, count: int) -> int:
@@ -151,9 +188,12 @@ def near(cube: xr.Dataset, question: str, count: int) -> int:
 
 
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
-    "thesis": against_thesis, "limits": limits, "front": front, "targets": targets,
+    "thesis": against_thesis,
+    "limits": limits,
+    "front": front,
+    "targets": targets,
     "verification": verification,
-}  # fmt: skip
+}
 PIECES = TABLES
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from thesis_lib.measure.feasibility.assess import describe
+from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.feasibility.limits import Assessment
 from thesis_lib.measure.fitting.result import rms
 from thesis_lib.measure.recordings.check import markers_of

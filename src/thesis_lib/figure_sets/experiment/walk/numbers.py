@@ -16,7 +16,7 @@ from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.markers import rows_on
 from thesis_lib.measure.synchronisation.synchronise import coupling_delay
 from thesis_lib.vibration.motion import Component
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 LITERAL, FULL = "literal", "full"
 
@@ -48,11 +48,26 @@ def _calibration(data: xr.Dataset) -> str:
         places = [f"{1e6 * float(camera[f'centre_error_{kind}']):.0f}" for kind in (LITERAL, FULL)]
         residual = np.sqrt(np.nanmean(camera["corner_residuals"].values ** 2))
         rows.append(
-            [str(name), f"{int(camera['shots_used'])}", *focal, *places,
-             f"{1e6 * float(camera['centre_deviation']):.0f}", f"{residual:.4f}"]
-        )  # fmt: skip
-    header = ["camera", "shots used", "focal length alone, %", "literal, %", "adjusted, %",
-              "centre literal, µm", "adjusted, µm", "predicted, µm", "residual, px"]  # fmt: skip
+            [
+                str(name),
+                f"{int(camera['shots_used'])}",
+                *focal,
+                *places,
+                f"{1e6 * float(camera['centre_deviation']):.0f}",
+                f"{residual:.4f}",
+            ]
+        )
+    header = [
+        "camera",
+        "shots used",
+        "focal length alone, %",
+        "literal, %",
+        "adjusted, %",
+        "centre literal, µm",
+        "adjusted, µm",
+        "predicted, µm",
+        "residual, px",
+    ]
     literal = data["reprojection_rms"].sel(calibration=LITERAL)
     return table(header, rows) + (
         "\nErrors against the truth: of the worse of the two focal lengths, and of the centre of "
@@ -73,13 +88,17 @@ def _synchronisation(data: xr.Dataset) -> str:
         part = (float(camera["delay"]) - true) * rate
         loss = 100 * (1 - np.cos(_omega(data) * whole / rate))
         rows.append(
-            [str(name), _signed(1000 * true, 2), _signed(true * rate, 3),
-             _signed(int(camera["delay_frames"]), 0), _signed(whole, 3), f"{loss:.2f}",
-             _signed(part, 4)]
-        )  # fmt: skip
-    header = ["camera", "starts after A, ms", "in frames", "whole frames", "their error, frames",
-              "costs at a maximum, %", "error of the tone's phase, frames"]  # fmt: skip
-    return table(header, rows)
+            {
+                "camera": str(name),
+                "starts after A, ms": _signed(1000 * true, 2),
+                "in frames": _signed(true * rate, 3),
+                "whole frames": _signed(int(camera["delay_frames"]), 0),
+                "their error, frames": _signed(whole, 3),
+                "costs at a maximum, %": f"{loss:.2f}",
+                "error of the tone's phase, frames": _signed(part, 4),
+            }
+        )
+    return columns(rows)
 
 
 def _tracking(data: xr.Dataset) -> str:
@@ -89,18 +108,20 @@ def _tracking(data: xr.Dataset) -> str:
         at = data.sel(width=width)
         wrong, error = float(at["wrong_share"]), float(at["centre_error"])
         rows.append(
-            [f"{width}×{round(width * 9 / 16)}", f"{100 * float(at['missing_share']):.1f}",
-             f"{100 * wrong:.1f}" if np.isfinite(wrong) else "–",
-             f"{error:.4f}" if np.isfinite(error) else "–"]
-        )  # fmt: skip
+            {
+                "frames": f"{width}×{round(width * 9 / 16)}",
+                "missing, %": f"{100 * float(at['missing_share']):.1f}",
+                "of those found wrong, %": f"{100 * wrong:.1f}" if np.isfinite(wrong) else "–",
+                "rms error of the others, px": f"{error:.4f}" if np.isfinite(error) else "–",
+            }
+        )
     given = _parameters(data)
     camera = data.sel(calibration=FULL).isel(camera=0)
     narrow = min(data["width"].values.tolist())
     focal = float(camera["K"].values[0, 0]) * narrow / float(camera["size"].values[0])
     long = 1000 * rows_on(setups.beam()).diameter * focal / given["distance_mm"]
     high = long * np.sin(np.radians(given["elevation_deg"]))
-    header = ["frames", "missing, %", "of those found wrong, %", "rms error of the others, px"]
-    return table(header, rows) + (
+    return columns(rows) + (
         "\nOver all markers, frames and cameras. *Wrong* is more than one pixel of that width off; "
         f"the rms is of one coordinate. At {narrow} px a marker is {long:.1f} px long and "
         f"{high:.1f} px high.\n"
@@ -125,12 +146,15 @@ def _shapes(data: xr.Dataset) -> str:
         measured = shapes.deflection(tracks, instant, method, exposures)[row]
         error = 100 * np.abs(measured - reference) / np.abs(reference).max()
         rows.append(
-            [method, f"{1000 * measured[-1]:.4f}", f"{np.sqrt(np.nanmean(error**2)):.3f}",
-             f"{np.nanmax(error):.3f}"]
-        )  # fmt: skip
-    header = ["method", "outermost marker, mm", "mean error, %", "largest error, %"]
+            {
+                "method": method,
+                "outermost marker, mm": f"{1000 * measured[-1]:.4f}",
+                "mean error, %": f"{np.sqrt(np.nanmean(error**2)):.3f}",
+                "largest error, %": f"{np.nanmax(error):.3f}",
+            }
+        )
     frame = by[FULL].frame
-    return table(header, rows) + (
+    return columns(rows) + (
         f"\nFour cameras at {widest} px; the truth at the outermost marker is "
         f"{1000 * reference[-1]:.4f} mm. The 75 markers at rest fit their nominal grid with "
         f"{1e6 * frame.rms:.1f} µm rms; the measured grid's size is "
