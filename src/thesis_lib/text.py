@@ -10,8 +10,10 @@ from typing import Any
 
 HIDDEN = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}  # Unicode's categories of what has no glyph
 # Letters and marks that are drawn as nothing: joiners, fillers, selectors, Braille without a dot.
-_BLANK = re.compile("[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0"
-                    "\U000e0100-\U000e01ef]")  # fmt: skip
+_BLANK = re.compile(
+    "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0"
+    "\U000e0100-\U000e01ef]"
+)
 LONGEST = 400  # characters of a message
 
 
@@ -26,8 +28,11 @@ def hidden(text: str) -> str:
     for one in text:
         kind = unicodedata.category(one)
         if kind in HIDDEN or _BLANK.match(one):
-            other = {"Cc": "a control character", "Cs": "half of a character",
-                     "Co": "a private character"}.get(kind, "no character")  # fmt: skip
+            other = {
+                "Cc": "a control character",
+                "Cs": "half of a character",
+                "Co": "a private character",
+            }.get(kind, "no character")
             return f"U+{ord(one):04X} ({unicodedata.name(one, other)})"
     return ""
 

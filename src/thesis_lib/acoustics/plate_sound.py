@@ -36,9 +36,8 @@ class PlateSound:
 
     @classmethod
     def of(
-        cls, plate: Plate, planes: tuple[Plane, ...], medium: Medium, omega: float,
-        reference: Array,
-    ) -> PlateSound:  # fmt: skip
+        cls, plate: Plate, planes: tuple[Plane, ...], medium: Medium, omega: float, reference: Array
+    ) -> PlateSound:
         """The sound of a true deflection (markers,) in m at an angular frequency in rad/s."""
         operators = tuple(operator(plate, plane, omega, medium) for plane in planes)
         factors = tuple(full_factor(op) for op in operators)

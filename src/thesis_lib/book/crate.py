@@ -50,8 +50,11 @@ def write(book: Path, made: Iterable[tuple[Path, Path]]) -> Path:
     crate.root_dataset["conformsTo"] = _entity(
         crate, PROFILE, "CreativeWork", name="Process Run Crate", version="0.5"
     )
-    crate.add_file(book / "index.html", "index.html", properties={
-        "name": "The book", "encodingFormat": "text/html"})  # fmt: skip
+    crate.add_file(
+        book / "index.html",
+        "index.html",
+        properties={"name": "The book", "encodingFormat": "text/html"},
+    )
     actions, last = [], ""
     for notebook, cube in made:
         action = _action(crate, book, notebook, cube)
@@ -86,20 +89,32 @@ def _action(crate: ROCrate, book: Path, notebook: Path, file: Path) -> Any:
         f"_sources/executed/{name}.ipynb": ("application/x-ipynb+json", "executed notebook"),
     }
     parts = {
-        place: crate.add_file(book / place, place, properties={
-            "name": f"{study.title}: {words}", "encodingFormat": kind,
-            "contentSize": str((book / place).stat().st_size)})
-        for place, (kind, words) in files.items() if (book / place).is_file()
-    }  # fmt: skip
+        place: crate.add_file(
+            book / place,
+            place,
+            properties={
+                "name": f"{study.title}: {words}",
+                "encodingFormat": kind,
+                "contentSize": str((book / place).stat().st_size),
+            },
+        )
+        for place, (kind, words) in files.items()
+        if (book / place).is_file()
+    }
     source = parts.pop(f"_sources/executed/{name}.ipynb", None)
     digest = ran.get("thesis_lib", {}).get("cube_sha256")
     if digest and f"{FOLDER}/{name}.nc" in parts:
         parts[f"{FOLDER}/{name}.nc"]["sha256"] = digest
     values = [
-        _entity(crate, f"#{name}/{key}", "PropertyValue", name=key,
-                value=value if isinstance(value, str) else json.dumps(value))
+        _entity(
+            crate,
+            f"#{name}/{key}",
+            "PropertyValue",
+            name=key,
+            value=value if isinstance(value, str) else json.dumps(value),
+        )
         for key, value in study.request.items()
-    ]  # fmt: skip
+    ]
     papermill = ran["papermill"]
     return crate.add(
         ContextEntity(
@@ -125,7 +140,11 @@ def _library(crate: ROCrate, about: dict[str, Any]) -> Any:
     commit, versions = str(about["commit"]).strip(), json.loads(about["versions"])
     packages = ", ".join(f"{name} {version}" for name, version in versions.items())
     return _entity(
-        crate, f"#thesis_lib-{commit}", "SoftwareApplication", name="thesis_lib",
-        softwareVersion=f"{__version__}, commit {commit}", softwareRequirements=packages,
+        crate,
+        f"#thesis_lib-{commit}",
+        "SoftwareApplication",
+        name="thesis_lib",
+        softwareVersion=f"{__version__}, commit {commit}",
+        softwareRequirements=packages,
         description=f"SHA-256 of the library: {about['library_sha256']}",
-    )  # fmt: skip
+    )

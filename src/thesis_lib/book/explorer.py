@@ -78,8 +78,11 @@ def _structure(subject: str) -> dict[str, Any]:
 def _shapes(structure: object) -> dict[str, Any]:
     """What markers and mode shapes of a structure are made from."""
     if isinstance(structure, Beam):
-        row = {"count": structure.n_markers, "spacing": structure.marker_spacing,
-               "first": structure.first_marker}  # fmt: skip
+        row = {
+            "count": structure.n_markers,
+            "spacing": structure.marker_spacing,
+            "first": structure.first_marker,
+        }
         # As text: a widget's numbers travel with 6 digits, these need all.
         return {"row": row, "roots": [repr(float(b)) for b in cantilever_roots(max(MODES))]}
     assert isinstance(structure, Plate)

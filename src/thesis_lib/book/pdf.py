@@ -173,10 +173,15 @@ def print_page(browser: str, page: Path, pdf: Path) -> None:
                 "() => Promise.allSettled([...document.images].map(image => image.decode()))"
             )
             opened.pdf(
-                path=pdf, format="A4", print_background=True, tagged=True, outline=True,
-                display_header_footer=True, header_template="<span></span>",
+                path=pdf,
+                format="A4",
+                print_background=True,
+                tagged=True,
+                outline=True,
+                display_header_footer=True,
+                header_template="<span></span>",
                 footer_template=_FOOTER,
                 margin={"top": "16mm", "bottom": "18mm", "left": "16mm", "right": "16mm"},
-            )  # fmt: skip
+            )
         finally:
             chromium.close()

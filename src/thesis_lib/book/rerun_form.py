@@ -47,8 +47,12 @@ def form_data() -> dict[str, Any]:
                 fields.append(field)
             numbers[row["name"]] = fields.index(field)
         checked = [numbers[key] for key in study.model_fields if key in numbers]
-        sets[name] = {"title": study.title, "shown": list(numbers.values()), "checked": checked,
-                      "takes": _takes([name])}  # fmt: skip
+        sets[name] = {
+            "title": study.title,
+            "shown": list(numbers.values()),
+            "checked": checked,
+            "takes": _takes([name]),
+        }
     chapters = {name: _chapter(name, fields, sets) for name in CHAPTERS}
     return {"fields": fields, "sets": sets, "chapters": chapters}
 

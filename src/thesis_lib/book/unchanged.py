@@ -13,8 +13,17 @@ from pathlib import Path
 
 from thesis_lib.files import digest_of, library_files, project_root, sha256, sweep, whole_text
 
-SOURCES = ("notebooks", "book", "data", "tests", "benchmarks", "_config.yml", "package.json",
-           "package-lock.json", "build/assets")  # fmt: skip
+SOURCES = (
+    "notebooks",
+    "book",
+    "data",
+    "tests",
+    "benchmarks",
+    "_config.yml",
+    "package.json",
+    "package-lock.json",
+    "build/assets",
+)
 RECORD = "build/made/whole-book.json"
 
 

@@ -97,10 +97,12 @@ def record(of: Recordings) -> Path:
 def _filmed(film: Callable[[Any], Any], request: Study) -> xr.Dataset:
     """What is measured, with coordinates as they will be read from the data."""
     data = film(request)
-    return data.assign({
-        name: data[name].copy(data=np.rint(data[name].values.astype(float) / STEP) * STEP)
-        for name in _coordinates(data)
-    })  # fmt: skip
+    return data.assign(
+        {
+            name: data[name].copy(data=np.rint(data[name].values.astype(float) / STEP) * STEP)
+            for name in _coordinates(data)
+        }
+    )
 
 
 def _coordinates(data: xr.Dataset) -> list[str]:

@@ -32,23 +32,35 @@ FOCAL_MM, SENSOR_MM = 24.0, 36.0
 def example_rig() -> Rig:
     """What the example shows."""
     return default_rig(
-        setups.beam(), DIRECTIONS, focal_length=FOCAL_MM / 1000, sensor_width=SENSOR_MM / 1000,
-        size=SIZE, sensor=Sensor(exposure=1 / 500, samples=4, shot=0.02, read=0.7), seed=11,
+        setups.beam(),
+        DIRECTIONS,
+        focal_length=FOCAL_MM / 1000,
+        sensor_width=SENSOR_MM / 1000,
+        size=SIZE,
+        sensor=Sensor(exposure=1 / 500, samples=4, shot=0.02, read=0.7),
+        seed=11,
         components=(Component(amplitude=AMPLITUDE),),
-    )  # fmt: skip
+    )
 
 
 def example_manifest(rig: Rig) -> Manifest:
     """The manifest of the example, with what the warnings before measuring ask for."""
     manifest = manifest_of(rig)
     cameras = tuple(
-        camera.model_copy(update={
-            "video": f"{camera.name}.mkv", "shots": f"board/{camera.name}-*.jpg",
-            "focal_length_mm": FOCAL_MM, "sensor_width_mm": SENSOR_MM, "f_number": 11.0,
-            "distance_mm": 570.0, "azimuth_deg": azimuth, "elevation_deg": elevation,
-        })
+        camera.model_copy(
+            update={
+                "video": f"{camera.name}.mkv",
+                "shots": f"board/{camera.name}-*.jpg",
+                "focal_length_mm": FOCAL_MM,
+                "sensor_width_mm": SENSOR_MM,
+                "f_number": 11.0,
+                "distance_mm": 570.0,
+                "azimuth_deg": azimuth,
+                "elevation_deg": elevation,
+            }
+        )
         for camera, (azimuth, elevation) in zip(manifest.cameras, DIRECTIONS, strict=True)
-    )  # fmt: skip
+    )
     excitation = manifest.excitation.model_copy(update={"amplitude_mm": 1000 * AMPLITUDE})
     return manifest.model_copy(update={"cameras": cameras, "excitation": excitation})
 
@@ -84,9 +96,14 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
             name = station.camera.name
             say(f"rendering camera {name}, {index + 1} of {len(rig.stations)}")
             media.write_video(
-                part / f"{name}.mkv", until_stopped(frames(rig, index)),
-                station.frame_rate, laboratory_film.sound(rig, index), SAMPLE_RATE, "h264", CRF,
-            )  # fmt: skip
+                part / f"{name}.mkv",
+                until_stopped(frames(rig, index)),
+                station.frame_rate,
+                laboratory_film.sound(rig, index),
+                SAMPLE_RATE,
+                "h264",
+                CRF,
+            )
             for k, shot in enumerate(until_stopped(shots(rig, index))):
                 _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
                 (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())

@@ -70,8 +70,15 @@ def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: i
     def one(index: int) -> Path:
         station = rig.stations[index]
         video = folder / f"{station.camera.name}.mkv"
-        media.write_video(video, frames(rig, index), station.frame_rate, sound(rig, index),
-                          SAMPLE_RATE, codec, crf)  # fmt: skip
+        media.write_video(
+            video,
+            frames(rig, index),
+            station.frame_rate,
+            sound(rig, index),
+            SAMPLE_RATE,
+            codec,
+            crf,
+        )
         for k, image in enumerate(shots(rig, index)):
             media.write_png(folder / station.camera.name / f"{k:02d}.png", image)
         return video
@@ -89,22 +96,28 @@ def manifest_of(rig: Rig) -> Manifest:
         structure=_structure(rig.motion.structure, rig.markers),
         cameras=tuple(
             CameraFiles(
-                name=station.camera.name, video=f"{station.camera.name}.mkv",
-                width_px=station.camera.size[0], height_px=station.camera.size[1],
-                frame_rate_hz=station.frame_rate, exposure_s=station.sensor.exposure,
+                name=station.camera.name,
+                video=f"{station.camera.name}.mkv",
+                width_px=station.camera.size[0],
+                height_px=station.camera.size[1],
+                frame_rate_hz=station.frame_rate,
+                exposure_s=station.sensor.exposure,
                 shots=station.camera.name,
             )
             for station in rig.stations
         ),
         board=BoardSpec(
-            columns=board.columns, rows=board.rows, tile_mm=_mm(board.tile),
+            columns=board.columns,
+            rows=board.rows,
+            tile_mm=_mm(board.tile),
             margin_mm=_mm(board.margin),
         ),
         excitation=Excitation(
-            frequency_hz=rig.motion.components[0].frequency, rest_s=REST,
+            frequency_hz=rig.motion.components[0].frequency,
+            rest_s=REST,
             force_per_full_scale_n=rig.full_scale,
         ),
-    )  # fmt: skip
+    )
 
 
 def _structure(structure: Structure, markers: Markers) -> StructureSpec:
@@ -135,11 +148,16 @@ def _structure(structure: Structure, markers: Markers) -> StructureSpec:
 
     def spec(layout: dict[str, Any]) -> StructureSpec:
         return StructureSpec(
-            length_mm=_mm(structure.length), width_mm=_mm(structure.width),
-            thickness_mm=_mm(structure.thickness), density_kg_m3=structure.density,
-            youngs_modulus_pa=structure.youngs_modulus, damping=structure.damping,
-            force_position_mm=_mm(x), markers=MarkerSpec(**given, **layout), **own,
-        )  # fmt: skip
+            length_mm=_mm(structure.length),
+            width_mm=_mm(structure.width),
+            thickness_mm=_mm(structure.thickness),
+            density_kg_m3=structure.density,
+            youngs_modulus_pa=structure.youngs_modulus,
+            damping=structure.damping,
+            force_position_mm=_mm(x),
+            markers=MarkerSpec(**given, **layout),
+            **own,
+        )
 
     by_points = spec({"points_mm": points})
     try:

@@ -60,16 +60,29 @@ def settled(rig: Rig, offsets: Sequence[float], frames: int) -> Rig:
 
 
 def film_rig(
-    film: Film, structure: Structure, directions: Sequence[tuple[float, float]], distance_mm: float,
-    width: int, rate: float, components: tuple[Component, ...], seed: int,
-) -> Rig:  # fmt: skip
+    film: Film,
+    structure: Structure,
+    directions: Sequence[tuple[float, float]],
+    distance_mm: float,
+    width: int,
+    rate: float,
+    components: tuple[Component, ...],
+    seed: int,
+) -> Rig:
     """A rig that films a structure so many frames per second, from some directions."""
     return default_rig(
-        structure, directions, focal_length=film.focal_length_mm / 1000,  # type: ignore[arg-type]
-        sensor_width=film.sensor_width_mm / 1000, distance=distance_mm / 1000,
-        size=(width, round(width * 9 / 16)), sensor=sensor(film), frame_rate=rate,
-        components=components, lens_k1=film.lens_k1, seed=seed,
-    )  # fmt: skip
+        structure,  # type: ignore[arg-type]
+        directions,
+        focal_length=film.focal_length_mm / 1000,
+        sensor_width=film.sensor_width_mm / 1000,
+        distance=distance_mm / 1000,
+        size=(width, round(width * 9 / 16)),
+        sensor=sensor(film),
+        frame_rate=rate,
+        components=components,
+        lens_k1=film.lens_k1,
+        seed=seed,
+    )
 
 
 def record(

@@ -135,10 +135,13 @@ def default_rig(
     period = 1 / min(part.frequency for part in components)
     motion = Motion(structure, components, REST + LATE, 2 * period)
     return Rig(
-        tuple(stations), markers or _default_markers(structure), motion,
+        tuple(stations),
+        markers or _default_markers(structure),
+        motion,
         duration=motion.steady + max(1.0, 5 * period),
-        audio_noise_db=audio_noise_db, seed=seed,
-    )  # fmt: skip
+        audio_noise_db=audio_noise_db,
+        seed=seed,
+    )
 
 
 def _default_markers(structure: Beam | Plate) -> Markers:

@@ -182,8 +182,12 @@ def _numbers(found: Check | Finding | None, *names: str) -> dict[str, float]:
 
 def _setting_words(claim: Claim, varied: str) -> str:
     """The settings that a claim speaks of, such as ``d = 500 mm`` or ``all settings``."""
-    unit = {"distance_mm": "d = {:g} mm", "aperture_deg": "α = {:g}°", "width_px": "{:g} px wide",
-            "n_cameras": "{:g} cameras"}[varied]  # fmt: skip
+    unit = {
+        "distance_mm": "d = {:g} mm",
+        "aperture_deg": "α = {:g}°",
+        "width_px": "{:g} px wide",
+        "n_cameras": "{:g} cameras",
+    }[varied]
     order = f", pairs {claim.pair_order}" if claim.pair_order else ""
     return (", ".join(unit.format(value) for value in claim.values) or "all settings") + order
 

@@ -191,8 +191,11 @@ def heard(
 ) -> xr.Dataset:
     """When the cameras started, and what the sound tells of the vibration."""
     videos = [folder / c.video for c in manifest.cameras]
-    what = [manifest.excitation.model_dump(mode="json"), [c.name for c in manifest.cameras],
-            [c.frame_rate_hz for c in manifest.cameras]]  # fmt: skip
+    what = [
+        manifest.excitation.model_dump(mode="json"),
+        [c.name for c in manifest.cameras],
+        [c.frame_rate_hz for c in manifest.cameras],
+    ]
 
     def compute() -> xr.Dataset:
         say(f"listening to {len(videos)} sound tracks")
@@ -224,9 +227,13 @@ def heard(
 
 
 def tracked(
-    manifest: Manifest, folder: Path, steps: Path, calibration: xr.Dataset, sound: xr.Dataset,
+    manifest: Manifest,
+    folder: Path,
+    steps: Path,
+    calibration: xr.Dataset,
+    sound: xr.Dataset,
     counts: list[int],
-) -> list[Recording]:  # fmt: skip
+) -> list[Recording]:
     """The markers followed through all videos of so many frames, two cameras at a time."""
     markers, cameras = markers_of(manifest), cameras_in(calibration)
     frequency = float(np.nan_to_num(sound["frequency"]))
@@ -248,8 +255,14 @@ def tracked(
             what = [files.corners_px, turn, visible, index, calibration.attrs["key"]]
             key = key_of(what, [folder / files.video])
             record(files, folder, counts[index], cameras[index], markers, turn, path, key, tick)
-            return Recording(cameras[index], files.frame_rate_hz, float(sound["delay"][index]),
-                             files.exposure_s, files.readout_s, path)  # fmt: skip
+            return Recording(
+                cameras[index],
+                files.frame_rate_hz,
+                float(sound["delay"][index]),
+                files.exposure_s,
+                files.readout_s,
+                path,
+            )
 
         with alike():
             return abreast(one, range(len(cameras)), stop.set)

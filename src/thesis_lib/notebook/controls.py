@@ -169,10 +169,13 @@ def _input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
     if kind == "number" and low is not None and high is not None and high - low <= SLIDER:
         step = 1.0 if high - low > 100 else 0.5 if high - low > 10 else 0.01
         return ipywidgets.FloatSlider(
-            value=value, step=step, readout_format=".4g", continuous_update=False,
+            value=value,
+            step=step,
+            readout_format=".4g",
+            continuous_update=False,
             min=low + step * ("exclusiveMinimum" in schema),
             max=high - step * ("exclusiveMaximum" in schema),
-        )  # fmt: skip
+        )
     if kind == "number":
         return ipywidgets.FloatText(value=value)
     text = value if isinstance(value, str) else json.dumps(whole_numbers(value), ensure_ascii=False)

@@ -86,11 +86,14 @@ def as_cube(plan: Plan) -> xr.Dataset:
             "mode": ("mode", list(body.modes), {"units": "1", "long_name": "mode number"}),
             "axis": ("axis", list(XYZ), {"units": "1", "long_name": "axis"}),
         },
-        attrs={"structure": body.name, "candidates": np.int64(plan.candidates),
-               "cost_is": "price" if plan.request.prices else "pixels per second",
-               "objective": plan.request.objective,
-               "target_percent": json.dumps(plan.request.target_percent)},
-    )  # fmt: skip
+        attrs={
+            "structure": body.name,
+            "candidates": np.int64(plan.candidates),
+            "cost_is": "price" if plan.request.prices else "pixels per second",
+            "objective": plan.request.objective,
+            "target_percent": json.dumps(plan.request.target_percent),
+        },
+    )
     return cube.assign(labelled({name: values[name] for name in VARIABLES}, VARIABLES))
 
 
@@ -109,7 +112,22 @@ def _outline(plan: Plan) -> np.ndarray[Any, Any]:
     if plan.body.outline.size:
         return plan.body.outline
     low, high = plan.body.points.min(axis=1), plan.body.points.max(axis=1)
-    walk = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0),
-            (1, 0, 1), (1, 1, 1), (1, 1, 0), (1, 1, 1), (0, 1, 1), (0, 1, 0), (0, 1, 1),
-            (0, 0, 1)]  # fmt: skip
+    walk = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (1, 1, 0),
+        (0, 1, 0),
+        (0, 0, 0),
+        (0, 0, 1),
+        (1, 0, 1),
+        (1, 0, 0),
+        (1, 0, 1),
+        (1, 1, 1),
+        (1, 1, 0),
+        (1, 1, 1),
+        (0, 1, 1),
+        (0, 1, 0),
+        (0, 1, 1),
+        (0, 0, 1),
+    ]
     return low[:, None] + np.array(walk).T * (high - low)[:, None]

@@ -90,7 +90,9 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
     front = np.flatnonzero(cube["on_front"].values)
     front = front[np.argsort(cost[front], kind="stable")]
     words = "nothing cheaper is as accurate"
-    axes.step(cost[front], predicted[front], where="post", color=REFERENCE, lw=1.2, label=words)
+    axes.step(
+        cost[front], predicted[front], where="post", color=REFERENCE, linewidth=1.2, label=words
+    )
     for i, n in enumerate(np.unique(counts)):
         axes.plot([], [], "s", color=color(i), markersize=5, label=f"{n} cameras")
         for j, width in enumerate(np.unique(widths)):
@@ -104,7 +106,7 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
         axes.axhline(target, color=HIGHLIGHT, linestyle="--", linewidth=1, label="target")
         at = cost[int(cube["chosen"])], predicted[int(cube["chosen"])]
         words = "cheapest that reaches it"
-        axes.plot(*at, "o", markersize=14, mfc="none", color=HIGHLIGHT, label=words)
+        axes.plot(*at, "o", markersize=14, markerfacecolor="none", color=HIGHLIGHT, label=words)
     logarithmic(axes.xaxis, [t for t in _TICKS if cost.min() / 2 < t < 2 * cost.max()])
     logarithmic(axes.yaxis, [t for t in _TICKS if predicted.min() / 2 < t < 2 * predicted.max()])
     axes.set_xlabel("price of all cameras" if priced else "million pixels per second, all cameras")

@@ -15,12 +15,7 @@ from thesis_lib.planning import errors
 from thesis_lib.planning.bodies import Body
 from thesis_lib.planning.lattice import first_most
 from thesis_lib.planning.limits import no_room, nowhere, unreached
-from thesis_lib.planning.optimum import (
-    information,
-    layout_cost,
-    lower_bound,
-    variances,
-)
+from thesis_lib.planning.optimum import information, layout_cost, lower_bound, variances
 from thesis_lib.planning.places import Scene, candidates
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.planning.search import best_layouts
@@ -154,9 +149,13 @@ def _aspects(request: PlanRequest) -> dict[Fraction, list[int]]:
 
 
 def _options(
-    scene: Scene, grid: Array, kinds: Sequence[int], request: PlanRequest, rate: float,
+    scene: Scene,
+    grid: Array,
+    kinds: Sequence[int],
+    request: PlanRequest,
+    rate: float,
     tell: Callable[[str], object],
-) -> list[Option]:  # fmt: skip
+) -> list[Option]:
     counts, start = sorted(request.counts), time.monotonic()
     tell(f"{len(grid)} places to choose from; looking for the best of {counts} cameras")
 
@@ -180,10 +179,20 @@ def _options(
             point = errors.predicted(scene, layout, width)
             pixels = len(layout) * width * height * rate
             price = len(layout) * request.prices[kind] if request.prices else pixels
-            options.append(Option(
-                layout, (width, height), kind, rate, price, factor * np.sqrt(value) / width, point,
-                errors.counted(point, request.objective), factor * np.sqrt(bound) / width, scene,
-            ))  # fmt: skip
+            options.append(
+                Option(
+                    layout,
+                    (width, height),
+                    kind,
+                    rate,
+                    price,
+                    factor * np.sqrt(value) / width,
+                    point,
+                    errors.counted(point, request.objective),
+                    factor * np.sqrt(bound) / width,
+                    scene,
+                )
+            )
     return options
 
 

@@ -26,8 +26,19 @@ from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.web.shell import shell
 
-COLUMNS = ("camera", "x_mm", "y_mm", "z_mm", "azimuth_deg", "elevation_deg", "distance_mm",
-           "focal_length_mm", "width_px", "height_px", "frame_rate_hz")  # fmt: skip
+COLUMNS = (
+    "camera",
+    "x_mm",
+    "y_mm",
+    "z_mm",
+    "azimuth_deg",
+    "elevation_deg",
+    "distance_mm",
+    "focal_length_mm",
+    "width_px",
+    "height_px",
+    "frame_rate_hz",
+)
 FILES = ("plan.nc", "plan.csv", "plan.svg", "plan.html")
 
 
@@ -156,23 +167,31 @@ def page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> s
     parts = [
         f"<h1>{escape(plan_.request.title)}: {escape(plan_.body.name)}</h1>",
         "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>",
-        _picture(picture, "The proposed cameras around the structure from three sides.",
-                 "The proposed layout. Lines of sight lead to the middle of the structure; dotted "
-                 "lines fall onto the plane of its middle."),
+        _picture(
+            picture,
+            "The proposed cameras around the structure from three sides.",
+            "The proposed layout. Lines of sight lead to the middle of the structure; dotted "
+            "lines fall onto the plane of its middle.",
+        ),
         layout_view([(plan_.body.name, cube, plan_.chosen)]),
         "<h2>Cameras</h2>",
         _rows([name.replace("_", " ") for name in header], rows),
         "<p>Positions are in the structure's frame. Every camera looks at the middle of the "
         "structure, the base of its picture parallel to the XY plane.</p>",
         "<h2>Accuracy and cost</h2>",
-        _picture(front, "Error against cost of all options, with a stepped line along the best.",
-                 "Every number of cameras, best placed, with every resolution. Errors are those of "
-                 "the worst mode in % of its largest deflection of a marker."),
-        _rows(["cameras", "pixels", "cost", "averaged, %", "predicted, %", "simulated, %", ""],
-              options),
+        _picture(
+            front,
+            "Error against cost of all options, with a stepped line along the best.",
+            "Every number of cameras, best placed, with every resolution. Errors are those of "
+            "the worst mode in % of its largest deflection of a marker.",
+        ),
+        _rows(
+            ["cameras", "pixels", "cost", "averaged, %", "predicted, %", "simulated, %", ""],
+            options,
+        ),
         "<h2>How this was made</h2>",
         f"<pre>{escape(str(cube.attrs['command']))}</pre>",
         f"<p>{escape(cube.attrs['source'])}, commit {escape(cube.attrs['commit'].strip())}, "
         f"{escape(cube.attrs['created'])}; {plan_.candidates} places to choose from.</p>",
-    ]  # fmt: skip
+    ]
     return shell(f"{plan_.request.title}: {plan_.body.name}", "\n".join(parts))

@@ -32,8 +32,13 @@ from thesis_lib.studies.request import ParameterError
 from thesis_lib.text import first_hidden, one_line
 from thesis_lib.vibration.structure import Structure, deflection_shape
 
-NEEDED = {"x": ("point",), "y": ("point",), "z": ("point",), "shape": ("mode", "point"),
-          "frequency": ("mode",)}  # fmt: skip
+NEEDED = {
+    "x": ("point",),
+    "y": ("point",),
+    "z": ("point",),
+    "shape": ("mode", "point"),
+    "frequency": ("mode",),
+}
 NORMAL = ("nx", "ny", "nz")
 MOST = 1000
 LARGEST = 100.0  # m, as far as cameras may stand
@@ -177,11 +182,13 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
                     for name, values in places.items()
                 },
                 "shape": (
-                    ("mode", "point"), np.array(shapes),
+                    ("mode", "point"),
+                    np.array(shapes),
                     {"units": "1", "long_name": "mode shape along z, 1 where it is largest"},
                 ),
                 "frequency": (
-                    "mode", hertz[np.array(modes) - 1],
+                    "mode",
+                    hertz[np.array(modes) - 1],
                     {"units": "Hz", "long_name": "natural frequency"},
                 ),
             },
@@ -189,7 +196,7 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
             attrs={"title": "Markers and mode shapes"},
         ),
         f"thesis_lib.planning.structure_file, {type(structure).__name__}",
-    )  # fmt: skip
+    )
 
 
 def write_modes(structure: Structure, modes: Sequence[int], path: Path) -> Path:

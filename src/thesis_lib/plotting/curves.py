@@ -29,8 +29,12 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         error = part["point_error"].values[index]
         axes[1, 0].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
     axes[0, 1].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
-    axes[1, 0].set(title="(c) error of each marker", xlabel="x in mm",
-                   ylabel="% of the largest deflection", ylim=(0, None))  # fmt: skip
+    axes[1, 0].set(
+        title="(c) error of each marker",
+        xlabel="x in mm",
+        ylabel="% of the largest deflection",
+        ylim=(0, None),
+    )
     axes[0, 1].legend()
     axes[1, 0].legend()
     bar_panel(axes[1, 1], part, [error_bars(cube, case, mode)])

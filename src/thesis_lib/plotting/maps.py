@@ -48,8 +48,13 @@ def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) 
     half = [(a[1] - a[0]) / 2 for a in (across, up)]
     extent = (across[0] - half[0], across[-1] + half[0], up[0] - half[1], up[-1] + half[1])
     picture = axes.imshow(
-        values, _CMAP, vmin=-limit, vmax=limit, extent=extent, origin="lower",
+        values,
+        _CMAP,
+        vmin=-limit,
+        vmax=limit,
+        extent=extent,
+        origin="lower",
         interpolation="nearest",
-    )  # fmt: skip
+    )
     axes.grid(visible=False)
     return picture

@@ -64,12 +64,14 @@ def _by_setting(cube: xr.Dataset, error: str) -> list[dict[str, Any]]:
                 (r, mode): c for r, c in zip(rows, stated(cube, case, mode, error), strict=True)
             }
     return [
-        {"parameter": str(cube["parameter"].values[s]),
-         "predicted": np.nan if predicted is None else float(predicted[s, m]),
-         **_stated(said[s, mode])}
+        {
+            "parameter": str(cube["parameter"].values[s]),
+            "predicted": np.nan if predicted is None else float(predicted[s, m]),
+            **_stated(said[s, mode]),
+        }
         for s in range(cube.sizes["setting"])
         for m, mode in enumerate(modes)
-    ]  # fmt: skip
+    ]
 
 
 def _stated(claim: Claim | None) -> dict[str, Any]:
@@ -105,10 +107,17 @@ def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -
     whole = errors[(errors["case"] == case) & (errors["mode"] == mode)]
     statistics = ("trial_0", "low_5", "median", "high_95", "predicted", *_STATED[:2])
     rows = [
-        {"quantity": row["error"], "statistic": name, "setting": row["setting"],
-         "value": row[name], "unit": "percent"}
-        for row in whole.to_dict("records") for name in statistics if not pd.isna(row[name])
-    ]  # fmt: skip
+        {
+            "quantity": row["error"],
+            "statistic": name,
+            "setting": row["setting"],
+            "value": row[name],
+            "unit": "percent",
+        }
+        for row in whole.to_dict("records")
+        for name in statistics
+        if not pd.isna(row[name])
+    ]
     rows += [row for name in part.data_vars for row in _drawn(part, str(name))]
     columns = ["quantity", "statistic", "setting", "point", "x_mm", "y_mm", "value", "unit"]
     table = pd.DataFrame(rows, columns=columns)
@@ -142,10 +151,14 @@ def _points(
     for point, value in enumerate(values):
         if np.isfinite(value):
             yield {
-                "quantity": name, "setting": setting, "point": point + 1, "value": value,
-                "unit": unit, "x_mm": None if x is None else x[point],
+                "quantity": name,
+                "setting": setting,
+                "point": point + 1,
+                "value": value,
+                "unit": unit,
+                "x_mm": None if x is None else x[point],
                 "y_mm": None if y is None else y[point],
-            }  # fmt: skip
+            }
 
 
 def as_csv(table: pd.DataFrame) -> str:

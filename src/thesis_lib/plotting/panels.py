@@ -37,29 +37,65 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             axes.plot([], [], " ", label=f"{bars.name}: nodal plane")
             continue
         low, median, high = bars.band
-        axes.bar(position, bars.literal, 0.9 * width, color=colors, alpha=0.75 if first else 0.4,
-                 label=bars.name or part.attrs["trial_0"])  # fmt: skip
+        axes.bar(
+            position,
+            bars.literal,
+            0.9 * width,
+            color=colors,
+            alpha=0.75 if first else 0.4,
+            label=bars.name or part.attrs["trial_0"],
+        )
         if np.isfinite(median).all():  # there were trials
             axes.vlines(position, low, high, color="#222222", linewidth=1.2)
-            axes.plot([], [], "|", color="#222222", markersize=10, markeredgewidth=1.2,
-                      label=hidden + "5–95 % of trials")  # fmt: skip
+            axes.plot(
+                [],
+                [],
+                "|",
+                color="#222222",
+                markersize=10,
+                markeredgewidth=1.2,
+                label=hidden + "5–95 % of trials",
+            )
             axes.plot(position, median, "o", color="#222222", markersize=4, label=hidden + "median")
-        axes.plot(position, bars.predicted, "_", color="#222222", markersize=18 / len(groups),
-                  label=hidden + part.attrs["predicts"])  # fmt: skip
+        axes.plot(
+            position,
+            bars.predicted,
+            "_",
+            color="#222222",
+            markersize=18 / len(groups),
+            label=hidden + part.attrs["predicts"],
+        )
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
         for number, (i, claim) in enumerate(given):
             at, name = position[i] + 0.54 * width, "thesis" if first and not number else None
             least, most = claim.ends
             if least is None or most is None:  # a bound: the arrow points to what it allows
                 marker = "v" if least is None else "^"
-                axes.plot([at - 0.3 * width, at + 0.3 * width], [claim.high] * 2,
-                          color=HIGHLIGHT, linewidth=1.2)  # fmt: skip
-                axes.plot(at, claim.high, marker, color=HIGHLIGHT, markersize=5,
-                          label=name and "thesis, bound")  # fmt: skip
+                axes.plot(
+                    [at - 0.3 * width, at + 0.3 * width],
+                    [claim.high] * 2,
+                    color=HIGHLIGHT,
+                    linewidth=1.2,
+                )
+                axes.plot(
+                    at,
+                    claim.high,
+                    marker,
+                    color=HIGHLIGHT,
+                    markersize=5,
+                    label=name and "thesis, bound",
+                )
                 continue
             axes.plot([at, at], [least, most], color=HIGHLIGHT, linewidth=1.2)
-            axes.plot(at, (least + most) / 2, "D", markerfacecolor="white",
-                      color=HIGHLIGHT, markersize=4, label=name)  # fmt: skip
+            axes.plot(
+                at,
+                (least + most) / 2,
+                "D",
+                markerfacecolor="white",
+                color=HIGHLIGHT,
+                markersize=4,
+                label=name,
+            )
         top = max(top, np.fmax.reduce(high), bars.literal.max(), *(c.high for _, c in given))
         top = top if np.isfinite(top) else bars.literal.max()
     labels = [text.replace(" cameras", "") for text in part["label"].values]
@@ -102,8 +138,11 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
             _draw(axes, np.array([place, 0 * place]), color=color(index), linewidth=0.6, alpha=0.6)
             axes.plot(*_view(place), "o", color=color(index), markersize=5, zorder=4)
     _mark_varied(axes, cameras, str(part["parameter"].values[0]), part)
-    for end, name in (([1.12 * half, 0, 0], "X"), ([0, 0.45 * radius, 0], "Y"),
-                      ([0, 0, 0.45 * radius], "Z")):  # fmt: skip
+    for end, name in (
+        ([1.12 * half, 0, 0], "X"),
+        ([0, 0.45 * radius, 0], "Y"),
+        ([0, 0, 0.45 * radius], "Z"),
+    ):
         arrow = _view([[0, 0, 0], end])
         axes.plot(*arrow.T, color="#777777", linewidth=0.7, zorder=4)
         _write(axes, np.array(end) * 1.08, name, color="#777777", fontsize=8)

@@ -82,9 +82,15 @@ class Task:
 
 
 def task(
-    name: str, action: Callable[[], object], needs: Sequence[Path], makes: Sequence[Path],
-    key: str = "", record: Path | None = None, always: bool = False, seconds: float = 0.0,
-) -> Task:  # fmt: skip
+    name: str,
+    action: Callable[[], object],
+    needs: Sequence[Path],
+    makes: Sequence[Path],
+    key: str = "",
+    record: Path | None = None,
+    always: bool = False,
+    seconds: float = 0.0,
+) -> Task:
     """A task whose record is a file of its own."""
     place = record or workplace() / "build" / "made" / f"{_slug(name)}.json"
 

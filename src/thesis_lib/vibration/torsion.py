@@ -33,9 +33,13 @@ def torsional_frequency(beam: Beam, mode: int = 1, poisson: float = POISSON) -> 
 
 
 def twist(
-    beam: Beam, aside: float, omega: float, force: float = 1.0, modes: int = 1,
+    beam: Beam,
+    aside: float,
+    omega: float,
+    force: float = 1.0,
+    modes: int = 1,
     poisson: float = POISSON,
-) -> float:  # fmt: skip
+) -> float:
     """Deflection in m of the tip's edges by a harmonic force beside the axis.
 
     Parameters

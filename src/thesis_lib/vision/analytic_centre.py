@@ -162,14 +162,19 @@ class _Slabs:
         edged = edges * weight
         m = s.shape[3]
         features = np.concatenate(
-            [(weight[0] + weight[1]).reshape(-1, m), (edged[0] + edged[1]).reshape(-1, m),
-             np.sum(edges * edged, axis=(0, 1))]
-        )  # fmt: skip
+            [
+                (weight[0] + weight[1]).reshape(-1, m),
+                (edged[0] + edged[1]).reshape(-1, m),
+                np.sum(edges * edged, axis=(0, 1)),
+            ]
+        )
         turned = edges * pull
         right = np.concatenate(
-            [(pull[0] - pull[1]).reshape(-1, m),
-             turned[0, 0] + turned[0, 1] - turned[1, 0] - turned[1, 1]]
-        )  # fmt: skip
+            [
+                (pull[0] - pull[1]).reshape(-1, m),
+                turned[0, 0] + turned[0, 1] - turned[1, 0] - turned[1, 1],
+            ]
+        )
         return self.hessian @ features, self.gradient @ right
 
     def centre(self, pixels: Array, points: Array, feasible: Mask) -> None:

@@ -19,12 +19,27 @@ from thesis_lib.figure_sets import cube_file
 from thesis_lib.plotting.style import COLORS, in_style, subplots, svg
 
 NAME = "conclusions.svg"
-GROUPS = dict(zip(("beam", "plate", "sound", "experiment"), COLORS[:2] + COLORS[2:3] + COLORS[4:5],
-                  strict=True))  # fmt: skip
-TITLES = {"closer": "(a) distance, mm", "wider": "(b) aperture, °", "lower": "(c) elevation, °",
-          "finer": "(d) width, px", "more": "(e) cameras"}  # fmt: skip
-TICKS = {"closer": (500, 750, 1000, 1500), "wider": (20, 50, 150), "lower": (5, 10, 20, 60),
-         "finer": (320, 640, 1920), "more": (2, 4, 6, 12)}  # fmt: skip
+GROUPS = dict(
+    zip(
+        ("beam", "plate", "sound", "experiment"),
+        COLORS[:2] + COLORS[2:3] + COLORS[4:5],
+        strict=True,
+    )
+)
+TITLES = {
+    "closer": "(a) distance, mm",
+    "wider": "(b) aperture, °",
+    "lower": "(c) elevation, °",
+    "finer": "(d) width, px",
+    "more": "(e) cameras",
+}
+TICKS = {
+    "closer": (500, 750, 1000, 1500),
+    "wider": (20, 50, 150),
+    "lower": (5, 10, 20, 60),
+    "finer": (320, 640, 1920),
+    "more": (2, 4, 6, 12),
+}
 
 
 def draw(opened: Cubes) -> Figure:
@@ -40,8 +55,13 @@ def draw(opened: Cubes) -> Figure:
             _axis(axes, name, knob)
         panels[0].set(yscale="log", ylabel="rms error, %")
         panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        drawing.legend(handles=_legend(), loc="outside lower center", ncols=7, columnspacing=1.2,
-                       handlelength=1.8)  # fmt: skip
+        drawing.legend(
+            handles=_legend(),
+            loc="outside lower center",
+            ncols=7,
+            columnspacing=1.2,
+            handlelength=1.8,
+        )
     return drawing
 
 
@@ -49,12 +69,28 @@ def _panel(axes: Axes, found: Sequence[Curve]) -> None:
     by: dict[tuple[str, str], list[Curve]] = {}
     for curve in found:
         by.setdefault((curve.group, curve.case), []).append(curve)
-        axes.plot(curve.values, curve.stated, "D", color=_color(curve.group), markersize=4,
-                  markerfacecolor="none", markeredgewidth=0.7, alpha=0.8, zorder=3)  # fmt: skip
+        axes.plot(
+            curve.values,
+            curve.stated,
+            "D",
+            color=_color(curve.group),
+            markersize=4,
+            markerfacecolor="none",
+            markeredgewidth=0.7,
+            alpha=0.8,
+            zorder=3,
+        )
     for (group, _), alike in by.items():
         mean = np.exp(np.mean([np.log(curve.rms) for curve in alike], axis=0))
-        axes.plot(alike[0].values, mean, "--" if "filmed" in group else "-", color=_color(group),
-                  linewidth=1.2, marker=".", markersize=4)  # fmt: skip
+        axes.plot(
+            alike[0].values,
+            mean,
+            "--" if "filmed" in group else "-",
+            color=_color(group),
+            linewidth=1.2,
+            marker=".",
+            markersize=4,
+        )
 
 
 def _axis(axes: Axes, name: str, knob: Knob) -> None:
@@ -74,8 +110,16 @@ def _legend() -> list[Line2D]:
     lines = [Line2D([], [], color=color, label=name) for name, color in GROUPS.items()]
     grey = "#555555"
     filmed = Line2D([], [], color=grey, linestyle="--", label="filmed in the laboratory")
-    stated = Line2D([], [], color=grey, linestyle="", marker="D", markersize=4,
-                    markerfacecolor="none", label="thesis")  # fmt: skip
+    stated = Line2D(
+        [],
+        [],
+        color=grey,
+        linestyle="",
+        marker="D",
+        markersize=4,
+        markerfacecolor="none",
+        label="thesis",
+    )
     return [*lines, filmed, stated]
 
 

@@ -91,8 +91,18 @@ def _curve(
     kept = kept[np.argsort(values[kept], kind="stable")]
     if len(kept) < 2 or not errors.shape[1]:
         return None
-    return Curve(group, case, quantity, mode, values[kept], errors[kept], predicted[kept],
-                 stated[kept], float(elevations[0]), len(values) - len(kept))  # fmt: skip
+    return Curve(
+        group,
+        case,
+        quantity,
+        mode,
+        values[kept],
+        errors[kept],
+        predicted[kept],
+        stated[kept],
+        float(elevations[0]),
+        len(values) - len(kept),
+    )
 
 
 def _figure(claim: Claim | None) -> float:

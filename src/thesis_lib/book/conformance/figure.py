@@ -37,7 +37,9 @@ def draw(report: dict[str, Any]) -> Figure:
         axes.set_yticks(range(len(KINDS)), list(KINDS))
         axes.invert_yaxis()
         axes.grid(axis="y", visible=False)
-        handles = [Line2D([], [], color=_COLORS[name], linestyle="", marker=".", label=name)
-                   for name in AREAS]  # fmt: skip
+        handles = [
+            Line2D([], [], color=_COLORS[name], linestyle="", marker=".", label=name)
+            for name in AREAS
+        ]
         drawing.legend(handles=handles, loc="outside lower center", ncols=4, handletextpad=0.1)
     return drawing

@@ -95,8 +95,18 @@ def comparison(data: Row) -> tuple[list[str], list[list[str]]]:
                 str(row["points"]),
             ]
         )
-    header = ["cameras", "estimate", "by", "million points/s", "× fastest peer", "× pycolmap",
-              "of the limit", "rms error, µm", "first-order bound, µm", "points"]  # fmt: skip
+    header = [
+        "cameras",
+        "estimate",
+        "by",
+        "million points/s",
+        "× fastest peer",
+        "× pycolmap",
+        "of the limit",
+        "rms error, µm",
+        "first-order bound, µm",
+        "points",
+    ]
     return header, cells
 
 
@@ -148,16 +158,24 @@ def needs(data: Row) -> tuple[list[str], list[list[str]]]:
     limits, cells = data["limits"], []
     for row in data["triangulation"]:
         if row["name"] == NUMPY:
-            cells.append([
-                str(row["cameras"]),
-                "refined" if row["refined"] else "linear",
-                str(row["flops"]),
-                str(row["bytes"]),
-                f"{1e3 * limits['peak'] / row['flops']:.0f}",
-                f"{1e3 * limits['bandwidth'] / row['bytes']:.0f}",
-            ])  # fmt: skip
-    header = ["cameras", "estimate", "flops per point", "bytes per point",
-              "arithmetic allows, million points/s", "memory allows, million points/s"]  # fmt: skip
+            cells.append(
+                [
+                    str(row["cameras"]),
+                    "refined" if row["refined"] else "linear",
+                    str(row["flops"]),
+                    str(row["bytes"]),
+                    f"{1e3 * limits['peak'] / row['flops']:.0f}",
+                    f"{1e3 * limits['bandwidth'] / row['bytes']:.0f}",
+                ]
+            )
+    header = [
+        "cameras",
+        "estimate",
+        "flops per point",
+        "bytes per point",
+        "arithmetic allows, million points/s",
+        "memory allows, million points/s",
+    ]
     return header, cells
 
 
@@ -178,18 +196,26 @@ def plan(data: Row) -> tuple[list[str], list[list[str]]]:
     for row in rows:
         if row["refined"] and row["name"] in (NUMPY, COMPILED):
             seconds = RECONSTRUCTIONS / (1e6 * rate(row))
-            cells.append([
-                str(row["cameras"]),
-                row["name"].split(", ")[1],
-                f"{16e-9 * row['cameras'] * RECONSTRUCTIONS:.0f} GB",
-                f"{24e-9 * RECONSTRUCTIONS:.0f} GB",
-                f"{row['bytes'] * CHUNK / 2**20:.0f} MiB",
-                *(_duration(seconds / n) for n in WORKERS),
-                f"{bandwidth * seconds / (row['bytes'] * RECONSTRUCTIONS):.0f}",
-            ])  # fmt: skip
-    header = ["cameras", "by", "images", "points", "a worker holds",
-              *(f"{n} worker{'s' * (n > 1)}" for n in WORKERS),
-              "workers that one core's memory rate feeds"]  # fmt: skip
+            cells.append(
+                [
+                    str(row["cameras"]),
+                    row["name"].split(", ")[1],
+                    f"{16e-9 * row['cameras'] * RECONSTRUCTIONS:.0f} GB",
+                    f"{24e-9 * RECONSTRUCTIONS:.0f} GB",
+                    f"{row['bytes'] * CHUNK / 2**20:.0f} MiB",
+                    *(_duration(seconds / n) for n in WORKERS),
+                    f"{bandwidth * seconds / (row['bytes'] * RECONSTRUCTIONS):.0f}",
+                ]
+            )
+    header = [
+        "cameras",
+        "by",
+        "images",
+        "points",
+        "a worker holds",
+        *(f"{n} worker{'s' * (n > 1)}" for n in WORKERS),
+        "workers that one core's memory rate feeds",
+    ]
     return header, cells
 
 
@@ -198,21 +224,32 @@ def scale(data: Row) -> tuple[list[str], list[list[str]]]:
     cells = []
     for row in data["scale"]["rows"]:
         rate = row["points"] / row["seconds"]
-        cells.append([
-            row["by"],
-            str(row["workers"]),
-            str(row["trials"]),
-            f"{row['points'] / 1e6:.1f}",
-            f"{row['start']:.1f} s",
-            f"{row['seconds']:.1f} s",
-            f"{rate / 1e6:.2f}",
-            _duration(RECONSTRUCTIONS / rate),
-            f"{row['cube_mb']:.0f} MB",
-            f"{row['memory_mb']:.0f} MB",
-        ])  # fmt: skip
-    header = ["by", "processes", "trials", "million points", "until the first result",
-              "from then on", "million points/s", "10⁹ points", "cube",
-              "largest memory"]  # fmt: skip
+        cells.append(
+            [
+                row["by"],
+                str(row["workers"]),
+                str(row["trials"]),
+                f"{row['points'] / 1e6:.1f}",
+                f"{row['start']:.1f} s",
+                f"{row['seconds']:.1f} s",
+                f"{rate / 1e6:.2f}",
+                _duration(RECONSTRUCTIONS / rate),
+                f"{row['cube_mb']:.0f} MB",
+                f"{row['memory_mb']:.0f} MB",
+            ]
+        )
+    header = [
+        "by",
+        "processes",
+        "trials",
+        "million points",
+        "until the first result",
+        "from then on",
+        "million points/s",
+        "10⁹ points",
+        "cube",
+        "largest memory",
+    ]
     return header, cells
 
 

@@ -43,11 +43,28 @@ def _against(axes: Axes, part: Sequence[Entry]) -> None:
         reach = np.array([[x - e.least, e.most - x] for x, e in zip(stated, chosen, strict=True)]).T
         median = np.array([e.median for e in chosen])
         band = np.array([[e.median - e.low, e.high - e.median] for e in chosen]).T
-        axes.errorbar(stated, median, band, reach, linestyle="none", marker=shape, markersize=4,
-                      color=color, elinewidth=0.6, label=f"{verdict} ({len(chosen)})")  # fmt: skip
-    axes.set(xscale="log", yscale="log", xlim=span, ylim=span, aspect="equal",
-             title="(a) stated against median and 5–95 % band",
-             xlabel="stated, %", ylabel="this book, %")  # fmt: skip
+        axes.errorbar(
+            stated,
+            median,
+            band,
+            reach,
+            linestyle="none",
+            marker=shape,
+            markersize=4,
+            color=color,
+            elinewidth=0.6,
+            label=f"{verdict} ({len(chosen)})",
+        )
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlim=span,
+        ylim=span,
+        aspect="equal",
+        title="(a) stated against median and 5–95 % band",
+        xlabel="stated, %",
+        ylabel="this book, %",
+    )
     _plain_ticks(axes)
     axes.legend(loc="upper left")
 
@@ -57,14 +74,26 @@ def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
     edge = max(1.0, np.ceil(4 * np.abs(ratios).max()) / 4)
     bins = np.arange(-edge, edge + 0.01, 0.25)
     stacks = [[r for r, e in zip(ratios, part, strict=True) if e.verdict == v] for v in MARKS]
-    axes.hist(stacks, bins=list(bins), stacked=True, label=list(MARKS),
-              color=[color for color, _ in MARKS.values()])  # fmt: skip
+    axes.hist(
+        stacks,
+        bins=list(bins),
+        stacked=True,
+        label=list(MARKS),
+        color=[color for color, _ in MARKS.values()],
+    )
     ticks = np.arange(-np.floor(edge), np.floor(edge) + 1)
     axes.set_xticks(ticks, [f"{2.0**tick:g}" for tick in ticks])
     axes.axvline(0, color=REFERENCE, linewidth=1)
     axes.axvline(float(np.median(ratios)), color="#222222", linewidth=1, linestyle="--")
-    axes.text(0.98, 0.96, f"median ratio {2 ** float(np.median(ratios)):.2f}", ha="right", va="top",
-              transform=axes.transAxes, fontsize=8)  # fmt: skip
+    axes.text(
+        0.98,
+        0.96,
+        f"median ratio {2 ** float(np.median(ratios)):.2f}",
+        ha="right",
+        va="top",
+        transform=axes.transAxes,
+        fontsize=8,
+    )
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(title="(b) median over stated", xlabel="ratio", ylabel="stated figures")
 

@@ -102,14 +102,27 @@ def powers(cube: xr.Dataset) -> str:
     scaled = cube["power_scaled"].transpose("chapter", "factor").values
     own = int(np.flatnonzero(cube["factor"].values == 1)[0])
     rows = [
-        [f"chapter {chapter}", str(n), f"{real[own] / n:.0%}", f"{draw / n:.1%}",
-         f"{n - real[own]} ({n - draw:.0f})", *(f"{k / n:.0%}" for k in real)]
+        [
+            f"chapter {chapter}",
+            str(n),
+            f"{real[own] / n:.0%}",
+            f"{draw / n:.1%}",
+            f"{n - real[own]} ({n - draw:.0f})",
+            *(f"{k / n:.0%}" for k in real),
+        ]
         for chapter, n, draw, real in zip(
             cube["chapter"].values, total, expected, scaled, strict=True
-        ) if n
-    ]  # fmt: skip
-    header = ["", "figures", "met", "expected", "misses (expected)",
-              *(f"errors ×{factor:g}" for factor in cube["factor"].values)]  # fmt: skip
+        )
+        if n
+    ]
+    header = [
+        "",
+        "figures",
+        "met",
+        "expected",
+        "misses (expected)",
+        *(f"errors ×{factor:g}" for factor in cube["factor"].values),
+    ]
     n, every = int(total.sum()), float(expected.sum())
     return table(header, rows) + (
         f"\nIn all {scaled[:, own].sum()} of {n} are met, and {every / n:.1%} would be if the "

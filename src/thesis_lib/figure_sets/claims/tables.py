@@ -53,30 +53,53 @@ def rules() -> Markdown:
     """The tolerances, which are the same for all claims."""
     points, low_points = f"{WIDER:g} point", f"{WIDER_BELOW_10:g} below 10 %"
     rows = [
-        ["a stated figure *agrees*", "literal run in the stated value or interval, ± half a unit "
-         "of the last printed digit; of a claim on all settings, in each"],
+        [
+            "a stated figure *agrees*",
+            "literal run in the stated value or interval, ± half a unit "
+            "of the last printed digit; of a claim on all settings, in each",
+        ],
         ["… as a strict bound, *less than*", "without rounding"],
-        ["… is *within scatter*", "else, the 5–95 % band of the trials, widened by "
-         f"{points} ({low_points}), reaches it"],
+        [
+            "… is *within scatter*",
+            f"else, the 5–95 % band of the trials, widened by {points} ({low_points}), reaches it",
+        ],
         ["… *differs*", "neither; the ratio is that of the median to the nearest stated value"],
-        ["a trend *agrees*", "true of the expected errors with a confidence of at least "
-         f"{CONFIDENT:.0%}, over {RESAMPLES} resamples of the trials"],
-        ["… is *within scatter*", f"else, true in more than {1 - CONFIDENT:.0%} of the "
-         "single runs or of the resamples"],
-        ["falls, rises", "last below (above) first, and more pairs of settings in this order than "
-         "in the other; in every mode and error that is named"],
-        [f"a rise or fall is *{UNCHANGED}*", "if the expected error changes by at most "
-         f"{trend_tests.MATERIAL:.0%} from first to last, whatever the confidence; of several, the "
-         "one that changes least"],
-        ["within an interval", "every expected error in it, its ends give or take "
-         f"{trend_tests.MATERIAL:.0%}"],
-        ["flat, no significant variation", f"largest at most {trend_tests.FLAT:g} times the least: "
-         "the thesis calls 7 → 3.5 % significant and 8–18 % not"],
-        ["alike, similar", f"geometric means within a factor of {trend_tests.ALIKE:g}: the "
-         "thesis calls modes within 10–15 % alike"],
+        [
+            "a trend *agrees*",
+            "true of the expected errors with a confidence of at least "
+            f"{CONFIDENT:.0%}, over {RESAMPLES} resamples of the trials",
+        ],
+        [
+            "… is *within scatter*",
+            f"else, true in more than {1 - CONFIDENT:.0%} of the single runs or of the resamples",
+        ],
+        [
+            "falls, rises",
+            "last below (above) first, and more pairs of settings in this order than "
+            "in the other; in every mode and error that is named",
+        ],
+        [
+            f"a rise or fall is *{UNCHANGED}*",
+            f"if the expected error changes by at most {trend_tests.MATERIAL:.0%} from first to "
+            "last, whatever the confidence; of several, the one that changes least",
+        ],
+        [
+            "within an interval",
+            f"every expected error in it, its ends give or take {trend_tests.MATERIAL:.0%}",
+        ],
+        [
+            "flat, no significant variation",
+            f"largest at most {trend_tests.FLAT:g} times the least: "
+            "the thesis calls 7 → 3.5 % significant and 8–18 % not",
+        ],
+        [
+            "alike, similar",
+            f"geometric means within a factor of {trend_tests.ALIKE:g}: the "
+            "thesis calls modes within 10–15 % alike",
+        ],
         ["no trend", "neither falls nor rises, or flat"],
         ["a stray number *agrees*", "within half a unit of its last printed digit"],
-    ]  # fmt: skip
+    ]
     return Markdown("\n".join(f"* **{term}**: {meaning}." for term, meaning in rows))
 
 
@@ -109,13 +132,24 @@ def readings_table(cube: xr.Dataset) -> Markdown:
         inside, of = part["reading_inside"].values, totals.sel(reading=name).values
         gained, lost = int(part["gained"]), int(part["lost"])
         chance = binomtest(gained, gained + lost).pvalue if gained + lost else 1.0
-        rows.append([
-            name, *(f"{met} of {n}" for met, n in zip(inside, of, strict=True)),
-            f"{inside.sum()}", f"+{gained} −{lost}", f"{chance:.2g}",
-            " / ".join(f"{r:.2f}" for r in part["log_residual"].values),
-        ])  # fmt: skip
-    header = ["reading", *(f"ch. {c}" for c in cube["chapter"].values), "all",
-              "gained, lost", "p", "rms log ratio"]  # fmt: skip
+        rows.append(
+            [
+                name,
+                *(f"{met} of {n}" for met, n in zip(inside, of, strict=True)),
+                f"{inside.sum()}",
+                f"+{gained} −{lost}",
+                f"{chance:.2g}",
+                " / ".join(f"{r:.2f}" for r in part["log_residual"].values),
+            ]
+        )
+    header = [
+        "reading",
+        *(f"ch. {c}" for c in cube["chapter"].values),
+        "all",
+        "gained, lost",
+        "p",
+        "rms log ratio",
+    ]
     note = (
         "Stated figures that the band of the trials meets. "
         "*Gained, lost*: against the adopted reading; *p*: how likely a difference so large is if "

@@ -153,8 +153,18 @@ def run(study: DesignLaw) -> xr.Dataset:
         are what runs are compared by.
     """
     cube = xr.Dataset(coords=_coordinates(study))
-    parts = (_motions, _settings, _cone, findings, arrays, pairs, equal_pixels,
-             dither.estimated, noisy.noisy_shares, dither.dithered)  # fmt: skip
+    parts = (
+        _motions,
+        _settings,
+        _cone,
+        findings,
+        arrays,
+        pairs,
+        equal_pixels,
+        dither.estimated,
+        noisy.noisy_shares,
+        dither.dithered,
+    )
     for part in parts:
         cube = cube.assign(labelled(part(study), VARIABLES))
     return cube.assign(labelled(summary(cube, study), VARIABLES))

@@ -75,8 +75,11 @@ def tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = Non
         least, centre = estimators.over_layouts(errors)
         gains.append(1 - centre / least)
         if gains[-1] < gains[0] / 2:
-            return float(np.interp(-gains[0] / 2, -np.array(gains[-2:]),
-                                   WITH_NOISE[len(gains) - 2 : len(gains)]))  # fmt: skip
+            return float(
+                np.interp(
+                    -gains[0] / 2, -np.array(gains[-2:]), WITH_NOISE[len(gains) - 2 : len(gains)]
+                )
+            )
     return float("inf")
 
 

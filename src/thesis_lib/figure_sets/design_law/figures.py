@@ -38,10 +38,21 @@ def motion(cube: xr.Dataset) -> Figure:
     for axes, scale in ((left, np.ones_like(delta)), (right, 100 / delta)):
         axes.plot(delta, scale * law, color=COLORS[0], linewidth=1.6, label="the law")
         axes.plot(delta, scale * drawn, "o", color=INK, markersize=2.2, label="drawn")
-        axes.plot(delta, scale * MOTION_PX, "--", color=COLORS[4], linewidth=1.2,
-                  label="two independent roundings")  # fmt: skip
-    left.set(title="(a) error of a motion", xlabel="motion of the image in px",
-             ylabel="rms error in px", xlim=(0, 3), ylim=(0, 0.75))  # fmt: skip
+        axes.plot(
+            delta,
+            scale * MOTION_PX,
+            "--",
+            color=COLORS[4],
+            linewidth=1.2,
+            label="two independent roundings",
+        )
+    left.set(
+        title="(a) error of a motion",
+        xlabel="motion of the image in px",
+        ylabel="rms error in px",
+        xlim=(0, 3),
+        ylim=(0, 0.75),
+    )
     left.legend(loc="upper right")
     small = delta < 0.2
     right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=INK, linewidth=1.2)
@@ -66,15 +77,27 @@ def settings(cube: xr.Dataset) -> Figure:
         law, naive = (cube[f"{k}_error"].values[rows].ravel() for k in ("law", "naive"))
         style = {"linestyle": "none", "marker": marker, "markersize": 3}
         left.plot(x, law, color=color(2 * number), label=f"{one}, the law", **style)
-        right.plot(x, naive / x, color=COLORS[4], markerfacecolor="none", markeredgewidth=0.6,
-                   label=f"{one}, independent roundings", **style)  # fmt: skip
+        right.plot(
+            x,
+            naive / x,
+            color=COLORS[4],
+            markerfacecolor="none",
+            markeredgewidth=0.6,
+            label=f"{one}, independent roundings",
+            **style,
+        )
         right.plot(x, law / x, color=color(2 * number), label=f"{one}, the law", **style)
     logarithmic(left.xaxis, PERCENT)
     logarithmic(left.yaxis, PERCENT)
     logarithmic(right.xaxis, PERCENT)
     words = "rms error over the trials in %"
-    left.set(title="(a) predicted against simulated", xlabel=words, ylabel="predicted error in %",
-             xlim=ends, ylim=ends)  # fmt: skip
+    left.set(
+        title="(a) predicted against simulated",
+        xlabel=words,
+        ylabel="predicted error in %",
+        xlim=ends,
+        ylim=ends,
+    )
     right.set(title="(b) predicted over simulated", xlabel=words, ylim=(0.8, 2.7))
     left.legend(loc="upper left")
     right.legend(loc="upper left", fontsize=7)
@@ -94,9 +117,12 @@ def cone(cube: xr.Dataset) -> Figure:
     other = 1000 * cube["cone_drawn_error"].sel(axis="Y")[::EVERY]
     axes.plot(angle[::EVERY], other, "o", color=COLORS[1], markersize=3.5, markerfacecolor="none")
     axes.axvline(np.degrees(ISOTROPIC), color=HIGHLIGHT, linewidth=1)
-    axes.annotate(f" {np.degrees(ISOTROPIC):.1f}°: the same\n in all directions",
-                  (np.degrees(ISOTROPIC), 0.72), xycoords=("data", "axes fraction"),
-                  color=HIGHLIGHT)  # fmt: skip
+    axes.annotate(
+        f" {np.degrees(ISOTROPIC):.1f}°: the same\n in all directions",
+        (np.degrees(ISOTROPIC), 0.72),
+        xycoords=("data", "axes fraction"),
+        color=HIGHLIGHT,
+    )
     axes.plot([], [], "o", color=INK, markersize=3.5, label="drawn with whole pixels")
     axes.set(
         xlabel="angle θ of the cone from the normal in °", ylabel="rms error in mm", xlim=(0, 90)
@@ -110,9 +136,13 @@ def findings(cube: xr.Dataset) -> Figure:
     """Distance, resolution, number, elevation, aperture; and the thesis's growing arrays."""
     drawing, grid = subplots(2, 3, figsize=(7.6, 5.0), layout="constrained")
     axes = dict(zip(cube["finding"].values, grid.flat, strict=False))
-    labels = {"distance": "distance d in mm", "resolution": "pixels across",
-              "number": "number of cameras N", "elevation": "elevation φ in °",
-              "aperture": "aperture α in °"}  # fmt: skip
+    labels = {
+        "distance": "distance d in mm",
+        "resolution": "pixels across",
+        "number": "number of cameras N",
+        "elevation": "elevation φ in °",
+        "aperture": "aperture α in °",
+    }
     for number, (name, words) in enumerate(labels.items()):
         axis = axes[name]
         for s, one in enumerate(cube["structure"].values):
@@ -123,8 +153,11 @@ def findings(cube: xr.Dataset) -> Figure:
             axis.plot(x, part["centre_error"], ":", color=color(2 * s), linewidth=1.3)
             if name == "aperture":
                 axis.plot(x, part["noisy_error"], "--", color=color(2 * s), linewidth=1)
-                axis.axvline(float(part["best_aperture"].isel(amplitudes=1)), color=color(2 * s),
-                             linewidth=0.8)  # fmt: skip
+                axis.axvline(
+                    float(part["best_aperture"].isel(amplitudes=1)),
+                    color=color(2 * s),
+                    linewidth=0.8,
+                )
         axis.set(title=f"({'abcde'[number]})", xlabel=words)
         logarithmic(axis.yaxis, PERCENT)
     logarithmic(axes["distance"].xaxis, [500, 750, 1000, 1500])
@@ -184,10 +217,18 @@ def shares(cube: xr.Dataset) -> Figure:
         small = part["marker_height"].values < FOLLOWED_PX
         sensor.plot(n[order][~small], width[~small], "o", markersize=3.5, **style)
         sensor.plot(n[order][small], width[small], "x", markersize=4.5, **style)
-    grid[1].plot(n[order], cube["independent_fit_error"].isel(rate=0, count=order), "--",
-                 color=INK, linewidth=0.9)  # fmt: skip
-    for axes, title in zip(grid, ("(a) one frame, %", "(b) amplitude from all frames, %",
-                                  "(c) pixels across each sensor"), strict=True):  # fmt: skip
+    grid[1].plot(
+        n[order],
+        cube["independent_fit_error"].isel(rate=0, count=order),
+        "--",
+        color=INK,
+        linewidth=0.9,
+    )
+    for axes, title in zip(
+        grid,
+        ("(a) one frame, %", "(b) amplitude from all frames, %", "(c) pixels across each sensor"),
+        strict=True,
+    ):
         logarithmic(axes.xaxis, [2, 4, 8, 16, 32, 64])
         axes.set(title=title, xlabel="number of cameras N")
     least = min(float(cube[f"{k}fit_error"].min()) for k in ("", "drawn_", "independent_"))
@@ -196,8 +237,16 @@ def shares(cube: xr.Dataset) -> Figure:
         axes.set_ylim(0.75 * least, 60)
     logarithmic(grid[2].yaxis, [100, 200, 500, 1000, 2000])
     for e, name in enumerate(cube["estimator"].values):
-        grid[1].plot([], [], linestyle="none", marker="osD^"[e % 4], color=INK, markersize=3.5,
-                     markerfacecolor="none" if e else None, label=name)  # fmt: skip
+        grid[1].plot(
+            [],
+            [],
+            linestyle="none",
+            marker="osD^"[e % 4],
+            color=INK,
+            markersize=3.5,
+            markerfacecolor="none" if e else None,
+            label=name,
+        )
     for line, words in (("-", "the law"), ("--", "independent, averaged")):
         grid[1].plot([], [], line, color=INK, linewidth=1, label=words)
     grid[2].plot([], [], "x", color=INK, markersize=4.5, label=f"markers < {FOLLOWED_PX:g} px high")
@@ -224,8 +273,11 @@ def estimators(cube: xr.Dataset) -> Figure:
     logarithmic(left.yaxis, [50, 100, 200, 500, 1000])
     left.set(title="(a) error of a deflection, µm", xlabel="number of cameras N")
     left.legend(loc="lower left", fontsize=7)
-    right.set(title=f"(b) {design_dither.NOISY} cameras, µm", ylim=(0, None),
-              xlabel="noise of the images before rounding, px")  # fmt: skip
+    right.set(
+        title=f"(b) {design_dither.NOISY} cameras, µm",
+        ylim=(0, None),
+        xlabel="noise of the images before rounding, px",
+    )
     return drawing
 
 
@@ -273,19 +325,32 @@ def noisy(cube: xr.Dataset) -> Figure:
 def dithering(cube: xr.Dataset) -> Figure:
     """What is left of the rounding error by motion, shake, and size of the markers."""
     drawing, grid = subplots(1, 3, figsize=(7.6, 3.1), layout="constrained")
-    panels = (("swing", "(a) fitted amplitude, px", "amplitude of the image, px"),
-              ("shake", "(b) mean of frames, px", "camera shake, px"),
-              ("disc", "(c) centroid of a disc, px", "diameter of the marker, px"))  # fmt: skip
+    panels = (
+        ("swing", "(a) fitted amplitude, px", "amplitude of the image, px"),
+        ("shake", "(b) mean of frames, px", "camera shake, px"),
+        ("disc", "(c) centroid of a disc, px", "diameter of the marker, px"),
+    )
     for axes, (name, title, words) in zip(grid, panels, strict=True):
         x = cube[name].values
-        axes.axhline(dither.ONE_FRAME**0.5, color=COLORS[4], linestyle="--", linewidth=1.2,
-                     label="one coordinate, one frame")  # fmt: skip
+        axes.axhline(
+            dither.ONE_FRAME**0.5,
+            color=COLORS[4],
+            linestyle="--",
+            linewidth=1.2,
+            label="one coordinate, one frame",
+        )
         axes.plot(x, cube[f"{name}_error"], color=COLORS[0], linewidth=1.6, label="closed form")
         axes.plot(x, cube[f"drawn_{name}_error"], "o", color=INK, markersize=2.4, label="drawn")
         axes.set(title=title, xlabel=words)
         logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
-    grid[1].plot(cube["shake"], cube["endless_shake_error"], ":", color=COLORS[0],
-                 linewidth=1.4, label="endless frames")  # fmt: skip
+    grid[1].plot(
+        cube["shake"],
+        cube["endless_shake_error"],
+        ":",
+        color=COLORS[0],
+        linewidth=1.4,
+        label="endless frames",
+    )
     grid[1].set_ylim(0.01, 0.5)
     logarithmic(grid[0].xaxis, [0.1, 0.3, 1, 3, 10])
     for axes in grid[:2]:

@@ -50,21 +50,33 @@ def pairs(study: DesignLaw) -> dict[str, ArrayLike]:
         closed[at] = pair_deflection_error(distance, focal, opening, tilt)
         noisy[at] = pair_noise_error(distance, focal, opening, tilt)
     return {
-        "pair_error": closed, "drawn_pair_error": drawn,
-        "pair_noise_error": noisy, "drawn_pair_noise_error": drawn_noisy,
-    }  # fmt: skip
+        "pair_error": closed,
+        "drawn_pair_error": drawn,
+        "pair_noise_error": noisy,
+        "drawn_pair_noise_error": drawn_noisy,
+    }
 
 
 def paired(cube: xr.Dataset) -> str:
     """Rounding and independent noise side by side, by elevation and aperture."""
     names = ("pair_error", "drawn_pair_error", "pair_noise_error", "drawn_pair_noise_error")
     rows = [
-        [f"{tilt:g}°", f"{opening:g}°",
-         *(f"{1000 * float(cube[name].sel(tilt=tilt, opening=opening)):.2f}" for name in names)]
-        for tilt in cube["tilt"].values for opening in cube["opening"].values
-    ]  # fmt: skip
-    header = ["elevation", "aperture", "rounded, mm", "drawn, mm", "independent noise, mm",
-              "drawn, mm"]  # fmt: skip
+        [
+            f"{tilt:g}°",
+            f"{opening:g}°",
+            *(f"{1000 * float(cube[name].sel(tilt=tilt, opening=opening)):.2f}" for name in names),
+        ]
+        for tilt in cube["tilt"].values
+        for opening in cube["opening"].values
+    ]
+    header = [
+        "elevation",
+        "aperture",
+        "rounded, mm",
+        "drawn, mm",
+        "independent noise, mm",
+        "drawn, mm",
+    ]
     distance = json.loads(cube.attrs["parameters"])["cone_distance_mm"]
     return table(header, rows) + (
         f"\nA deflection of the centre, {distance:g} mm from two cameras, over one pixel "

@@ -40,15 +40,31 @@ def _share(cube: xr.Dataset, counts: Iterable[int]) -> str:
                 for name in ("drawn_frame_error", "drawn_fit_error")
             )
             rows.append(
-                [f"{rate:g}", str(count), f"{int(at['width_px'])}×{int(at['height_px'])}",
-                 f"{float(at['marker_height']):.1f}{'' if followed(at) else ' †'}",
-                 f"{float(at['motion_px']):.1f}", percent_text(float(at["frame_error"])), *drawn,
-                 percent_text(float(at["fit_error"])), *fitted,
-                 f"{float(at['useful_frames']):.0f}"]
-            )  # fmt: skip
-    header = ["Hz", "cameras", "pixels", "marker, px", "motion, px", "frame: law",
-              *(f"frame: {name}" for name in names), "film: law",
-              *(f"film: {name}" for name in names), "frames that tell"]  # fmt: skip
+                [
+                    f"{rate:g}",
+                    str(count),
+                    f"{int(at['width_px'])}×{int(at['height_px'])}",
+                    f"{float(at['marker_height']):.1f}{'' if followed(at) else ' †'}",
+                    f"{float(at['motion_px']):.1f}",
+                    percent_text(float(at["frame_error"])),
+                    *drawn,
+                    percent_text(float(at["fit_error"])),
+                    *fitted,
+                    f"{float(at['useful_frames']):.0f}",
+                ]
+            )
+    header = [
+        "Hz",
+        "cameras",
+        "pixels",
+        "marker, px",
+        "motion, px",
+        "frame: law",
+        *(f"frame: {name}" for name in names),
+        "film: law",
+        *(f"film: {name}" for name in names),
+        "frames that tell",
+    ]
     return table(header, rows)
 
 
@@ -188,10 +204,12 @@ def claim(cube: xr.Dataset) -> str:
     )
     for name in cube["estimator"].values[1:]:
         frame, film = (
-            [percent_text(float(cube[kind].sel(estimator=name, count=count, rate=slow)))
-             for count in (few, many)]
+            [
+                percent_text(float(cube[kind].sel(estimator=name, count=count, rate=slow)))
+                for count in (few, many)
+            ]
             for kind in ("drawn_frame_error", "drawn_fit_error")
-        )  # fmt: skip
+        )
         text += (
             f" The *{name}* gives, at {slow:g} frames per second, {frame[0]} % to {few} cameras "
             f"and {frame[1]} % to {many} from one frame, {film[0]} and {film[1]} % from all"

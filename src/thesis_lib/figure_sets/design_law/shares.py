@@ -62,16 +62,23 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
     centre = percent * cone_law.cone_deflection_error(distance, focal, counts, angle)
     motion = peak * np.sin(angle) * focal / distance
     return {
-        "width_px": widths, "height_px": heights, "frame_rate": frame_rate,
-        "pixel_size": distance / focal, "marker_spacing": beam.marker_spacing * focal / distance,
+        "width_px": widths,
+        "height_px": heights,
+        "frame_rate": frame_rate,
+        "pixel_size": distance / focal,
+        "marker_spacing": beam.marker_spacing * focal / distance,
         "marker_height": MARKER * np.cos(angle) * focal / distance,
-        "motion_px": motion, "in_view": view, "average_error": centre,
-        "frame_error": percent * law, "drawn_frame_error": percent * drawn,
+        "motion_px": motion,
+        "in_view": view,
+        "average_error": centre,
+        "frame_error": percent * law,
+        "drawn_frame_error": percent * drawn,
         # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.
         "independent_fit_error": centre / np.sqrt(frame_rate * study.duration_s),
         "useful_frames": cone_law.useful_frames(motion[..., None] * spread(FITTED)),
-        "fit_error": percent * fitted, "drawn_fit_error": percent * drawn_fit,
-    }  # fmt: skip
+        "fit_error": percent * fitted,
+        "drawn_fit_error": percent * drawn_fit,
+    }
 
 
 def one_frame(rig: CameraArray, points: Array, study: DesignLaw, estimate: Estimator) -> float:

@@ -153,19 +153,22 @@ def findings(study: DesignLaw) -> dict[str, ArrayLike]:
         for k, error in enumerate((exact, expected)):
             best[k, s], gained[k, s] = best_aperture(study, name, points, error)
     return {
-        "swept": values, "expected_error": averaged, "exact_error": usual, "centre_error": centre,
-        "noisy_error": noise, "noisy_centre_error": noisy_centre,
+        "swept": values,
+        "expected_error": averaged,
+        "exact_error": usual,
+        "centre_error": centre,
+        "noisy_error": noise,
+        "noisy_centre_error": noisy_centre,
         "expected_exponent": _exponents(values, averaged),
-        "centre_exponent": _exponents(values, centre), "small_exponent": _exponents(values, small),
-        "best_aperture": best, "wide_gain": gained,
-    }  # fmt: skip
+        "centre_exponent": _exponents(values, centre),
+        "small_exponent": _exponents(values, small),
+        "best_aperture": best,
+        "wide_gain": gained,
+    }
 
 
 def best_aperture(
-    study: DesignLaw,
-    structure: str,
-    points: Array,
-    law: Callable[[CameraArray, Array], float],
+    study: DesignLaw, structure: str, points: Array, law: Callable[[CameraArray, Array], float]
 ) -> tuple[float, float]:
     """Aperture in whole degrees of the least error, and the error at `WIDE_DEG` over it."""
 

@@ -77,8 +77,15 @@ def tracks_for(study: Experiment, setting: setups.Setting, data: xr.Dataset) -> 
     """The tracks that a setting is made of: its cameras' at its width, as its method takes them."""
     beam, method = setups.beam(), method_of(setting.case)
     calibration = "full" if method == "harmonic" else "literal"
-    return tracks_of(data, rows_on(beam), _names(study, setting), setting.resolution_px[0],
-                     calibration, method == "matched", beam.damping)  # fmt: skip
+    return tracks_of(
+        data,
+        rows_on(beam),
+        _names(study, setting),
+        setting.resolution_px[0],
+        calibration,
+        method == "matched",
+        beam.damping,
+    )
 
 
 def _names(study: Experiment, setting: setups.Setting) -> str:
@@ -159,8 +166,11 @@ def _cube(
     )
     if "shots_used" in data:
         cube["shots_used"] = ("shots_camera", data["shots_used"].values, data["shots_used"].attrs)
-    kept = {"missing_share": "tracking_missing", "wrong_share": "tracking_wrong",
-            "centre_error": "tracking_error"}  # fmt: skip
+    kept = {
+        "missing_share": "tracking_missing",
+        "wrong_share": "tracking_wrong",
+        "centre_error": "tracking_error",
+    }
     for name, new in kept.items():
         cube[new] = ("tracked_width", data[name].values, data[name].attrs)
     text = {"long_name": "width at which frames were tracked", "units": "1"}

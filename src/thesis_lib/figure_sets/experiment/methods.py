@@ -194,8 +194,10 @@ def predicted(tracks: Tracks, method: str, at: Instant, exposures: Array) -> Arr
     """Standard deviation of the deflection of each marker by the noise of the centres alone, m."""
     if method == "harmonic":
         return deviation(tracks, at.omega, exposures)
-    mean = 1.0 if method in WHOLE_FRAMES else np.mean(
-        [interpolation_gain(f) ** 2 for f in np.linspace(0, 1, 21)]
-    )  # fmt: skip
+    mean = (
+        1.0
+        if method in WHOLE_FRAMES
+        else np.mean([interpolation_gain(f) ** 2 for f in np.linspace(0, 1, 21)])
+    )
     each = tracks.sigma * np.sqrt(mean + 1 / tracks.rest_frames)
     return rc.height_deviation(tracks.P, tracks.frame, tracks.points, each)

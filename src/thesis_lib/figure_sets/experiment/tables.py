@@ -19,11 +19,19 @@ def tracking_table(cube: xr.Dataset) -> Markdown:
             "—" if np.isnan(error) else f"{error:.3f}",
         ]
         for width, missing, wrong, error in zip(
-            *(cube[f"tracked_{name}" if name == "width" else f"tracking_{name}"].values
-              for name in ("width", "missing", "wrong", "error")), strict=True)
-    ]  # fmt: skip
-    header = ["frames", "missing", "of those found, off by more than 1 px",
-              "rms error of the rest, px"]  # fmt: skip
+            *(
+                cube[f"tracked_{name}" if name == "width" else f"tracking_{name}"].values
+                for name in ("width", "missing", "wrong", "error")
+            ),
+            strict=True,
+        )
+    ]
+    header = [
+        "frames",
+        "missing",
+        "of those found, off by more than 1 px",
+        "rms error of the rest, px",
+    ]
     note = "All marker images of all cameras and frames."
     if "shots_used" in cube:
         used = ", ".join(f"{int(n)}" for n in cube["shots_used"].values)

@@ -61,9 +61,13 @@ def draw(study: Experiment, data: xr.Dataset) -> Draws:
 
 
 def trials(
-    tracks: Tracks, instant: Instant, method: str, draws: Draws, index: Sequence[int],
+    tracks: Tracks,
+    instant: Instant,
+    method: str,
+    draws: Draws,
+    index: Sequence[int],
     exposures: Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """Deflections of all markers in trials 1 …, shape (trials, markers), m."""
     P, rate, sigma = tracks.P, tracks.rate, tracks.sigma
     starts, clocks = draws.starts[:, index], draws.clocks[:, index]

@@ -98,12 +98,14 @@ def measured(study: Layouts, setting: Setting, noisy: Array, quiet: Array) -> Re
         except ValueError:  # too few markers at rest
             fits.append(None)
     return Recording(
-        rig, fits[0], fits[1],
+        rig,
+        fits[0],
+        fits[1],
         noise=(kinds[0] - kinds[1])[..., row] * known,
         bias=(kinds[1] - truth)[..., row] * known,
         lost=missing.mean(axis=(1, 2)),
         wrong=np.count_nonzero(wrong, axis=(1, 2)) / np.where(found, found, np.nan),
-    )  # fmt: skip
+    )
 
 
 def chosen(fit: Fitted | None, rig: Rig, index: Sequence[int]) -> Fitted | None:

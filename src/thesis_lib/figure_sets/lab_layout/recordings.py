@@ -79,8 +79,10 @@ def window_of(rig: Rig, station: Station) -> tuple[Station, Array]:
     camera, extent = station.camera, rig.markers.extent
     x, y = (np.linspace(0, side, 30) for side in extent)
     points = np.stack([np.tile(x, 30), np.repeat(y, 30)])
-    lift = sum(abs(part.amplitude * part.shape(rig.motion.structure, points))
-               for part in rig.motion.components)  # fmt: skip
+    lift = sum(
+        abs(part.amplitude * part.shape(rig.motion.structure, points))
+        for part in rig.motion.components
+    )
     uv = lens.project(camera, on_surface(extent, points[:, None], np.stack([-lift, lift])))
     flat = uv.reshape(2, -1)
     low = np.clip(np.floor(flat.min(axis=1)).astype(int) - MARGIN, 0, camera.size)
@@ -146,8 +148,13 @@ def dataset(rigs: list[Rig], of: Callable[[tuple[int, int]], tuple[Array, Array]
     `of` gives those of a pair (recording, camera), noisy and quiet, as :func:`tracks` does.
     """
     frames = {len(times_of(rig, rig.stations[0])) for rig in rigs}
-    shape = (len(rigs), max(len(rig.stations) for rig in rigs), max(frames), 2,
-             max(rig.markers.count for rig in rigs))  # fmt: skip
+    shape = (
+        len(rigs),
+        max(len(rig.stations) for rig in rigs),
+        max(frames),
+        2,
+        max(rig.markers.count for rig in rigs),
+    )
     both = np.full((2, *shape), np.nan)
     for r, rig in enumerate(rigs):
         for c in range(len(rig.stations)):
@@ -156,6 +163,8 @@ def dataset(rigs: list[Rig], of: Callable[[tuple[int, int]], tuple[Array, Array]
     dims = ("recording", "camera", "frame", "axis", "marker")
     texts = {"noisy": "centres of the markers", "quiet": "centres in frames without noise"}
     return xr.Dataset(
-        {name: (dims, values, {"units": "px", "long_name": texts[name]})
-         for name, values in zip(texts, both, strict=True)}
-    )  # fmt: skip
+        {
+            name: (dims, values, {"units": "px", "long_name": texts[name]})
+            for name, values in zip(texts, both, strict=True)
+        }
+    )

@@ -57,10 +57,16 @@ def run(study: LabModes, data: xr.Dataset) -> xr.Dataset:
             "found": [of_mode[r][0] for of_mode in founds],
         }[setting.case]
         each = [
-            case_results(of_mode[r], setting.case, frequency, study.trials, study.seed,
-                         study.starts == "together")
+            case_results(
+                of_mode[r],
+                setting.case,
+                frequency,
+                study.trials,
+                study.seed,
+                study.starts == "together",
+            )
             for of_mode, frequency in zip(films, presumed, strict=True)
-        ]  # fmt: skip
+        ]
         results.append({name: np.array([one[name] for one in each]) for name in each[0]})
     cube = _frame(study, films, settings)
     focal = study.focal_length_mm / study.sensor_width_mm * study.width_px

@@ -27,13 +27,24 @@ def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     rows = [np.flatnonzero(y == value) for value in np.unique(y)]
     axis = rows[len(rows) // 2]
     labels = part["label"].values
-    axes[0, 1].plot(x[axis], part["reference_deflection"].values[axis] * 1000,
-                    color=REFERENCE, linewidth=3, label="true")  # fmt: skip
+    axes[0, 1].plot(
+        x[axis],
+        part["reference_deflection"].values[axis] * 1000,
+        color=REFERENCE,
+        linewidth=3,
+        label="true",
+    )
     for index in chosen:
         measured = part["measured_deflection"].values[index, 0] * 1000
         word = "best" if index == chosen[0] else "worst"
-        axes[0, 1].plot(x[axis], measured[axis], ".-", color=color(index), linewidth=1,
-                        label=f"{labels[index]} ({word})")  # fmt: skip
+        axes[0, 1].plot(
+            x[axis],
+            measured[axis],
+            ".-",
+            color=color(index),
+            linewidth=1,
+            label=f"{labels[index]} ({word})",
+        )
     axes[0, 1].set(title="(b) at the maximum of bending", xlabel="x in mm", ylabel="w in mm")
     axes[0, 1].legend()
     _torsion_panel(axes[1, 0], part, rows, chosen)
@@ -55,8 +66,15 @@ def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[i
         axes.plot([], [], mark, color="#777777", markersize=4, label=name)
     axes.plot([], [], color=REFERENCE, linewidth=2, label="true")
     if np.isnan(part["quadrature_deflection"].values[chosen]).all():
-        axes.text(0.5, 0.5, "one instant shows\none instant alone", ha="center", va="center",
-                  transform=axes.transAxes, color="#777777")  # fmt: skip
+        axes.text(
+            0.5,
+            0.5,
+            "one instant shows\none instant alone",
+            ha="center",
+            va="center",
+            transform=axes.transAxes,
+            color="#777777",
+        )
     axes.legend(ncols=3, loc="upper left", columnspacing=1, handlelength=1.2)
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.2 * (high - low))
@@ -77,28 +95,54 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     misfits, costs = right.subplots(2, 1)
     _misfit_panel(misfits, part)
     for r, rate in enumerate(rates):
-        costs.plot(part["cycles"], part["detuned_error"].values[r], "o", markersize=4,
-                   color=color(r), label=f"{rate:g} fps")  # fmt: skip
-    costs.plot(part["cycles"], part["detuned_prediction"], color="#222222", linewidth=1,
-               label="loss of amplitude")  # fmt: skip
-    costs.set(title="(c) if the known frequency is wrong", ylim=(0, None),
-              xlabel="error in periods per recording", ylabel="mean error in %")  # fmt: skip
+        costs.plot(
+            part["cycles"],
+            part["detuned_error"].values[r],
+            "o",
+            markersize=4,
+            color=color(r),
+            label=f"{rate:g} fps",
+        )
+    costs.plot(
+        part["cycles"],
+        part["detuned_prediction"],
+        color="#222222",
+        linewidth=1,
+        label="loss of amplitude",
+    )
+    costs.set(
+        title="(c) if the known frequency is wrong",
+        ylim=(0, None),
+        xlabel="error in periods per recording",
+        ylabel="mean error in %",
+    )
     costs.legend(ncols=2, columnspacing=1, handlelength=1.2)
     return drawing
 
 
 def _spectrum_panel(axes: Axes, part: xr.Dataset, r: int) -> None:
     rate = float(part["frame_rate"][r])
-    axes.plot(part["spectrum_frequency"].values[r], part["spectrum"].values[r],
-              color=color(r), linewidth=1.2)  # fmt: skip
+    axes.plot(
+        part["spectrum_frequency"].values[r],
+        part["spectrum"].values[r],
+        color=color(r),
+        linewidth=1.2,
+    )
     true, shown = float(part["frequency"]), float(part["alias_frequency"][r])
     aliased = abs(true - shown) > 1e-6
     axes.axvline(shown, color=HIGHLIGHT if aliased else "#222222", linewidth=0.8, linestyle="--")
     text = f"{shown:.1f} Hz" + (f", an alias of {true:.1f} Hz" if aliased else "")
     right = shown > 0.6 * rate / 2
-    axes.annotate(text, (shown, 1.0), (-3 if right else 3, 1), textcoords="offset points",
-                  ha="right" if right else "left", va="bottom", fontsize=7,
-                  color=HIGHLIGHT if aliased else "#222222")  # fmt: skip
+    axes.annotate(
+        text,
+        (shown, 1.0),
+        (-3 if right else 3, 1),
+        textcoords="offset points",
+        ha="right" if right else "left",
+        va="bottom",
+        fontsize=7,
+        color=HIGHLIGHT if aliased else "#222222",
+    )
     axes.set(xlim=(0, rate / 2), ylim=(0, 1.25), yticks=[0, 1], ylabel=f"{rate:g} fps")
     if r == 0:
         axes.set_title("(a) share explained by a harmonic")
@@ -108,12 +152,21 @@ def _spectrum_panel(axes: Axes, part: xr.Dataset, r: int) -> None:
 
 def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
     for r, rate in enumerate(part["frame_rate"].values):
-        axes.semilogy(part["candidate_frequency"].values[r], part["misfit"].values[r], "o",
-                      markersize=4, color=color(r), label=f"{rate:g} fps")  # fmt: skip
+        axes.semilogy(
+            part["candidate_frequency"].values[r],
+            part["misfit"].values[r],
+            "o",
+            markersize=4,
+            color=color(r),
+            label=f"{rate:g} fps",
+        )
     axes.axvline(float(part["frequency"]), color="#222222", linewidth=0.8, linestyle="--")
     axes.axhline(1, color="#222222", linewidth=0.8)
-    axes.set(title="(b) disagreement of the cameras at each alias", xlabel="frequency in Hz",
-             ylabel="over what noise makes")  # fmt: skip
+    axes.set(
+        title="(b) disagreement of the cameras at each alias",
+        xlabel="frequency in Hz",
+        ylabel="over what noise makes",
+    )
     top = float(np.nanmax(part["misfit"].values))
     axes.set_ylim(0.5, 20 * max(top, MANY))
     axes.legend(ncols=2, columnspacing=1, handlelength=1, loc="upper right")

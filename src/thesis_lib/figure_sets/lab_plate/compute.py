@@ -41,8 +41,13 @@ from thesis_lib.vibration.structure import (
 from thesis_lib.vision import rounding
 from thesis_lib.vision.simulation import assurance
 
-PARAMETERS = {"distance": "distance_mm", "aperture": "aperture_deg", "elevation": "elevation_deg",
-              "resolution": "width_px", "cameras": "n_cameras"}  # fmt: skip
+PARAMETERS = {
+    "distance": "distance_mm",
+    "aperture": "aperture_deg",
+    "elevation": "elevation_deg",
+    "resolution": "width_px",
+    "cameras": "n_cameras",
+}
 
 
 def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
@@ -59,10 +64,15 @@ def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the table says so
         sounds = [
-            PlateSound.of(plate, study.planes, study.medium, resonance(plate, mode),
-                          deflection_shape(plate, mode, plate.markers, peak))
+            PlateSound.of(
+                plate,
+                study.planes,
+                study.medium,
+                resonance(plate, mode),
+                deflection_shape(plate, mode, plate.markers, peak),
+            )
             for mode, peak in zip(study.modes, study.peaks_m, strict=True)
-        ]  # fmt: skip
+        ]
     results: list[dict[str, Any]] = []
     for setting in settings:
         each = [
@@ -72,9 +82,11 @@ def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
         results.append({name: np.array([one[name] for one in each]) for name in each[0]})
         results[-1] |= {
             "in_view": 1.0,  # others are refused
-            "ground_sample_distance": setting.distance_mm / 1000 * study.sensor_width_mm
+            "ground_sample_distance": setting.distance_mm
+            / 1000
+            * study.sensor_width_mm
             / (study.focal_length_mm * setting.resolution_px[0]),
-        }  # fmt: skip
+        }
     reference = labelled({"reference_deflection": [h.reference for h in sounds]}, _TRUTH)
     cube = xr.Dataset(reference, _coordinates(study, plate, settings))
     cube = cube.assign(of_settings(settings, results, _VARIABLES))
@@ -129,9 +141,11 @@ def _results(
         "rounded_error": scale * np.sqrt(np.mean(np.diag(rounded))),
         "rounded_plane_error": heard.expected_plane_errors(rounded),
         "rounded_power_error": heard.expected_power_error(rounded),
-        "rounded_correlation": neighbours(np.linalg.cholesky(
-            rounded + 1e-9 * np.trace(rounded) * np.eye(len(rounded))).T, study.grid),
-    }  # fmt: skip
+        "rounded_correlation": neighbours(
+            np.linalg.cholesky(rounded + 1e-9 * np.trace(rounded) * np.eye(len(rounded))).T,
+            study.grid,
+        ),
+    }
 
 
 def measure(
@@ -211,10 +225,12 @@ def _fields(cube: xr.Dataset, study: LabPlate, sounds: list[PlateSound]) -> dict
     plate, chosen = study.plate, labels.extremes(cube)
     reference = np.array([heard.fields(heard.reference) for heard in sounds])
     deflections = np.nan_to_num(cube["measured_deflection"].values[:, :, 0].astype(float))
-    measured = np.array([
-        [[sounds[m].fields(deflections[s, m]) for s in of_case[m]] for m in range(len(sounds))]
-        for of_case in chosen.values()
-    ])  # fmt: skip
+    measured = np.array(
+        [
+            [[sounds[m].fields(deflections[s, m]) for s in of_case[m]] for m in range(len(sounds))]
+            for of_case in chosen.values()
+        ]
+    )
     size = [
         heard.omega / study.medium.speed_of_sound * max(pistons(plate).size) for heard in sounds
     ]

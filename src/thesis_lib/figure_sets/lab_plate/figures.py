@@ -12,8 +12,13 @@ from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, select
 from thesis_lib.plotting.style import mosaic
 
-TITLES = {"distance": "distance d", "aperture": "aperture α", "elevation": "elevation φ",
-          "resolution": "resolution", "cameras": "number of cameras"}  # fmt: skip
+TITLES = {
+    "distance": "distance d",
+    "aperture": "aperture α",
+    "elevation": "elevation φ",
+    "resolution": "resolution",
+    "cameras": "number of cameras",
+}
 
 
 def filmed_plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:

@@ -29,8 +29,12 @@ def view(cube: xr.Dataset) -> Figure:
         right.plot(f[order] * float(one["crop_factor"]), diagonal[order], **style)
     logarithmic(left.xaxis, [10, 20, 50, 100])
     logarithmic(right.xaxis, [10, 20, 50, 100, 200, 500])
-    left.set(title="(a) across", xlabel="focal length f in mm", ylabel="angle of view in °",
-             ylim=(0, None))  # fmt: skip
+    left.set(
+        title="(a) across",
+        xlabel="focal length f in mm",
+        ylabel="angle of view in °",
+        ylim=(0, None),
+    )
     right.set(title="(b) diagonally: one curve for all", xlabel="f times crop factor in mm")
     left.legend(handlelength=1.6, fontsize=7)
     return drawing
@@ -46,11 +50,22 @@ def projection(cube: xr.Dataset) -> Figure:
     for start, end in zip(zip(u, v, strict=True), zip(flat_u, flat_v, strict=True), strict=True):
         left.plot(*zip(start, end, strict=True), color=REFERENCE, linewidth=0.6)
     left.plot(u, v, "o", color=COLORS[0], markersize=3.5, label="pinhole")
-    left.plot(flat_u, flat_v, "o", color=COLORS[4], markersize=3.5, markerfacecolor="none",
-              label="one depth for all")  # fmt: skip
+    left.plot(
+        flat_u,
+        flat_v,
+        "o",
+        color=COLORS[4],
+        markersize=3.5,
+        markerfacecolor="none",
+        label="one depth for all",
+    )
     distance = cube["shown_distance"].values[near] * 1000
-    left.set(title=f"(a) the markers from {distance:g} mm", xlabel="u in px", ylabel="v in px",
-             aspect="equal")  # fmt: skip
+    left.set(
+        title=f"(a) the markers from {distance:g} mm",
+        xlabel="u in px",
+        ylabel="v in px",
+        aspect="equal",
+    )
     left.invert_yaxis()
     left.margins(y=0.7)
     left.legend(loc="lower center", ncols=2, columnspacing=1)
@@ -58,10 +73,13 @@ def projection(cube: xr.Dataset) -> Figure:
     asked = np.isin(cube["distance"].values, cube["shown_distance"].values)
     for name, style, words in (
         ("projection_error", {"color": COLORS[4]}, "largest error, px"),
-        ("relative_projection_error", {"color": COLORS[1], "linestyle": "--"},
-         "the same, % of the row of markers"),
+        (
+            "relative_projection_error",
+            {"color": COLORS[1], "linestyle": "--"},
+            "the same, % of the row of markers",
+        ),
         ("depth_range", {"color": REFERENCE, "linestyle": ":"}, "spread of the depths, ± %"),
-    ):  # fmt: skip
+    ):
         values = cube[name].values
         right.plot(d, values, label=words, linewidth=1.5, **style)
         right.plot(d[asked], values[asked], "o", color=style["color"], markersize=3.5)

@@ -175,10 +175,13 @@ def colour_loss(picture: BeamPicture, block: int, pattern: str) -> ColourLoss:
     sizes = np.bincount(picture.cells(block).ravel() + 1, minlength=2)[1:]
     part = _crop(picture, block, int(np.argmax(sizes)))
     return ColourLoss(
-        float(np.sqrt(np.mean(difference**2))), float(np.max(np.abs(difference))),
+        float(np.sqrt(np.mean(difference**2))),
+        float(np.max(np.abs(difference))),
         float(np.sqrt(np.mean(moved**2))) if len(moved) else np.nan,
-        true[part], np.where(masks, raw[..., None], 0.0)[part], found[part],
-    )  # fmt: skip
+        true[part],
+        np.where(masks, raw[..., None], 0.0)[part],
+        found[part],
+    )
 
 
 def _crop(picture: BeamPicture, block: int, marker: int) -> tuple[slice, slice]:

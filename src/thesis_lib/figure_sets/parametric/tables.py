@@ -91,15 +91,18 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
     shown = [check for check in checks if not (only_misses and check.inside)]
     rows = [
         [
-            check.claim.figure, check.claim.case, str(check.claim.mode),
+            check.claim.figure,
+            check.claim.case,
+            str(check.claim.mode),
             ", ".join(f"{value:g}" for value in check.claim.values) or "all",
             cubes.SHORT[check.claim.quantity] + (" but one" if check.claim.excepted else ""),
-            check.claim.stated, cubes.percent_text(check.literal),
+            check.claim.stated,
+            cubes.percent_text(check.literal),
             f"{cubes.percent_text(check.low)}–{cubes.percent_text(check.high)}",
             "yes" if check.inside else "no",
         ]
         for check in shown
-    ]  # fmt: skip
+    ]
     text = " and ".join(counts) + " meet the band of the trials."
     if only_misses and rows:
         text += " Those that do not:"

@@ -41,17 +41,24 @@ def run(study: Planner) -> xr.Dataset:
     """
     plans = {name: plan(request) for name, request in study.questions.items()}
     cube = xr.concat(
-        [_whole(as_cube(one), one, study) for one in plans.values()], "question", join="outer",
-        coords="minimal", compat="override", combine_attrs="drop",
-    )  # fmt: skip
+        [_whole(as_cube(one), one, study) for one in plans.values()],
+        "question",
+        join="outer",
+        coords="minimal",
+        compat="override",
+        combine_attrs="drop",
+    )
     cube = cube.assign_coords(
         question=("question", list(plans), {"units": "1", "long_name": "what was asked"}),
         count=("count", sorted(study.counts), {"units": "1", "long_name": "number of cameras"}),
     )
     cube.attrs = {"cost_is": "pixels per second"}
     own = [_of_thesis(study, plans[name], body) for body, name in THESIS.items()]
-    cube = cube.assign(xr.concat(own, xr.Variable("structure", list(THESIS), {
-        "units": "1", "long_name": "structure"})).data_vars)  # fmt: skip
+    cube = cube.assign(
+        xr.concat(
+            own, xr.Variable("structure", list(THESIS), {"units": "1", "long_name": "structure"})
+        ).data_vars
+    )
     cube["structure"].attrs = {"units": "1", "long_name": "structure"}
     cube["thesis_case"].attrs = {"units": "1", "long_name": "case of the thesis"}
     for name, words in _THESIS.items():
@@ -93,8 +100,11 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
         point = errors.predicted(scene, layout, width)
         drawn = errors.simulated(scene, layout, width, study.trials, study.seed, "least-squares")
         best = first_most(point)
-        found[at] = (factor * np.sqrt(cost), np.max(errors.counted(point, "mean")),
-                     np.max(drawn.error("mean", best)))  # fmt: skip
+        found[at] = (
+            factor * np.sqrt(cost),
+            np.max(errors.counted(point, "mean")),
+            np.max(drawn.error("mean", best)),
+        )
     values = {
         name: (("thesis_case", "count"), row) for name, row in zip(_THESIS, found, strict=True)
     }
@@ -123,10 +133,15 @@ def _summary(cube: xr.Dataset, study: Planner) -> dict[str, Any]:
         rate = np.nan if best is None else float(one["cost"][best]) / 1e6
         rows.append((f"{name}, cheapest for the target", rate, "million pixels/s"))
     ratio = cube["simulated_error"] / cube["predicted_error"]
-    rows += [("simulated over predicted, least", float(ratio.min()), "1"),
-             ("simulated over predicted, largest", float(ratio.max()), "1")]  # fmt: skip
-    words = {"quantity": "what a value is", "value": "value, in the unit beside it",
-             "unit": "unit of the value"}  # fmt: skip
+    rows += [
+        ("simulated over predicted, least", float(ratio.min()), "1"),
+        ("simulated over predicted, largest", float(ratio.max()), "1"),
+    ]
+    words = {
+        "quantity": "what a value is",
+        "value": "value, in the unit beside it",
+        "unit": "unit of the value",
+    }
     return {
         name: ("quantity", list(column), {"units": "1", "long_name": text})
         for (name, text), column in zip(words.items(), zip(*rows, strict=True), strict=True)

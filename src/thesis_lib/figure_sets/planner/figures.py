@@ -20,14 +20,28 @@ def gain(cube: xr.Dataset) -> Figure:
     for panel, (body, question) in zip(axes, THESIS.items(), strict=True):
         own = cube.sel(structure=body)["thesis_expected"]
         for i, case in enumerate(cube["thesis_case"].values):
-            panel.plot(n, own.sel(thesis_case=case), "o--", color=color(i), markersize=3.5,
-                       linewidth=0.8, label=f"case {case}")  # fmt: skip
+            panel.plot(
+                n,
+                own.sel(thesis_case=case),
+                "o--",
+                color=color(i),
+                markersize=3.5,
+                linewidth=0.8,
+                label=f"case {case}",
+            )
         one = coarse(cube, question)
         panel.plot(n, one["expected_error"], "o-", color="#222222", linewidth=2, label="planned")
         panel.plot(n, one["bound"], "_", color="#222222", markersize=12, label="bound")
         read = coarse(cube, f"{body}: markers that can be read")
-        panel.plot(n, read["expected_error"], "s-", color=REFERENCE, linewidth=1.4, markersize=4,
-                   label="planned, readable")  # fmt: skip
+        panel.plot(
+            n,
+            read["expected_error"],
+            "s-",
+            color=REFERENCE,
+            linewidth=1.4,
+            markersize=4,
+            label="planned, readable",
+        )
         logarithmic(panel.xaxis, n.tolist())
         logarithmic(panel.yaxis, [2, 5, 10, 20, 50])
         panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")

@@ -123,8 +123,14 @@ def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Arra
     in_world = np.tensordot(R.T, in_xyz, axes=1)
     r2 = p * p + q * q
     zero, one = np.zeros_like(p), np.ones_like(p)
-    lens = np.array([[r2 * p, r2 * q], [r2**2 * p, r2**2 * q],
-                     [2 * p * q, r2 + 2 * q * q], [r2 + 2 * p * p, 2 * p * q]])  # fmt: skip
+    lens = np.array(
+        [
+            [r2 * p, r2 * q],
+            [r2**2 * p, r2**2 * q],
+            [2 * p * q, r2 + 2 * q * q],
+            [r2 + 2 * p * p, 2 * p * q],
+        ]
+    )
     J = np.concatenate(
         [
             _crossed(np.stack([x, y, z])[:, None], in_xyz),

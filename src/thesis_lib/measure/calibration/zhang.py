@@ -99,11 +99,7 @@ def central(board: Board) -> IntArray:
 
 
 def _zhang(
-    shots: Sequence[Array | None],
-    points: Array,
-    size: tuple[int, int],
-    distortion: bool,
-    name: str,
+    shots: Sequence[Array | None], points: Array, size: tuple[int, int], distortion: bool, name: str
 ) -> Calibration:
     """Zhang's method for any coplanar points (3, n)."""
     used = [i for i, uv in enumerate(shots) if not _absent(uv)]
@@ -141,9 +137,15 @@ def _zhang(
         translations[shot] = np.ravel(move)
     # OpenCV's rms is per point: of the distance, not of its two coordinates.
     return Calibration(
-        name, size, ours, np.ravel(np.asarray(k, float))[:5], tuple(rotations), tuple(translations),
-        float(rms / np.sqrt(2)), sigma,
-    )  # fmt: skip
+        name,
+        size,
+        ours,
+        np.ravel(np.asarray(k, float))[:5],
+        tuple(rotations),
+        tuple(translations),
+        float(rms / np.sqrt(2)),
+        sigma,
+    )
 
 
 def _absent(uv: Array | None) -> bool:

@@ -167,14 +167,22 @@ def outlook(manifest: Manifest, sight: Sight, i: int, amplitude: float) -> Camer
     near, far = map(float, depth_of_field(focal, stop, distance, CIRCLE_PX * pitch))
     spacing = cKDTree(places.T).query(places.T, k=2)[0][:, 1].min()  # infinite for one marker
     return CameraOutlook(
-        camera.name, sample, markers.diameter_mm / sample,
+        camera.name,
+        sample,
+        markers.diameter_mm / sample,
         markers.diameter_mm / sample * np.sin(np.radians(elevation)),
-        swept * lift, 1 - np.sinc(f * exposure), near, far, ends[0], ends[1],
+        swept * lift,
+        1 - np.sinc(f * exposure),
+        near,
+        far,
+        ends[0],
+        ends[1],
         circle if ends[0] > 0 and distance > focal else np.nan,
         sight.seen[i].mean() if sight.located[i] else np.nan,
         _gap(sight.uv[i], sight.J[i, :, :2], markers.diameter_mm / 1000),
-        step * lift, step * np.fmax.reduce(sight.slide[i]) / spacing,
-    )  # fmt: skip
+        step * lift,
+        step * np.fmax.reduce(sight.slide[i]) / spacing,
+    )
 
 
 def steady_seconds(manifest: Manifest) -> float:

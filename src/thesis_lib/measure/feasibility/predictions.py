@@ -70,9 +70,11 @@ def rounding_errors(
 
 
 def _by_view(
-    P: ArrayLike, points: ArrayLike, seen: Mask | None,
+    P: ArrayLike,
+    points: ArrayLike,
+    seen: Mask | None,
     errors: Callable[[Array, Array, Mask], Array],
-) -> Array:  # fmt: skip
+) -> Array:
     """Errors of points, each from the cameras that see it; infinite where these stand in line."""
     P, X = np.asarray(P, float), np.asarray(points, float)
     visible = np.ones((len(P), X.shape[1]), bool) if seen is None else seen

@@ -68,8 +68,12 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
         )
 
     width = 1 / length
-    found = minimize_scalar(left, bounds=(max(peak - width, lowest / 2), peak + width),
-                            method="bounded", options={"xatol": 1e-6 * peak})  # fmt: skip
+    found = minimize_scalar(
+        left,
+        bounds=(max(peak - width, lowest / 2), peak + width),
+        method="bounded",
+        options={"xatol": 1e-6 * peak},
+    )
     total = sum(float(np.nansum(np.var(values, axis=0))) * len(times) for times, values in series)
     if not left(float(found.x)) < (1 - SHARE) * total:
         raise FrequencyError(

@@ -229,9 +229,11 @@ def _without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> 
     for left_out in range(count if count > 2 else 0):
         kept = [i for i in range(count) if i != left_out]
         part = Fitted(
-            [fit.cameras[i] for i in kept], [fit.harmonics[i] for i in kept], fit.rest[kept],
+            [fit.cameras[i] for i in kept],
+            [fit.harmonics[i] for i in kept],
+            fit.rest[kept],
             fit.frame,
-        )  # fmt: skip
+        )
         turned = amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
         shapes[left_out] = turned.real
         more = deviation(part, omega, exposures[kept]) ** 2 - best**2

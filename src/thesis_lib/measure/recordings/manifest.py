@@ -287,8 +287,10 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         numbers[where] = len(shots)
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:
-            yield f"{where}: given {shown(camera.shots)}, which is {len(files)} pictures, " \
-                  "allowed: at least 3"  # fmt: skip
+            yield (
+                f"{where}: given {shown(camera.shots)}, which is {len(files)} pictures, "
+                "allowed: at least 3"
+            )
         if isinstance(camera.shots, str):
             for shot in files:  # which may be links
                 if outside(str(shot.relative_to(folder))):

@@ -41,10 +41,21 @@ def _rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
         if np.isfinite(reference[row]).any():
             name = data.attrs["most_similar"] if k == 0 else None
             axes.plot(x[row], reference[row], color=REFERENCE, linewidth=2.5, label=name)
-        axes.errorbar(x[row], w[row], SIGMAS * error[row], fmt=".-", color=color(k),
-                      linewidth=0.9, capsize=2, label=f"row at y = {y[row][0]:.4g} mm")  # fmt: skip
-    axes.set(xlabel="x in mm", ylabel="deflection in mm",
-             title=f"deflection at its maximum; bars are {SIGMAS} standard errors")  # fmt: skip
+        axes.errorbar(
+            x[row],
+            w[row],
+            SIGMAS * error[row],
+            fmt=".-",
+            color=color(k),
+            linewidth=0.9,
+            capsize=2,
+            label=f"row at y = {y[row][0]:.4g} mm",
+        )
+    axes.set(
+        xlabel="x in mm",
+        ylabel="deflection in mm",
+        title=f"deflection at its maximum; bars are {SIGMAS} standard errors",
+    )
     axes.legend()
     return figure
 
@@ -59,8 +70,13 @@ def _map(data: xr.Dataset, manifest: Manifest) -> Figure:
         panels[f"{data.attrs['most_similar']} in mm"] = 1e3 * data["reference_deflection"].values
     count = len(panels)
     side = WIDE / count
-    figure, axes = subplots(1, count, figsize=(WIDE, min(side * width / length + 0.9, 6)),
-                            layout="constrained", squeeze=False)  # fmt: skip
+    figure, axes = subplots(
+        1,
+        count,
+        figsize=(WIDE, min(side * width / length + 0.9, 6)),
+        layout="constrained",
+        squeeze=False,
+    )
     most = float(np.nanmax(np.abs(panels["deflection in mm"])))
     for panel, (title, values) in zip(axes[0], panels.items(), strict=True):
         signed = "error" not in title
@@ -82,14 +98,21 @@ def cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
         centre = 1e3 * data["camera_centre"].values
         rest = 1e3 * data["rest_position"].values
         for panel, (i, j), half in ((axes[0], (0, 1), width / 2), (axes[1], (0, 2), 0.0)):
-            panel.plot(length / 2 * np.array([-1, 1, 1, -1, -1]),
-                       half * np.array([-1, -1, 1, 1, -1]), color=REFERENCE)  # fmt: skip
+            panel.plot(
+                length / 2 * np.array([-1, 1, 1, -1, -1]),
+                half * np.array([-1, -1, 1, 1, -1]),
+                color=REFERENCE,
+            )
             panel.plot(rest[i], rest[j], ".", color=REFERENCE, markersize=2)
             for k, name in enumerate(data["camera"].values):
                 panel.plot([centre[k, i], 0], [centre[k, j], 0], color=color(k), linewidth=0.6)
                 panel.plot(centre[k, i], centre[k, j], "s", color=color(k))
-                panel.annotate(str(name), (centre[k, i], centre[k, j]), xytext=(5, 5),
-                               textcoords="offset points")  # fmt: skip
+                panel.annotate(
+                    str(name),
+                    (centre[k, i], centre[k, j]),
+                    xytext=(5, 5),
+                    textcoords="offset points",
+                )
             panel.set(aspect="equal", xlabel="x in mm", ylabel=f"{'xyz'[j]} in mm")
             panel.margins(0.12)
         axes[0].set_title("(a) from above")
@@ -106,8 +129,14 @@ def corners(data: xr.Dataset) -> Figure:
             u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
             axes.plot(u, v, ".", color=color(k), markersize=2, alpha=0.5, label=str(name))
         most = 1.05 * float(np.nanmax(np.abs(residuals)))
-        axes.set(aspect="equal", xlim=(-most, most), ylim=(-most, most), xlabel="u in px",
-                 ylabel="v in px", title="corners seen minus computed")  # fmt: skip
+        axes.set(
+            aspect="equal",
+            xlim=(-most, most),
+            ylim=(-most, most),
+            xlabel="u in px",
+            ylabel="v in px",
+            title="corners seen minus computed",
+        )
         axes.legend(markerscale=4, ncols=2)
     return figure
 
@@ -119,8 +148,14 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording]) -> Figure:
     marker = int(np.nanargmax(np.abs(data["deflection"].values)))
     rows = -(-len(recordings) // 2)
     with in_style():
-        figure, axes = subplots(rows, 2, figsize=(WIDE, 0.5 + 1.5 * rows), sharex=True,
-                                layout="constrained", squeeze=False)  # fmt: skip
+        figure, axes = subplots(
+            rows,
+            2,
+            figsize=(WIDE, 0.5 + 1.5 * rows),
+            sharex=True,
+            layout="constrained",
+            squeeze=False,
+        )
         for k, (panel, own) in enumerate(zip(axes.flat, recordings, strict=False)):
             parts = [
                 (t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - 2000 / own.rate), end)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.measure.report import figures as draw
+from thesis_lib.measure.report import html
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import saved
 from thesis_lib.vision.lens import project
@@ -57,9 +57,14 @@ def _outline(data: xr.Dataset, manifest: Manifest, own: Recording) -> np.ndarray
 
 def table(data: xr.Dataset) -> pd.DataFrame:
     """The result marker by marker, in mm and degrees."""
-    mm = {"x_mm": "x", "y_mm": "y", "deflection_mm": "deflection",
-          "standard_error_mm": "standard_error", "quadrature_mm": "quadrature",
-          "model_mm": "reference_deflection"}  # fmt: skip
+    mm = {
+        "x_mm": "x",
+        "y_mm": "y",
+        "deflection_mm": "deflection",
+        "standard_error_mm": "standard_error",
+        "quadrature_mm": "quadrature",
+        "model_mm": "reference_deflection",
+    }
     frame = pd.DataFrame({name: np.round(1e3 * data[key].values, 6) for name, key in mm.items()})
     frame.insert(0, "marker", np.arange(1, len(frame) + 1))
     frame["phase_deg"] = np.round(data["phase"].values, 3)
@@ -90,78 +95,88 @@ def summary(data: xr.Dataset) -> list[str]:
 
 def warnings(data: xr.Dataset) -> list[str]:
     """What a reader should know before trusting the result, one line each."""
-    lines = []
-    for name, share in zip(
-        data["camera"].values, data["missing"].mean("marker").values, strict=True
-    ):
-        if share > LOST:
-            lines.append(f"Camera {name} lost {share:.0%} of its marker images.")
     scatter = data["centre_scatter"].values
     frozen = scatter < FROZEN * np.nanmedian(scatter, axis=1, keepdims=True)
-    if frozen.any():
-        lines.append(f"{frozen.any(axis=0).sum()} markers hardly scatter in some camera: the "
-                     "video's compression holds still what moves by parts of a pixel, and their "
-                     "deflections and standard errors come out too small.")  # fmt: skip
     unknown = int(np.isnan(data["deflection"].values).sum())
-    if unknown:
-        lines.append(f"{unknown} markers were seen by fewer than two cameras, or in too few "
-                     "frames: they have no result.")  # fmt: skip
-    growth = float(data["growth"])
-    if abs(growth) > DRIFT:
-        lines.append(f"The amplitude changes by {growth:+.0%} over the steady part: the shape is "
-                     "that of its mean.")  # fmt: skip
-    if int(data["ambiguous"]):
-        lines.append("The cameras' starts are in doubt by whole periods. A steady vibration's shape"
-                     " and its phase to the force are right nevertheless.")  # fmt: skip
+    growth, spread = float(data["growth"]), _spread(data)
     off = rms(data["quadrature"].values) / rms(data["deflection"].values)
-    if off > 0.05:
-        lines.append(f"A quarter of a period after the maximum {off:.0%} of the deflection is "
-                     "left: this is no standing wave of one mode.")  # fmt: skip
-    spread = _spread(data)
-    if np.isfinite(spread) and spread > 3:
-        lines.append(f"Shapes without one of the cameras differ by {spread:.1f} times what the "
-                     "centres' scatter explains: calibration, clocks or centres are off by more "
-                     "than the standard errors tell.")  # fmt: skip
-    return lines
+    lost = dict(zip(data["camera"].values, data["missing"].mean("marker").values, strict=True))
+    said = {
+        f"Camera {name} lost {share:.0%} of its marker images.": share > LOST
+        for name, share in lost.items()
+    } | {
+        f"{frozen.any(axis=0).sum()} markers hardly scatter in some camera: the "
+        "video's compression holds still what moves by parts of a pixel, and their "
+        "deflections and standard errors come out too small.": frozen.any(),
+        f"{unknown} markers were seen by fewer than two cameras, or in too few "
+        "frames: they have no result.": unknown,
+        f"The amplitude changes by {growth:+.0%} over the steady part: the shape is "
+        "that of its mean.": abs(growth) > DRIFT,
+        "The cameras' starts are in doubt by whole periods. A steady vibration's shape"
+        " and its phase to the force are right nevertheless.": int(data["ambiguous"]),
+        f"A quarter of a period after the maximum {off:.0%} of the deflection is "
+        "left: this is no standing wave of one mode.": off > 0.05,
+        f"Shapes without one of the cameras differ by {spread:.1f} times what the "
+        "centres' scatter explains: calibration, clocks or centres are off by more "
+        "than the standard errors tell.": spread > 3,
+    }
+    return [text for text, holds in said.items() if holds]
 
 
 def page(data: xr.Dataset, manifest: Manifest, assessment: Assessment, pictures: Pictures) -> str:
     """The report as one HTML page."""
     parts = [
         f"<h1>{escape(data.attrs['title'])}</h1>",
-        _list(summary(data)),
-        _warned(warnings(data)),
-        _figure(pictures, "shape", "Deflection of the markers at the instant of its maximum."),
-        _details("The numbers, marker by marker", _frame(table(data))),
+        html.items(summary(data)),
+        html.warned(warnings(data)),
+        html.figure(pictures, "shape", "Deflection of the markers at the instant of its maximum."),
+        html.details("The numbers, marker by marker", html.frame(table(data))),
         "<h2>Model</h2>" + _model(data),
         "<h2>Cameras and calibration</h2>",
-        _frame(_cameras(data)),
-        _figure(pictures, "cameras", "Where the calibration puts the cameras."),
-        _figure(pictures, "corners", "Residuals of the board's corners. They should scatter about "
-                "zero; a pattern tells of a lens that the model does not describe, or of a board "
-                "that is not flat."),
-        _details("Pictures of the board that were not used", _list(_lines(data, "notes"))),
-        "<h2>Synchronisation</h2>" + _list(_lines(data, "synchronisation")),
+        html.frame(_cameras(data)),
+        html.figure(pictures, "cameras", "Where the calibration puts the cameras."),
+        html.figure(
+            pictures,
+            "corners",
+            "Residuals of the board's corners. They should scatter about "
+            "zero; a pattern tells of a lens that the model does not describe, or of a board "
+            "that is not flat.",
+        ),
+        html.details("Pictures of the board that were not used", html.items(_lines(data, "notes"))),
+        "<h2>Synchronisation</h2>" + html.items(_lines(data, "synchronisation")),
         "<h2>Markers</h2>",
-        _frame(_tracking(data)),
+        html.frame(_tracking(data)),
         *(
-            _figure(pictures, f"camera-{i:02d}",
-                    f"First frame of camera {escape(str(name))}: markers found, and the outline "
-                    "of the structure as the calibration puts it.")
+            html.figure(
+                pictures,
+                f"camera-{i:02d}",
+                f"First frame of camera {escape(str(name))}: markers found, and the outline "
+                "of the structure as the calibration puts it.",
+            )
             for i, name in enumerate(data["camera"].values)
         ),
         "<h2>Vibration</h2>",
-        _figure(pictures, "motion", "The marker that moves most, folded into one period of the "
-                "frequency found. A thin line is a steady vibration that the cameras' clocks "
-                "agree on."),
+        html.figure(
+            pictures,
+            "motion",
+            "The marker that moves most, folded into one period of the "
+            "frequency found. A thin line is a steady vibration that the cameras' clocks "
+            "agree on.",
+        ),
         "<h2>Feasibility, from the manifest alone</h2>",
         f"<pre>{escape(chr(10).join(describe(assessment)))}</pre>",
-        "<h2>What was assumed</h2>" + _list(_assumed(data, manifest)),
-        _details("The manifest", f"<pre>{escape(manifest.model_dump_json(indent=1))}</pre>"),
-        _details("How this was made", _list(
-            [f"{key}: {str(data.attrs[key]).strip()}"
-             for key in ("source", "commit", "created", "versions")])),
-    ]  # fmt: skip
+        "<h2>What was assumed</h2>" + html.items(_assumed(data, manifest)),
+        html.details("The manifest", f"<pre>{escape(manifest.model_dump_json(indent=1))}</pre>"),
+        html.details(
+            "How this was made",
+            html.items(
+                [
+                    f"{key}: {str(data.attrs[key]).strip()}"
+                    for key in ("source", "commit", "created", "versions")
+                ]
+            ),
+        ),
+    ]
     return shell(data.attrs["title"], "\n".join(part for part in parts if part))
 
 
@@ -202,13 +217,17 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
     if manifest.excitation.undersampled:
         yield "The frequency is known from elsewhere: the frames alone would show an alias."
     if manifest.excitation.sound == "room":
-        yield "The sound tells when the cameras started and nothing of the force: its phase, and " \
-              "which side is up, are unknown."  # fmt: skip
+        yield (
+            "The sound tells when the cameras started and nothing of the force: its phase, and "
+            "which side is up, are unknown."
+        )
     if not data.attrs["most_similar"]:
         yield "There is no model of this structure: the shape is compared with none."
     else:
-        yield "The model's shape is put into the size that fits best, so that only its form is " \
-              "compared."  # fmt: skip
+        yield (
+            "The model's shape is put into the size that fits best, so that only its form is "
+            "compared."
+        )
 
 
 def _cameras(data: xr.Dataset) -> pd.DataFrame:
@@ -255,7 +274,7 @@ def _model(data: xr.Dataset) -> str:
             "its frequency in Hz": _texts(part["model_frequency"].values, ".4g"),
         }
     )
-    return f"<p>Found at {_frequency(data)}.</p>" + _frame(frame)
+    return f"<p>Found at {_frequency(data)}.</p>" + html.frame(frame)
 
 
 def _frequency(data: xr.Dataset) -> str:
@@ -275,28 +294,3 @@ def _spread(data: xr.Dataset) -> float:
 
 def _texts(values: Iterable[float], form: str) -> list[str]:
     return ["—" if np.isnan(value) else format(float(value), form) for value in values]
-
-
-def _frame(frame: pd.DataFrame) -> str:
-    return f'<div class="scroll">{frame.to_html(index=False, border=0, na_rep="—")}</div>'
-
-
-def _list(lines: Iterable[str]) -> str:
-    items = "".join(f"<li>{escape(line)}</li>" for line in lines if line)
-    return f"<ul>{items}</ul>" if items else "<p>None.</p>"
-
-
-def _warned(lines: Sequence[str]) -> str:
-    return f"<aside><p><strong>Note</strong></p>{_list(lines)}</aside>" if lines else ""
-
-
-def _details(title: str, inner: str) -> str:
-    return f"<details><summary>{escape(title)}</summary>{inner}</details>"
-
-
-def _figure(pictures: Mapping[str, tuple[str, bytes]], name: str, caption: str) -> str:
-    kind, content = pictures[name]
-    mime = "image/svg+xml" if kind == "svg" else "image/png"
-    source = f"data:{mime};base64,{base64.b64encode(content).decode()}"
-    text = escape(caption, quote=True)
-    return f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>'

@@ -112,9 +112,14 @@ def compared(
     others = np.abs(lags[alike[alike != chosen]] - lags[chosen])
     period = float(others.min() if len(others) else apart[second])
     return Match(
-        summit(lags, c, chosen) / rate, peak, float(ratios[second]),
-        float(thresholds[second]), period / rate, bool(doubtful.any()), 1 / noise,
-    )  # fmt: skip
+        summit(lags, c, chosen) / rate,
+        peak,
+        float(ratios[second]),
+        float(thresholds[second]),
+        period / rate,
+        bool(doubtful.any()),
+        1 / noise,
+    )
 
 
 def match(reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float | None) -> Match:

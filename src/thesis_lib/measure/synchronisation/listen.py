@@ -85,9 +85,15 @@ def _in_a_room(manifest: Manifest, recordings: list[Recording]) -> Sound:
     excitation = manifest.excitation
     heard = hear(recordings, None, 0.0)
     found = combined(
-        matches(recordings, None, room=True), [], heard.rate, manifest.cameras[0].frame_rate_hz,
-        None, names=[one.name for one in recordings], sound="room", starts=heard.starts,
-    )  # fmt: skip
+        matches(recordings, None, room=True),
+        [],
+        heard.rate,
+        manifest.cameras[0].frame_rate_hz,
+        None,
+        names=[one.name for one in recordings],
+        sound="room",
+        starts=heard.starts,
+    )
     begin, end = _common(found, heard)
     if excitation.steady_s is not None:
         _check_steady(manifest, begin, end)
@@ -113,10 +119,15 @@ def _of_the_force(manifest: Manifest, recordings: list[Recording]) -> Sound:
         zero = float(heard.starts[0]) + heard.tone_start
         steady = excitation.steady_s[0] - zero, excitation.steady_s[1] - zero
     found = combined(
-        matches(recordings, frequency, room=False), heard.tones, heard.tone_rate,
-        manifest.cameras[0].frame_rate_hz, frequency, names=[one.name for one in recordings],
-        starts=heard.starts, steady=steady,
-    )  # fmt: skip
+        matches(recordings, frequency, room=False),
+        heard.tones,
+        heard.tone_rate,
+        manifest.cameras[0].frame_rate_hz,
+        frequency,
+        names=[one.name for one in recordings],
+        starts=heard.starts,
+        steady=steady,
+    )
     if excitation.steady_s is not None:
         _check_steady(manifest, *_common(found, heard))
     tone, rate = heard.tones[0], heard.tone_rate
@@ -132,9 +143,13 @@ def _of_the_force(manifest: Manifest, recordings: list[Recording]) -> Sound:
     blocks = low_part(recordings[0], low_rate, first, last)
     force, _ = fitted_tone(blocks, low_rate, used, -begin)
     return Sound(
-        found, used, force, excitation.steady_s or (begin, end), measured,
+        found,
+        used,
+        force,
+        excitation.steady_s or (begin, end),
+        measured,
         frequency_deviation(part, rate, measured),
-    )  # fmt: skip
+    )
 
 
 def _tone_of_all(manifest: Manifest, recordings: list[Recording]) -> float:

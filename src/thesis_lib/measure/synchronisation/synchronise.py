@@ -182,9 +182,16 @@ def synchronise(
         both = [decimated(x, rates[0], TONE_RATE * frequency) for x in signals]
         tones, tone_rate = [x for x, _ in both], both[0][1]
     return combined(
-        matches, tones, tone_rate, frame_rate, frequency,
-        sound=sound, starts=starts, reference=reference, names=names,
-    )  # fmt: skip
+        matches,
+        tones,
+        tone_rate,
+        frame_rate,
+        frequency,
+        sound=sound,
+        starts=starts,
+        reference=reference,
+        names=names,
+    )
 
 
 def combined(

@@ -172,9 +172,14 @@ def force_match(
     if not n_a or not n_b:
         return whole
     loud = compared(
-        loud_a, loud_b, low_rate, most,
-        same=ONSET_SAME, telling=min(n_a, n_b), least=0.5 / frequency,
-    )  # fmt: skip
+        loud_a,
+        loud_b,
+        low_rate,
+        most,
+        same=ONSET_SAME,
+        telling=min(n_a, n_b),
+        least=0.5 / frequency,
+    )
     loud = replace(loud, least=LOUD, snr=whole.snr)
     return loud if loud.certain else whole
 

@@ -132,10 +132,13 @@ class _Patch:
         left, right, low, high = (part[:, None, None] for part in (*self.ends, *self.edges))
         spare, clear = 1 + self.blur, 1 + 2.5 * self.blur
         inside: Mask = (
-            (along > clear - left) & (along < right - clear)
-            & (across > -low - spare) & (across < high + spare)
-            & (np.abs(along) < self.free[0]) & (np.abs(across) < self.free[1])
-        )  # fmt: skip
+            (along > clear - left)
+            & (along < right - clear)
+            & (across > -low - spare)
+            & (across < high + spare)
+            & (np.abs(along) < self.free[0])
+            & (np.abs(across) < self.free[1])
+        )
         return inside
 
     def background(self, grey: Array, du: Array, dv: Array) -> float:

@@ -35,9 +35,12 @@ def sound(data: xr.Dataset) -> Figure:
             top.plot(seconds, own - i, color=color(i), linewidth=0.9)
             text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
             top.text(begin - 0.74, 0.13 - i, text, color=INK)
-        top.set(title="(a) the force on each camera's clock; start after A's",
-                xlabel="s after its first frame",
-                xlim=(begin - 0.75, begin + 0.55), yticks=[])  # fmt: skip
+        top.set(
+            title="(a) the force on each camera's clock; start after A's",
+            xlabel="s after its first frame",
+            xlim=(begin - 0.75, begin + 0.55),
+            yticks=[],
+        )
         top.grid(visible=False, axis="y")
         top.spines["left"].set_visible(False)
         middle = _crossing(seconds, signal[0], begin)
@@ -93,18 +96,34 @@ def tracks(data: xr.Dataset) -> Figure:
             axes[1].plot(fine, fit.at(omega, fine), color=color(i), linewidth=0.8, zorder=1)
             left = moved[steady] - fit.at(omega, common[i, steady])
             axes[2].plot(common[i, steady], 1e3 * left, ".", color=color(i), markersize=3.5)
-        axes[0].set(title="(a) the tip's marker on each camera's own clock",
-                    xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.5))  # fmt: skip
+        axes[0].set(
+            title="(a) the tip's marker on each camera's own clock",
+            xlabel="s after its first frame",
+            xlim=(begin - 0.75, begin + 0.5),
+        )
         axes[0].legend(ncols=4, loc="upper left", markerscale=2, columnspacing=1, handlelength=1)
-        axes[1].set(title="(b) on A's clock, with each camera's harmonic fit",
-                    xlim=(begin - 0.75, end + 0.05))  # fmt: skip
-        axes[2].set(title="(c) what the fit leaves", xlim=(begin - 0.75, end + 0.05),
-                    xlabel="s after A's first frame", ylabel="thousandths of a px")  # fmt: skip
+        axes[1].set(
+            title="(b) on A's clock, with each camera's harmonic fit",
+            xlim=(begin - 0.75, end + 0.05),
+        )
+        axes[2].set(
+            title="(c) what the fit leaves",
+            xlim=(begin - 0.75, end + 0.05),
+            xlabel="s after A's first frame",
+            ylabel="thousandths of a px",
+        )
         for panel in axes[:2]:
             panel.set_ylabel("v minus v at rest, px")
             panel.margins(y=0.15)
         for panel in axes[1:]:
             panel.axvspan(begin, end, color="#eeeeee", zorder=-1)
-        axes[1].text(begin + 0.02, 0.98, "steady part", ha="left", va="top", color=INK,
-                     transform=axes[1].get_xaxis_transform())  # fmt: skip
+        axes[1].text(
+            begin + 0.02,
+            0.98,
+            "steady part",
+            ha="left",
+            va="top",
+            color=INK,
+            transform=axes[1].get_xaxis_transform(),
+        )
     return figure
