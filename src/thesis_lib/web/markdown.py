@@ -16,9 +16,10 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def columns(rows: Iterable[Mapping[str, str]]) -> str:
-    """The same of rows that have their cells by the names of the columns; nothing of no rows."""
+    """The same of rows that have cells by the names of columns, else —; nothing of no rows."""
     rows = list(rows)
-    return table(list(rows[0]), [list(row.values()) for row in rows]) if rows else ""
+    header = list(dict.fromkeys(name for row in rows for name in row))
+    return table(header, [[row.get(name, "—") for name in header] for row in rows]) if rows else ""
 
 
 def escape(text: str) -> str:

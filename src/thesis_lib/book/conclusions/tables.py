@@ -57,29 +57,19 @@ def _knob(name: str, opened: Cubes) -> str:
     rows = []
     for one in strengths(opened, knob):
         against = f" ({one.opposite} opposite)" if one.opposite else ""
-        row = [
-            one.group,
-            f"{one.ends[0]:g} → {one.ends[1]:g}",
-            f"×{spread(one.factors)}",
-            f"×{spread(one.stated)}" if one.stated.size else "—",
-            spread(one.exponents),
-            signed(float(np.median(one.predicted))),
-            f"{one.confident} of {len(one.factors)}{against}",
-            f"{one.single:.0%}",
-        ]
-        rows.append([*(cell.translate(TOGETHER) for cell in row[:-2]), *row[-2:]])
-    header = [
-        "error of",
-        knob.label,
-        "error changes by",
-        "as stated",
-        f"exponent of {knob.symbol}",
-        "by the law",
-        "holds in",
-        "single runs",
-    ]
+        row = {
+            "error of": one.group,
+            knob.label: f"{one.ends[0]:g} → {one.ends[1]:g}",
+            "error changes by": f"×{spread(one.factors)}",
+            "as stated": f"×{spread(one.stated)}" if one.stated.size else "—",
+            f"exponent of {knob.symbol}": spread(one.exponents),
+            "by the law": signed(float(np.median(one.predicted))),
+        }
+        row = {header: cell.translate(TOGETHER) for header, cell in row.items()}
+        holds = f"{one.confident} of {len(one.factors)}{against}"
+        rows.append(row | {"holds in": holds, "single runs": f"{one.single:.0%}"})
     more = {"lower": _optimum, "wider": _pair}
-    return table(header, rows) + (more[name](opened) if name in more else "")
+    return columns(rows) + (more[name](opened) if name in more else "")
 
 
 def _pair(opened: Cubes) -> str:

@@ -137,20 +137,11 @@ COORDINATES = declared("""
 def run(study: DesignLaw) -> xr.Dataset:
     """The cube of the figure set ``design-law``.
 
-    Parameters
-    ----------
-    study : DesignLaw
-        Validated parameters.
-
-    Returns
-    -------
-    xarray.Dataset
-        (a) along ``motion`` and ``setting``, (b) along ``angle``, (c) along ``finding`` and for
-        pairs along ``tilt`` and ``opening``,
-        (d) along ``count`` and ``rate``, (e) estimators along ``crowd``, ``noise`` and ``stand``,
-        with noise at equal pixels along ``count``, ``image_noise`` and ``approach``,
-        (f) dither along ``swing``, ``shake`` and ``disc``; ``quantity``, ``value`` and ``unit``
-        are what runs are compared by.
+    (a) along ``motion`` and ``setting``, (b) along ``angle``, (c) along ``finding`` and for pairs
+    along ``tilt`` and ``opening``, (d) along ``count`` and ``rate``, (e) estimators along
+    ``crowd``, ``noise`` and ``stand``, with noise at equal pixels along ``count``,
+    ``image_noise`` and ``approach``, (f) dither along ``swing``, ``shake`` and ``disc``;
+    ``quantity``, ``value`` and ``unit`` are what runs are compared by.
     """
     cube = xr.Dataset(coords=_coordinates(study))
     parts = (

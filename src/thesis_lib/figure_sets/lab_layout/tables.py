@@ -66,7 +66,7 @@ def optima(cube: xr.Dataset) -> str:
         part = complete(part_of(cube, case))
         best, drawn = optimum(part["value"].values, expected(part)), trial_optima(part)
         if best is None:
-            rows.append([case, *["—"] * 6])
+            rows.append({"case": case})
             continue
         width, height = int(part["width_px"][0]), int(part["height_px"][0])
         spread = "—"
@@ -79,26 +79,17 @@ def optima(cube: xr.Dataset) -> str:
             part["image_height"].values,
         )
         rows.append(
-            [
-                case,
-                f"{width}×{height}",
-                f"{best.at:.0f}°",
-                spread,
-                f"{best.low:.0f}–{best.high:.0f}°",
-                _percent(best.error),
-                f"{tall:.1f}",
-            ]
+            {
+                "case": case,
+                "frames": f"{width}×{height}",
+                "least at": f"{best.at:.0f}°",
+                "5–95 % of the trials": spread,
+                "within a tenth of it": f"{best.low:.0f}–{best.high:.0f}°",
+                "least error, %": _percent(best.error),
+                "height there, px": f"{tall:.1f}",
+            }
         )
-    header = [
-        "case",
-        "frames",
-        "least at",
-        "5–95 % of the trials",
-        "within a tenth of it",
-        "least error, %",
-        "height there, px",
-    ]
-    return table(header, rows) + (
+    return columns(rows) + (
         "\nOn a curve through the settings in which every marker has a result; *height* is that of "
         f"a marker's image. {failures(cube)}\n"
     )
@@ -183,22 +174,21 @@ def slopes(cube: xr.Dataset) -> str:
         return "Fewer than two distances have an error.\n"
     x = np.log(part["value"].values[known])
     scatter = part["centre_scatter"].values
-    rows = [
-        [
-            name,
-            *(f"{value:.4f}" for value in (values[known][0], values[known][-1])),
-            f"{np.polyfit(x, np.log(values[known]), 1)[0]:.2f}",
-        ]
+    first, *_, last = part["label"].values[known]
+    return columns(
+        {
+            "": name,
+            f"at {first}": f"{values[known][0]:.4f}",
+            f"at {last}": f"{values[known][-1]:.4f}",
+            "power of the distance": f"{np.polyfit(x, np.log(values[known]), 1)[0]:.2f}",
+        }
         for name, values in (
             ("error, rms over the trials, %", error),
             ("law, one noise for all, %", part["predicted_error"].values),
             ("scatter of the centres along u, px", scatter[:, 0]),
             ("scatter of the centres along v, px", scatter[:, 1]),
         )
-    ]
-    labels = part["label"].values[known]
-    header = ["", f"at {labels[0]}", f"at {labels[-1]}", "power of the distance"]
-    return table(header, rows)
+    )
 
 
 def numbers(cube: xr.Dataset) -> str:
