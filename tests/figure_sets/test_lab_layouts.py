@@ -89,7 +89,7 @@ def test_the_law_grows_like_the_distance(conforms):
 
 def test_no_camera_that_is_added_worsens_the_law():
     study = layout(cases=["subsets"])
-    rig = film.rig_of(study, study.recordings()[0])
+    rig = film.rig_of(study, study.filmed_settings()[0])
     every = {chosen: np.mean(fits.law(rig, chosen, OMEGA, [0.01, 0.01]) ** 2)
              for n in range(2, 9) for chosen in combinations(range(8), n)}  # fmt: skip
     assert len(every) == 247
@@ -105,14 +105,14 @@ def test_layouts_that_a_symmetry_maps_onto_each_other_have_the_same_law(conforms
     both = []
     for directions in (first, other):
         study = layout(cases=["subsets"], directions_deg=directions, distance_mm=800)
-        rig = film.rig_of(study, study.recordings()[0])
+        rig = film.rig_of(study, study.filmed_settings()[0])
         both.append(
             fits.law(rig, range(3), OMEGA, [0.01, 0.005])[:: -1 if directions is other else 1]
         )
     # The principal points differ from camera to camera, which no symmetry maps.
     np.testing.assert_allclose(*both, rtol=1e-3)
     study = layout(cases=["subsets"], directions_deg=first[::-1], distance_mm=800)
-    backwards = film.rig_of(study, study.recordings()[0])
+    backwards = film.rig_of(study, study.filmed_settings()[0])
     conforms.invariance(fits.law(backwards, range(3), OMEGA, [0.01, 0.005]), both[0], rtol=0.02)
 
 
@@ -134,7 +134,7 @@ def test_scatter_of_a_circle_and_of_a_line_by_their_closed_forms(conforms):
 
 def test_tracked_centres_scatter_as_the_edges_say(conforms):
     study = elevation(elevations_deg=[40.0], cases=["three-rows"], width_px=1200)
-    rig = film.rig_of(study, study.recordings()[0])
+    rig = film.rig_of(study, study.filmed_settings()[0])
     station, _ = film.window_of(rig, rig.stations[0])
     camera, markers = station.camera, rig.markers
     length, width = markers.extent
@@ -157,7 +157,7 @@ def test_tracked_centres_scatter_as_the_edges_say(conforms):
 
 def test_a_part_of_the_sensor_sees_the_same(conforms):
     study = elevation(elevations_deg=[12.0], cases=["three-rows"])
-    rig = film.rig_of(study, study.recordings()[0])
+    rig = film.rig_of(study, study.filmed_settings()[0])
     for station in rig.stations:
         part, corner = film.window_of(rig, station)
         moved = replace(rig, stations=(part,))
@@ -174,7 +174,7 @@ def test_a_part_of_the_sensor_sees_the_same(conforms):
 def test_frames_are_the_same_whoever_asks_and_quiet_ones_are_without_noise(conforms):
     silent = {"shot_noise": 0.0, "read_noise": 0.0}
     study = elevation(elevations_deg=[40.0], cases=["middle-row"], width_px=800, **silent)
-    rig = film.rig_of(study, study.recordings()[0])
+    rig = film.rig_of(study, study.filmed_settings()[0])
     noisy, quiet = film.tracks(rig, 0)
     again = film.tracks(rig, 0)
     np.testing.assert_array_equal(noisy, again[0])
@@ -238,7 +238,7 @@ def test_renders_with_other_noise_scatter_as_the_trials_do(conforms, name):
     filmed, foreseen = [], []
     for seed in range(2 if name == "lab-elevation" else 4):
         study = validate(name, {**values, "seed": seed})
-        recording = study.recordings()[0]
+        recording = study.filmed_settings()[0]
         data = film.run(study)
         rec = fits.measured(study, recording, data["noisy"].values[0], data["quiet"].values[0])
         row = rec.rig.markers.middle_row
@@ -327,14 +327,14 @@ def test_trials_keep_the_bias_and_have_the_noise_once(conforms):
 def test_markers_that_lean_and_shrink_have_noise_of_their_own(conforms):
     study = elevation(elevations_deg=[30.0], cases=["middle-row"])
     data = layouts(study, 0.0)
-    rig = film.rig_of(study, study.recordings()[0])
+    rig = film.rig_of(study, study.filmed_settings()[0])
     row = rig.markers.middle_row
     rng = np.random.default_rng(1)
     root = np.array([[0.03, 0.0], [0.02, 0.01]])
     white = rng.standard_normal(data["noisy"].values[0, :, :, :, row].shape)
     data["noisy"].values[0, :, :, :, row] += np.einsum("ij,cfjm->cfim", root, white)
     rec = fits.measured(
-        study, study.recordings()[0], data["noisy"].values[0], data["quiet"].values[0]
+        study, study.filmed_settings()[0], data["noisy"].values[0], data["quiet"].values[0]
     )
     covariance = np.einsum("cijm,ckjm->ik", rec.roots, rec.roots) / (4 * 25)
     conforms.sampled(covariance, root @ root.T, rtol=0.1)
@@ -344,7 +344,7 @@ def test_markers_that_lean_and_shrink_have_noise_of_their_own(conforms):
 def test_centres_of_other_markers_count_as_wrong_and_not_as_scatter(conforms):
     study = elevation(elevations_deg=[30.0], cases=["three-rows"])
     data = layouts(study, 0.01)
-    row = film.rig_of(study, study.recordings()[0]).markers.middle_row
+    row = film.rig_of(study, study.filmed_settings()[0]).markers.middle_row
     data["noisy"].values[0, 0, 10:20, 0, row.start] += 5.0  # one marker of one camera
     data["noisy"].values[0, 1, 3:7, :, row.start + 1] = np.nan
     frames = data.sizes["frame"]
@@ -491,9 +491,9 @@ def test_a_case_that_is_not_run_refuses_nothing():
 
 def test_what_is_filmed_does_not_depend_on_the_trials():
     one, other = elevation(trials=3), elevation(trials=99, cube="a.nc")
-    assert one.film_request == other.film_request
-    assert one.film_request.digest == other.film_request.digest
-    assert elevation(seed=1).film_request.digest != one.film_request.digest
-    assert len(LabLayout().recordings()) == 9
+    assert one.recordings == other.recordings
+    assert one.recordings.digest == other.recordings.digest
+    assert elevation(seed=1).recordings.digest != one.recordings.digest
+    assert len(LabLayout().filmed_settings()) == 9
     assert len(LabLayout().settings()) == 255
-    assert len(LabElevation().recordings()) == len(LabElevation().settings()) == 27
+    assert len(LabElevation().filmed_settings()) == len(LabElevation().settings()) == 27

@@ -53,7 +53,7 @@ def test_a_sample_filmed_now_is_the_data():
     """Noise and rounding included; on another processor one pixel in many is rounded otherwise."""
     of = EVERY["lab-layout"]
     data = recorded.measured(of)
-    rig = lab_layout_film.rig_of(of.request, of.request.recordings()[1])
+    rig = lab_layout_film.rig_of(of.request, of.request.filmed_settings()[1])
     for index in (0, 1):
         for name, now in zip(("noisy", "quiet"), lab_layout_film.tracks(rig, index), strict=True):
             kept = data[name].values[1, index]

@@ -11,7 +11,7 @@ def layouts(study, sigma=0.0, seed=0, lost=()):
 
     `lost` are numbers of recordings in which the markers are not found.
     """
-    rigs = [film.rig_of(study, recording) for recording in study.recordings()]
+    rigs = [film.rig_of(study, recording) for recording in study.filmed_settings()]
 
     def of(job):
         recording, camera = job

@@ -5,6 +5,9 @@ complex amplitudes. A plate in a rigid baffle is a set of small pistons in the p
 with the area A_e and the velocity of its centre; it radiates into Z > 0.
 
 Points and sources put coordinates first: points ``(3, ...)`` and sources ``(2, sources)`` in m.
+
+Throughout, `velocity` (pistons,) are the normal velocities of the `pistons` in m/s, `omega` is the
+angular frequency in rad/s, `medium` the fluid, and `directions` (3, ...) are unit vectors, Z ≥ 0.
 """
 
 from __future__ import annotations
@@ -34,16 +37,10 @@ def rayleigh(
 
     Parameters
     ----------
-    pistons : Pistons
-        The sources.
-    velocity : array_like, shape (pistons,)
-        Normal velocities in m/s.
+    pistons, velocity, omega, medium
+        As everywhere here.
     points : array_like, shape (3, ...)
         Observation points, Z > 0, in m.
-    omega : float
-        Angular frequency in rad/s.
-    medium : Medium
-        The fluid.
 
     Returns
     -------
@@ -77,19 +74,7 @@ def radiation_matrix(pistons: Pistons, omega: float, medium: Medium = AIR) -> Ar
 
 
 def sound_power(pistons: Pistons, velocity: ArrayLike, omega: float, medium: Medium = AIR) -> float:
-    """Radiated power vᴴRv in W.
-
-    Parameters
-    ----------
-    pistons : Pistons
-        The sources.
-    velocity : array_like, shape (pistons,)
-        Normal velocities in m/s, complex amplitudes.
-    omega : float
-        Angular frequency in rad/s.
-    medium : Medium
-        The fluid.
-    """
+    """Radiated power vᴴRv in W."""
     v = np.asarray(velocity)
     return float(np.real(np.conj(v) @ radiation_matrix(pistons, omega, medium) @ v))
 
@@ -97,19 +82,7 @@ def sound_power(pistons: Pistons, velocity: ArrayLike, omega: float, medium: Med
 def radiation_efficiency(
     pistons: Pistons, velocity: ArrayLike, omega: float, medium: Medium = AIR
 ) -> float:
-    """Power over that of a plane wave of the same area and mean square v², W / (ρ₀ c S v² / 2).
-
-    Parameters
-    ----------
-    pistons : Pistons
-        The sources.
-    velocity : array_like, shape (pistons,)
-        Normal velocities in m/s, complex amplitudes.
-    omega : float
-        Angular frequency in rad/s.
-    medium : Medium
-        The fluid.
-    """
+    """Power over that of a plane wave of the same area and mean square v², W / (ρ₀ c S v² / 2)."""
     v = np.asarray(velocity)
     area = pistons.area * len(v)
     plane = medium.density * medium.speed_of_sound * area * np.mean(np.abs(v) ** 2) / 2
@@ -119,21 +92,7 @@ def radiation_efficiency(
 def far_field(
     pistons: Pistons, velocity: ArrayLike, directions: ArrayLike, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
-    """Far-field pressure times distance, p r e^{jkr}, in Pa m.
-
-    Parameters
-    ----------
-    pistons : Pistons
-        The sources.
-    velocity : array_like, shape (pistons,)
-        Normal velocities in m/s.
-    directions : array_like, shape (3, ...)
-        Unit vectors with Z ≥ 0.
-    omega : float
-        Angular frequency in rad/s.
-    medium : Medium
-        The fluid.
-    """
+    """Far-field pressure times distance, p r e^{jkr}, in Pa m, shape (...)."""
     k = wavenumber(omega, medium)
     check_pistons(pistons, omega, medium)
     u = np.asarray(directions, float)
@@ -145,21 +104,7 @@ def far_field(
 def directivity(
     pistons: Pistons, velocity: ArrayLike, directions: ArrayLike, omega: float, medium: Medium = AIR
 ) -> Array:
-    """Far-field intensity over that of the same power spread evenly over the half space.
-
-    Parameters
-    ----------
-    pistons : Pistons
-        The sources.
-    velocity : array_like, shape (pistons,)
-        Normal velocities in m/s, complex amplitudes.
-    directions : array_like, shape (3, ...)
-        Unit vectors with Z ≥ 0.
-    omega : float
-        Angular frequency in rad/s.
-    medium : Medium
-        The fluid.
-    """
+    """Far-field intensity over that of the same power spread evenly over the half space."""
     p = far_field(pistons, velocity, directions, omega, medium)
     intensity = np.abs(p) ** 2 / (2 * medium.density * medium.speed_of_sound)
     return 2 * np.pi * intensity / sound_power(pistons, velocity, omega, medium)

@@ -110,18 +110,9 @@ def pulsating_sphere(
 def monopole(
     distance: ArrayLike, volume_velocity: complex, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
-    """Pressure in Pa of a point monopole in free space (eq. 6.2).
+    """Pressure in Pa of a point monopole in free space (eq. 6.2), at distances r > 0 in m.
 
-    Parameters
-    ----------
-    distance : array_like
-        Distance r from the source in m, above 0.
-    volume_velocity : complex
-        Volume velocity Q in m³/s.
-    omega : float
-        Angular frequency in rad/s.
-    medium : Medium
-        The fluid.
+    The volume velocity Q is in m³/s, `omega` in rad/s.
     """
     k = wavenumber(omega, medium)
     r = np.asarray(distance, float)

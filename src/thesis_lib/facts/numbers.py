@@ -62,13 +62,7 @@ class StatedNumber:
 
 
 def read_numbers() -> list[StatedNumber]:
-    """The stated numbers, from ``data/thesis/numbers.csv``.
-
-    Raises
-    ------
-    ValueError
-        Naming the line and the field of a malformed row.
-    """
+    """The stated numbers, from ``data/thesis/numbers.csv``, refused line by line."""
     kinds: dict[str, Kind] = {
         "id": some,
         "chapter": _chapter,

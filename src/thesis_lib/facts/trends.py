@@ -53,13 +53,7 @@ class Trend:
 
 
 def read_trends() -> list[Trend]:
-    """The stated trends, from ``data/thesis/trends.csv``.
-
-    Raises
-    ------
-    ValueError
-        Naming the line and the field of a malformed row.
-    """
+    """The stated trends, from ``data/thesis/trends.csv``, refused line by line."""
     kinds: dict[str, Kind] = {
         "id": some,
         "chapter": int,

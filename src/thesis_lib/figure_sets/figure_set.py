@@ -72,21 +72,15 @@ class FigureSet(Product):
         return drawing
 
 
-def filmed(package: str, film: Callable[[Any], Study], **how: Any) -> FigureSet:
-    """A figure set that is computed from recordings.
+def filmed(package: str, **how: Any) -> FigureSet:
+    """A figure set that is computed from recordings; `how` is the rest of :class:`FigureSet`.
 
-    Parameters
-    ----------
-    package : str
-        Its folder, whose module ``recordings`` films, and whose ``compute`` takes that as `data`.
-    film : callable
-        Its request to that of the recordings.
-    **how
-        The rest of :class:`FigureSet`.
+    The module ``recordings`` of its package films what the request's own ``recordings`` asks for,
+    and ``compute`` takes that as `data`.
     """
     recordings = Product(module=f"{package}.recordings", recorded=True)
     return FigureSet(
         module=f"{package}.compute",
-        needs=lambda asked: {"data": (recordings, film(asked))},
+        needs=lambda asked: {"data": (recordings, asked.recordings)},
         **how,
     )

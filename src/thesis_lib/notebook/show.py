@@ -122,17 +122,7 @@ def figures(cube: xr.Dataset) -> None:
 
 
 def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
-    """What a function of the module `figures` of a cube's figure set draws of it.
-
-    Parameters
-    ----------
-    cube : xarray.Dataset
-        Cube of the figure set.
-    name : str
-        Name of the function, from cube to figure.
-    *which : int
-        What else it is given, such as a mode; nothing is shown of a mode that was not run.
-    """
+    """Show :func:`thesis_lib.figure_sets.display.picture`; nothing of a mode that was not run."""
     drawing = figure_sets.picture(cube, name, *which)
     if drawing is None:
         return None

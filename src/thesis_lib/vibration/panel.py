@@ -27,6 +27,7 @@ from thesis_lib.vibration.finite_elements import (
     plate_modes,
 )
 from thesis_lib.vibration.meshing import pieces, triangles, triangulated
+from thesis_lib.vibration.plate import Sheet
 from thesis_lib.vibration.polygons import (
     Circle,
     Hole,
@@ -47,7 +48,7 @@ ON_EDGE = 1e-9  # of the box: nearer than this to an edge, a point is on it
 
 
 @dataclass(frozen=True)
-class Panel:
+class Panel(Sheet):
     """Thin plate with a polygonal outline and holes.
 
     Raises
@@ -99,25 +100,10 @@ class Panel:
         return self.mass_per_area * self.area
 
     @property
-    def bending_stiffness(self) -> float:
-        """D = E h³ / (12 (1 − ν²)) in N m."""
-        return self.youngs_modulus * self.thickness**3 / (12 * (1 - self.poisson**2))
-
-    @property
-    def mass_per_area(self) -> float:
-        """Mass ρh per area in kg/m²."""
-        return self.density * self.thickness
-
-    @property
     def extent(self) -> tuple[float, float]:
         """Length and width of the box around the panel in m."""
         x, y = np.max(self.outline, axis=0).tolist()
         return x, y
-
-    @property
-    def force_point(self) -> Array:
-        """Position of the force, shape (2, 1), in m."""
-        return np.array(self.force_position, float)[:, None]
 
     @property
     def markers(self) -> Array:

@@ -13,8 +13,33 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.vibration.structure import numbers_from_one
 
 
+class Sheet:
+    """What a thin plate of any outline is made of, and where its force acts."""
+
+    thickness: float
+    density: float
+    youngs_modulus: float
+    poisson: float
+    force_position: tuple[float, float]
+
+    @property
+    def bending_stiffness(self) -> float:
+        """D = E h³ / (12 (1 − ν²)) in N m."""
+        return self.youngs_modulus * self.thickness**3 / (12 * (1 - self.poisson**2))
+
+    @property
+    def mass_per_area(self) -> float:
+        """Mass ρh per area in kg/m²."""
+        return self.density * self.thickness
+
+    @property
+    def force_point(self) -> Array:
+        """Position of the force, shape (2, 1), in m."""
+        return np.array(self.force_position, float)[:, None]
+
+
 @dataclass(frozen=True)
-class Plate:
+class Plate(Sheet):
     """Thin rectangular plate, simply supported on its four edges (thesis 4.1)."""
 
     #: Dimensions along x, y and z in m
@@ -34,24 +59,9 @@ class Plate:
         return self.density * self.length * self.width * self.thickness
 
     @property
-    def bending_stiffness(self) -> float:
-        """D = E h³ / (12 (1 − ν²)) in N m."""
-        return self.youngs_modulus * self.thickness**3 / (12 * (1 - self.poisson**2))
-
-    @property
-    def mass_per_area(self) -> float:
-        """Mass ρh per area in kg/m²."""
-        return self.density * self.thickness
-
-    @property
     def extent(self) -> tuple[float, float]:
         """Length and width in m."""
         return self.length, self.width
-
-    @property
-    def force_point(self) -> Array:
-        """Position of the force, shape (2, 1), in m."""
-        return np.array(self.force_position, float)[:, None]
 
     @property
     def markers(self) -> Array:

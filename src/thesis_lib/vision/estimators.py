@@ -135,18 +135,7 @@ def exponent(counts: ArrayLike, errors: ArrayLike) -> Array:
 def linear_gain(P: ArrayLike, points: ArrayLike) -> Array:
     """First-order response of the linear estimate to its images, (JᵀD²J)⁻¹JᵀD².
 
-    Parameters
-    ----------
-    P : array_like, shape (cameras, 3, 4)
-        Projection matrices.
-    points : array_like, shape (3, ...)
-        World points in m.
-
-    Returns
-    -------
-    ndarray, shape (3, cameras, 2, ...)
-        ∂(X, Y, Z)/∂(u, v) in m/px, as :func:`thesis_lib.vision.triangulation.gain` for the refined
-        one.
+    It is to it what :func:`thesis_lib.vision.triangulation.gain` is to the refined one.
     """
     P, X = np.asarray(P, float), np.asarray(points, float)
     flat = X.reshape(3, -1)

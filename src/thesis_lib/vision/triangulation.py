@@ -93,17 +93,8 @@ def checked(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
 def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
     """Derivative of the image coordinates with respect to the world point.
 
-    Parameters
-    ----------
-    P : array_like, shape (cameras, 3, 4)
-        Projection matrices.
-    points : array_like, shape (3, ...)
-        World points in m.
-
-    Returns
-    -------
-    ndarray, shape (cameras, 2, 3, ...)
-        ∂(u, v)/∂(X, Y, Z) in px/m.
+    Of `P` and `points` as for :func:`thesis_lib.vision.pinhole.project`: ∂(u, v)/∂(X, Y, Z) in
+    px/m, shape (cameras, 2, 3, ...).
     """
     P, X = np.asarray(P, float), np.asarray(points, float)
     flat = X.reshape(3, -1)
@@ -118,17 +109,8 @@ def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
 def gain(P: ArrayLike, points: ArrayLike) -> Array:
     """First-order response of the refined point to its image coordinates, (JᵀJ)⁻¹Jᵀ.
 
-    Parameters
-    ----------
-    P : array_like, shape (cameras, 3, 4)
-        Projection matrices.
-    points : array_like, shape (3, ...)
-        World points in m.
-
-    Returns
-    -------
-    ndarray, shape (3, cameras, 2, ...)
-        ∂(X, Y, Z)/∂(u, v) in m/px.
+    Of `P` and `points` as for :func:`jacobian`: ∂(X, Y, Z)/∂(u, v) in m/px, shape
+    (3, cameras, 2, ...).
     """
     J = jacobian(P, points)
     trailing = J.shape[3:]

@@ -6,7 +6,6 @@ from thesis_lib.figure_sets.figure_set import filmed
 FIGURE_SETS = [
     filmed(
         __package__,
-        lambda asked: asked.recordings,
         request=request,
         chapter="ch5",
         figure="thesis_lib.plotting.curves:beam_figure",

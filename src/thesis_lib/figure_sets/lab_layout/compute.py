@@ -47,7 +47,7 @@ def draws(study: Layouts, cameras: int, markers: int) -> Array:
 
 def run(study: Layouts, data: xr.Dataset) -> xr.Dataset:
     """The cube of a study, from its recordings' tracks (:func:`.lab_layout.recordings.run`)."""
-    settings, recordings = study.settings(), study.recordings()
+    settings, recordings = study.settings(), study.filmed_settings()
     films = [
         measured(study, recording, noisy, quiet)
         for recording, noisy, quiet in zip(

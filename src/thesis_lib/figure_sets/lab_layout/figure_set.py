@@ -6,7 +6,6 @@ from thesis_lib.figure_sets.lab_layout.parameters import LabElevation, LabLayout
 FIGURE_SETS = [
     filmed(
         __package__,
-        lambda asked: asked.film_request,
         request=request,
         chapter="lab",
         figure=f"{__package__}.figures:figure",

@@ -83,7 +83,7 @@ class Layouts(Study):
         return [1]
 
     @property
-    def film_request(self) -> Study:
+    def recordings(self) -> Study:
         """The same without trials and file: what has to be filmed."""
         return self.model_copy(update={"trials": 0, "cube": ""})
 
@@ -91,7 +91,7 @@ class Layouts(Study):
         """The recording that holds a setting's cameras: its own, if it shares none."""
         return setting
 
-    def recordings(self) -> list[Setting]:
+    def filmed_settings(self) -> list[Setting]:
         """What has to be filmed, each once."""
         return list(dict.fromkeys(map(self.recorded, self.settings())))
 
@@ -112,7 +112,7 @@ class Layouts(Study):
             refuse("exposure_ms", self.exposure_ms, permitted(kind, "exposure_ms"))
         extent, lift = setups.beam().extent, self.amplitude_mm / 1000
         reach = 1000 * math.hypot(*extent) / 2 + self.amplitude_mm
-        for recording in self.recordings():
+        for recording in self.filmed_settings():
             name, given = self.blamed(recording.case), recording.distance_mm
             if given <= reach:
                 refuse(name, given, beyond(reach))

@@ -136,7 +136,7 @@ def run(study: Layouts) -> xr.Dataset:
         ``noisy`` and ``quiet`` (recording, camera, frame, axis, marker) in px, NaN where there is
         no such camera or marker, or where it was not found.
     """
-    rigs = [rig_of(study, recording) for recording in study.recordings()]
+    rigs = [rig_of(study, recording) for recording in study.filmed_settings()]
     jobs = [(r, c) for r, rig in enumerate(rigs) for c in range(len(rig.stations))]
     done = abreast(lambda job: tracks(rigs[job[0]], job[1]), jobs)
     return dataset(rigs, dict(zip(jobs, done, strict=True)).__getitem__)

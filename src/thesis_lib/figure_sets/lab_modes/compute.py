@@ -30,15 +30,7 @@ SETTLED = 0.01  # of the transient that is left when the vibration counts as ste
 
 
 def run(study: LabModes, data: xr.Dataset) -> xr.Dataset:
-    """The cube of ``lab-modes``.
-
-    Parameters
-    ----------
-    study : LabModes
-        Validated parameters.
-    data : xarray.Dataset
-        The recordings, as :func:`~thesis_lib.figure_sets.lab_modes.recordings.run` gives them.
-    """
+    """The cube of ``lab-modes``, from the dataset of its recordings."""
     films = recordings(study, data)  # mode after mode, rate after rate
     settings = study.settings()
     rates = study.frame_rates_hz

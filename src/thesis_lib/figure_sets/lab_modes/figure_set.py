@@ -6,7 +6,6 @@ from thesis_lib.figure_sets.lab_modes.parameters import LabModes
 FIGURE_SETS = [
     filmed(
         __package__,
-        lambda asked: asked.recordings,
         request=LabModes,
         chapter="lab",
         figure=f"{__package__}.figures:modes_figure",

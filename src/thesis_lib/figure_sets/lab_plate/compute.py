@@ -51,15 +51,7 @@ PARAMETERS = {
 
 
 def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
-    """The cube of ``lab-plate``.
-
-    Parameters
-    ----------
-    study : LabPlate
-        Validated parameters.
-    data : xarray.Dataset
-        The recordings, as :func:`~thesis_lib.figure_sets.lab_plate.recordings.run` gives them.
-    """
+    """The cube of ``lab-plate``, from the dataset of its recordings."""
     plate, settings = study.plate, study.settings()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the table says so

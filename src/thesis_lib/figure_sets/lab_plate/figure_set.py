@@ -6,7 +6,6 @@ from thesis_lib.figure_sets.lab_plate.parameters import LabPlate
 FIGURE_SETS = [
     filmed(
         __package__,
-        lambda asked: asked.recordings,
         request=LabPlate,
         chapter="lab",
         figure=f"{__package__}.figures:filmed_plate_figure",

@@ -90,18 +90,10 @@ COORDINATES = declared("""
 
 
 def run(study: Cameras) -> xr.Dataset:
-    """The cube of the figure set ``cameras``.
+    """The cube of the figure set ``cameras``: lengths in m, angles in degrees, images in px.
 
-    Parameters
-    ----------
-    study : Cameras
-        Validated parameters.
-
-    Returns
-    -------
-    xarray.Dataset
-        Lengths in m, angles in degrees, images in px. ``distance`` holds those asked for among
-        others; ``quantity``, ``value`` and ``unit`` are what runs are compared by.
+    ``distance`` holds those asked for among others; ``quantity``, ``value`` and ``unit`` are what
+    runs are compared by.
     """
     cube = xr.Dataset(coords=_coordinates(study))
     for part in (_views, _projections, _horizons, _pictures, _sharpness, _stereo, _summary):

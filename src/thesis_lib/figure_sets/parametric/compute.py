@@ -87,22 +87,7 @@ def block_results(
 
 
 def run(study: CameraStudy, scheduler: str = "") -> xr.Dataset:
-    """The cube of a camera study, in memory.
-
-    Parameters
-    ----------
-    study : CameraStudy
-        Validated parameters.
-    scheduler : str
-        Workers that compute it (:func:`thesis_lib.studies.schedulers.checked`), else this process
-        does.
-
-    Returns
-    -------
-    xarray.Dataset
-        Dimensions ``setting``, ``mode``, ``trial``, ``point``, ``camera``; every variable has
-        ``units`` and ``long_name``.
-    """
+    """The cube of a camera study, in memory: that of :func:`outline`, filled in."""
     return outline(study, scheduler).in_memory()
 
 

@@ -106,25 +106,12 @@ class _Sound:
 
 
 def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.Dataset:
-    """The cube of a sound study, in memory.
+    """The cube of a sound study, in memory, from that of the plate's same settings and trials.
 
-    Parameters
-    ----------
-    study : CameraStudy
-        Validated parameters of a sound study.
-    plate_cube : xarray.Dataset
-        Cube of the plate's study with the same settings, modes and trials.
-    scheduler : str
-        Workers that compute it (:func:`thesis_lib.studies.schedulers.checked`), else this process
-        does.
-
-    Returns
-    -------
-    xarray.Dataset
-        Errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8,
-        with the modulus of the complex difference), NaN where a plane is nodal, and of the larger
-        of the two, NaN where both are; predicted errors; reference fields and those of the best
-        and worst settings.
+    Errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8, with
+    the modulus of the complex difference), NaN where a plane is nodal, and of the larger of the
+    two, NaN where both are; predicted errors; reference fields and those of the best and worst
+    settings.
     """
     return outline(study, plate_cube, scheduler).in_memory()
 

@@ -27,17 +27,9 @@ _THESIS = {  # of what is said of the thesis's own layouts
 def run(study: Planner) -> xr.Dataset:
     """The cube of the figure set ``planner``.
 
-    Parameters
-    ----------
-    study : Planner
-        Validated parameters.
-
-    Returns
-    -------
-    xarray.Dataset
-        Variables of a plan's cube along ``question``; of the thesis's layouts, at the first of the
-        resolutions, along ``thesis_case`` and ``count``; ``quantity``, ``value`` and ``unit`` are
-        what runs are compared by.
+    Variables of a plan's cube along ``question``; of the thesis's layouts, at the first of the
+    resolutions, along ``thesis_case`` and ``count``; ``quantity``, ``value`` and ``unit`` are what
+    runs are compared by.
     """
     plans = {name: plan(request) for name, request in study.questions.items()}
     cube = xr.concat(

@@ -132,18 +132,9 @@ def match(reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float 
 def cross_correlation_delays(
     signals: Sequence[ArrayLike], rate: float, reference: int = 0, max_delay: float | None = None
 ) -> Array:
-    """Delays of all recordings by cross-correlation, shape (recordings,), s.
+    """Delays of all recordings after the reference by cross-correlation, shape (recordings,), s.
 
-    Parameters
-    ----------
-    signals : sequence of array_like
-        The recordings.
-    rate : float
-        Their sample rate in Hz.
-    reference : int
-        Recording whose delay is 0.
-    max_delay : float, optional
-        Largest delay looked for in s; half of the shorter recording if not given.
+    No larger delay is looked for than `max_delay` in s, else than half of the shorter recording.
     """
     return np.array(
         [

@@ -71,19 +71,8 @@ def whitened(x: Signal, rate: float) -> Signal:
     """A signal whose background is equally strong at all frequencies up to 0.7 of the highest.
 
     The background is the median over time of short spectra, so that hum and rumble weigh no more
-    than their share of the band and a clap stays what it is. The filter has no delay.
-
-    Parameters
-    ----------
-    x : ndarray, shape (samples,)
-        The signal.
-    rate : float
-        Its sample rate in Hz.
-
-    Returns
-    -------
-    ndarray, shape (samples − `BINS`,)
-        The signal where the filter does not reach beyond its ends.
+    than their share of the band and a clap stays what it is. The filter has no delay; where it
+    reaches beyond the ends of `x` at `rate` Hz nothing is left: `BINS` samples less.
     """
     f, power = welch(x, rate, nperseg=BINS, average="median")
     if not power.any():  # silent for most of the time
@@ -101,17 +90,10 @@ def standing_out(x: Signal, rate: float) -> tuple[Signal, int]:
     Energies over `SPAN` s scatter; what counts as background is the median and, from the quartile,
     eight standard deviations. Each sample is weighed by how much of the energy around it is above.
 
-    Parameters
-    ----------
-    x : ndarray, shape (samples,)
-        The signal.
-    rate : float
-        Its sample rate in Hz.
-
     Returns
     -------
     ndarray, shape (samples,)
-        The signal, 0 where nothing stands out.
+        The signal `x` at `rate` Hz, 0 where nothing stands out.
     int
         Number of samples where something does.
     """
