@@ -13,7 +13,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read when NumPy is first imported
 import argparse
 import platform
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -49,8 +49,10 @@ def print_triangulation(n_points: int = 100_000) -> None:
               f"{c.memory:>5.1f} MiB")  # fmt: skip
 
 
-def print_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+def print_columns(named: Iterable[Mapping[str, str]]) -> None:
     """Cells in columns: words to the left, numbers to the right."""
+    known = list(named)
+    header, rows = list(known[0]), [list(row.values()) for row in known]
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     words = [any(c.isalpha() for row in rows for c in row[i][:1]) for i in range(len(header))]
     for cells in (header, *rows):
@@ -67,9 +69,12 @@ def print_peers(keep: bool, counts: Sequence[int] = (2, 4, 12)) -> None:
         timed = [timed for n in counts for timed in peers.compare(n)]
         fields = rayleigh.compare()
     data = publish.run(limits.measure(), timed, fields)
-    for part in ("machine", "targets", "comparison", "needs", "rayleigh", "plan"):
-        print_columns(*getattr(benchmark_tables, part)(data))
+    told = benchmark_tables.machine(data).items()
+    print_columns({"": name, " ": said} for name, said in told)
+    for part in ("targets", "comparison", "needs", "rayleigh", "plan"):
         print()
+        print_columns(getattr(benchmark_tables, part)(data))
+    print()
     if keep:
         publish.keep(data)
 
@@ -78,7 +83,7 @@ def print_scale(keep: bool) -> None:
     """A study that is too large to be held, by one process and by workers."""
     print("\nA study in pieces: case 4a of the plate, written to disk as it is computed")
     data = publish.rounded({"scale": scale.compare()})
-    print_columns(*benchmark_tables.scale(data))
+    print_columns(benchmark_tables.scale(data))
     if keep:
         publish.keep(data)
 

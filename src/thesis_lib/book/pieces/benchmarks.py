@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from thesis_lib.book.pieces import times
 from thesis_lib.files import project_root
-from thesis_lib.web.markdown import table
+from thesis_lib.web.markdown import columns, table
 
 Row = Mapping[str, Any]
+Cells = dict[str, str]  # by the names of their columns
 
 NUMPY, COMPILED, CERES = (
     "thesis_lib, NumPy",
@@ -73,50 +74,34 @@ def _times(row: Row | None, other: Row | None) -> str:
     return f"{value:.0f}" if value >= 20 else f"{value:.2g}"
 
 
-def comparison(data: Row) -> tuple[list[str], list[list[str]]]:
+def comparison(data: Row) -> Iterator[Cells]:
     """Every contender's rate, what it is beside the peers and the limit, and its error."""
     rows = data["triangulation"]
-    cells = []
     for row in rows:
         best = fastest_peer(rows, row["cameras"], row["refined"])
         ceres = find(rows, row["cameras"], True, CERES) if row["refined"] else None
         own = row["package"] in OWN and row["name"] in (NUMPY, COMPILED)
-        cells.append(
-            [
-                str(row["cameras"]),
-                "refined" if row["refined"] else "linear",
-                row["name"],
-                f"{rate(row):.3g}",
-                _times(row, best),
-                _times(row, ceres),
-                f"{rate(row) / row['limit']:.0%}" if own else "–",
-                f"{row['error_um']:.0f}",
-                f"{row['bound_um']:.0f}",
-                str(row["points"]),
-            ]
-        )
-    header = [
-        "cameras",
-        "estimate",
-        "by",
-        "million points/s",
-        "× fastest peer",
-        "× pycolmap",
-        "of the limit",
-        "rms error, µm",
-        "first-order bound, µm",
-        "points",
-    ]
-    return header, cells
+        yield {
+            "cameras": str(row["cameras"]),
+            "estimate": "refined" if row["refined"] else "linear",
+            "by": row["name"],
+            "million points/s": f"{rate(row):.3g}",
+            "× fastest peer": _times(row, best),
+            "× pycolmap": _times(row, ceres),
+            "of the limit": f"{rate(row) / row['limit']:.0%}" if own else "–",
+            "rms error, µm": f"{row['error_um']:.0f}",
+            "first-order bound, µm": f"{row['bound_um']:.0f}",
+            "points": str(row["points"]),
+        }
 
 
-def targets(data: Row) -> tuple[list[str], list[list[str]]]:
+def targets(data: Row) -> Iterator[Cells]:
     """What was aimed at, and what was measured, for each number of cameras."""
     rows = data["triangulation"]
     counts = sorted({row["cameras"] for row in rows})
 
-    def line(what: str, aim: str, value: Callable[[int], str]) -> list[str]:
-        return [what, aim, *map(value, counts)]
+    def line(what: str, aim: str, value: Callable[[int], str]) -> Cells:
+        return {"": what, "aim": aim} | {f"{n} cameras": value(n) for n in counts}
 
     def share(n: int) -> str:
         row = find(rows, n, True, COMPILED)
@@ -128,19 +113,16 @@ def targets(data: Row) -> tuple[list[str], list[list[str]]]:
     def refined(name: str, n: int) -> str:
         return _times(find(rows, n, True, name), find(rows, n, True, CERES))
 
-    cells = [
-        line("NumPy, linear, × the fastest peer", "≥ 20", linear),
-        line("NumPy, refined, × pycolmap", "≥ 50 for 12", partial(refined, NUMPY)),
-        line("compiled, refined, × pycolmap", "≥ 200 for 12", partial(refined, COMPILED)),
-        line("compiled, refined, of one core's limit", "≥ 40 %", share),
-    ]
-    return ["", "aim", *(f"{n} cameras" for n in counts)], cells
+    yield line("NumPy, linear, × the fastest peer", "≥ 20", linear)
+    yield line("NumPy, refined, × pycolmap", "≥ 50 for 12", partial(refined, NUMPY))
+    yield line("compiled, refined, × pycolmap", "≥ 200 for 12", partial(refined, COMPILED))
+    yield line("compiled, refined, of one core's limit", "≥ 40 %", share)
 
 
-def machine(data: Row) -> tuple[list[str], list[list[str]]]:
+def machine(data: Row) -> Cells:
     """Where, when and with what was measured."""
     place, limits = data["machine"], data["limits"]
-    told = {
+    return {
         "date": data["date"],
         "machine": f"{place['processor']}, {place['cores']} cores, {place['system']}",
         "load over 1, 5 and 15 minutes": ", ".join(f"{x:.1f}" for x in place["load"]) or "unknown",
@@ -150,107 +132,71 @@ def machine(data: Row) -> tuple[list[str], list[list[str]]]:
         "one core computes": f"{limits['peak']:.0f} Gflop/s: {limits['by']}",
         "one core reads": f"{limits['bandwidth']:.0f} GB/s",
     }
-    return ["", ""], [list(pair) for pair in told.items()]
 
 
-def needs(data: Row) -> tuple[list[str], list[list[str]]]:
+def needs(data: Row) -> Iterator[Cells]:
     """Arithmetic and traffic per point, and the rates that either allows one core."""
-    limits, cells = data["limits"], []
+    limits = data["limits"]
     for row in data["triangulation"]:
         if row["name"] == NUMPY:
-            cells.append(
-                [
-                    str(row["cameras"]),
-                    "refined" if row["refined"] else "linear",
-                    str(row["flops"]),
-                    str(row["bytes"]),
-                    f"{1e3 * limits['peak'] / row['flops']:.0f}",
-                    f"{1e3 * limits['bandwidth'] / row['bytes']:.0f}",
-                ]
-            )
-    header = [
-        "cameras",
-        "estimate",
-        "flops per point",
-        "bytes per point",
-        "arithmetic allows, million points/s",
-        "memory allows, million points/s",
-    ]
-    return header, cells
+            allowed = 1e3 * limits["bandwidth"] / row["bytes"]
+            yield {
+                "cameras": str(row["cameras"]),
+                "estimate": "refined" if row["refined"] else "linear",
+                "flops per point": str(row["flops"]),
+                "bytes per point": str(row["bytes"]),
+                "arithmetic allows, million points/s": f"{1e3 * limits['peak'] / row['flops']:.0f}",
+                "memory allows, million points/s": f"{allowed:.0f}",
+            }
 
 
-def rayleigh(data: Row) -> tuple[list[str], list[list[str]]]:
+def rayleigh(data: Row) -> Iterator[Cells]:
     """Rates of the transfer from pistons to points."""
     rows = data["rayleigh"]
-    cells = [
-        [row["name"], f"{rate(row):.3g}", f"{ratio(row, rows[0]):.2g}", f"{row['difference']:.0e}"]
-        for row in rows
-    ]
-    return ["by", "million pairs/s", "× direct", "apart from direct, of the largest"], cells
+    for row in rows:
+        yield {
+            "by": row["name"],
+            "million pairs/s": f"{rate(row):.3g}",
+            "× direct": f"{ratio(row, rows[0]):.2g}",
+            "apart from direct, of the largest": f"{row['difference']:.0e}",
+        }
 
 
-def plan(data: Row) -> tuple[list[str], list[list[str]]]:
+def plan(data: Row) -> Iterator[Cells]:
     """Time and memory of a thousand million refined points, at the measured rates."""
-    rows, cells = data["triangulation"], []
+    rows = data["triangulation"]
     bandwidth = 1e9 * data["limits"]["bandwidth"]
     for row in rows:
         if row["refined"] and row["name"] in (NUMPY, COMPILED):
             seconds = RECONSTRUCTIONS / (1e6 * rate(row))
-            cells.append(
-                [
-                    str(row["cameras"]),
-                    row["name"].split(", ")[1],
-                    f"{16e-9 * row['cameras'] * RECONSTRUCTIONS:.0f} GB",
-                    f"{24e-9 * RECONSTRUCTIONS:.0f} GB",
-                    f"{row['bytes'] * CHUNK / 2**20:.0f} MiB",
-                    *(_duration(seconds / n) for n in WORKERS),
-                    f"{bandwidth * seconds / (row['bytes'] * RECONSTRUCTIONS):.0f}",
-                ]
-            )
-    header = [
-        "cameras",
-        "by",
-        "images",
-        "points",
-        "a worker holds",
-        *(f"{n} worker{'s' * (n > 1)}" for n in WORKERS),
-        "workers that one core's memory rate feeds",
-    ]
-    return header, cells
+            fed = bandwidth * seconds / (row["bytes"] * RECONSTRUCTIONS)
+            yield {
+                "cameras": str(row["cameras"]),
+                "by": row["name"].split(", ")[1],
+                "images": f"{16e-9 * row['cameras'] * RECONSTRUCTIONS:.0f} GB",
+                "points": f"{24e-9 * RECONSTRUCTIONS:.0f} GB",
+                "a worker holds": f"{row['bytes'] * CHUNK / 2**20:.0f} MiB",
+                **{f"{n} worker{'s' * (n > 1)}": _duration(seconds / n) for n in WORKERS},
+                "workers that one core's memory rate feeds": f"{fed:.0f}",
+            }
 
 
-def scale(data: Row) -> tuple[list[str], list[list[str]]]:
+def scale(data: Row) -> Iterator[Cells]:
     """A large study in pieces: its rate, what 10⁹ points take at it, and memory."""
-    cells = []
     for row in data["scale"]["rows"]:
         rate = row["points"] / row["seconds"]
-        cells.append(
-            [
-                row["by"],
-                str(row["workers"]),
-                str(row["trials"]),
-                f"{row['points'] / 1e6:.1f}",
-                f"{row['start']:.1f} s",
-                f"{row['seconds']:.1f} s",
-                f"{rate / 1e6:.2f}",
-                _duration(RECONSTRUCTIONS / rate),
-                f"{row['cube_mb']:.0f} MB",
-                f"{row['memory_mb']:.0f} MB",
-            ]
-        )
-    header = [
-        "by",
-        "processes",
-        "trials",
-        "million points",
-        "until the first result",
-        "from then on",
-        "million points/s",
-        "10⁹ points",
-        "cube",
-        "largest memory",
-    ]
-    return header, cells
+        yield {
+            "by": row["by"],
+            "processes": str(row["workers"]),
+            "trials": str(row["trials"]),
+            "million points": f"{row['points'] / 1e6:.1f}",
+            "until the first result": f"{row['start']:.1f} s",
+            "from then on": f"{row['seconds']:.1f} s",
+            "million points/s": f"{rate / 1e6:.2f}",
+            "10⁹ points": _duration(RECONSTRUCTIONS / rate),
+            "cube": f"{row['cube_mb']:.0f} MB",
+            "largest memory": f"{row['memory_mb']:.0f} MB",
+        }
 
 
 def scale_load(data: Row) -> str:
@@ -263,18 +209,23 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.1f} min" if seconds >= 90 else f"{seconds:.2g} s"
 
 
-def _piece(make: Callable[[Row], tuple[list[str], list[list[str]]]]) -> str:
+def _piece(make: Callable[[Row], Iterator[Cells]]) -> str:
     data = read()
-    return table(*make(data)) if data else NOT_YET
+    return columns(make(data)) if data else NOT_YET
+
+
+def _machine() -> str:
+    data = read()
+    return table(["", ""], [list(pair) for pair in machine(data).items()]) if data else NOT_YET
 
 
 def _scale() -> str:
     data = read()
-    return f"{table(*scale(data))}\n{scale_load(data)}" if "scale" in data else NOT_YET
+    return f"{columns(scale(data))}\n{scale_load(data)}" if "scale" in data else NOT_YET
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    "benchmarks-machine": partial(_piece, machine),
+    "benchmarks-machine": _machine,
     "benchmarks-targets": partial(_piece, targets),
     "benchmarks-comparison": partial(_piece, comparison),
     "benchmarks-needs": partial(_piece, needs),
