@@ -53,18 +53,10 @@ def _files(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def seal(document: dict[str, Any], name: str, made_from: str, made: Mapping[str, Path]) -> str:
-    """An executed notebook with its record in it, as the text of its file.
+    """An executed notebook with its record, which is put into it, as the text of its file `name`.
 
-    Parameters
-    ----------
-    document : dict
-        The notebook, which is changed.
-    name : str
-        Its name as a file.
-    made_from : str
-        Digest of all that it was made from.
-    made : mapping of str to Path
-        What else was made, by the names it will have.
+    `made_from` is the digest of all that it was made from, `made` what else was made, by the names
+    it will have.
     """
     digests = {there: sha256(file) for there, file in made.items()}
     record = Record(made_from, digests | {name: _of_notebook(document)})

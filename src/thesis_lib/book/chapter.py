@@ -49,20 +49,9 @@ def _in(entry: Any) -> Iterator[str]:
 
 
 def lay_out(root: Path, chapter: str, pieces: Path, executed: Iterable[Path], work: Path) -> None:
-    """Fill a folder with the project of a chapter's book.
+    """Fill an empty folder `work` with the project of a chapter's book.
 
-    Parameters
-    ----------
-    root : pathlib.Path
-        The whole project.
-    chapter : str
-        One of :data:`thesis_lib.figure_sets.registry.CHAPTERS`.
-    pieces : pathlib.Path
-        Folder of what its pages include.
-    executed : iterable of pathlib.Path
-        Its executed notebooks.
-    work : pathlib.Path
-        An empty folder.
+    `pieces` is the folder of what its pages include, `executed` are its notebooks.
     """
     book, entries = work / "book", _contents(root, chapter)
     shutil.copytree(root / "book" / "assets", book / "assets")

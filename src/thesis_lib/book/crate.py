@@ -30,19 +30,9 @@ LICENSE = "https://spdx.org/licenses/MIT"
 
 
 def write(book: Path, made: Iterable[tuple[Path, Path]]) -> Path:
-    """Describe a rendered book.
+    """Describe a rendered book, with its downloads, in a file that depends on the runs alone.
 
-    Parameters
-    ----------
-    book : pathlib.Path
-        Folder of the book, with its downloads.
-    made : iterable of (pathlib.Path, pathlib.Path)
-        Executed notebook and cube of each figure set that ran.
-
-    Returns
-    -------
-    pathlib.Path
-        The file, whose content depends on the runs alone.
+    `made` are executed notebook and cube of each figure set that ran.
     """
     crate = ROCrate(version="1.1")
     crate.name, crate.description = TITLE, ABOUT

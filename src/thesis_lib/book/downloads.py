@@ -19,15 +19,7 @@ _PACKED = {".nc", ".png", ".jpg", ".woff2", ".gz"}  # compressed already
 
 
 def tables(folder: Path, made: Iterable[Path]) -> None:
-    """Write the numbers of cubes and of their figures as tables.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Where; a former one there is replaced.
-    made : iterable of pathlib.Path
-        Cubes of figure sets that ran.
-    """
+    """Write the numbers of cubes and of their figures as tables into a folder that is made anew."""
     with staging(folder.parent) as new:
         for path in made:
             cube = cube_file.read(path)
@@ -52,20 +44,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def archive(book: Path, place: Path) -> Path:
-    """Pack a rendered book into one zip file; the same book gives the same bytes.
-
-    Parameters
-    ----------
-    book : pathlib.Path
-        Folder of the rendered book.
-    place : pathlib.Path
-        File to write.
-
-    Returns
-    -------
-    pathlib.Path
-        The file.
-    """
+    """Pack a rendered book into one zip file `place`; the same book gives the same bytes."""
 
     def pack(part: Path) -> None:
         with zipfile.ZipFile(part, "w") as packed:

@@ -32,16 +32,9 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def in_files(html: str, folder: Path, images: Path) -> str:
-    """The same page with its long inline drawings as files, which are read only when seen.
+    """The same page, standing in `folder`, with its long inline drawings as files of `images`.
 
-    Parameters
-    ----------
-    html : str
-        A page.
-    folder : pathlib.Path
-        Where it stands.
-    images : pathlib.Path
-        Folder in which each drawing is written, named by its content.
+    They are named by their content, and read only when seen.
     """
 
     def take_out(match: re.Match[str]) -> str:
@@ -54,15 +47,9 @@ def in_files(html: str, folder: Path, images: Path) -> str:
 
 
 def lazy(html: str, folder: Path) -> str:
-    """The same page with its local pictures loaded when needed.
+    """The same page, standing in `folder`, with its local pictures loaded when needed.
 
-    Parameters
-    ----------
-    html : str
-        A page.
-    folder : pathlib.Path
-        Where it stands; addresses of pictures are relative to it. A picture that is not there, or
-        whose size is not told by its file, stays as it is.
+    A picture that is not there, or whose size is not told by its file, stays as it is.
     """
 
     def mend(match: re.Match[str]) -> str:

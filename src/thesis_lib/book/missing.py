@@ -28,19 +28,11 @@ def sentence(names: Iterable[str]) -> str:
 
 
 def page(source: Path, name: str, reason: str) -> Any:
-    """A notebook for the page of a figure set that failed.
+    """A notebook for the page of a figure set that failed, from the parameterised one.
 
     The prose stands, and so does every figure's place with its name and caption, so that what
-    points at them leads somewhere.
-
-    Parameters
-    ----------
-    source : pathlib.Path
-        The parameterised notebook.
-    name : str
-        The figure set.
-    reason : str
-        What went wrong; of it the first line, without the place of the traceback.
+    points at them leads somewhere. Of the reason it tells the first line, without the place of the
+    traceback.
     """
     import nbformat
 

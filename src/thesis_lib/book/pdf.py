@@ -100,17 +100,7 @@ def find_browser() -> str:
 
 
 def build(root: Path) -> Path:
-    """Print the book as it was last executed.
-
-    Parameters
-    ----------
-    root : pathlib.Path
-        Folder of the project, in which `thesis book` has run.
-
-    Returns
-    -------
-    pathlib.Path
-        ``build/vibration-by-many-cameras.pdf``.
+    """Print the book of a project in which `thesis book` has run, as it was last executed.
 
     Raises
     ------

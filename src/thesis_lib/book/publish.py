@@ -15,16 +15,9 @@ from thesis_lib.studies import effort, published, times
 
 
 def publish(jobs: Sequence[runs.Job], picture: Path, measured: Path) -> None:
-    """Make the results of some jobs the published ones.
+    """Make the results of all figure sets, executed, the published ones.
 
-    Parameters
-    ----------
-    jobs : sequence of Job
-        All figure sets, executed.
-    picture : pathlib.Path
-        File of the picture that the README shows, which is drawn anew.
-    measured : pathlib.Path
-        What the tests have measured, if they have.
+    `picture` is that of the README, which is drawn anew, `measured` what the tests have measured.
 
     Raises
     ------

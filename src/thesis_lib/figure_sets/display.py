@@ -24,17 +24,7 @@ _PICTURE = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """The figure of one case and mode, as its figure set draws it.
-
-    Parameters
-    ----------
-    cube : xarray.Dataset
-        Cube of a figure set.
-    case : str
-        Case or layout that the cube holds.
-    mode : int
-        Mode that the cube holds.
-    """
+    """The figure of one case, or layout, and mode that a cube holds, as its figure set draws it."""
     with in_style():
         return FIGURE_SETS[cube.attrs["figure_set"]].draw(cube, case, mode)
 
@@ -47,14 +37,7 @@ def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
 def picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
     """What a function of the module `figures` of a cube's figure set draws of it.
 
-    Parameters
-    ----------
-    cube : xarray.Dataset
-        Cube of the figure set.
-    name : str
-        Name of the function.
-    *which : int
-        What else it is given, such as a mode; it draws nothing of a mode that was not run.
+    `which` is what else it is given, such as a mode; it draws nothing of a mode that was not run.
     """
     of = str(cube.attrs["figure_set"])
     with in_style(picture_style(of)):
@@ -79,15 +62,7 @@ def picture_style(figure_set: str) -> Mapping[str, Any]:
 
 
 def promised(study: Study, source: str) -> Iterator[Caption]:
-    """Captions of what a cell of a notebook will show, before anything is run.
-
-    Parameters
-    ----------
-    study : Study
-        Parameters of the notebook.
-    source : str
-        The cell.
-    """
+    """Captions of what a cell of a notebook, its `source`, will show, before anything is run."""
     if "notebook.figures(result)" in source:
         cases = [setting.case for setting in study.settings()]
         modes = np.array(getattr(study, "modes", []), int)

@@ -106,18 +106,8 @@ def off_centre(
 ) -> float:
     """How far a structure's corners reach in a 16:9 picture, over half its width or height.
 
-    Parameters
-    ----------
-    film : Lens
-        Lens and sensor.
-    extent : tuple of float
-        Length and width of the structure in m.
-    lift : float
-        Its largest deflection in m.
-    direction : tuple of float
-        Azimuth and elevation of the camera in degrees.
-    distance : float
-        Of the camera from the centre in m.
+    The structure's `extent` and largest deflection `lift` are in m; the camera looks from a
+    `distance` in m in a `direction` of azimuth and elevation in degrees.
     """
     length, width = extent
     sides = (-length / 2, length / 2), (-width / 2, width / 2), (-lift, lift)

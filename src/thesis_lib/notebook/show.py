@@ -30,14 +30,7 @@ _MIME = "image/svg+xml"
 
 
 def checked(name: str, namespace: Mapping[str, Any]) -> Any:
-    """The request that a notebook's variables make, checked.
-
-    Parameters
-    ----------
-    name : str
-        Name of the figure set.
-    namespace : mapping
-        The notebook's ``globals()``.
+    """The request that a notebook's variables, its ``globals()``, make, checked.
 
     Raises
     ------

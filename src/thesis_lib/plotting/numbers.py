@@ -20,19 +20,10 @@ _STATED = ("stated_low", "stated_high", "stated")
 def errors_table(cube: xr.Dataset) -> pd.DataFrame:
     """Every error of a cube in %: one row per setting, mode and kind of error.
 
-    Of the ledger: one row per claim, with all that the cube says of it; of a cube of single
-    quantities: each with its value and unit.
-
-    Parameters
-    ----------
-    cube : xarray.Dataset
-        Cube of a figure set.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The literal run (``trial_0``), median, 5 % and 95 % quantile of the trials, what is
-        predicted, and the ends and words of what the thesis states; an open end is empty.
+    The literal run (``trial_0``), median, 5 % and 95 % quantile of the trials, what is predicted,
+    and the ends and words of what the thesis states; an open end is empty. Of the ledger: one row
+    per claim, with all that the cube says of it; of a cube of single quantities: each with its
+    value and unit.
     """
     if cube.attrs["figure_set"] == "claims":
         return pd.DataFrame(
@@ -81,27 +72,12 @@ def _stated(claim: Claim | None) -> dict[str, Any]:
 
 
 def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -> pd.DataFrame:
-    """The numbers that a figure of a case and mode draws, one to a row.
+    """The numbers that a figure of a case and mode draws, a row each; `errors` is the cube's table.
 
     Marker values are those of the setting with the least and of that with the largest error, all
-    else is of every setting. Maps of pressure are left to the cube.
-
-    Parameters
-    ----------
-    cube : xarray.Dataset
-        Cube of a figure set.
-    errors : pandas.DataFrame
-        Its :func:`errors_table`.
-    case : str
-        Case or layout.
-    mode : int
-        Mode.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``quantity``, ``statistic``, ``setting``, ``point``, ``x_mm``, ``y_mm``, ``value``
-        and ``unit``; those that do not apply are empty.
+    else is of every setting. Maps of pressure are left to the cube. Columns ``quantity``,
+    ``statistic``, ``setting``, ``point``, ``x_mm``, ``y_mm``, ``value`` and ``unit``; those that do
+    not apply are empty.
     """
     part = select(cube, case, mode)
     whole = errors[(errors["case"] == case) & (errors["mode"] == mode)]

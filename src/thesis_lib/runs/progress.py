@@ -23,18 +23,8 @@ def seconds_left(
 ) -> float:
     """How long tasks will take, begun in their order, so many at a time.
 
-    Parameters
-    ----------
-    known : mapping
-        Seconds that each task has taken elsewhere, by its name.
-    at_work : mapping
-        Seconds since some of them began.
-    waits : mapping
-        Of each task those that come before it; what is not `known` is done.
-    pace : float
-        How many times as long tasks take here.
-    workers : int
-        Tasks at a time.
+    `known` are the seconds that each has taken elsewhere, here `pace` times as long; `at_work`
+    those since some of them began; `waits` what comes before each, done if it is not `known`.
 
     Examples
     --------

@@ -54,16 +54,7 @@ def record(study: Study, cube: xr.Dataset, file: Path, effort: Effort) -> Record
 def add(notebook: Any, about: Record, cube: xr.Dataset, in_book: bool) -> None:
     """Put the fold-out at the end of an executed notebook, and a line under each figure.
 
-    Parameters
-    ----------
-    notebook : nbformat.NotebookNode
-        Changed in place.
-    about : Record
-        What the fold-out tells.
-    cube : xarray.Dataset
-        The cube, whose numbers are offered.
-    in_book : bool
-        Whether the page is one of the book; else it stands alone, beside its cube.
+    The page is one of the book, or stands alone beside its cube, whose numbers are offered.
     """
     import nbformat
 
@@ -125,12 +116,7 @@ def under_figure(
 def fold_out(about: Record, cube: str, numbers: str) -> str:
     """The fold-out as one block of HTML, without an empty line in it.
 
-    Parameters
-    ----------
-    about : Record
-        What it tells.
-    cube, numbers : str
-        Addresses of the cube and of the table of all errors.
+    `cube` and `numbers` are addresses of the cube and of the table of all errors.
     """
     study, effort = about.study, about.effort
     changed = "; ".join(

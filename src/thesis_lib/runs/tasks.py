@@ -30,14 +30,7 @@ _SILENCE = 60.0  # s, after which what is at work is told
 class RunError(RuntimeError):
     """A run that failed; the message says what, where, and how to go on.
 
-    Parameters
-    ----------
-    message : str
-        All of it.
-    failed : mapping, optional
-        What failed, by name.
-    unmet : iterable of str, optional
-        Names of those that were not run since others failed.
+    `failed` tells why, by name; `unmet` are the names of those not run since others failed.
     """
 
     def __init__(
@@ -102,19 +95,9 @@ def task(
 
 
 def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
-    """Run what is stale of some tasks, side by side.
+    """Run what is stale of some tasks, so many at a time, those at the beginning first.
 
-    Parameters
-    ----------
-    tasks : sequence of Task
-        Tasks, of which those at the beginning begin first.
-    workers : int
-        Tasks at a time.
-
-    Returns
-    -------
-    dict
-        Seconds of each task that was not up to date, by its name.
+    Returns the seconds of each task that was not up to date, by its name.
 
     Raises
     ------

@@ -100,12 +100,7 @@ def all_difference_lines(
 ) -> list[str]:
     """How a cube differs in everything: errors, every variable and coordinate, parameters.
 
-    Parameters
-    ----------
-    cube, other : xarray.Dataset
-        Cubes of one figure set; without another one the published run, which holds errors alone.
-    name : str
-        What to call the other.
+    Without another one from the published run, which holds errors alone; `name` is what to call it.
     """
     lines = difference_lines(cube, other, name)
     if other is None:

@@ -127,16 +127,9 @@ def told() -> str:
 
 
 def heard(text: str, seconds: float, cube: Path) -> Effort:
-    """The effort of an executed notebook.
+    """The effort of an executed notebook that took so many seconds here, with what was cached.
 
-    Parameters
-    ----------
-    text : str
-        What :func:`told` said at its end.
-    seconds : float
-        How long it took here, with what was cached.
-    cube : pathlib.Path
-        The cube it has written.
+    `text` is what :func:`told` said at its end.
     """
     said = json.loads(text)
     return Effort(seconds + said["loaded_s"], said["peak_memory_mb"], cube.stat().st_size / 1e6)

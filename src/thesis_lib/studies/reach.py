@@ -42,20 +42,11 @@ def file_of(module: str) -> Path:
 
 
 def reached(*files: Path) -> dict[Path, int]:
-    """All files of this project that some Python files rest on, themselves included.
+    """All files of this project that some Python files rest on, and how many imports away each is.
 
-    A name that is imported through a package's ``__init__`` counts as the module that defines it.
-    Imports inside functions count, too; what is only named in a string does not.
-
-    Parameters
-    ----------
-    *files : pathlib.Path
-        Modules, tests, scripts or notebooks of the project.
-
-    Returns
-    -------
-    dict
-        How many imports away each file is; 0 are the files themselves.
+    The files themselves, modules, tests, scripts or notebooks, are 0 away. A name that is imported
+    through a package's ``__init__`` counts as the module that defines it. Imports inside functions
+    count, too; what is only named in a string does not.
     """
     found, todo, places = dict.fromkeys(files, 0), [*files], folders()
     for one in todo:

@@ -70,14 +70,9 @@ def write(path: Path, known: Times) -> None:
 
 
 def longer(published: Times, here: Times, by: float = 1.5) -> list[tuple[str, float, float]]:
-    """What takes more loops here than published: its name, loops then, loops now.
+    """What takes `by` times as many loops here as published: its name, loops then, loops now.
 
-    Parameters
-    ----------
-    published, here : dict
-        Times.
-    by : float
-        How many times as long counts; what takes less than 100 loops never does.
+    What takes less than 100 loops never counts.
 
     Examples
     --------

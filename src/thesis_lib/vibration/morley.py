@@ -30,23 +30,11 @@ class Morley(ElementTriMorley):  # type: ignore[misc]
     def gbasis(
         self, mapping: Any, X: Array, i: int, tind: IntArray | None = None
     ) -> tuple[DiscreteField]:
-        """Shape function `i` and its second derivatives.
+        """Shape function `i`, 0 to 2 of corners, 3 to 5 of sides, and its second derivatives.
 
-        Parameters
-        ----------
-        mapping : skfem.mapping.Mapping
-            Of the triangles.
-        X : ndarray, shape (2, points) or (2, triangles, points)
-            Places in the reference triangle.
-        i : int
-            0 to 2: corners, 3 to 5: sides.
-        tind : ndarray of int, optional
-            Numbers of the triangles; all by default.
-
-        Returns
-        -------
-        tuple of one skfem.element.DiscreteField
-            Values (triangles, points); `hess` has shape (2, 2, triangles, points).
+        At places `X` of the reference triangle, shape (2, points) or (2, triangles, points), of the
+        triangles `tind`, by default all: values (triangles, points), `hess`
+        (2, 2, triangles, points).
         """
         mesh = mapping.mesh
         corners = mesh.t if tind is None else mesh.t[:, tind]

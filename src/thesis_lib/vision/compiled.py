@@ -44,20 +44,10 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @_compiled
 def solve(P: Array, middle: Array, pixels: Array, steps: int, points: Array) -> None:
-    """Points that fit their images best, written into `points`.
+    """Points (3, m) in m that fit their images best, written into `points`.
 
-    Parameters
-    ----------
-    P : ndarray, shape (cameras, 3, 4), contiguous
-        Projection matrices for pixels counted from `middle`.
-    middle : ndarray, shape (2, cameras, 1), contiguous
-        Principal points in px.
-    pixels : ndarray, shape (cameras, 2, m), contiguous
-        Image coordinates in px.
-    steps : int
-        Gauss–Newton steps.
-    points : ndarray, shape (3, m), contiguous
-        Where the points go, in m.
+    From projection matrices `P` (cameras, 3, 4) for `pixels` (cameras, 2, m) counted from the
+    principal points `middle` (2, cameras, 1), all contiguous, by so many Gauss–Newton steps.
     """
     n, m = pixels.shape[0], pixels.shape[2]
     images = np.zeros(2 * n * BLOCK)

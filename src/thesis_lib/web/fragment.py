@@ -96,28 +96,15 @@ def static_html(
 ) -> str:
     """Write a widget as a self-contained HTML fragment that needs no kernel, server or network.
 
-    Parameters
-    ----------
-    esm, css : str
-        The front end, an ES module whose one ``export default`` has `render`, and its styles.
-    state : Mapping[str, object]
-        The traits it reads. Floats are written with 6 digits, NaN and infinities as null.
-    without : str
-        What is said where there is no JavaScript.
-    prints : bool
-        Whether it is worth printing as it first stands; else the printed book has a line instead.
-
-    Returns
-    -------
-    str
-        A function of the arguments alone; it may stand on a page more than once.
+    `esm` is its front end, an ES module whose one ``export default`` has `render`, and `state` the
+    traits it reads: floats are written with 6 digits, NaN and infinities as null. `without` is said
+    where there is no JavaScript; the printed book shows what `prints` as it first stands. The text
+    is a function of the arguments alone and may stand on a page more than once.
 
     Raises
     ------
     ValueError
         If `esm` has not one ``export default``, or if `esm` or `css` would end its element.
-    TypeError
-        If `state` is not JSON-serialisable.
     """
     body, exports = re.subn(r"^export default ", "const widget = ", esm, flags=re.MULTILINE)
     if exports != 1:

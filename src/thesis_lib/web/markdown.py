@@ -34,21 +34,7 @@ def markdown_table(
     above: bool = False,
     plain: bool = True,
 ) -> Markdown:
-    """A table with a text below or above it.
-
-    Parameters
-    ----------
-    header : sequence of str
-        Names of the columns.
-    rows : sequence of sequence of str
-        Their cells.
-    text : str
-        Markdown beside the table.
-    above : bool
-        Whether the text stands above it.
-    plain : bool
-        Whether cells are plain text rather than Markdown.
-    """
+    """A table with a text in Markdown below or above it; cells are plain text, or Markdown, too."""
     from IPython.display import Markdown  # takes longer than all else of a command's imports
 
     cells = [[escape(cell) if plain else cell for cell in row] for row in rows]

@@ -49,20 +49,10 @@ class BookError(RuntimeError):
 def page(notebook: Path, title: str) -> str:
     """Turn an executed notebook into one self-contained HTML page.
 
-    Parameters
-    ----------
-    notebook : pathlib.Path
-        An executed notebook. Its cells may carry the tags ``hide-input``, ``remove-input``,
-        ``remove-output`` and ``remove-cell``, and ``mystnb`` metadata: ``figure.name``,
-        ``figure.caption`` and ``image.alt``.
-    title : str
-        Title of the page, plain text.
-
-    Returns
-    -------
-    str
-        The page. It holds MathJax if the notebook has equations and the assets are installed
-        in ``build/assets`` of the project; otherwise equations stay as TeX.
+    Its cells may carry the tags ``hide-input``, ``remove-input``, ``remove-output`` and
+    ``remove-cell``, and ``mystnb`` metadata: ``figure.name``, ``figure.caption`` and ``image.alt``.
+    The page holds MathJax if the notebook has equations and the assets are installed in
+    ``build/assets`` of the project; otherwise equations stay as TeX.
 
     Raises
     ------
@@ -97,20 +87,7 @@ def damaged_assets(assets: Path) -> str:
 
 
 def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
-    """Make a small self-contained page of links.
-
-    Parameters
-    ----------
-    title : str
-        Title of the page, plain text.
-    entries : sequence of (str, str)
-        Label and relative address of each link, plain text.
-
-    Returns
-    -------
-    str
-        The page.
-    """
+    """A small self-contained page of links, each with its label and relative address."""
     items = "".join(
         f'<li><a href="{escape(href)}">{escape(label)}</a></li>\n' for label, href in entries
     )

@@ -25,15 +25,7 @@ def judged(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry
 
 
 def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
-    """The ledger's cube, from the book's cubes; one that is missing or outdated is made here.
-
-    Parameters
-    ----------
-    request : Claims
-        Validated parameters.
-    own, other : xarray.Dataset
-        The ledger's own runs, and the other readings.
-    """
+    """The ledger's cube, from the book's cubes; one that is missing or outdated is made here."""
     from thesis_lib.figure_sets.claims import own_runs, power
     from thesis_lib.ledger import cube as ledger_cube
 

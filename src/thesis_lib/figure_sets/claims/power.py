@@ -62,20 +62,10 @@ def met(claim: Claim, band: Array, factor: float = 1.0) -> bool:
 
 
 def power(cube_of: Callable[[str], xr.Dataset | str], stated: Sequence[Claim]) -> xr.Dataset:
-    """Stated figures met, expected to be met, and met by errors of other sizes.
+    """Numbers of stated figures met, expected to be met, and met by errors of other sizes.
 
-    Parameters
-    ----------
-    cube_of : callable
-        The cube of a figure set, or why there is none.
-    stated : sequence of Claim
-        The claims; those of other chapters, and what cannot be judged, are left out.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``power_claims(chapter)``, ``power_expected(chapter)`` and ``power_scaled(chapter,
-        factor)``: numbers of claims.
+    `cube_of` gives the cube of a figure set, or why there is none. Claims of other chapters, and
+    what cannot be judged, are left out.
     """
     total, expected = np.zeros(len(CHAPTERS), int), np.zeros(len(CHAPTERS))
     scaled = np.zeros((len(CHAPTERS), len(FACTORS)), int)

@@ -168,19 +168,9 @@ def _blurred_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array
     distributions, and its spread along v a normal density. Both are integrated over the pixel;
     what it sees is their product, summed over the chords by Gauss–Legendre's rule.
 
-    Parameters
-    ----------
-    u, v : ndarray, shapes (n, columns) and (n, rows)
-        Pixel centres from the ellipses' centres in px.
-    ellipses : ndarray, shape (n, 2, 2)
-        Each is what its matrix makes of the unit disc, in px.
-    blur : float
-        Standard deviation in px.
-
-    Returns
-    -------
-    ndarray, shape (3, n, rows, columns)
-        Indicator, and its derivatives in the centre's u and v in 1/px.
+    Pixel centres u (n, columns) and v (n, rows) count from the ellipses' centres, in px as `blur`,
+    the standard deviation; each of the `ellipses` (n, 2, 2) is what its matrix makes of the unit
+    disc. The result (3, n, rows, columns) is the indicator, and its derivatives in u and v in 1/px.
     """
     tall = np.linalg.norm(ellipses[:, 1], axis=1)
     nodes, weights = _gauss_legendre(int(3 * tall.max() / blur) + 6)

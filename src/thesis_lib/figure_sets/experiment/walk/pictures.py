@@ -39,16 +39,7 @@ def file_name(name: str) -> str:
 
 
 def write(data: xr.Dataset, folder: Path) -> list[Path]:
-    """Write all pictures; the same dataset gives the same bytes.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        The measured recordings, as :func:`~thesis_lib.figure_sets.experiment.recordings.run`
-        returns them.
-    folder : Path
-        Where ``lab-NAME.svg`` and ``lab-NAME.png`` go.
-    """
+    """Write all pictures of the measured recordings; the same dataset gives the same bytes."""
     paths = []
     for name, draw in PICTURES.items():
         path = folder / file_name(name)
