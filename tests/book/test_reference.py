@@ -70,9 +70,9 @@ def notes():
     source = (SOURCES / "measure" / "report" / "page.py").read_text(encoding="utf-8")
     (function,) = [node for node in ast.parse(source).body
                    if isinstance(node, ast.FunctionDef) and node.name == "warnings"]  # fmt: skip
-    calls = [node for node in ast.walk(function) if isinstance(node, ast.Call)]
-    return {literal(call.args[0]): call.lineno for call in calls
-            if ast.unparse(call.func) == "lines.append"}  # fmt: skip
+    said = [node.keys if isinstance(node, ast.Dict) else [node.key] for node in ast.walk(function)
+            if isinstance(node, ast.Dict | ast.DictComp)]  # fmt: skip
+    return {literal(text): text.lineno for texts in said for text in texts}
 
 
 @pytest.mark.parametrize("part", reference.PARTS)
