@@ -28,6 +28,7 @@ from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.planner import compute as planner_study
 from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.ledger import cube as ledger_cube
 from thesis_lib.ledger import verdicts
 from thesis_lib.studies.attributes import with_provenance
@@ -52,7 +53,7 @@ def opened():
             cube = study.run(request, data)
         elif model.subject == "sound":
             request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
-            cube = sound.run(request, made[name.replace("sound", "plate")])
+            cube = cube_of(request)
         elif name in ("lab-elevation", "lab-layout"):
             cube = lab_layout_study.run(request, layouts(request, sigma=0.02))
         elif name == "lab-modes":

@@ -1,49 +1,74 @@
-"""The sum of pistons against Rayleigh's integral by another quadrature."""
+"""The sum of pistons against Rayleigh's integral by other sums, beside the cameras' errors."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from thesis_lib.acoustics.planes import operator, pistons
+from thesis_lib.acoustics.radiation import rayleigh
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric import sound_sum
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.vibration.structure import resonance
 
-PLANES = {plane.name: plane for plane in camera_study("sound-distance").planes}
+HEARD = [(1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")]
+FEW = {"trials": 0, "plane_shape": [31, 21]}
 
 
-def integral(mode, plane, nodes=80):
-    """Gauss and Legendre's quadrature of p = jωρ/2π ∫ v e^(-jkR)/R dA, 1 m/s at the antinode."""
-    plate = setups.plate()
-    t, weight = np.polynomial.legendre.leggauss(nodes)
-    (lx, ly), omega = plate.extent, resonance(plate, mode)
-    x, y = (length * (t + 1) / 2 for length in (lx, ly))
-    grid = np.stack(np.meshgrid(x, y, indexing="ij")).reshape(2, -1)
-    v = plate.mode_shapes([mode], grid)[0] / plate.shape_peak(mode)
-    area = np.outer(weight, weight).ravel() * lx * ly / 4
-    points = plane.points.reshape(3, -1)
-    found = np.empty(points.shape[1], complex)
-    for i, (X, Y, Z) in enumerate(points.T):
-        R = np.sqrt((X - grid[0] + lx / 2) ** 2 + (Y - grid[1] + ly / 2) ** 2 + Z**2)
-        found[i] = np.sum(area * v * np.exp(-1j * omega / 343 * R) / R)
-    return 1j * omega * 1.21 / (2 * np.pi) * found.reshape(plane.points.shape[1:])
+@pytest.fixture(scope="module")
+def cube():
+    return cube_of(validate("sound-resolution", FEW))
 
 
-@pytest.mark.parametrize(("mode", "name"), [(1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")])
-def test_error_of_the_sum_is_that_against_the_integral(conforms, mode, name):
-    plane = replace(PLANES[name], shape=(15, 10))
-    few = sound_sum.field(setups.plate().grid, mode, plane)
-    off = 100 * np.abs(few - integral(mode, plane)) / np.max(np.abs(few))
-    mean, most = sound_sum.sum_error(mode, plane)
-    conforms.independent(mean, np.sqrt(np.mean(off**2)), rtol=0.01)
-    conforms.independent(most, np.max(off), rtol=0.01)
+def finer(mode, plane):
+    """Where sums of ever smaller pistons lead to, of which each is off by the square of theirs."""
+    plate, fields = setups.plate(), []
+    for grid in ((60, 40), (90, 60)):
+        many = replace(plate, grid=grid)
+        moving = many.mode_shapes([mode], many.markers)[0] / plate.shape_peak(mode)
+        fields.append(rayleigh(pistons(many), moving, plane.points, resonance(plate, mode)))
+    return fields[1] + (fields[1] - fields[0]) / (1.5**2 - 1)
 
 
-def test_nodal_planes_have_none():
-    assert np.isnan(sound_sum.sum_error(2, PLANES["YZ"])).all()
+@pytest.mark.parametrize(("mode", "name"), HEARD)
+def test_error_of_the_sum_is_that_against_ever_finer_ones(conforms, cube, mode, name):
+    study, plate = validate("sound-resolution", FEW), setups.plate()
+    (plane,) = (one for one in study.planes if one.name == name)
+    moving = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)
+    few = operator(plate, plane, resonance(plate, mode)).field(moving)
+    off = 100 * np.abs(few - finer(mode, plane)) / np.max(np.abs(few))
+    own = cube.sel(mode=mode, plane=name)
+    conforms.independent(own["sum_error"], np.sqrt(np.mean(off**2)), rtol=0.01)
+    conforms.independent(own["sum_error_largest"], np.max(off), rtol=0.01)
 
 
-def test_table_has_the_planes_with_a_reference():
-    rows = [line for line in sound_sum.sums().splitlines() if line[2:3].isdigit()]
-    assert [row.split("|")[1].strip() for row in rows] == ["1, XZ", "1, YZ", "2, XZ", "3, YZ"]
+def test_nodal_planes_and_planes_too_near_have_none(cube):
+    for name in ("sum_error", "sum_error_largest"):
+        there = cube[name].notnull()
+        heard = [(m, p) for m in (1, 2, 3) for p in ("XZ", "YZ") if there.sel(mode=m, plane=p)]
+        assert heard == HEARD
+    near = cube_of(
+        validate(
+            "sound-distance", FEW | {"plane_bottom_mm": 2.0, "modes": [1], "distances_mm": [750.0]}
+        )
+    )
+    assert np.all(np.isnan(near["sum_error"]))
+    assert np.all(np.isfinite(near["predicted_error"]))
+
+
+def test_finer_pistons_are_nearer_to_the_integral(conforms, cube):
+    """A quarter of the error with twice as many along and across."""
+    fine = cube_of(validate("sound-distance", FEW | {"grid": [30, 20], "distances_mm": [750.0]}))
+    ratio = (cube["sum_error"] / fine["sum_error"]).values
+    conforms.order(np.log2(ratio[np.isfinite(ratio)]), 2, atol=0.1)
+
+
+def test_table_has_the_planes_with_a_reference_and_the_cameras_beside(cube):
+    names = ("distance", "aperture", "resolution", "arrays")
+    opened = {f"sound-{name}": cube for name in names}
+    rows = [line for line in sound_sum.sums(opened).splitlines() if line[2:3].isdigit()]
+    assert [row.split("|")[1].strip() for row in rows] == [f"{m}, {p}" for m, p in HEARD]
+    fine = cube["predicted_error"].sel(mode=1, plane="XZ")[-1]
+    assert f"{float(fine):.2f}" in rows[0]

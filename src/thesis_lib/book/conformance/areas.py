@@ -7,7 +7,7 @@ from pathlib import Path
 AREAS = {
     "Beam and plate": "structures plate",
     "Vision": "cameras triangulation optics compiled explorer",
-    "Acoustics": "radiation planes sound sound_sum",
+    "Acoustics": "radiation planes quadrature radiating sound sound_sum sound_turn",
     "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
     "The experiment": "scene lens render media corners calibration adjustment synchronisation "
     "listening tracking reconstruction laboratory experiment_study lab_layouts lab_motions",

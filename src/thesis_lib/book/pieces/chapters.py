@@ -10,6 +10,7 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.facts import claims
+from thesis_lib.figure_sets.parametric.sound_sum import heard
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import verdicts
@@ -152,18 +153,11 @@ def _standard_error(squared: xr.DataArray) -> Array:
     return np.ravel(squared.std("trial", ddof=1) / squared.mean("trial") / (2 * np.sqrt(n)))
 
 
-def _usable(cube: xr.Dataset) -> list[tuple[int, str]]:
-    """Modes and planes that have a reference pressure."""
-    modes, names = cube["mode"].values.tolist(), cube["plane"].values.tolist()
-    ratio = cube["independent_ratio"]
-    return [(m, p) for m in modes for p in names if np.isfinite(ratio.sel(mode=m, plane=p))]
-
-
 def scatter_table(opened: dict[str, xr.Dataset]) -> str:
     """How far one rounding scatters, by mode and plane."""
     chapter = _chapter(opened, "sound")
     rows = []
-    for mode, plane in _usable(chapter[0]):
+    for mode, plane in heard(chapter[0]):
         spread, law, known = [], [], []
         for cube in chapter:
             part = cube.sel(mode=mode, plane=plane)
@@ -187,7 +181,7 @@ def scatter_table(opened: dict[str, xr.Dataset]) -> str:
 def layouts(opened: dict[str, xr.Dataset]) -> str:
     """Rms field error over rms deflection error, by case: what the layout does to κ."""
     chapter = _chapter(opened, "sound")
-    pairs = _usable(chapter[0])
+    pairs = heard(chapter[0])
     rows = []
     for cube in chapter:
         for case in dict.fromkeys(cube["case"].values.tolist()):

@@ -35,7 +35,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.optics import tables as optics_tables
-from thesis_lib.figure_sets.parametric import sound_sum
+from thesis_lib.figure_sets.parametric import sound_sum, sound_turn
 from thesis_lib.figure_sets.parametric import symmetry as shape_tables
 from thesis_lib.figure_sets.planner import tables as planner_tables
 from thesis_lib.planning.request import PlanRequest
@@ -121,7 +121,8 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "sound-layouts": layouts,
     "sound-markers": markers,
     "sound-levels": levels,
-    "sound-sum": lambda _: sound_sum.sums(),
+    "sound-sum": sound_sum.sums,
+    "sound-turn": lambda opened: sound_turn.turn_summary(opened["sound-aperture"]),
     **conclusions_tables.PIECES,
     "parameters": parameters,
     "effort": effort_table,

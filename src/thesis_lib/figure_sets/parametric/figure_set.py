@@ -20,6 +20,13 @@ def deflections(asked: Any) -> Inputs:
     return {"plate_cube": (SIMULATED[plate.name], plate)}
 
 
+def turned_too(asked: Any) -> Inputs:
+    """Of the aperture's study, pairs that are turned by a few degrees, too."""
+    from thesis_lib.figure_sets.parametric.sound_turn import turned
+
+    return {**deflections(asked), "turned": (RADIATED["sound-arrays"], turned(asked))}
+
+
 SIMULATED = {
     name: FigureSet(
         request=request,
@@ -32,16 +39,16 @@ SIMULATED = {
     for name, request in {**CAMERA_STUDIES, **SHAPES}.items()
     if request.subject != "sound"
 }
-RADIATED = [
-    FigureSet(
+RADIATED = {
+    name: FigureSet(
         request=request,
         chapter=CHAPTERS["sound"],
-        module=f"{__package__}.sound",
-        needs=deflections,
+        module=f"{__package__}.{'sound_turn' if name == 'sound-aperture' else 'sound'}",
+        needs=turned_too if name == "sound-aperture" else deflections,
         figure=FIGURES["sound"],
         in_pieces=True,
     )
-    for request in CAMERA_STUDIES.values()
+    for name, request in CAMERA_STUDIES.items()
     if request.subject == "sound"
-]
-FIGURE_SETS = [*SIMULATED.values(), *RADIATED]
+}
+FIGURE_SETS = [*SIMULATED.values(), *RADIATED.values()]

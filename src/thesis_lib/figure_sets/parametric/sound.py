@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.acoustics import radiation
+from thesis_lib.acoustics import radiating, radiation
 from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
 from thesis_lib.acoustics.plate_sound import NODAL
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.arrays import Array
+from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.figure_sets.parametric.sound_sum import sum_errors
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
 from thesis_lib.studies.labels import extremes, field_coordinates
 from thesis_lib.studies.variables import declared, labelled
@@ -38,6 +40,14 @@ VARIABLES = declared("""
     largest_pressure(mode, plane) [Pa] largest reference pressure
     deflection_error(setting, mode, trial) [percent] rms deflection error over the markers of the
         same run (eq. 4.9)
+    coherence(setting, mode, plane) [1] predicted field error over that of errors as large on
+        average that no two markers share
+    radiated_share(setting, mode, plane, radiation_mode) [1] share of a radiation mode of the plane
+        in the square of the predicted field error
+    independent_share(mode, plane, radiation_mode) [1] the same of independent errors of equal size
+    sum_error(mode, plane) [percent] rms difference between the reference pressure, a sum over
+        pistons, and Rayleigh's integral of the whole plate, of the largest
+    sum_error_largest(mode, plane) [percent] the same where it is largest
     best_and_worst(case, mode, extreme) [1] index of the setting with the lowest and highest
         deflection error in trial 0
     piston_size(mode) [1] wavenumber times the longer side of a piston; above 1 it is hardly a point
@@ -51,6 +61,10 @@ VARIABLES = declared("""
     pressure_measured_imag(case, mode, extreme, plane, u, z) [Pa] pressure of the measured
         deflections in trial 0, imaginary part
 """)
+COORDINATES = declared("""
+    radiation_mode(radiation_mode) [1] ways of moving that radiate by themselves, the loudest first
+""")
+LOUDEST = 5  # radiation modes that are told
 LEVELS = declared("""
     sound_power(mode) [W] sound power of the reference deflection
     sound_power_level(mode) [dB] sound power level re 1 pW
@@ -83,26 +97,39 @@ class _Sound:
     omegas: list[float]
     points: Array  # (modes, 3, 2, markers): at rest and deflected
     factors: list[list[Array]]
+    modes: list[list[Array]]  # of radiation, the loudest of each plane
 
     def __call__(self, block: Block) -> dict[str, Array]:
         """Rms errors (modes, trials, planes) in Pa; with the first trials what is predicted."""
         setting, measured = block.load
         error = measured.astype(float) - self.points[:, 2, 1][:, None]
-        rms = np.empty((*error.shape[:2], len(self.factors[0])))
-        predicted = np.empty((len(self.omegas), len(self.factors[0])))
+        rms = np.stack(
+            [
+                omega * np.stack([np.linalg.norm(e @ F.T, axis=-1) for F in factors], axis=-1)
+                for omega, e, factors in zip(self.omegas, error, self.factors, strict=True)
+            ]
+        )
+        return {"rms": rms} | (self.predicted(setting) if block.trials.start == 0 else {})
+
+    def predicted(self, setting: Setting) -> dict[str, Array]:
+        """What the law of rounding says of a setting: (modes, planes, ...)."""
         focal_length_mm, sensor_width_mm, known, noise_px = self.study
-        first = block.trials.start == 0
         P = setting.cameras(focal_length_mm, sensor_width_mm).P
-        for m, (omega, points, factors) in enumerate(
-            zip(self.omegas, self.points, self.factors, strict=True)
+        found: dict[str, list[list[Any]]] = {"predicted": [], "coherence": [], "share": []}
+        for omega, points, factors, modes in zip(
+            self.omegas, self.points, self.factors, self.modes, strict=True
         ):
-            if first:
-                C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known, noise_px)
-            for p, factor in enumerate(factors):
-                rms[m, :, p] = omega * np.linalg.norm(error[m] @ factor.T, axis=-1)
-                if first:
-                    predicted[m, p] = omega * np.sqrt(np.sum((factor @ C) * factor))
-        return {"rms": rms, "predicted": predicted} if first else {"rms": rms}
+            C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known, noise_px)
+            squares = [np.sum((F @ C) * F) for F in factors]
+            found["predicted"].append([omega * np.sqrt(square) for square in squares])
+            found["coherence"].append([radiating.coherence(F, C) for F in factors])
+            found["share"].append(
+                [
+                    radiating.mean_squares(ways, C) / square
+                    for ways, square in zip(modes, squares, strict=True)
+                ]
+            )
+        return {name: np.array(rows) for name, rows in found.items()}
 
 
 def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.Dataset:
@@ -113,7 +140,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
     two, NaN where both are; predicted errors; reference fields and those of the best and worst
     settings.
     """
-    return outline(study, plate_cube, scheduler).in_memory()
+    return outline(study, plate_cube, scheduler=scheduler).in_memory()
 
 
 def outline(
@@ -131,17 +158,19 @@ def outline(
     settings, chosen = study.settings(), extremes(plate_cube)
 
     n_modes = len(study.modes)
-    independent, largest = np.empty((n_modes, len(planes))), np.empty((n_modes, len(planes)))
+    norms, largest = np.empty((n_modes, len(planes))), np.empty((n_modes, len(planes)))
     fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
     power, piston_size = np.empty((n_modes, 2)), np.empty(n_modes)
     omegas = [resonance(plate, mode) for mode in study.modes]
     operators = [[operator(plate, plane, omega, medium) for plane in planes] for omega in omegas]
     factors = [[full_factor(op) for op in of_mode] for of_mode in operators]
+    told = min(LOUDEST, *(len(F) for of_mode in factors for F in of_mode))
+    modes = [[radiating.radiation_modes(F)[:told] for F in of_mode] for of_mode in factors]
     for m, omega in enumerate(omegas):
         for p, (op, factor) in enumerate(zip(operators[m], factors[m], strict=True)):
             fields[m, p] = op.field(1j * omega * reference[m])
             largest[m, p] = np.max(np.abs(fields[m, p]))
-            independent[m, p] = omega * np.linalg.norm(factor)
+            norms[m, p] = np.linalg.norm(factor)
         parts = pistons(plate)
         piston_size[m] = omega / medium.speed_of_sound * max(parts.size)
         velocity = 1j * omega * reference[m]
@@ -150,6 +179,7 @@ def outline(
             radiation.radiation_efficiency(parts, velocity, omega, medium),
         )
 
+    independent = np.array(omegas)[:, None] * norms
     amplitude = np.max(np.abs(reference), axis=1)[:, None]
     expected = np.maximum(largest, independent * amplitude).max(axis=1, keepdims=True)
     usable = np.where(largest > NODAL * expected, largest, np.nan)
@@ -162,7 +192,9 @@ def outline(
     cube = xr.Dataset(coords={**kept, **field_coordinates(planes, list(chosen))})
     values = {
         "independent_ratio": independent * amplitude / usable,
+        "independent_share": np.sum(np.square(modes), axis=-1) / norms[..., None] ** 2,
         "largest_pressure": largest,
+        **sum_errors(study, fields, usable),
         "best_and_worst": np.array(list(chosen.values())),
         "piston_size": piston_size,
         "radiation_efficiency": power[:, 1],
@@ -170,6 +202,7 @@ def outline(
         "pressure_reference_imag": fields.imag.astype("float32"),
     }
     cube = cube.assign(labelled(values, VARIABLES))
+    cube = cube.assign_coords(labelled({"radiation_mode": range(1, told + 1)}, COORDINATES))
     later = {
         name: (one.dims, "float32" if name.startswith("pressure") else "float64", one.attributes)
         for name, one in VARIABLES.items()
@@ -189,7 +222,7 @@ def outline(
     )
     known = study.rest == "known"
     shared = (study.focal_length_mm, study.sensor_width_mm, known, study.noise_px)
-    work = _Sound(shared, omegas, points, factors)
+    work = _Sound(shared, omegas, points, factors, modes)
 
     def blocks() -> Iterator[Block]:
         trial_bytes = 8 * reference.size
@@ -205,6 +238,8 @@ def outline(
             target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
             if "predicted" in found:
                 target["predicted_error"][block.setting] = 100 * found["predicted"] / usable
+                target["coherence"][block.setting] = found["coherence"]
+                target["radiated_share"][block.setting] = found["share"]
             mean = plate_cube["mean_error"].isel(setting=block.setting, trial=block.trials)
             target["deflection_error"][block.place] = mean.values
         for c, of_case in enumerate(chosen.values()):

@@ -1,58 +1,77 @@
-"""How far the sum of pistons is from Rayleigh's integral, for a plate's own modes.
-
-Pistons at the middles of cells are a midpoint rule: its error falls with the square of their size,
-so that two finer sums tell where it leads to.
-"""
+"""How far the sum of pistons is from Rayleigh's integral, beside what cameras do to it."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from thesis_lib.acoustics import planes
-from thesis_lib.acoustics.planes import Plane
-from thesis_lib.acoustics.radiation import rayleigh
-from thesis_lib.arrays import ComplexArray
-from thesis_lib.facts import setups
-from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.vibration.structure import resonance
+from thesis_lib.acoustics.quadrature import enough_nodes, integral
+from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.vibration.structure import deflection_shape, resonance
 from thesis_lib.web.markdown import table
 
-FINER = (60, 40), (90, 60)  # pistons along and across, of the two finer sums
-POINTS = (75, 50)  # of a plane
-NODAL = 1e-6  # Pa, below which a plane has no pressure
+MOST_NODES = 40_000  # planes that are so near that it takes more are left alone
+ACROSS = 74  # steps between the points of a plane that are compared, or twice as many at most
 
 
-def field(grid: tuple[int, int], mode: int, plane: Plane) -> ComplexArray:
-    """Pressure on a plane of one mode by a grid of pistons, in Pa for 1 m/s at the antinode."""
-    plate = setups.plate(grid)
-    shape = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)
-    omega = resonance(setups.plate(), mode)
-    return np.asarray(rayleigh(planes.pistons(plate), shape, plane.points, omega))
+def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Array]:
+    """Rms and largest error on each plane of the sum, in % of its largest pressure.
 
+    Parameters
+    ----------
+    study : CameraStudy
+        A sound study.
+    fields : ndarray, shape (modes, planes, u, z), complex
+        The sums, in Pa.
+    largest : ndarray, shape (modes, planes)
+        Largest pressures in Pa, NaN where a plane is nodal.
 
-def sum_error(mode: int, plane: Plane) -> tuple[float, float]:
-    """Rms and largest error on a plane of the sum of 150 pistons, in % of its largest pressure.
-
-    NaN if the plane is nodal.
+    Returns
+    -------
+    dict
+        ``sum_error`` and ``sum_error_largest`` (modes, planes); NaN where a plane is nodal, or
+        begins too near to the plate.
     """
-    few, more, many = (field(grid, mode, plane) for grid in (setups.plate().grid, *FINER))
-    ratio = FINER[1][0] / FINER[0][0]
-    integral = many + (many - more) / (ratio**2 - 1)
-    largest = np.max(np.abs(few))
-    if largest < NODAL:
-        return float("nan"), float("nan")
-    off = 100 * np.abs(few - integral) / largest
-    return float(np.sqrt(np.mean(off**2))), float(np.max(off))
+    plate, found = study.structure, np.full((2, *largest.shape), np.nan)
+    step = tuple(slice(None, None, max(1, (n - 1) // ACROSS)) for n in fields.shape[2:])
+    near = np.prod(enough_nodes(plate, study.planes[0].bottom)) > MOST_NODES
+    for m, (mode, peak) in enumerate(zip(study.modes, study.peaks_m, strict=True)):
+        omega = resonance(plate, mode)
+        shape = partial(deflection_shape, plate, mode, peak=peak)
+        for p, plane in enumerate(study.planes):
+            if near or np.isnan(largest[m, p]):
+                continue
+            points = plane.points[:, *step]
+            whole = 1j * omega * integral(plate, shape, points, omega, study.medium)
+            off = 100 * np.abs(fields[m, p][step] - whole) / largest[m, p]
+            found[:, m, p] = np.sqrt(np.mean(off**2)), np.max(off)
+    return {"sum_error": found[0], "sum_error_largest": found[1]}
 
 
-def sums() -> str:
-    """The same for modes 1 to 3 on both planes of chapter 6, as a table."""
-    rows = []
-    for mode in (1, 2, 3):
-        for plane in camera_study("sound-distance").planes:  # type: ignore[attr-defined]
-            mean, most = sum_error(mode, replace(plane, shape=POINTS))
-            if np.isfinite(mean):
-                rows.append([f"{mode}, {plane.name}", f"{mean:.2f}", f"{most:.2f}"])
-    return table(["mode, plane", "mean error of the sum, %", "at most, %"], rows)
+def heard(cube: xr.Dataset) -> list[tuple[int, str]]:
+    """Modes and planes of a sound study that have a reference pressure."""
+    there = cube["independent_ratio"].notnull().transpose("mode", "plane").values
+    modes, planes = cube["mode"].values.tolist(), cube["plane"].values.tolist()
+    return [(modes[m], planes[p]) for m, p in np.argwhere(there)]
+
+
+def sums(opened: dict[str, xr.Dataset]) -> str:
+    """The sum's error beside those of the cameras, with the finest pixels and over all of them."""
+    fine, rows = opened["sound-resolution"], []
+    sharpest = fine["width_px"].values.argmax()
+    for mode, plane in heard(fine):
+        one = fine.sel(mode=mode, plane=plane)
+        cells = (one["sum_error"], one["sum_error_largest"], one["predicted_error"][sharpest])
+        every = [
+            opened[f"sound-{study}"]["predicted_error"].sel(mode=mode, plane=plane).values
+            for study in ("distance", "aperture", "resolution", "arrays")
+        ]
+        texts = [f"{float(cell):.2f}" for cell in cells]
+        low, high = np.min(np.concatenate(every)), np.max(np.concatenate(every))
+        rows.append([f"{mode}, {plane}", *texts, f"{low:.2f} to {high:.2f}"])
+    sharp = f"of the cameras with {int(fine['width_px'].max())} px, %"
+    header = ["mode, plane", "mean error of the sum, %", "at most, %", sharp, "of all cameras, %"]
+    return table(header, rows)

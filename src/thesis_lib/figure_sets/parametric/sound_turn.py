@@ -1,0 +1,144 @@
+"""What a turn by a few degrees does to the sound that two opposed cameras measure.
+
+A pair that stands square to the plate images whole rows of markers on one line of pixels, and
+rounds them alike; turned about the plate's normal, it does not. The pairs of case 2d are turned,
+measured and radiated as in ``sound-arrays``, where they are a reader's own layouts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from IPython.display import Markdown
+
+from thesis_lib.facts.setups import OPPOSITE_DEG
+from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.sound_sum import heard
+from thesis_lib.studies.blocks import Outline
+from thesis_lib.studies.cubes import percent_text
+from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.web.markdown import table
+
+TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 5.0)
+TOLD_DEG = 2.0  # the turn that the prose tells of
+VARIABLES = declared("""
+    turn(turn) [degree] azimuth that two opposed cameras are turned by
+    elevation(elevation) [degree] elevation of the cameras that are turned
+    turned_error(turn, elevation, mode, plane) [percent] field error of the turned pair by the law
+    turned_simulated(turn, elevation, mode, plane) [percent] rms field error over the trials
+    turned_deflection(turn, elevation, mode) [percent] rms deflection error over the trials
+    turned_coherence(turn, elevation, mode, plane) [1] predicted field error over that of errors as
+        large on average that no two markers share
+    turned_share(turn, elevation, mode, plane) [1] share of the loudest radiation mode in the square
+        of the predicted field error
+""")
+
+
+def turned(asked: Any) -> CameraStudy:
+    """The same study of the pairs of case 2d, each turned by every angle, as layouts."""
+    values = asked.model_dump()
+    common = {name: values[name] for name in camera_study("sound-arrays").request if name in values}
+    layouts = {
+        f"{number}: {elevation:g}°, {turn:g}°": [
+            [(azimuth + turn, elevation) for azimuth in OPPOSITE_DEG["2d"]]
+        ]
+        for turn in TURNS_DEG
+        for number, elevation in enumerate(values["elevations_deg"])
+    }
+    return camera_study("sound-arrays", common | {"cases": [], "layouts": layouts, "cube": ""})
+
+
+def outline(
+    study: CameraStudy, plate_cube: xr.Dataset, turned: xr.Dataset, scheduler: str = ""
+) -> Outline:
+    """The cube of ``sound-aperture``: as :func:`.sound.outline`, with the turned pairs."""
+    plain = sound.outline(study, plate_cube, scheduler)
+    elevations = study.elevations_deg  # type: ignore[attr-defined]
+
+    def by_turn(values: xr.DataArray) -> Any:
+        return values.values.reshape(len(TURNS_DEG), len(elevations), *values.shape[1:])
+
+    def drawn(name: str) -> Any:
+        of_trials = turned[name].isel(trial=slice(1, None))
+        return by_turn((of_trials**2).mean("trial") ** 0.5)
+
+    values = {
+        "turn": TURNS_DEG,
+        "elevation": elevations,
+        "turned_error": by_turn(turned["predicted_error"]),
+        "turned_simulated": drawn("plane_error"),
+        "turned_deflection": drawn("deflection_error"),
+        "turned_coherence": by_turn(turned["coherence"]),
+        "turned_share": by_turn(turned["radiated_share"].isel(radiation_mode=0)),
+    }
+    cube = plain.cube.assign(labelled(values, VARIABLES))
+    more = [name for name in values if name in cube.data_vars]
+    return replace(plain, cube=cube, order=(*plain.order, *more))
+
+
+def _cells(error: Any, ratio: Any) -> list[str]:
+    """Errors with, in brackets, what they are over those of independent ones."""
+    pairs = zip(np.ravel(error), np.ravel(ratio), strict=True)
+    return [f"{percent_text(one)} (×{other:.2f})" for one, other in pairs]
+
+
+def _table(cube: xr.Dataset, first: list[str], rows: list[list[str]]) -> str:
+    """Rows that end with a cell for each turn."""
+    header = [*first, *(f"{turn:g}°" for turn in cube["turn"].values)]
+    return table(header, rows) + (
+        "\nPredicted errors of the field in %, and in brackets over those of errors as large that "
+        "no two markers share.\n"
+    )
+
+
+def turn_table(cube: xr.Dataset) -> str:
+    """Errors of the field against the turn, for each elevation, mode and plane."""
+    rows = []
+    for mode, plane in heard(cube):
+        for elevation in cube["elevation"].values:
+            one = cube.sel(mode=mode, plane=plane, elevation=elevation)
+            cells = _cells(one["turned_error"], one["turned_coherence"])
+            rows.append([f"{mode}, {plane}", f"{elevation:g}°", *cells])
+    return _table(cube, ["mode, plane", "elevation"], rows)
+
+
+def turn_summary(cube: xr.Dataset) -> str:
+    """The same over all elevations, and what the turn does to the shape."""
+    rows = []
+    for mode, plane in heard(cube):
+        one = cube.sel(mode=mode, plane=plane)
+        names = ("turned_error", "turned_coherence")
+        rms = (np.sqrt((one[name] ** 2).mean("elevation")) for name in names)
+        rows.append([f"{mode}, {plane}", *_cells(*rms)])
+    mode, plane = heard(cube)[0]
+    first, turned = (cube.sel(turn=turn, mode=mode, plane=plane) for turn in (0, TOLD_DEG))
+    at = int((first["turned_error"] - turned["turned_error"]).values.argmax())
+    errors, shares = (
+        [float(one[name][at]) for one in (first, turned)]
+        for name in ("turned_error", "turned_share")
+    )
+    shape = cube["turned_deflection"] / cube["turned_deflection"].sel(turn=0) - 1
+    most = f"{100 * float(np.abs(shape).max()):.1f} %"
+    return _table(cube, ["mode, plane"], rows) + (
+        f"\nOver elevations of {_degrees(cube['elevation'].values)}. At "
+        f"{float(first['elevation'][at]):g}°, mode {mode} on {plane}, a turn by {TOLD_DEG:g}° "
+        f"takes the error from {percent_text(errors[0])} to {percent_text(errors[1])} %, and the "
+        f"share of the loudest radiation mode in its square from {shares[0]:.0%} to "
+        f"{shares[1]:.0%}. The shape's error changes by {most} at most.\n"
+    )
+
+
+def _degrees(values: Any) -> str:
+    """Angles in words."""
+    *most, last = (f"{value:g}°" for value in values)
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def show(cube: xr.Dataset) -> Markdown:
+    """The same, for a notebook."""
+    return Markdown(turn_table(cube))

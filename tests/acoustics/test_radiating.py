@@ -1,0 +1,110 @@
+"""Which errors radiate: radiation modes, and draws of whole pixels against the law."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from thesis_lib.acoustics import radiating
+from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
+from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.facts import setups
+from thesis_lib.vibration.structure import deflection_shape, resonance
+from thesis_lib.vision import rounding
+from thesis_lib.vision.pinhole import hemisphere_cameras, project
+from thesis_lib.vision.triangulation import triangulate
+
+PLATE = setups.plate()
+OMEGA = resonance(PLATE, 1)
+PLANE = Plane("XZ", 0.334, 0.0445, 0.443, (21, 14))
+FACTOR = full_factor(operator(PLATE, PLANE, OMEGA))
+MODES = radiating.radiation_modes(FACTOR)
+
+
+def covariance(seed=0):
+    """Some errors that go together."""
+    some = np.random.default_rng(seed).normal(size=(150, 40))
+    return some @ some.T
+
+
+def test_radiation_modes_are_orthogonal_and_the_same_form(conforms):
+    norms = np.linalg.norm(MODES, axis=1)
+    assert np.all(np.diff(norms) <= 0)
+    conforms.closed_form(
+        MODES @ MODES.T / norms[0] ** 2, np.diag(norms**2 / norms[0] ** 2), atol=1e-13
+    )
+    v = np.random.default_rng(1).normal(size=(7, 150))
+    found, exact = (np.linalg.norm(v @ F.T, axis=1) for F in (MODES, FACTOR))
+    conforms.invariance(found, exact, rtol=1e-12)
+
+
+def test_only_its_own_mode_hears_a_radiation_mode(conforms):
+    """The field of one is orthogonal, over the plane, to the field of any other."""
+    ways = MODES[:4] / np.linalg.norm(MODES[:4], axis=1, keepdims=True)
+    fields = [rayleigh(pistons(PLATE), way, PLANE.points, OMEGA).ravel() for way in ways]
+    together = np.real(np.conj(fields) @ np.transpose(fields)) / PLANE.points[0].size
+    expected = np.diag(np.sum(MODES[:4] ** 2, axis=1))
+    conforms.independent(together / together[0, 0], expected / expected[0, 0], atol=1e-12)
+
+
+def test_what_the_modes_add_is_the_whole(conforms):
+    C = covariance()
+    whole = np.trace(FACTOR @ C @ FACTOR.T)
+    conforms.closed_form(np.sum(radiating.mean_squares(MODES, C)), whole, rtol=1e-12)
+    assert np.all(radiating.mean_squares(MODES, C) >= 0)
+
+
+def test_coherence_is_1_of_independent_errors_and_bounded_by_the_loudest_mode(conforms):
+    conforms.closed_form(radiating.coherence(FACTOR, 3.0 * np.eye(150)), 1, rtol=1e-13)
+    most = np.sqrt(150 * np.sum(MODES[0] ** 2) / np.sum(MODES**2))
+    loudest = np.outer(MODES[0], MODES[0])
+    conforms.closed_form(radiating.coherence(FACTOR, loudest), most, rtol=1e-12)
+    for seed in range(5):
+        conforms.closed_form(radiating.coherence(FACTOR, covariance(seed)), below=most)
+
+
+def drawn_errors(turn, draws=11):
+    """Errors (draws, markers) of an opposed pair's deflections, from whole pixels alone."""
+    w = deflection_shape(PLATE, 1, PLATE.markers, 0.01)
+    x, y = PLATE.markers - np.array(PLATE.extent)[:, None] / 2
+    points = np.stack(np.broadcast_arrays(x, y, np.stack([0 * w, w])))
+    azimuth, elevation = np.radians([turn, 180 + turn]), np.radians([40, 40])
+    rig = hemisphere_cameras(0.75, azimuth, elevation, 320 * 24 / 36, (320, 180))
+    shift = qmc.Sobol(4, rng=0).random_base2(draws).reshape(-1, 2, 2) - 0.5
+    shift = np.moveaxis(shift, 0, 2)[..., None]
+    images = project(rig.P, points)
+    rest, moved = (
+        triangulate(rig.P, np.rint(images[:, :, i, None] + shift) - shift)[2] for i in (0, 1)
+    )
+    return moved - rest - w, rounding.deflection_covariance(rig.P, points[:, 0], points[:, 1])
+
+
+@pytest.mark.parametrize("turn", [0, 1, 2])
+def test_fields_of_drawn_errors_are_those_that_the_law_predicts(conforms, turn):
+    errors, C = drawn_errors(turn)
+    few = errors[::4]
+    fields = np.stack([rayleigh(pistons(PLATE), e, PLANE.points, OMEGA) for e in few])
+    square = np.mean(np.abs(fields) ** 2)
+    conforms.independent(square, np.mean(np.sum((few @ FACTOR.T) ** 2, axis=1)), rtol=1e-9)
+    found = np.mean((errors @ MODES[:3].T) ** 2, axis=0)
+    law = radiating.mean_squares(MODES, C)
+    whole = np.mean(np.sum((errors @ FACTOR.T) ** 2, axis=1))
+    conforms.sampled(np.sqrt(np.sum(law) / whole), 1, atol=0.05)
+    conforms.sampled(found / whole, law[:3] / np.sum(law), atol=0.03)
+
+
+def test_a_turn_by_2_degrees_takes_most_of_the_field_and_nothing_of_the_shape(conforms):
+    """Drawn, without the law: the shape's error stays, the field's falls to less than a half."""
+    square, turned = (drawn_errors(turn)[0] for turn in (0, 2))
+    shape = np.sqrt(np.mean(turned**2) / np.mean(square**2))
+    conforms.sampled(shape, 1, atol=0.03)
+    fields = [np.mean(np.sum((e @ FACTOR.T) ** 2, axis=1)) for e in (square, turned)]
+    conforms.sampled(np.sqrt(fields[1] / fields[0]), below=0.4)
+
+
+def test_symmetry_of_a_plane_is_that_of_its_modes(conforms):
+    mirrored = replace(PLATE, grid=(4, 3))
+    modes = radiating.radiation_modes(full_factor(operator(mirrored, PLANE, OMEGA)))
+    across = modes[:4].reshape(4, 3, 4)
+    conforms.invariance(across, across[:, ::-1], atol=1e-12 * np.abs(across).max())
