@@ -166,7 +166,8 @@ def of_the_steps(asked: Study) -> xr.Dataset:
             patch.setattr(law.noisy, "noisy_shares", lambda _: {})
             return law.run(asked)
     if asked.name == "planner":
-        own = {name: asked.questions[name] for name in planned.THESIS.values()}
+        names = (*planned.THESIS.values(), planned.READABLE)
+        own = {name: asked.questions[name] for name in names}
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(type(asked), "questions", own)
             return planned.run(asked)

@@ -348,7 +348,7 @@ def test_prediction_is_what_the_studies_simulate(conforms, body, objective):
 
 def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
     from thesis_lib.figure_sets.parametric import compute as studies
-    from thesis_lib.planning.request import study_of
+    from thesis_lib.planning.report import study_of
 
     request = plan_request({**QUICK, "distances_mm": [500, 500], "target_percent": None,
                             "resolutions_px": [[640, 360]]})  # fmt: skip

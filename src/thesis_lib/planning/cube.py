@@ -13,6 +13,10 @@ from thesis_lib.planning.places import centres
 from thesis_lib.planning.planner import Option, Plan
 from thesis_lib.studies.variables import declared, labelled
 
+OF_SOUND = declared("""
+    shape_plan_error(option, mode) [percent] field error by the law of the layout for the
+        shape
+""")
 XYZ = ("x", "y", "z")
 
 VARIABLES = declared("""
@@ -94,7 +98,12 @@ def as_cube(plan: Plan) -> xr.Dataset:
             "target_percent": json.dumps(plan.request.target_percent),
         },
     )
-    return cube.assign(labelled({name: values[name] for name in VARIABLES}, VARIABLES))
+    cube = cube.assign(labelled({name: values[name] for name in VARIABLES}, VARIABLES))
+    instead = [one.instead.field for one in options if one.instead]
+    if not instead:
+        return cube
+    cube.attrs["goal"] = "sound"
+    return cube.assign(labelled({"shape_plan_error": instead}, OF_SOUND))
 
 
 def _camera_rows(option: Option, plan: Plan) -> np.ndarray[Any, Any]:

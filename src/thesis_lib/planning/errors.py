@@ -91,6 +91,12 @@ def simulated(
     scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str
 ) -> Simulated:
     """The studies' simulation of a layout: whole pixels on randomly shifted grids."""
+    wrong = drawn(scene, layout, width, trials, seed, estimator) * percent(scene)[:, None]
+    return Simulated(np.sqrt(np.mean(wrong**2, axis=2)), np.sqrt(np.mean(wrong**2, axis=1)))
+
+
+def drawn(scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str) -> Array:
+    """Errors of the deflections in that simulation, shape (modes, trials, markers), in m."""
     body = scene.body
     points = np.concatenate([body.points[:, None], body.deflected(scene.peaks)], axis=1)
     shifts = rounding.grid_shifts(seed, trials, len(layout))[1:]
@@ -99,5 +105,5 @@ def simulated(
     for some, markers, part in _groups(scene, layout, width):
         rest, normals = points[:, :, markers], body.normals[:, markers]
         found = measure(part, rest, shifts[:, some], estimator=estimator, normals=normals)
-        wrong[:, :, markers] = (found - true[:, None, markers]) * percent(scene)[:, None]
-    return Simulated(np.sqrt(np.mean(wrong**2, axis=2)), np.sqrt(np.mean(wrong**2, axis=1)))
+        wrong[:, :, markers] = found - true[:, None, markers]
+    return wrong

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 from pydantic_core import PydanticCustomError
 
 from thesis_lib.arrays import Array
-from thesis_lib.planning import errors
+from thesis_lib.planning import errors, sound
 from thesis_lib.planning.bodies import Body
 from thesis_lib.planning.lattice import first_most
 from thesis_lib.planning.limits import no_room, nowhere, unreached
 from thesis_lib.planning.optimum import information, layout_cost, lower_bound, variances
 from thesis_lib.planning.places import Scene, candidates
 from thesis_lib.planning.request import PlanRequest
-from thesis_lib.planning.search import best_layouts
+from thesis_lib.planning.search import Surroundings, best_layouts
 from thesis_lib.studies.request import ParameterError
 
 _SHARP = 40  # power of the variances that weigh markers in the bound of the largest
@@ -42,6 +42,7 @@ class Option:
     predicted: Array  #: The error that counts, of each mode, shape (modes,)
     bound: float  #: What `expected` of no layout on the grid of the search can be below
     scene: Scene  #: What was optimised
+    instead: Instead | None = None  #: What this was planned for sound in place of
 
     @property
     def error(self) -> float:
@@ -52,6 +53,14 @@ class Option:
     def pixel_rate(self) -> float:
         """Pixels per second of all cameras."""
         return len(self.layout) * self.resolution[0] * self.resolution[1] * self.frame_rate
+
+
+@dataclass(frozen=True)
+class Instead:
+    """The plan for the shape, which one for sound began with, and its field errors by mode in %."""
+
+    plan: Option
+    field: Array
 
 
 @dataclass(frozen=True)
@@ -112,15 +121,48 @@ def plan(
         total += len(grid)
         options += _options(scene, grid, kinds, request, rate, tell)
     options.sort(key=lambda one: (one.kind, len(one.layout)))
+    if request.goal == "sound":
+        tell("moving cameras for the sound")
+        options = for_sound(options, request)
     front = pareto([one.cost for one in options], [one.error for one in options])
-    verified = []
-    for one in options:
-        drawn = max(request.trials, 1), request.seed, request.estimator
-        found = errors.simulated(one.scene, one.layout, one.resolution[0], *drawn)
-        at = first_most(one.point)
-        verified.append(Verified(found.error(request.objective, at), found.band(request.objective)))
+    verified = [_verified(one, request) for one in options]
     chosen = _cheapest(options, verified, front, request)
     return Plan(request, body, options, verified, front, chosen, total)
+
+
+def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
+    """Plans for the shape, each moved for the sound; no bound of theirs is known."""
+    sounds = request.sounds
+    about: dict[float, Surroundings] = {}
+    found = []
+    for one in options:
+        around = about.setdefault(one.scene.aspect, Surroundings(one.scene))
+        width = one.resolution[0]
+        layout = sound.moved(sounds, around, one.layout, width)
+        field, own = (
+            sound.predicted(sounds, one.scene, each, width) for each in (one.layout, layout)
+        )
+        found.append(
+            replace(
+                one,
+                layout=layout,
+                predicted=own,
+                bound=np.nan,
+                instead=Instead(one, field),
+                expected=float(sound.averaged(sounds, one.scene, layout, width).max()),
+                point=errors.predicted(one.scene, layout, width),
+            )
+        )
+    return found
+
+
+def _verified(one: Option, request: PlanRequest) -> Verified:
+    drawn = max(request.trials, 1), request.seed, request.estimator
+    asked = one.scene, one.layout, one.resolution[0], *drawn
+    if request.goal == "sound":
+        return Verified(*sound.simulated(request.sounds, errors.drawn(*asked)))
+    found, at = errors.simulated(*asked), first_most(one.point)
+    return Verified(found.error(request.objective, at), found.band(request.objective))
 
 
 def pareto(costs: Sequence[float], errors_: Sequence[float]) -> list[int]:

@@ -10,10 +10,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from thesis_lib.acoustics.plate_sound import PlateSound
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.places import Rules, Scene
+from thesis_lib.planning.sound import sounds_of
 from thesis_lib.studies.request import Study, beyond, refuse, validated
 from thesis_lib.studies.vocabulary import (
     Azimuth,
@@ -38,6 +40,7 @@ Box = tuple[Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordina
 Sphere = tuple[Coordinate, Coordinate, Coordinate, Positive]
 Sector = tuple[Azimuth, Azimuth, Rise, Rise]
 PERIOD = 2.5  # frames that a period needs at least
+AUDIBLE = "plate", 1.0, "mean"  # body, view and objective of what is planned for sound
 
 
 class PlanRequest(Study):
@@ -70,6 +73,11 @@ class PlanRequest(Study):
         5.0,
         "largest error of a mode that is wanted, in % of its largest deflection of a marker",
         "a number above 0, at most 100000, or null to ask only what is possible",
+    )
+    goal: Literal["shape", "sound"] = field(
+        "shape",
+        "whose error counts: of the deflection shape, or of the sound that the plate makes of it",
+        '"shape", or "sound" for the plate, with in_view 1 and objective "mean"',
     )
     objective: Literal["mean", "worst"] = field(
         "mean",
@@ -160,6 +168,11 @@ class PlanRequest(Study):
         return body_of(self.structure, self.body, self.modes)
 
     @property
+    def sounds(self) -> tuple[PlateSound, ...]:
+        """What the plate makes of these modes."""
+        return sounds_of(tuple(self.modes), self.peaks_m)
+
+    @property
     def peaks_m(self) -> tuple[float, ...]:
         """Peak deflection of each mode in m."""
         if isinstance(self.amplitude_mm, list):
@@ -212,6 +225,10 @@ class PlanRequest(Study):
         if self.distances_mm[0] <= reach:
             refuse("distances_mm", list(self.distances_mm), beyond(reach))
         self.frame_rate(body)
+        if self.goal == "sound" and body.name != self.body:
+            self.refuse("goal")
+        if self.goal == "sound":
+            _ = self.sounds  # refuses modes that are not heard
 
     @model_validator(mode="after")
     def _check_together(self) -> PlanRequest:
@@ -229,6 +246,8 @@ class PlanRequest(Study):
         for west, east, bottom, top in self.forbidden_sectors_deg:
             if not (west <= east <= west + 360 and bottom <= top):
                 self.refuse("forbidden_sectors_deg")
+        if self.goal == "sound" and (self.body, self.in_view, self.objective) != AUDIBLE:
+            self.refuse("goal")
         if self.prices and len(self.prices) != len(self.resolutions_px):
             self.refuse("prices")
         return self
@@ -252,35 +271,6 @@ def command(request: PlanRequest, file: str = "") -> str:
     ]
     named = [f"--structure {shlex.quote(file)}"] if file else []
     return " ".join(["thesis plan", *named, *words])
-
-
-def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> str:
-    """The command that simulates a layout (rows of `places`) as a study; empty if none can.
-
-    The studies of chapters 3 and 4 have one distance and one lens for all cameras, above the plane.
-    """
-    import shlex
-
-    distance, focal = 1000 * layout[:, 2], request.sensor_width_mm * layout[:, 3]
-    low = np.degrees(layout[:, 1].min())
-    if np.ptp(distance) > 0.01 or np.ptp(focal) > 1e-9 or low <= 0:
-        return ""
-    angles = np.degrees(layout[:, :2])
-    angles[:, 0] = np.mod(angles[:, 0] + 180, 360) - 180
-    angles = np.round(angles, 3)
-    values: dict[str, Any] = {
-        "cases": [],
-        "layouts": {"plan": [angles.tolist()]},
-        "modes": request.modes,
-        "distance_mm": round(float(distance[0]), 3),
-        "resolution_px": list(resolution),
-        "amplitude_mm": request.amplitude_mm,
-        "focal_length_mm": round(float(focal[0]), 6),
-        "sensor_width_mm": request.sensor_width_mm,
-        "trials": request.trials,
-    }
-    words = [f"-p {shlex.quote(f'{k}={json.dumps(v)}')}" for k, v in values.items()]
-    return " ".join([f"thesis run {request.body}-arrays", *words])
 
 
 def plan_request(values: Mapping[str, Any]) -> PlanRequest:

@@ -13,7 +13,7 @@ AREAS = {
     "listening tracking reconstruction laboratory experiment_study lab_layouts lab_motions",
     "Own recordings": "feasibility measuring measure result own_recordings foreign",
     "Beyond the thesis": "rounding design_law dither polytope interval "
-    "pixel_noise estimators planner planner_machines finite_elements shapes",
+    "pixel_noise estimators planner planner_machines planner_sound finite_elements shapes",
 }
 KINDS = {
     "closed form": "closed forms",

@@ -9,12 +9,13 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.planner.parameters import THESIS, Planner
-from thesis_lib.planning import errors
+from thesis_lib.figure_sets.planner.parameters import READABLE, THESIS, Planner
+from thesis_lib.planning import errors, sound
 from thesis_lib.planning.cube import as_cube
 from thesis_lib.planning.lattice import first_most
 from thesis_lib.planning.optimum import layout_cost
-from thesis_lib.planning.planner import Plan, plan
+from thesis_lib.planning.planner import Plan, for_sound, plan
+from thesis_lib.studies.variables import declared, labelled
 
 _DROPPED = ("chosen", "point_error", "marker", "normal", "reference_deflection")
 _THESIS = {  # of what is said of the thesis's own layouts
@@ -22,6 +23,16 @@ _THESIS = {  # of what is said of the thesis's own layouts
     "thesis_predicted": "error of the worst mode of the thesis's layout by the law",
     "thesis_simulated": "rms error of the worst mode of the thesis's layout over the trials",
 }
+FOR_SOUND = declared("""
+    sound_error(count, plan, mode) [percent] field error of the plate by the law, of layouts planned
+        for shape and for sound
+    sound_simulated(count, plan, mode) [percent] rms field error of them over the trials
+    sound_shape_error(count, plan) [percent] error of the worst mode's shape of them by the law
+    sound_azimuth(count, plan, camera) [degree] azimuth of their cameras
+    sound_elevation(count, plan, camera) [degree] elevation of their cameras
+    sound_distance(count, plan, camera) [m] distance of their cameras
+    plan(plan) [1] what was planned for
+""")
 
 
 def run(study: Planner) -> xr.Dataset:
@@ -55,7 +66,8 @@ def run(study: Planner) -> xr.Dataset:
     cube["thesis_case"].attrs = {"units": "1", "long_name": "case of the thesis"}
     for name, words in _THESIS.items():
         cube[name].attrs = {"units": "percent", "long_name": words}
-    return cube.assign(_summary(cube, study))
+    cube = cube.assign(_summary(cube, study))
+    return cube.assign(_for_sound(study, plans[READABLE]))
 
 
 def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
@@ -101,6 +113,29 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
         name: (("thesis_case", "count"), row) for name, row in zip(_THESIS, found, strict=True)
     }
     return xr.Dataset(values, coords={"thesis_case": cases})
+
+
+def _for_sound(study: Planner, made: Plan) -> dict[str, Any]:
+    """Layouts of the plate for the shape and, moved, for the sound, at the first resolution."""
+    request = made.request.model_copy(update={"goal": "sound"})
+    by_shape = [one for one in made.options if one.kind == 0]
+    both = list(zip(by_shape, for_sound(by_shape, request), strict=True))
+    counts = sorted(study.counts)
+    found = np.full((2, len(counts), 2, len(request.modes)), np.nan)
+    shape, places = found[0, :, :, 0].copy(), np.full((3, len(counts), 2, max(counts)), np.nan)
+    for plans in both:
+        count = len(plans[0].layout)
+        i = counts.index(count)
+        for j, option in enumerate(plans):
+            asked = option.scene, option.layout, option.resolution[0]
+            drawn = errors.drawn(*asked, max(study.trials, 1), study.seed, "least-squares")
+            found[0, i, j] = sound.predicted(request.sounds, *asked)
+            found[1, i, j] = sound.simulated(request.sounds, drawn)[0]
+            shape[i, j] = errors.counted(option.point, "mean").max()
+            angles, distance = np.degrees(option.layout[:, :2]), option.layout[:, 2:3]
+            places[:, i, j, :count] = np.column_stack([angles, distance]).T
+    values = dict(zip(FOR_SOUND, [*found, shape, *places, ["shape", "sound"]], strict=True))
+    return labelled(values, FOR_SOUND)
 
 
 def cheapest(one: xr.Dataset, target: float) -> int | None:

@@ -28,6 +28,7 @@ from thesis_lib.studies.vocabulary import (
 )
 
 THESIS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
+READABLE = "plate: markers that can be read"  # which is planned for its sound, too
 BEHIND = (90.0, 270.0, -90.0, 90.0)  # a sector: what a wall leaves
 BESIDE = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # a box: what a machine takes
 

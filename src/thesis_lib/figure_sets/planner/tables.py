@@ -181,6 +181,27 @@ def verification(cube: xr.Dataset) -> str:
     return columns(rows)
 
 
+def for_sound(cube: xr.Dataset) -> str:
+    """Field errors of layouts for the shape and for the sound, and what that costs the shape."""
+    rows = []
+    for i, count in enumerate(cube["count"].values.tolist()):
+        one = cube.isel(count=i)
+        before, after = one["sound_error"].max("mode").values
+        drawn = one["sound_simulated"].max("mode").values
+        shape = one["sound_shape_error"].values
+        cells = [_text(value) for value in (before, after)]
+        gain = "—" if np.isnan(after) else f"{100 * (1 - after / before):.0f}"
+        rows.append([str(count), *cells, gain, *map(_text, drawn), *map(_text, shape)])
+    kinds = ("for the shape", "for the sound")
+    header = ["cameras", *(f"planned {kind}" for kind in kinds), "less by, %"]
+    header += [f"{what} {kind}" for what in ("simulated,", "the shape's error,") for kind in kinds]
+    width, height = asked(cube, "resolutions_px")[0]
+    return table(header, rows) + (
+        f"\nField errors of the plate's worst mode on its worse plane, in % of the plane's largest "
+        f"pressure, {width}×{height} px; errors of the shape in % of its largest deflection.\n"
+    )
+
+
 def near(cube: xr.Dataset, question: str, count: int) -> int:
     """The option of a question with about as many cameras."""
     counts = cube.sel(question=question)["n_cameras"].values
@@ -193,6 +214,7 @@ TABLES: dict[str, Callable[[xr.Dataset], str]] = {
     "front": front,
     "targets": targets,
     "verification": verification,
+    "sound": for_sound,
 }
 PIECES = TABLES
 

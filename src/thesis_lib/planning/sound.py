@@ -1,0 +1,138 @@
+"""Cameras for the plate's sound: placed for the error of its field in place of the shape's.
+
+The field's error is ω²tr(QΣ) (:mod:`thesis_lib.acoustics.radiating`), so what counts beside the
+markers' variances is what they share: a camera that stands square to the plate rounds a row of
+markers alike, and that radiates. The best layout for the shape is begun with, and its cameras are
+moved by some degrees while that helps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.arrays import Array
+from thesis_lib.facts import setups
+from thesis_lib.planning import lattice
+from thesis_lib.planning.lattice import TIE, first_least
+from thesis_lib.planning.places import Scene, apart, at, cameras
+from thesis_lib.planning.search import Surroundings
+from thesis_lib.studies.request import refuse
+from thesis_lib.studies.shared_fields import SoundPlanes
+from thesis_lib.vibration.structure import deflection_shape, resonance
+from thesis_lib.vision import rounding
+
+Sounds = Sequence[PlateSound]
+
+STEPS = np.radians([8, 4, 2])  # finer ones would fit one grid of pixels, not how markers lie on it
+TURNS = np.radians([-0.5, 0, 0.5])  # of the whole layout, over which costs are averaged
+_HELPS = 1e-3  # relative: what helps less is left alone
+_ROUNDS = 4
+_WAYS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b])
+
+
+@lru_cache(maxsize=4)
+def sounds_of(modes: tuple[int, ...], peaks: tuple[float, ...]) -> tuple[PlateSound, ...]:
+    """The plate's sound in some modes with peaks in m, on the planes and in the air of chapter 6.
+
+    Raises
+    ------
+    PydanticCustomError
+        If a mode is silent on both planes, or too high for the plate's pistons.
+    """
+    plate = setups.plate()
+    field = SoundPlanes.model_construct(grid=plate.grid)
+    found = []
+    for mode, peak in zip(modes, peaks, strict=True):
+        shape = deflection_shape(plate, mode, plate.markers, peak)
+        try:
+            one = PlateSound.of(plate, field.planes, field.medium, resonance(plate, mode), shape)
+        except ValueError as error:
+            refuse(
+                "modes", mode, str(error).replace("use more and smaller pistons", "a lower mode")
+            )
+        if np.isnan(one.largest).all():
+            heard = 'modes that are not silent on both planes, XZ and YZ, with goal "sound"'
+            refuse("modes", mode, f"allowed: {heard}")
+        found.append(one)
+    return tuple(found)
+
+
+def _worst_plane(sounds: Sounds, covariances: Sequence[Array]) -> Array:
+    """Field errors of the modes in %, on the plane where each is larger."""
+    pairs = zip(sounds, covariances, strict=True)
+    return np.array([np.nanmax(sound.expected_plane_errors(C)) for sound, C in pairs])
+
+
+def averaged(sounds: Sounds, scene: Scene, layout: Array, width: int) -> Array:
+    """Field errors of the modes in %, averaged over amplitudes and small turns of the layout.
+
+    Over amplitudes both images of a marker are rounded independently, and which markers are
+    rounded alike is taken from how they lie at rest.
+    """
+    squares, rest = [], scene.body.points
+    for turn in TURNS:
+        P = cameras(scene, layout + [turn, 0, 0, 0], width).P
+        C = 2 * rounding.deflection_covariance(P, rest, rest, rest_is_known=True)
+        squares.append(_worst_plane(sounds, [C] * len(sounds)) ** 2)
+    return np.asarray(np.sqrt(np.mean(squares, axis=0)))
+
+
+def predicted(sounds: Sounds, scene: Scene, layout: Array, width: int) -> Array:
+    """Field errors of the modes in % by the law of rounding, at the amplitude asked for."""
+    P, rest = cameras(scene, layout, width).P, scene.body.points
+    moved = np.moveaxis(scene.body.deflected(scene.peaks), 1, 0)
+    return _worst_plane(sounds, [rounding.deflection_covariance(P, rest, one) for one in moved])
+
+
+def simulated(sounds: Sounds, wrong: Array) -> tuple[Array, Array]:
+    """Field errors of drawn deflection errors (modes, trials, markers) in m, in %.
+
+    Returns
+    -------
+    tuple of ndarray
+        Rms over the trials on the worse plane, (modes,), and its quantiles 5 and 95 %, (2, modes).
+    """
+    rms, band = [], []
+    for sound, error in zip(sounds, wrong, strict=True):
+        drawn = sound.plane_errors(sound.reference + error)
+        over_trials = np.sqrt(np.mean(drawn**2, axis=0))
+        worst = int(np.nanargmax(over_trials))
+        rms.append(over_trials[worst])
+        band.append(np.quantile(drawn[:, worst], [0.05, 0.95]))
+    return np.array(rms), np.array(band).T
+
+
+def moved(sounds: Sounds, about: Surroundings, layout: Array, width: int) -> Array:
+    """A layout whose cameras are moved, one by one, by ever smaller steps while the field gains.
+
+    A camera goes to one of the eight directions about its own, as near as it sees enough there.
+    The layout itself is given back where the law, at the amplitude asked for, is no better after.
+    """
+    scene = about.scene
+    rules, found = scene.rules, layout
+    best = float(averaged(sounds, scene, found, width).max())
+    for step in STEPS:
+        still = 0  # cameras since the last move
+        for which in _ROUNDS * list(range(len(layout))):
+            if still == len(layout):
+                break
+            still += 1
+            azimuth, elevation, _, focal = found[which]
+            aside = azimuth + step / max(np.cos(elevation), step) * _WAYS[:, 0]
+            up = lattice.angles(elevation + step * _WAYS[:, 1], rules.elevations)
+            grid = np.column_stack([lattice.azimuths(aside, rules.azimuths), up])
+            near = about.nearest(np.column_stack([grid, np.full(len(grid), focal)]))
+            places = at(grid, near, focal)
+            others = np.delete(found, which, axis=0)
+            places = places[about.permitted(places) & apart(scene, places, others)]
+            tried = [np.insert(others, which, place, axis=0) for place in places]
+            costs = np.array([averaged(sounds, scene, one, width).max() for one in tried])
+            if len(costs) and costs.min() < best * (1 - _HELPS):
+                least = first_least(costs)
+                found, best, still = tried[least], float(costs[least]), 0
+    now, before = (predicted(sounds, scene, one, width).max() for one in (found, layout))
+    return found if now < before * (1 - TIE) else layout

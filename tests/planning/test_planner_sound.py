@@ -1,0 +1,177 @@
+"""Plans for the plate's sound: the criterion against draws, gains, and what is refused."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from command import thesis
+from scipy.stats import qmc
+
+from thesis_lib.acoustics.planes import pistons
+from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.facts import setups
+from thesis_lib.planning import errors, optimum, places, search, sound
+from thesis_lib.planning.planner import plan
+from thesis_lib.planning.request import plan_request
+from thesis_lib.studies.request import ParameterError
+from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.triangulation import triangulate
+
+PLATE = setups.plate()
+ASKED = {
+    "body": "plate",
+    "amplitude_mm": 10,
+    "counts": [2],
+    "resolutions_px": [[320, 180]],
+    "target_percent": None,
+    "starts": 0,
+    "step_deg": 20,
+    "trials": 400,
+}
+SQUARE = np.array([[0.0, 0.6, 0.75, 24 / 36], [np.pi, 0.6, 0.75, 24 / 36]])
+TURNED = SQUARE + [np.radians(3), 0, 0, 0]
+
+
+@pytest.fixture(scope="module")
+def request_():
+    return plan_request({**ASKED, "goal": "sound"})
+
+
+@pytest.fixture(scope="module")
+def made(request_):
+    return plan(request_)
+
+
+def drawn(scene, layout, scale=1.0):
+    """Deflection errors (modes, draws, markers) in m from whole pixels, without any law."""
+    P, body = places.cameras(scene, layout, 320).P, scene.body
+    shift = qmc.Sobol(2 * len(P), rng=0).random_base2(9) - 0.5
+    shift = np.moveaxis(shift.reshape(-1, len(P), 2), 0, 2)[..., None]
+
+    def found(points):
+        return triangulate(P, np.rint(project(P, points)[:, :, None] + shift) - shift)[2]
+
+    moved = np.moveaxis(body.deflected([scale * peak for peak in scene.peaks]), 1, 0)
+    rest = found(body.points)
+    return np.stack([found(one) - rest - one[2] for one in moved])
+
+
+def fields(request, wrong):
+    """Rms errors of the field in % on the worse plane, by Rayleigh's sum at some of its points."""
+    rms = []
+    for one, error in zip(request.sounds, wrong, strict=True):
+        worst = []
+        for operator, largest in zip(one.operators, one.largest, strict=True):
+            points = replace(operator.plane, shape=(25, 17)).points
+            sent = [rayleigh(pistons(PLATE), one.omega * e, points, one.omega) for e in error]
+            worst.append(100 * np.sqrt(np.mean(np.abs(sent) ** 2)) / largest)
+        rms.append(np.nanmax(worst))
+    return np.array(rms)
+
+
+@pytest.mark.parametrize("layout", [SQUARE, TURNED], ids=["square", "turned"])
+def test_predicted_field_errors_are_those_of_draws(conforms, request_, layout):
+    scene = request_.scene()
+    law = sound.predicted(request_.sounds, scene, layout, 320)
+    found = fields(request_, drawn(scene, layout)[:, ::4])
+    conforms.sampled(found / law, 1, atol=0.12)
+
+
+def test_average_is_about_that_of_draws_over_amplitudes_and_turns(conforms, request_):
+    scene = request_.scene()
+    for layout in (SQUARE, TURNED):
+        each = [
+            fields(request_, drawn(scene, layout + [turn, 0, 0, 0], scale)[:, ::16]) ** 2
+            for turn in sound.TURNS
+            for scale in (0.83, 1.0, 1.21)
+        ]
+        found = np.sqrt(np.mean(each, axis=0))
+        conforms.sampled(
+            sound.averaged(request_.sounds, scene, layout, 320) / found, above=0.7, below=1.5
+        )
+
+
+def test_mirrored_layouts_sound_alike(conforms, request_):
+    scene = request_.scene()
+    one = sound.averaged(request_.sounds, scene, TURNED, 320)
+    other = sound.averaged(request_.sounds, scene, TURNED * [-1, 1, 1, 1], 320)
+    conforms.invariance(other, one, rtol=1e-9)
+
+
+def test_cameras_that_stand_square_are_moved_and_keep_the_rules(conforms, request_):
+    scene = request_.scene()
+    start = places.at(SQUARE[:, :2], places.nearest(scene, SQUARE[:, :2], 24 / 36), 24 / 36)
+    found = sound.moved(request_.sounds, search.Surroundings(scene), start, 320)
+    assert optimum.allowed(scene, found)
+    now, before = (sound.predicted(request_.sounds, scene, one, 320) for one in (found, start))
+    conforms.closed_form(now.max(), below=0.5 * before.max())
+    shape = [optimum.layout_cost(scene, one, "mean") for one in (found, start)]
+    conforms.closed_form(np.sqrt(shape[0] / shape[1]), below=1.15)
+
+
+# The plan.
+
+
+def test_plan_begins_with_that_for_the_shape_and_is_never_worse(conforms, made):
+    shape = plan(plan_request(ASKED))
+    for one, before in zip(made.options, shape.options, strict=True):
+        np.testing.assert_array_equal(one.instead.plan.layout, before.layout)
+        conforms.closed_form(one.error, below=one.instead.field.max() * (1 + 1e-12))
+        assert np.isnan(one.bound)
+        assert optimum.allowed(one.scene, one.layout)
+
+
+def test_gain_is_there_when_simulated(conforms, made, request_):
+    (one,), (found,) = made.options, made.verified
+    conforms.sampled(found.simulated / one.predicted, 1, atol=0.15)
+    assert np.all(found.band[0] < found.simulated)
+    assert np.all(found.simulated < found.band[1])
+    before = one.instead.plan
+    asked = before.scene, before.layout, 320, 400, 0, "least-squares"
+    drawn_, _ = sound.simulated(request_.sounds, errors.drawn(*asked))
+    conforms.sampled(found.simulated.max() / drawn_.max(), below=0.9)
+
+
+def test_cube_and_summary_tell_the_gain(tmp_path):
+    words = [
+        f"-p{key}={value if isinstance(value, str) else json.dumps(value)}"
+        for key, value in ASKED.items()
+    ]
+    done = thesis("plan", *words, "-pgoal=sound", "--out", "made", cwd=tmp_path)
+    assert done.status == 0, done.err
+    with xr.open_dataset(tmp_path / "made" / "plan.nc") as cube:
+        worst = [float(cube[name].max()) for name in ("predicted_error", "shape_plan_error")]
+        assert cube.attrs["goal"] == "sound"
+    less = 100 * (1 - worst[0] / worst[1])
+    assert f"have a field error of {worst[1]:.3g} %, so this is {less:.0f} % less" in done.out
+    page = (tmp_path / "made" / "plan.html").read_text(encoding="utf-8")
+    assert "largest pressure on a plane" in page
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["goal=sound"], 'goal: given "sound", allowed: "shape", or "sound" for the plate'),
+        (["goal=sound", "body=beam"], "for the plate"),
+        (["goal=noise"], 'goal: given "noise", allowed: "shape"'),
+        (["goal=sound", "body=plate", "in_view=0.5"], "with in_view 1"),
+        (["goal=sound", "body=plate", "objective=worst"], 'objective "mean"'),
+        (["goal=sound", "body=plate", "modes=[5]"], "modes: given 5, allowed: modes that are not"),
+        (["goal=sound", "body=plate", "modes=[30]", "frame_rates_hz=[50000]"], "modes: given 30"),
+    ],
+)
+def test_what_cannot_be_planned_for_sound_is_refused_in_one_line(tmp_path, words, said):
+    options = [word for one in words for word in ("-p", one)]
+    done = thesis("plan", *options, "--out", "made", cwd=tmp_path)
+    assert (done.status, done.out) == (2, "")
+    (line,) = done.err.splitlines()
+    assert line.startswith("thesis: plan: ")
+    assert said in line
+    assert not list(tmp_path.iterdir())
+
+
+def test_another_body_than_the_plate_is_refused(request_):
+    with pytest.raises(ParameterError, match="goal"):
+        plan(request_, replace(request_.measured, name="mine"))
