@@ -197,12 +197,15 @@ class _Report:
         self.checks: dict[tuple[str, int], Record] = {}
         self.failed: dict[str, str] = {}
         self.skipped: dict[str, str] = {}
+        self.slow: set[str] = set()
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if "conforms" not in report.keywords:
             return
         test = report.nodeid.partition("[")[0]
         self.seconds += report.duration
+        if "slow" in report.keywords:
+            self.slow.add(test)
         if report.failed:
             self.failed.setdefault(test, _reason(report))
         elif report.skipped:
@@ -234,9 +237,30 @@ class _Report:
             "files": {file: _about(self.root / file) for file in tested},
             "failed": self.failed,
             "skipped": self.skipped,
+            "slow": sorted(self.slow),
+            "nightly": nightly(self.root),
             "code": conformance.code(self.root / file for file in tested),
         }
         files.whole_text(self.path, json.dumps(report, indent=1, ensure_ascii=False))
+
+
+def nightly(root: Path) -> dict[str, bool]:
+    """Tests that only `make test-nightly` runs, and whether they make checks, from their text."""
+    found, folder = {}, root / "tests"
+    for file in sorted(folder.rglob("test_*.py") if folder.is_dir() else root.glob("test_*.py")):
+        module = ast.parse(file.read_bytes())
+        marks = [
+            one.value
+            for one in module.body
+            if isinstance(one, ast.Assign) and ast.unparse(one.targets) == "pytestmark"
+        ]
+        for one in module.body:
+            if isinstance(one, ast.FunctionDef) and one.name.startswith("test_"):
+                text = " ".join(map(ast.unparse, [*marks, *one.decorator_list]))
+                if "mark.nightly" in text:
+                    name = f"{file.relative_to(root).as_posix()}::{one.name}"
+                    found[name] = "conforms" in [each.arg for each in one.args.args]
+    return found
 
 
 def _about(file: Path) -> str:

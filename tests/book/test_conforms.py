@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 import pytest
-from conforms import RECORDER, compare, worse
+from conforms import RECORDER, compare, nightly, worse
 
 from conftest import PROJECT
 from thesis_lib.book import build as publishing
@@ -183,6 +183,9 @@ def test_what_failed_is_not_published_and_what_holds_is(tmp_path, monkeypatch):
     (tmp_path / "report.json").write_text(json.dumps({"failed": {}}))
     conformance.publish(tmp_path / "report.json")
     assert published.read_bytes() == (tmp_path / "report.json").read_bytes()
+    published.write_text(json.dumps({"failed": {}, "slow": ["tests/test_a.py::test_b"]}))
+    with pytest.raises(RunError, match=r"report\.json is not published: no slow test was run"):
+        conformance.publish(tmp_path / "report.json")
 
 
 def test_a_book_shows_the_published_report_and_marks_what_changed_since(tmp_path, monkeypatch):
@@ -233,6 +236,53 @@ def test_a_skipped_test_is_named(tmp_path):
     said = conformance.tables({**report, "changed": {}})
     assert "no &#42;stars&#42;:" in said
     assert "examples count" in said
+
+
+MARKED = """
+import pytest
+pytestmark = pytest.mark.slow
+
+def test_slow(conforms):
+    conforms.invariance(1, 1, atol=0)
+
+@pytest.mark.nightly
+def test_of_the_night(conforms):
+    conforms.invariance(1, 2, atol=0)
+"""
+
+
+def test_the_head_tells_what_is_slow_and_what_only_the_night_runs(tmp_path):
+    (tmp_path / "test_small.py").write_text(TESTS, encoding="utf-8")
+    (tmp_path / "test_marked.py").write_text(MARKED, encoding="utf-8")
+    done, report = pytest_run(tmp_path, "-m", "conforms and not nightly")
+    assert done.returncode == 0, done.stdout
+    assert report["slow"] == ["test_marked.py::test_slow"]
+    assert report["nightly"] == {"test_marked.py::test_of_the_night": True}
+    said = conformance.totals({**report, "changed": {}})
+    assert "1 of the checks, in 1 tests, are *slow* and marked so" in said
+    assert f"last measured them on {report['date']}" in said
+    assert "1 *nightly* tests" in said
+    assert "1 of them would make checks" in said
+    assert "* `test_marked.py`: of the night" in said
+    rows = [
+        row
+        for row in conformance.tables({**report, "changed": {}}).splitlines()
+        if "<small>slow</small>" in row
+    ]
+    assert len(rows) == 1
+
+
+def test_tests_of_the_night_are_those_that_pytest_leaves_out():
+    chosen = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
+    done = subprocess.run(
+        [*chosen, "-m", "nightly", "tests"],
+        cwd=PROJECT,
+        capture_output=True,
+        text=True,
+        timeout=150,
+    )
+    found = {line.partition("[")[0] for line in done.stdout.splitlines() if "::" in line}
+    assert set(nightly(PROJECT)) == found
 
 
 def test_a_file_that_does_not_import_is_a_failure(tmp_path):

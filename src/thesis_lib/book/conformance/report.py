@@ -48,12 +48,14 @@ def publish(path: Path) -> None:
     Raises
     ------
     RunError
-        If something failed in it, naming what.
+        If something failed in it, naming what; or if it lacks the slow tests, which a full run has.
     """
     if failed := read(path)["failed"]:
         first, reason = next(iter(failed.items()))
         others = f" and {len(failed) - 1} more" if len(failed) > 1 else ""
         raise RunError(f"{path} is not published: {first}{others} failed: {reason}")
+    if read().get("slow") and not read(path).get("slow"):
+        raise RunError(f"{path} is not published: no slow test was run; make test-all runs all")
     whole_text(published_path(), path.read_text(encoding="utf-8"))
 
 
@@ -118,6 +120,7 @@ def totals(report: Record) -> str:
         f"{report['seconds']:.0f} s: {counted}. **All held** on {report['date']}, with the code "
         f"whose digest is `{total[:16]}`.\n"
     ]
+    lines.append(_left_out(report))
     if stale:
         lines.append(f"The code of {stale} of them has changed since; they are marked.\n")
     rows = []
@@ -130,6 +133,30 @@ def totals(report: Record) -> str:
     rows.append(["all", *(str(kinds[kind]) for kind in KINDS), str(len(checks)), ""])
     lines.append(table(["Area", *KINDS, "all", "most used"], rows))
     return "\n".join(lines)
+
+
+def _left_out(report: Record) -> str:
+    """Which checks are slow, and which tests are not here, with the reason."""
+    slow = [check["test"] for check in report["checks"] if check["test"] in report.get("slow", [])]
+    said = (
+        f"{len(slow)} of the checks, in {len(set(slow))} tests, are *slow* and marked so: "
+        f"`make test` leaves them out, `make test-all` last measured them on {report['date']}."
+    )
+    if skipped := report["skipped"]:
+        said += (
+            f" {len(skipped)} tests could not run in full; [the end](#not-measured-here) says why."
+        )
+    nightly = report.get("nightly", {})
+    compared = sum(nightly.values())
+    said += (
+        f"\n\nLeft out are {len(nightly)} *nightly* tests, which take an hour or more "
+        f"(`make test-nightly`); {compared or 'none'} of them would make checks. All other tests "
+        "that are not here ask yes or no, of words, files and refusals above all.\n"
+    )
+    if nightly:
+        files = _by_file(list(nightly)).items()
+        said += "\n" + "\n".join(f"* `{file}`: {', '.join(own)}" for file, own in files) + "\n"
+    return said
 
 
 def _thousands(number: int) -> str:
@@ -198,6 +225,8 @@ def _of_file(file: str, checks: Sequence[Record], report: Record) -> str:
     rows = []
     for test, own in tests.items():
         words = html.escape(sentence(test))
+        if test in report.get("slow", []):
+            words += " <small>slow</small>"
         if len(own) == 1:
             rows.append(_row(words, own[0], bool(changed)))
             continue
