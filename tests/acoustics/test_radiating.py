@@ -39,6 +39,13 @@ def test_radiation_modes_are_orthogonal_and_the_same_form(conforms):
     conforms.invariance(found, exact, rtol=1e-12)
 
 
+def test_in_the_loudest_mode_all_markers_move_to_one_side(conforms):
+    """And it alone makes more than half of what independent errors radiate."""
+    conforms.closed_form(MODES[0] * np.sign(MODES[0][0]), above=0)
+    share = np.sum(MODES[0] ** 2) / np.sum(MODES**2)
+    conforms.closed_form(share, above=0.5, below=1)
+
+
 def test_only_its_own_mode_hears_a_radiation_mode(conforms):
     """The field of one is orthogonal, over the plane, to the field of any other."""
     ways = MODES[:4] / np.linalg.norm(MODES[:4], axis=1, keepdims=True)

@@ -2,7 +2,8 @@
 
 To start from: a plate as pistons (:func:`.pistons`), the pressure that they make on a plane
 (:class:`.Plane`, :func:`.operator`) or anywhere (:func:`.rayleigh`), their :func:`.sound_power`,
-and what errors of the deflection do to both (:class:`.PlateSound`).
+what errors of the deflection do to both (:class:`.PlateSound`), and which errors are heard
+(:func:`.radiation_modes`).
 """
 
 from thesis_lib.acoustics.planes import Plane, operator, pistons
