@@ -49,6 +49,15 @@ def test_table_and_figure_show_the_planes_with_a_reference(cube):
     assert titles == [f"mode {one}" for one in heard]
 
 
+def test_turned_pairs_take_no_more_trials_than_an_rms_needs():
+    for trials, taken in ((12, 12), (10**6, sound_turn.ENOUGH)):
+        asked = validate("sound-aperture", FEW | {"trials": trials, "azimuth_zero": "X"})
+        turned = sound_turn.turned(asked)
+        assert turned.trials == taken
+        same = ("azimuth_zero", "distance_mm", "plane_shape", "seed", "resolution_px")
+        assert all(getattr(turned, name) == getattr(asked, name) for name in same)
+
+
 def test_without_trials_there_is_the_law_alone():
     cube = cube_of(validate("sound-aperture", FEW | {"trials": 0, "cases": ["2a"], "modes": [1]}))
     assert np.all(np.isfinite(cube["turned_error"]))

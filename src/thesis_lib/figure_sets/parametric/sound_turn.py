@@ -26,6 +26,7 @@ from thesis_lib.web.markdown import table
 
 TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 5.0)
 TOLD_DEG = 2.0  # the turn that the prose tells of
+ENOUGH = 1000  # trials, which know an rms to some percent
 VARIABLES = declared("""
     turn(turn) [degree] azimuth that two opposed cameras are turned by
     elevation(elevation) [degree] elevation of the cameras that are turned
@@ -50,7 +51,8 @@ def turned(asked: Any) -> CameraStudy:
         for turn in TURNS_DEG
         for number, elevation in enumerate(values["elevations_deg"])
     }
-    return camera_study("sound-arrays", common | {"cases": [], "layouts": layouts, "cube": ""})
+    own = {"cases": [], "layouts": layouts, "trials": min(values["trials"], ENOUGH), "cube": ""}
+    return camera_study("sound-arrays", common | own)
 
 
 def outline(
@@ -128,8 +130,8 @@ def turn_summary(cube: xr.Dataset) -> str:
         f"\nOver elevations of {_degrees(cube['elevation'].values)}. At "
         f"{float(first['elevation'][at]):g}°, mode {mode} on {plane}, a turn by {TOLD_DEG:g}° "
         f"takes the error from {percent_text(errors[0])} to {percent_text(errors[1])} %, and the "
-        f"share of the loudest radiation mode in its square from {shares[0]:.0%} to "
-        f"{shares[1]:.0%}. The shape's error changes by {most} at most.\n"
+        f"share of the loudest radiation mode in its square from {100 * shares[0]:.0f} to "
+        f"{100 * shares[1]:.0f} %. The shape's error changes by {most} at most.\n"
     )
 
 
