@@ -20,6 +20,13 @@ _SPARE = re.compile(
     r'|<span class="(?:[npw]|nn)">(?P<p><span class="pre">)?(?P<text>[^<]*)</span>(?(p)</span>)',
     re.DOTALL,
 )  # what the widgets' own html and the style sheets repeat, and marks of words in the text's colour
+_WHOLE = re.compile(
+    r"(<(?:pre|script|style|textarea)\b.*?</(?:pre|script|style|textarea)>)", re.DOTALL
+)
+_BETWEEN = re.compile(
+    r"<!--.*?-->|(?<=\n)\s+|[ \t]+(?=\n)", re.DOTALL
+)  # comments, indents, empty lines
+_SECOND = re.compile(r'(<meta name="viewport"[^>]*>)(.*?)<meta name="viewport"[^>]*>', re.DOTALL)
 _SHOWN = re.compile(rb"_images/([^\"]+)")
 
 
@@ -32,10 +39,16 @@ def polish(book: Path, files: Iterable[Path]) -> None:
         text = file.read_text(encoding="utf-8")
         if file.suffix == ".html":
             text = in_files(_SPARE.sub(r"\g<text>", text), file.parent, book / "_images")
-            text = lazy(mend(text), file.parent)
+            text = _plain(lazy(mend(text), file.parent))
         else:
             text = squeeze(text) if file.suffix == ".svg" else _slim(text)
         file.write_text(text, encoding="utf-8")
+
+
+def _plain(text: str) -> str:
+    """A page without its indents and comments, and with one viewport."""
+    parts = _WHOLE.split(_SECOND.sub(r"\1\2", text))  # in turns between, and whole
+    return "".join(part if i % 2 else _BETWEEN.sub("", part) for i, part in enumerate(parts))
 
 
 def _slim(text: str) -> str:
@@ -57,6 +70,9 @@ def tidy(book: Path) -> None:
     """Remove what no page needs: sources of styles, and pictures that are no longer shown."""
     shown = {name for page in book.rglob("*.html") for name in _SHOWN.findall(page.read_bytes())}
     pictures = [file for file in book.glob("_images/*") if quote(file.name).encode() not in shown]
-    unread = [book.glob(f"_static/**/{name}") for name in ("*.map", "*.ttf", "*.[mp]o", _ICONS)]
+    unread = [
+        book.glob(f"_static/**/{name}")
+        for name in ("*.map", "*.ttf", "*.[mp]o", _ICONS, "overview.svg")
+    ]
     for file in chain(pictures, *unread):
         file.unlink()

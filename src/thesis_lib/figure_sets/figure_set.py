@@ -34,7 +34,7 @@ class Product:
     #: The module that computes it: ``run(request, **inputs)`` gives a dataset or, of what is cut
     #: into pieces, ``outline(request, **inputs, scheduler=...)`` a cube to be filled in
     module: str
-    #: What it is computed from: the request to a product and its request, by parameter of ``run``
+    # What it is computed from: the request to a product and its request, by parameter of ``run``
     needs: Callable[[Any], Inputs] = field(default=_nothing)
     #: Whether ``build/cache`` keeps it, for what takes long or serves others, too
     kept: bool = False

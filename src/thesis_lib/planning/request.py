@@ -15,7 +15,6 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.places import Rules, Scene
-from thesis_lib.planning.sound import sounds_of
 from thesis_lib.studies.request import Study, beyond, refuse, validated
 from thesis_lib.studies.vocabulary import (
     Azimuth,
@@ -170,6 +169,8 @@ class PlanRequest(Study):
     @property
     def sounds(self) -> tuple[PlateSound, ...]:
         """What the plate makes of these modes."""
+        from thesis_lib.planning.sound import sounds_of
+
         return sounds_of(tuple(self.modes), self.peaks_m)
 
     @property

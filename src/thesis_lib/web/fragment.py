@@ -24,6 +24,7 @@ def asset(name: str) -> str:
 
 
 VIEWER_CSS = asset("viewer.css")
+_INDENT = re.compile(r"^[ \t]+(?://.*\n)?|^//.*\n", re.MULTILINE)  # and lines of comment
 WITHOUT = "This viewer needs JavaScript; the figures below show the same results."
 _FRAGMENT = """\
 <div class="tl-fragment" data-tl-fragment="%(id)s"%(prints)s>
@@ -114,6 +115,7 @@ def static_html(
     text = json.dumps(plain(state), allow_nan=False, separators=(",", ":"))  # ASCII only
     text = re.sub("[<>&]", lambda match: f"\\u{ord(match[0]):04x}", text)  # no tag can begin or end
     key = hashlib.sha256("\0".join((esm, css, text)).encode()).hexdigest()[:16]
-    parts = {"id": key, "css": css.strip(), "esm": body.strip(), "state": text}
+    css, body = (_INDENT.sub("", part).strip() for part in (css, body))
+    parts = {"id": key, "css": css, "esm": body, "state": text}
     printed = " data-tl-print" if prints else ""
     return _FRAGMENT % {**parts, "without": html.escape(without), "prints": printed}

@@ -26,7 +26,7 @@ class Knob:
     better: int  #: 1 if more of it should measure better, else -1
     #: Who measured it: name of the group, figure set, cases (none means all) and errors
     sources: tuple[Source, ...]
-    #: What the error is taken to be a power of, from the values
+    # What the error is taken to be a power of, from the values
     exponent_of: Callable[[Array], Array] = field(default=lambda values: values)
 
 

@@ -152,7 +152,8 @@ def _cube(
     beam, drawn = setups.beam(), "draw of starts, clocks and noise, 0 for the chain's result"
     coords = filmed(coordinates(study, study.modes, beam, settings), [study.frequency_hz], drawn)
     coords["frequency"][2]["long_name"] = "frequency of the force"
-    cube = xr.Dataset(labelled({"reference_deflection": reference[None]}, REFERENCE), coords)
+    cube = xr.Dataset(coords=coords)
+    cube = cube.assign(labelled({"reference_deflection": reference[None]}, REFERENCE))
     cube = cube.assign(of_settings(settings, results, _VARIABLES))
     natural = 2 * np.pi * study.frequency_hz / np.sqrt(1 - 2 * beam.damping**2)
     omega = 2 * np.pi * study.frequency_hz

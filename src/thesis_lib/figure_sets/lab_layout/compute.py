@@ -147,7 +147,7 @@ def _cube(study: Layouts, settings: list[Setting], results: list[dict[str, Any]]
         coordinates(study, study.modes, setups.beam(), settings), [study.frequency_hz], drawn
     )
     reference = {"reference_deflection": results[0]["reference"][None]}
-    cube = xr.Dataset(labelled(reference, REFERENCE), coords)
+    cube = xr.Dataset(coords=coords).assign(labelled(reference, REFERENCE))
     varied = [study.varied_of(setting.case) for setting in settings]
     cube["parameter"] = ("setting", varied, cube["parameter"].attrs)
     if len(set(varied)) > 1:

@@ -133,7 +133,7 @@ def _frame(study: LabModes, films: list[list[Recording]], settings: list[Any]) -
         "exposure_loss": losses,
         "settling_time": [-np.log(SETTLED) / (beam.damping * w) for w in natural],
     }
-    return xr.Dataset(labelled(values, _TRUTH), coords)
+    return xr.Dataset(coords=coords).assign(labelled(values, _TRUTH))
 
 
 def _with_rates(

@@ -80,7 +80,7 @@ def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
             / (study.focal_length_mm * setting.resolution_px[0]),
         }
     reference = labelled({"reference_deflection": [h.reference for h in sounds]}, _TRUTH)
-    cube = xr.Dataset(reference, _coordinates(study, plate, settings))
+    cube = xr.Dataset(coords=_coordinates(study, plate, settings)).assign(reference)
     cube = cube.assign(of_settings(settings, results, _VARIABLES))
     return cube.assign(labelled(_fields(cube, study, sounds), _TRUTH))
 
