@@ -244,10 +244,11 @@ def test_fields_are_direct_sums(conforms, mode):
     request, plate, cube = both("distance")
     structure = setups.plate()
     omega = resonance(structure, mode)
-    literal = plate["mean_error"].sel(mode=mode, trial=0).values
+    median = plate["mean_error"].sel(mode=mode).values[:, 1:]
+    median = np.median(median, axis=1)
     chosen = cube["best_and_worst"].sel(mode=mode).values[0]
-    assert literal[chosen[0]] == literal.min()
-    assert literal[chosen[1]] == literal.max()
+    assert median[chosen[0]] == median.min()
+    assert median[chosen[1]] == median.max()
     for i, plane in enumerate(request.planes):
         shapes = [plate["reference_deflection"].sel(mode=mode)]
         shapes += [
@@ -267,14 +268,14 @@ def test_fields_are_direct_sums(conforms, mode):
 
 def test_extremes_are_those_of_every_case():
     _, plate, cube = both("arrays")
-    literal = plate["mean_error"].isel(trial=0)
+    median = plate["mean_error"].isel(trial=slice(1, None)).median("trial")
     for c, case in enumerate(cube["case_name"].values):
         rows = np.flatnonzero(plate["case"].values == case)
         for m in range(3):
             best, worst = cube["best_and_worst"].values[c, m]
             assert {best, worst} <= set(rows)
-            assert literal.values[best, m] == literal.values[rows, m].min()
-            assert literal.values[worst, m] == literal.values[rows, m].max()
+            assert median.values[best, m] == median.values[rows, m].min()
+            assert median.values[worst, m] == median.values[rows, m].max()
 
 
 # Invariances.

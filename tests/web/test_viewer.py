@@ -445,6 +445,45 @@ def test_highlighting_a_setting(chromium: Browser, path: Path) -> None:
         assert opened.trouble == []
 
 
+def test_best_and_worst_go_by_the_median(chromium: Browser, tmp_path: Path) -> None:
+    data = study()
+    shown = [one["modes"][0] for one in data["cases"][0]["settings"]]
+    for one, median in zip(shown, (5.0, 1.0, 9.0, 3.0), strict=True):
+        one["median"] = median  # by the run alone the first would be worst, the last best
+    path = tmp_path / "page.html"
+    path.write_text(page(Viewer(data=data)._repr_mimebundle_()[0]["text/html"]), encoding="utf-8")
+    with open_offline(chromium, path, width=1100) as opened:
+        viewer = opened.page.get_by_test_id("viewer")
+        assert words(viewer).startswith(
+            "Mode 1, case 2a: mean error from 1.0 % (best, 60°) to 9.0 % (worst, 110°), "
+            "by the median over the trials. "
+        )
+        assert opened.trouble == []
+
+
+def test_errors_far_apart_stand_on_a_logarithmic_axis(chromium: Browser, tmp_path: Path) -> None:
+    def tops(factor: float) -> list[float]:
+        data = study()
+        size = 1.0
+        for one in data["cases"][0]["settings"]:
+            for name in ("mean", "median", "low", "high", "predicted"):
+                one["modes"][0][name] = size
+            one["modes"][0]["stated"] = None
+            size *= factor
+        path.write_text(
+            page(Viewer(data=data)._repr_mimebundle_()[0]["text/html"]), encoding="utf-8"
+        )
+        with open_offline(chromium, path, width=1100) as opened:
+            boxes = opened.page.locator(".tl-bar .tl-box")
+            boxes.last.wait_for()
+            return [float(boxes.nth(i).get_attribute("y") or "nan") for i in range(4)]
+
+    path = tmp_path / "page.html"
+    near, far = np.diff(tops(2.0)), np.diff(tops(10.0))
+    np.testing.assert_allclose(near, near[0] * np.array([1, 2, 4]), rtol=1e-6)
+    np.testing.assert_allclose(far, far[0], rtol=1e-6)
+
+
 def test_turning_the_cameras(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path, width=1100) as opened:
         first, second, _ = viewers(opened)
@@ -667,8 +706,8 @@ def test_bars_and_nodal_planes_of_sound(chromium: Browser, sounds: Path) -> None
         assert [bars.nth(i).locator(".tl-box").count() for i in range(4)] == [2, 2, 2, 2]
         assert bars.nth(0).locator(".tl-median").count() == 2
         assert words(viewer).startswith(
-            "Mode 1, case 2a: mean error XZ 2.0 % (best shape, 160°), 8.0 % (worst shape, 16°); "
-            "YZ 2.8 % (best shape, 160°), 11.0 % (worst shape, 16°). "
+            "Mode 1, case 2a: mean error XZ 2.1 % (best shape, 160°), 8.4 % (worst shape, 16°); YZ "
+            "2.9 % (best shape, 160°), 11.6 % (worst shape, 16°), by the median over the trials. "
         )
         assert viewer.locator(".tl-nodal").count() == 0
 

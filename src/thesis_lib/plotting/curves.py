@@ -6,7 +6,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from thesis_lib.plotting.panels import bar_panel, setup_panel
-from thesis_lib.plotting.selection import best_and_worst, error_bars, select
+from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
 from thesis_lib.plotting.style import REFERENCE, color, subplots
 
 
@@ -20,12 +20,10 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
     axes[0, 1].plot(x, reference, color=REFERENCE, linewidth=3, label="reference")
-    for index in chosen:
+    for index, word in zip(chosen, ranking(part), strict=False):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
-        name = "best" if index == chosen[0] else "worst"
-        axes[0, 1].plot(
-            x, measured, ".-", color=color(index), linewidth=1, label=f"{labels[index]} ({name})"
-        )
+        name = f"{labels[index]}, {word}"
+        axes[0, 1].plot(x, measured, ".-", color=color(index), linewidth=1, label=name)
         error = part["point_error"].values[index]
         axes[1, 0].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
     axes[0, 1].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")

@@ -74,7 +74,7 @@ def _stated(claim: Claim | None) -> dict[str, Any]:
 def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -> pd.DataFrame:
     """The numbers that a figure of a case and mode draws, a row each; `errors` is the cube's table.
 
-    Marker values are those of the setting with the least and of that with the largest error, all
+    Marker values are those of the settings with the least and the largest typical error, all
     else is of every setting. Maps of pressure are left to the cube. Columns ``quantity``,
     ``statistic``, ``setting``, ``point``, ``x_mm``, ``y_mm``, ``value`` and ``unit``; those that do
     not apply are empty.

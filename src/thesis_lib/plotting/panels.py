@@ -19,9 +19,12 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.plotting.selection import Bars
-from thesis_lib.plotting.style import HIGHLIGHT, color
+from thesis_lib.plotting.style import HIGHLIGHT, color, logarithmic
 from thesis_lib.studies import outlines
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
+
+FAR_APART = 20.0
+"""Where the greatest error is more times the least than this, their axis is logarithmic."""
 
 
 def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
@@ -107,9 +110,21 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     cut = "* markers leave the sensor" if partial.any() else ""
     axes.set_xlabel("; ".join(filter(None, [unit, cut])))
     crowded = any(c.high > 0.8 * top for bars in groups for c in bars.claims if c)
-    axes.set_ylim(0, (1.5 if crowded else 1.35) * top)
+    room = 1.5 if crowded else 1.35
+    if least := _least(groups, top):
+        logarithmic(axes.yaxis, [step * 10.0**power for power in range(-5, 5) for step in (1, 3)])
+        axes.set_ylim(least / 1.5, top * (top / least) ** (room - 1))
+    else:
+        axes.set_ylim(0, room * top)
     axes.grid(visible=False, axis="x")
     axes.legend(ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
+
+
+def _least(groups: Sequence[Bars], top: float) -> float:
+    """The least error, if errors are so far apart that an axis from 0 would hide it; else 0."""
+    drawn = [np.ravel([bars.literal, bars.predicted, *bars.band]) for bars in groups]
+    least = float(np.fmin.reduce(np.concatenate(drawn)))
+    return least if least > 0 and top > FAR_APART * least else 0.0
 
 
 def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:

@@ -19,11 +19,16 @@ def select(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
 
 
 def best_and_worst(part: xr.Dataset) -> list[int]:
-    """Indices of the settings with the least and the largest mean error in the literal run."""
+    """Indices of the settings with the least and the largest typical mean error."""
     name = "mean_error" if "mean_error" in part else "deflection_error"
-    mean = part[name].isel(trial=0).values
-    order = np.argsort(mean, kind="stable")
+    order = np.argsort(cubes.typical(part[name]), kind="stable")
     return [int(order[0])] if len(order) == 1 else [int(order[0]), int(order[-1])]
+
+
+def ranking(part: xr.Dataset) -> tuple[str, str]:
+    """What the first and the last of :func:`best_and_worst` are called, by what they are ranked."""
+    by = " by median" if part.sizes["trial"] > 1 else ""
+    return f"best{by}", f"worst{by}"
 
 
 def stated(

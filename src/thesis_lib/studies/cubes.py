@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from thesis_lib.arrays import Array
+
 ERRORS = {  # name in the tables: variable, and plane if it has one
     "mean_error": ("mean_error", None),
     "max_point_error": ("max_point_error", None),
@@ -95,6 +97,16 @@ def band(values: xr.DataArray) -> Any:
         drawn = here.isel(setting=setting).values[..., 1:]
         bands[:, setting] = np.quantile(drawn, BAND, axis=-1)
     return bands
+
+
+def typical(values: xr.DataArray) -> Array:
+    """Median of errors over the trials but the literal run, or that run if there are no trials.
+
+    Shape (setting, ...): what settings are ranked by, as one run alone ranks them by its luck.
+    """
+    literal: Array = values.isel(trial=0).transpose("setting", ...).values
+    median = band(values)[1]
+    return np.where(np.isfinite(median), median, literal)
 
 
 def percent_text(value: float) -> str:

@@ -10,6 +10,7 @@ import xarray as xr
 
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.facts.setups import Setting
+from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.variables import Variable, declared, labelled
 from thesis_lib.studies.vocabulary import unit
@@ -44,14 +45,14 @@ REFERENCE = declared("reference_deflection(mode, point) [m] reference deflection
 
 
 def extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
-    """Per case and mode the settings with the lowest and highest deflection error of trial 0."""
-    literal = plate_cube["mean_error"].isel(trial=0).values
+    """Per case and mode the settings with the lowest and highest typical deflection error."""
+    error = cubes.typical(plate_cube["mean_error"])
     result: dict[str, list[tuple[int, int]]] = {}
     for case in dict.fromkeys(plate_cube["case"].values.tolist()):
         rows = np.flatnonzero(plate_cube["case"].values == case)
         result[case] = [
-            (int(rows[np.argmin(literal[rows, m])]), int(rows[np.argmax(literal[rows, m])]))
-            for m in range(literal.shape[1])
+            (int(rows[np.argmin(error[rows, m])]), int(rows[np.argmax(error[rows, m])]))
+            for m in range(error.shape[1])
         ]
     return result
 

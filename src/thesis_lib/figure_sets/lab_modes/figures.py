@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting.selection import best_and_worst, error_bars, select
+from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
 from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, subplots
 
 STYLE = POWERS  # of pictures
@@ -34,16 +34,15 @@ def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         linewidth=3,
         label="true",
     )
-    for index in chosen:
+    for index, word in zip(chosen, ranking(part), strict=False):
         measured = part["measured_deflection"].values[index, 0] * 1000
-        word = "best" if index == chosen[0] else "worst"
         axes[0, 1].plot(
             x[axis],
             measured[axis],
             ".-",
             color=color(index),
             linewidth=1,
-            label=f"{labels[index]} ({word})",
+            label=f"{labels[index]}, {word}",
         )
     axes[0, 1].set(title="(b) at the maximum of bending", xlabel="x in mm", ylabel="w in mm")
     axes[0, 1].legend()

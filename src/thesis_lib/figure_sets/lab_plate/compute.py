@@ -267,7 +267,7 @@ _TRUTH = declared("""
     pressure_measured_imag(case, mode, extreme, plane, u, z) [Pa] pressure of what was filmed,
         imaginary part
     best_and_worst(case, mode, extreme) [1] index of the setting with the lowest and highest
-        deflection error as filmed
+        deflection error, by the median over the trials
     largest_pressure(mode, plane) [Pa] largest reference pressure, NaN where a plane is nodal
     independent_ratio(mode, plane) [1] plane error over mean deflection error for errors of equal
         size, marker by marker

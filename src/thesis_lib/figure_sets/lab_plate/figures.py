@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.plotting import maps
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting.selection import best_and_worst, error_bars, select
+from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
 from thesis_lib.plotting.style import mosaic
 
 TITLES = {
@@ -41,12 +41,12 @@ def filmed_plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         legend = axes[name].get_legend()
         if legend is not None:
             legend.remove()
-        axes[name].set_ylim(0, axes[name].get_ylim()[1] / 1.25)  # the legend stands outside
+        axes[name].set_ylim(top=axes[name].get_ylim()[1] / 1.25)  # the legend stands outside
     drawing.legend(*handles, loc="outside lower center", ncols=4)
     chosen = best_and_worst(part)
     words = [
         f"{word}: {part['label'].values[index]}"
-        for word, index in zip(("best", "worst"), (chosen[0], chosen[-1]), strict=True)
+        for word, index in zip(ranking(part), (chosen[0], chosen[-1]), strict=True)
     ]
     _deflections(drawing, [axes[name] for name in "def"], part, (chosen[0], chosen[-1]), words)
     _fields(drawing, [axes[name] for name in "ghi"], cube, case, mode, words)

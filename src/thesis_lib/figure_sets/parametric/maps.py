@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.maps import draw_map
-from thesis_lib.plotting.selection import best_and_worst, error_bars, select
+from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
 from thesis_lib.plotting.style import mosaic
 from thesis_lib.studies import outlines
 
@@ -27,7 +27,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     axes["b"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
     reference = part["reference_deflection"].values * 1000
     shapes = [("(b) ideal", reference)]
-    for index, word in ((chosen[0], "best"), (chosen[-1], "worst")):
+    for index, word in zip((chosen[0], chosen[-1]), ranking(part), strict=True):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         shapes.append((f"(c) {word}: {part['label'].values[index]}", measured))
     limit = max(float(np.max(np.abs(values))) for _, values in shapes)
@@ -65,7 +65,7 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         part["label"].values[int(i) - first]
         for i in cube["best_and_worst"].isel(case=c).sel(mode=mode).values
     )
-    nodal = part["independent_ratio"].isnull()
+    words, nodal = ranking(part), part["independent_ratio"].isnull()
     ideal = part["pressure_reference_real"]
     limits = {
         plane: max(
@@ -78,8 +78,8 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         limit = max(limits.values()) if silent else limits[plane]
         fields = (
             (f"(b) {plane}, ideal{' (nodal)' if silent else ''}", ideal.sel(plane=plane).values),
-            (f"best: {best}", measured.sel(plane=plane, extreme="best").values),
-            (f"worst: {worst}", measured.sel(plane=plane, extreme="worst").values),
+            (f"{words[0]}: {best}", measured.sel(plane=plane, extreme="best").values),
+            (f"{words[1]}: {worst}", measured.sel(plane=plane, extreme="worst").values),
         )
         picture: Any = None
         for name, (title, values) in zip(row, fields, strict=True):

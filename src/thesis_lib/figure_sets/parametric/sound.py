@@ -49,7 +49,7 @@ VARIABLES = declared("""
         pistons, and Rayleigh's integral of the whole plate, of the largest
     sum_error_largest(mode, plane) [percent] the same where it is largest
     best_and_worst(case, mode, extreme) [1] index of the setting with the lowest and highest
-        deflection error in trial 0
+        deflection error, by the median over the trials
     piston_size(mode) [1] wavenumber times the longer side of a piston; above 1 it is hardly a point
         source
     radiation_efficiency(mode) [1] radiated power over that of a plane wave of the same mean square

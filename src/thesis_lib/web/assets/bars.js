@@ -1,5 +1,5 @@
 // Panel (d): the mean error of each setting as a bar, or one per plane of the sound; point, pin, walk.
-import { MARGIN, extent, frame } from "./chart.js";
+import { MARGIN, frame, spread } from "./chart.js";
 import { entitle, html, icon, isNumber, mark, path, show, svg, text } from "./parts.js";
 
 export function createBars(panel, study, uid, highlight) { // returns what draws them
@@ -9,11 +9,12 @@ export function createBars(panel, study, uid, highlight) { // returns what draws
     const { width, data } = study, settings = study.settings(), { label, unit } = data.parameter;
     const every = settings.map((_, i) => study.errors(i)), count = every[0].length;
     const errors = every.flat(), axis = `error (% of the largest ${data.planes ? "pressure" : "deflection"})`;
-    const [, most] = extent(errors.map((r) => [r.mean, r.high, r.median, r.predicted, ...(r.stated ?? [])]));
+    const [least, most] = spread(errors.map(
+      (r) => [r.mean, r.low, r.high, r.median, r.predicted, ...(r.stated ?? []).filter(Boolean)]));
     const had = panel.canvas.contains(document.activeElement) ? study.focused : null;
     const slotWidth = (width - MARGIN.left - MARGIN.right) / every.length;
     const staggered = settings.some((one) => one.label.length * 7.5 + 2 > slotWidth), room = staggered ? 15 : 0;
-    const { x, y, bottom } = frame(panel, width, [0, every.length], [0, most],
+    const { x, y, bottom } = frame(panel, width, [0, every.length], [least, most],
       unit ? `${label} (${unit})` : label, axis, room);
     const tile = { width: 6, height: 6, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" };
     panel.canvas.append(svg("pattern", { id: `${uid}-hatch`, ...tile }, path("tl-hatch", "M0 0V6")));

@@ -6,15 +6,31 @@ export const MARGIN = { left: 46, right: 14, top: 30, bottom: 44 };
 export const extent = (rows) => [[0, 1e-6], ...rows].flat().filter(isNumber).reduce(
   ([low, high], value) => [Math.min(low, value), Math.max(high, value)], [0, 0]);
 
-// Draws the axes in a panel and returns the scales.
+// From the least of them, if no zero is among them and the greatest is more than 20 times as large.
+export function spread(rows) {
+  const [, high] = extent(rows), low = Math.min(...rows.flat().filter(isNumber));
+  return [low > 0 && high > 20 * low ? low : 0, high];
+}
+
+function decades(low, high) { // 1, 2, 5, 10, …; powers of ten alone if there are many
+  const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high));
+  const steps = last - first > 3 ? [1] : [1, 2, 5];
+  return Array.from({ length: last - first + 1 }, (_, i) => steps.map((step) => step * 10 ** (first + i)))
+    .flat().filter((v) => v >= low && v <= high).map((v) => [v, `${Number(v.toPrecision(1))}`]);
+}
+
+// Draws the axes in a panel and returns the scales; one that begins above 0 is logarithmic.
 export function frame(panel, width, [left, right], [low, high], xTitle, yTitle, room = 0) {
   const height = heightOf(width) + room, bottom = height - MARGIN.bottom - room;
-  const top = high + (high - low) * 0.05, base = low < 0 ? low - (high - low) * 0.05 : 0;
+  const log = low > 0, at = log ? Math.log : (v) => v;
+  const top = log ? high * 1.3 : high + (high - low) * 0.05;
+  const base = log ? low / 1.5 : low < 0 ? low - (high - low) * 0.05 : 0;
   const x = (v) => MARGIN.left + ((v - left) / (right - left)) * (width - MARGIN.left - MARGIN.right);
-  const y = (v) => bottom - ((v - base) / (top - base)) * (bottom - MARGIN.top);
+  const share = (v) => (at(log ? Math.max(v, base) : v) - at(base)) / (at(top) - at(base));
+  const y = (v) => bottom - share(v) * (bottom - MARGIN.top);
   resize(panel, width, height).replaceChildren(text(2, 14, yTitle, "tl-muted", "start"),
     text(width - MARGIN.right, height - 6, xTitle, "tl-muted", "end"));
-  ticks(base, top, 6).forEach(([value, words]) => panel.canvas.append(
+  (log ? decades(base, top) : ticks(base, top, 6)).forEach(([value, words]) => panel.canvas.append(
     text(MARGIN.left - 7, y(value) + 4, words, null, "end"),
     path(value ? "tl-gridline" : "tl-axis", `M${MARGIN.left} ${y(value)}H${width - MARGIN.right}`)));
   return { x, y, bottom };

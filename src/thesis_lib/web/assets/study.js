@@ -19,10 +19,12 @@ export function createStudy(model) {
       const result = study.results()[i];
       return study.data.planes?.map(({ name }) => ({ name, ...result.planes[name] })) ?? [result];
     },
+    // What settings are ranked by: the median over the trials, or the one run there is.
+    typical: (result) => result?.median ?? result?.mean,
     extremes() { // the best and the worst setting
       const stored = study.case().extremes?.[study.mode().mode];
       if (stored) return [stored.best.index, stored.worst.index];
-      const errors = study.results().map((r) => r.mean ?? r.deflection?.mean);
+      const errors = study.results().map((r) => study.typical(r) ?? r.deflection?.mean);
       const known = errors.filter(isNumber);
       return [errors.indexOf(Math.min(...known)), errors.indexOf(Math.max(...known))];
     },
@@ -62,14 +64,15 @@ export function createStudy(model) {
       if (best < 0) return `${place}: no errors known.`;
       const what = study.results()[best].deflection ? " shape" : "";
       const name = (i) => `${study.extremeWord(i) || "only"}${what}, ${study.nameOf(i)}`;
-      const error = ({ mean }, i) => `${show(mean)} % (${name(i)})`, high = study.errors(worst);
+      const error = (one, i) => `${show(study.typical(one))} % (${name(i)})`, high = study.errors(worst);
+      const drawn = study.errors(best).some((one) => isNumber(one.median));
       const parts = study.errors(best).map((low, n) => {
         if (low.name && !isNumber(low.mean)) return `${low.name}: ${study.data.nodal_note}`;
         return `${low.name ? `${low.name} ` : ""}${what ? "" : "from "}${error(low, best)}${what ? ", " : " to "}` +
           error(high[n], worst);
       });
       const cut = every.filter((one) => one.in_view < 1).length;
-      return `${place}: mean error ${parts.join("; ")}. ` +
+      return `${place}: mean error ${parts.join("; ")}${drawn ? ", by the median over the trials" : ""}. ` +
         (cut ? `Markers leave the image in ${cut} of ${every.length} settings.` : "All markers in view.");
     },
   };

@@ -42,7 +42,7 @@ function render({ model, el }) {
     });
     const group = html("div", { class: "tl-modes" }, ...buttons);
     controls.append(html("fieldset", { class: "tl-field" }, html("legend", {}, "Mode"), group));
-    select("Compare", [["extremes", "best and worst"], ["all", "all settings"]], study.compare, "compare",
+    select("Compare", [["extremes", "best and worst by median"], ["all", "all settings"]], study.compare, "compare",
       (value) => { study.compare = value; highlight(); });
   }
 
