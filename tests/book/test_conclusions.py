@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
+from scenes.laboratory import recordings
 
 from thesis_lib.book.conclusions import figure as conclusions_figure
 from thesis_lib.book.conclusions import pixels
@@ -15,6 +16,7 @@ from thesis_lib.book.conclusions import tables as conclusions_tables
 from thesis_lib.book.conclusions.knobs import KNOBS
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.figure_sets import cube_file
+from thesis_lib.figure_sets.experiment import compute as experiment
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.studies import storage
@@ -55,6 +57,31 @@ def test_the_opposite_of_a_conclusion_is_seen():
     assert "0 of 2 (2 opposite)" in plain(
         conclusions_tables.PIECES["conclusions-closer"]({"beam-distance": cube})
     )
+
+
+def test_a_fall_in_every_run_that_is_not_material_is_no_support():
+    cube = power_law("beam-distance", "closer", np.log(0.95) / np.log(500 / 1500))
+    (one,) = conclusions.strengths({"beam-distance": cube}, KNOBS["closer"])
+    assert (one.confident, one.opposite, one.unchanged, one.single) == (0, 0, 2, 1)
+    assert "0 of 2 (2 no material change)" in plain(
+        conclusions_tables.PIECES["conclusions-closer"]({"beam-distance": cube})
+    )
+
+
+@pytest.mark.parametrize(
+    ("factor", "held"), [(0.5, "yes"), (0.97, "no material change"), (2.0, "the opposite")]
+)
+def test_the_experiment_confirms_what_changes_by_more_than_a_tenth(factor, held):
+    request = validate("experiment-resolution", {"trials": 9, "cases": ["matched"]})
+    cube = experiment.run(request, recordings(request.recordings, sigma=0.02))
+    first, *_, last = cube["value"].values.astype(float)
+    power = np.log(factor) / np.log(last / first)
+    error = (cube["value"].astype(float) / first) ** power * xr.ones_like(cube["mean_error"])
+    cube = with_provenance(cube.assign(mean_error=error), request, 0.0)
+    text = conclusions_tables.PIECES["conclusions-experiment"]({"experiment-resolution": cube})
+    (row,) = [line for line in text.splitlines() if "| matched |" in line]
+    assert f"×{factor:.2f}" in row
+    assert row.endswith(f"| {held} |")
 
 
 def plain(text):

@@ -21,7 +21,8 @@ from thesis_lib.arrays import Array
 from thesis_lib.book.conclusions.knobs import KNOBS, Knob
 from thesis_lib.facts.claims import Claim
 from thesis_lib.facts.trends import Trend
-from thesis_lib.ledger.trends import CONFIDENT, Finding, Series, judge
+from thesis_lib.ledger.trends import Finding, Series, judge
+from thesis_lib.ledger.verdicts import UNCHANGED
 from thesis_lib.plotting import selection
 from thesis_lib.plotting.selection import select
 from thesis_lib.studies import cubes
@@ -151,10 +152,11 @@ class Strength:
     #: Fitted exponent of each curve: here, and of the prediction
     exponents: Array
     predicted: Array
-    #: Curves in which the trend holds in expectation, and in which its opposite does, each in at
-    #: least 95 % of the resamples
+    #: Curves in which the trend holds in expectation, in which its opposite does, each in at least
+    #: 95 % of the resamples, and in which the change is not material
     confident: int
     opposite: int
+    unchanged: int
     single: float  #: Share of single runs in which the trend shows
     lost: int  #: Settings without a result
 
@@ -180,8 +182,9 @@ def _strength(group: str, found: list[Curve], knob: Knob) -> Strength:
         stated=stated[np.isfinite(stated)],
         exponents=np.array([exponent(x, c.rms) for x, c in zip(powers, found, strict=True)]),
         predicted=np.array([exponent(x, c.predicted) for x, c in zip(powers, found, strict=True)]),
-        confident=sum(f.confidence >= CONFIDENT for f in findings),
-        opposite=sum(f.confidence >= CONFIDENT for f in against),
+        confident=sum(f.verdict == "agrees" for f in findings),
+        opposite=sum(f.verdict == "agrees" for f in against),
+        unchanged=sum(f.verdict == UNCHANGED for f in findings),
         single=float(np.mean([f.single for f in findings])),
         lost=max(c.lost for c in found),
     )

@@ -27,7 +27,7 @@ from thesis_lib.facts.trends import read_trends
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger.cube import from_cube
-from thesis_lib.ledger.verdicts import VERDICTS
+from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
 from thesis_lib.plotting.selection import error_bars, select, stated
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.vision.cone_law import pair_noise_error
@@ -56,7 +56,9 @@ def _knob(name: str, opened: Cubes) -> str:
     knob = KNOBS[name]
     rows = []
     for one in strengths(opened, knob):
-        against = f" ({one.opposite} opposite)" if one.opposite else ""
+        others = {"opposite": one.opposite, UNCHANGED: one.unchanged}
+        said = ", ".join(f"{number} {word}" for word, number in others.items() if number)
+        against = f" ({said})" if said else ""
         row = {
             "error of": one.group,
             knob.label: f"{one.ends[0]:g} → {one.ends[1]:g}",
@@ -219,13 +221,20 @@ def _experiment(opened: Cubes) -> str:
                     "conclusion": WORDS[knob],
                     "chain": case,
                     "from → to": f"{labels[0]} → {labels[-1]}",
-                    "error, %": f"{percent_text(first)} → {percent_text(last)}",
+                    "median error, %": f"{percent_text(first)} → {percent_text(last)}",
+                    "error changes by": f"×{one.factors[0]:.2f}",
                     "as stated": " → ".join(given) if all(given) else "—",
                     "single runs": f"{one.single:.0%}",
-                    "holds": "yes" if one.confident else "the opposite" if one.opposite else "open",
+                    "holds": _held(one),
                 }
             )
     return columns(rows)
+
+
+def _held(one: Strength) -> str:
+    """Whether a conclusion holds in the one curve there is."""
+    found = {"yes": one.confident, "the opposite": one.opposite, UNCHANGED: one.unchanged}
+    return next((word for word, number in found.items() if number), "open")
 
 
 def _of_case(opened: Cubes, name: str, case: str, knob: str) -> Strength:
