@@ -1,10 +1,13 @@
 """What the stated figures could have told: draws of the model, and errors of other sizes."""
 
 import dataclasses
+import json
+import re
 
 import numpy as np
 import pytest
 
+from thesis_lib import files
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims import power as ledger_power
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -87,3 +90,22 @@ def test_table_has_the_numbers_of_the_cube(power):
     total, met = int(power["power_claims"].sum()), int(power["power_scaled"].sel(factor=1).sum())
     assert f"In all {met} of {total} are met" in text
     assert "chapter 4" not in text
+
+
+def test_the_page_says_what_the_numbers_of_the_ledger_say():
+    """Its words on chapters 3, 4 and 6, from the table that its notebook holds."""
+    notebook = json.loads((files.project_root() / "notebooks/claims.ipynb").read_text("utf-8"))
+    (cell,) = [c for c in notebook["cells"] if "power_table(" in "".join(c["source"])]
+    text = "".join(cell["outputs"][0]["data"]["text/markdown"])
+    rows = [[one.strip() for one in line.split("|")[1:-1]] for line in text.splitlines()]
+    found = {row[0]: dict(zip(rows[0][1:], row[1:], strict=True)) for row in rows[2:5]}
+    share = {
+        (chapter, name): float(cell.rstrip("%"))
+        for chapter, row in found.items()
+        for name, cell in row.items()
+        if cell.endswith("%")
+    }
+    misses, expected = map(int, re.findall(r"\d+", found["chapter 3"]["misses (expected)"]))
+    assert misses > 5 * expected
+    assert max(share["chapter 4", f"errors ×{f}"] for f in ("0.7", "1.5")) < 30
+    assert share["chapter 6", "errors ×1"] - share["chapter 6", "errors ×2"] < 5
