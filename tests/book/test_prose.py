@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 from scenes.laboratory import recordings
 from scenes.layouts import layouts
@@ -135,6 +136,28 @@ def test_cameras_square_to_the_plate_hear_worse_than_they_see():
     shape = (plate["mean_error"][:, 0, 1:] ** 2).mean("trial") ** 0.5
     assert abs(shape[0] / shape[1] - 1) < 0.05
     assert field[0] > 2 * field[1]
+
+
+def test_settings_square_to_the_plate_are_told_from_askew_ones(opened):
+    """Of the cubes' own errors, setting by setting: the page's words and the piece's numbers."""
+    found = {1.0: [], 0.0: []}
+    for name, cube in opened.items():
+        if name.startswith("sound"):
+            rms = [
+                np.sqrt((cube[kind].isel(trial=slice(1, None)) ** 2).mean("trial"))
+                for kind in ("plane_error", "deflection_error")
+            ]
+            over = (rms[0] / rms[1] / cube["independent_ratio"]).transpose("setting", ...).values
+            for azimuth, times in zip(cube["camera_azimuth"].values, over, strict=True):
+                turned = azimuth[np.isfinite(azimuth)] % 90
+                share = float(np.mean(np.minimum(turned, 90 - turned) < 1e-6))
+                found.get(share, []).extend(times[np.isfinite(times)])
+    square, askew = found.values()
+    text = pieces_write.PIECES["sound-layouts"](opened)
+    for some in (square, askew):
+        assert f"×{np.median(some):.1f} (×{min(some):.1f} to ×{max(some):.1f}) where" in text
+    assert np.median(square) > 1.8
+    assert 0.8 < np.median(askew) < 1.05
 
 
 def test_nodal_planes_have_the_second_measure_in_the_pages_table(opened):

@@ -182,22 +182,33 @@ def layouts(opened: dict[str, xr.Dataset]) -> str:
     """Rms field error over rms deflection error, by case: what the layout does to κ."""
     chapter = _chapter(opened, "sound")
     pairs = heard(chapter[0])
+    free = [float(chapter[0]["independent_ratio"].sel(mode=m, plane=p)) for m, p in pairs]
     rows = []
+    times: dict[float, list[float]] = {1.0: [], 0.0: []}  # by the share that stands square
     for cube in chapter:
         for case in dict.fromkeys(cube["case"].values.tolist()):
+            square = _square_to_the_plate(select(cube, case, pairs[0][0]))
             cells = []
-            for mode, plane in pairs:
+            for (mode, plane), alone in zip(pairs, free, strict=True):
                 part = select(cube, case, mode)
                 field = part["plane_error"].sel(plane=plane).transpose("setting", "trial").values
                 shape = part["deflection_error"].transpose("setting", "trial").values
                 ratio = np.sqrt(np.mean(field[:, 1:] ** 2, 1) / np.mean(shape[:, 1:] ** 2, 1))
                 cells.append(f"{ratio[0]:.2f} → {ratio[-1]:.2f}")
-            square = _square_to_the_plate(select(cube, case, pairs[0][0]))
+                for share, found in times.items():
+                    found += (ratio[square == share] / alone).tolist()
             rows.append([case, f"{square[0]:.0%} → {square[-1]:.0%}", *cells])
-    free = [f"{float(chapter[0]['independent_ratio'].sel(mode=m, plane=p)):.2f}" for m, p in pairs]
-    rows = [["", "independent errors", *free], *sorted(rows, key=lambda row: (len(row[1]), row[1]))]
-    return table(["case", "square to the plate", *(f"mode {m}, {p}" for m, p in pairs)], rows) + (
-        "\nFirst setting → last setting of each case, from the rms over the trials.\n"
+    independent = ["", "independent errors", *(f"{one:.2f}" for one in free)]
+    rows = [independent, *sorted(rows, key=lambda row: (len(row[1]), row[1]))]
+    header = ["case", "square to the plate", *(f"mode {m}, {p}" for m, p in pairs)]
+    said = (
+        f"×{np.median(found):.1f} (×{min(found):.1f} to ×{max(found):.1f}) where {words}"
+        for found, words in zip(times.values(), ("all cameras do", "none does"), strict=True)
+    )
+    return table(header, rows) + (
+        "\nFirst setting → last setting of each case, from the rms over the trials. Over that of "
+        "independent errors, median and range over all settings, modes and planes, by whether "
+        f"cameras stand square: {', '.join(said)}.\n"
     )
 
 
