@@ -102,6 +102,15 @@ def test_marks_of_one_style_share_it() -> None:
     assert squeeze(squeeze(drawn)) == squeeze(drawn)
 
 
+def test_letters_of_a_word_stand_at_their_places() -> None:
+    word = '<use href="#a" transform="translate(63.62 0)"/><use href="#a" transform="scale(2)"/>'
+    drawn = f'<svg><path id="a"/>{word}</svg>'
+    assert squeeze(drawn) == (
+        '<svg><path id="a0"/><use href="#a0" x="63.62"/>'
+        '<use href="#a0" transform="scale(2)"/></svg>'
+    )
+
+
 def test_only_parts_used_again_are_named_and_shortly() -> None:
     drawn = (
         '<svg><g id="figure_1"><path id="DejaVuSans-31" d="M0 0"/><clipPath id="p7f"/>'

@@ -24,6 +24,7 @@ _LONG = re.compile(r"-?\d+\.\d{3,}(?![\de])")
 _STYLE = re.compile(r'(?<=\sstyle=")[^"]*')
 _MARK = r'<use href="[^"]+" x="[^"]+" y="[^"]+"'
 _MARKS = re.compile(rf'{_MARK} style="(?P<style>[^"]*)"/>(?:{_MARK} style="(?P=style)"/>)+')
+_SHIFTED = re.compile(r'(<use href="[^"]+") transform="translate\(([\d.-]+)(?: 0)?\)"(?=/>)')
 _IDLE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)", re.DOTALL)
 _XLINK = re.compile(r'xlink:(?=href)|\sxmlns:xlink="[^"]*"')
 _ID = re.compile(r'\sid="([^"]*)"')
@@ -108,4 +109,5 @@ def squeeze(svg: str) -> str:
     spare = _ID.sub(lambda match: f' id="{names[match[1]]}"' if match[1] in names else "", spare)
     spare = _REFERENCE.sub(lambda match: match[1] + names.get(match[2], match[2]), spare)
     spare = _STYLE.sub(lambda match: re.sub(r"\s*([:;])\s*", r"\1", match[0]), spare)
+    spare = _SHIFTED.sub(r'\1 x="\2"', spare)  # a letter of a word
     return _MARKS.sub(together, _PLACES.sub(places, _IDLE.sub("", spare)))

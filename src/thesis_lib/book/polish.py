@@ -17,7 +17,7 @@ _ICONS = "fontawesome.js"
 _SPARE = re.compile(
     r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*'
     r'|<script defer src="[^"]*/fontawesome\.js[^"]*"></script>\s*'
-    r'|<span class="(?:[npw]|nn)">(?P<p><span class="pre">)?(?P<text>[^<]*)</span>(?(p)</span>)',
+    r'|<span class="(?:[nopw]|nn)">(?P<p><span class="pre">)?(?P<text>[^<]*)</span>(?(p)</span>)',
     re.DOTALL,
 )  # what the widgets' own html and the style sheets repeat, and marks of words in the text's colour
 _WHOLE = re.compile(

@@ -104,13 +104,15 @@ def under_figure(
 ) -> str:
     """The line under a figure: a link to the fold-out, and the figure's own numbers."""
     opens = f"document.getElementById('{about.anchor}').open = true"
+    of = ""
     words = (
         f'<a class="tl-to-data" href="#{about.anchor}" onclick="{opens}">data and provenance</a>'
     )
     if address and which:
+        of = f' data-case="{escape(which[0])}" data-mode="{which[1]}"'
         label = escape(f"numbers of {which[0]}, mode {which[1]}, as CSV")
         words += f" · {_download(address, Path(file).name, 'numbers (CSV)', label)}"
-    return f'<p class="tl-under-figure">{words}</p>'
+    return f'<p class="tl-under-figure"{of}>{words}</p>'
 
 
 def fold_out(about: Record, cube: str, numbers: str) -> str:

@@ -1,0 +1,94 @@
+"""The switch of the mode between the figures of one case, on a page as a browser has it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from browser import browser, find_browser, open_offline
+
+from conftest import PROJECT
+
+pytestmark = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine")
+ASSETS = PROJECT / "book" / "assets"
+FIGURE = """<div class="cell"><div class="cell_output"><figure id="fig-{name}"><svg height="700">
+</svg></figure></div></div><p class="tl-under-figure" data-case="{case}" data-mode="{mode}">CSV</p>
+"""
+SHOWN = """() => [...document.querySelectorAll('figure')]
+    .filter(one => one.getClientRects().length).map(one => one.id)"""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two cases of two and three modes, one of one mode, and a figure without either."""
+    cases = {"2a": (1, 2, 3), "4a'": (1, 2), "own": (1,)}
+    figures = [
+        FIGURE.format(case=case, mode=mode, name=f"{case.strip(chr(39))}-{mode}")
+        for case, modes in cases.items()
+        for mode in modes
+    ]
+    style = (ASSETS / "book.css").read_text(encoding="utf-8")
+    file = tmp_path_factory.mktemp("atlas") / "page.html"
+    file.write_text(
+        f'<!doctype html><meta charset="utf-8"><style>{style}</style>'
+        f'<script defer src="{(ASSETS / "atlas.js").as_uri()}"></script>'
+        f'<a href="#fig-4a-2">figure 4a, 2</a>{"".join(figures)}<figure id="else">x</figure>',
+        encoding="utf-8",
+    )
+    return file
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator:
+    with browser() as one:
+        yield one
+
+
+def test_one_mode_of_each_case_is_seen_and_the_keyboard_changes_it(running, page):
+    with open_offline(running, page, fresh=True) as opened:
+        seen = opened.page
+        assert seen.evaluate(SHOWN) == ["fig-2a-1", "fig-4a-1", "fig-own-1", "else"]
+        assert seen.get_by_role("group").count() == 2
+        seen.get_by_role("group", name="Case 2a, mode").get_by_label("1").focus()
+        seen.keyboard.press("ArrowRight")
+        assert seen.evaluate(SHOWN) == ["fig-2a-2", "fig-4a-1", "fig-own-1", "else"]
+        seen.keyboard.press("ArrowRight")
+        assert seen.evaluate(SHOWN)[0] == "fig-2a-3"
+        assert seen.locator(".tl-under-figure:visible").count() == 3
+        seen.get_by_role("group", name="Case 4a′, mode").get_by_text("2").click()
+        assert seen.evaluate(SHOWN)[:2] == ["fig-2a-3", "fig-4a-2"]
+        assert opened.trouble == []
+
+
+def test_a_link_to_a_figure_leads_to_its_mode(running, page):
+    with open_offline(running, page, fresh=True) as opened:
+        seen = opened.page
+        for _ in range(2):  # the same address again, too
+            seen.get_by_role("link").click()
+            seen.wait_for_function("() => document.getElementById('fig-4a-2').offsetHeight > 0")
+            assert seen.evaluate(SHOWN)[:2] == ["fig-2a-1", "fig-4a-2"]
+            assert abs(seen.locator("#fig-4a-2").bounding_box()["y"]) < 300
+            seen.get_by_role("group").nth(1).get_by_label("1").check()
+            assert seen.evaluate(SHOWN)[1] == "fig-4a-1"
+        seen.goto(f"{page.as_uri()}#fig-2a-3")
+        seen.reload()
+        assert seen.evaluate(SHOWN)[0] == "fig-2a-3"
+        seen.goto(f"{page.as_uri()}#%E0%A4%A")
+        assert opened.trouble == []
+
+
+def test_all_modes_are_printed(running, page):
+    with open_offline(running, page, fresh=True) as opened:
+        opened.page.emulate_media(media="print")
+        assert len(opened.page.evaluate(SHOWN)) == 7
+        assert opened.page.locator(".tl-atlas:visible").count() == 0
+
+
+def test_without_scripts_all_modes_are_seen(running, page):
+    context = running.new_context(java_script_enabled=False)
+    seen = context.new_page()
+    seen.goto(page.as_uri())
+    assert seen.locator("figure:visible").count() == 7
+    assert seen.locator("fieldset").count() == 0
+    context.close()
