@@ -16,7 +16,7 @@ from thesis_lib.book import publish as publishing
 from thesis_lib.book import site as book
 from thesis_lib.book.conclusions import figure as conclusions_figure
 from thesis_lib.book.conformance import report as conformance
-from thesis_lib.book.pieces import assumptions, sketches, thesis_index
+from thesis_lib.book.pieces import assumptions, illustrations, sketches, thesis_index
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
@@ -154,6 +154,7 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
     shown = (benchmark_tables.published_path(), times.published_path())
     costs += [path for path in shown if path.is_file()]
     numbers = [name for name in pieces_write.PIECES if plan.includes(f"{name}.md")]
+    drawn = [name for name in illustrations.NAMES if plan.includes(name)]
     published = sorted((plan.root / "data" / "published").glob("*.csv"))
 
     def texts(names: Iterable[str]) -> list[str]:
@@ -181,6 +182,14 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             30 * plan.share,
         ),
         step("sketches", lambda: sketches.write(executed), [sketches], [], sketches.NAMES, 2),
+        step(
+            "figures of chapters",
+            lambda: illustrations.write(made, executed, drawn),
+            [illustrations],
+            made,
+            drawn,
+            12 * plan.share,
+        ),
         step(
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),

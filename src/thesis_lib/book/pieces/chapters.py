@@ -141,9 +141,10 @@ def _law(chapter: Sequence[xr.Dataset]) -> str:
     trials = chapter[0].sizes["trial"] - 1
     return (
         f"\nOver the {flat.size} settings and modes the law's prediction divided by the rms over "
-        f"{trials} trials lies between {flat.min():.3f} and {flat.max():.3f}. So few trials know "
-        f"their own rms to {100 * np.median(np.concatenate(uncertainty)):.1f} % (median) or "
-        f"{100 * np.max(np.concatenate(uncertainty)):.1f} % (at worst), one standard error.\n"
+        f"{trials} trials lies between {flat.min():.3f} and {flat.max():.3f}. The rms of so few "
+        "trials is itself uncertain: its standard error is "
+        f"{100 * np.median(np.concatenate(uncertainty)):.1f} % in the median and "
+        f"{100 * np.max(np.concatenate(uncertainty)):.1f} % at worst.\n"
     )
 
 

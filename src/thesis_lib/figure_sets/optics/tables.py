@@ -240,23 +240,29 @@ def horizons(cube: xr.Dataset) -> str:
     return table(header, rows) + f"\nThe picture is {width}×{height} px.\n"
 
 
-def flow(cube: xr.Dataset) -> str:
-    """What the pixels per second of a camera of chapter 5 are worth at other resolutions."""
+def flows() -> list[tuple[int, int, float]]:
+    """Width and pixels of a frame, and frames per second, at a chapter 5 camera's pixel rate."""
     widths = setups.table("beam", "resolution")["widths_px"]
     rate = setups.table("experiment", "rig")["frame_rate_hz"]
     pixels = {width: width * picture_height(width, 16, 9) for width in widths}
     most = max(pixels.values())
+    return [(width, number, rate * most / number) for width, number in pixels.items()]
+
+
+def flow(cube: xr.Dataset) -> str:
+    """What the pixels per second of a camera of chapter 5 are worth at other resolutions."""
     rows = [
         {
             "frames, px": f"{width}×{number // width}",
             "million pixels": f"{number / 1e6:.2f}",
-            "frames per second": f"{rate * most / number:.0f}",
-            "highest frequency, Hz": f"{rate * most / number / 2:.0f}",
+            "frames per second": f"{rate:.0f}",
+            "highest frequency, Hz": f"{rate / 2:.0f}",
         }
-        for width, number in pixels.items()
+        for width, number, rate in flows()
     ]
+    _, number, rate = flows()[0]
     return columns(rows) + (
-        f"\nAll at {rate * most / 1e6:.0f} million pixels per second; two frames are the least "
+        f"\nAll at {rate * number / 1e6:.0f} million pixels per second; two frames are the least "
         "for a period.\n"
     )
 

@@ -1,0 +1,67 @@
+"""The figures of chapters: every one is shown, and drawn from its cube or said to be missing."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from thesis_lib import files
+from thesis_lib.book.pieces import illustrations, schematics, sketches
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.run import cube_of
+from thesis_lib.plotting.style import in_style
+from thesis_lib.vibration.structure import peak_deflection
+
+CHAPTERS = ("introduction", "cameras", "beam", "plate", "layouts", "motions")
+
+
+def page(name: str) -> str:
+    return (files.project_root() / "book" / f"{name}.md").read_text(encoding="utf-8")
+
+
+def test_every_figure_stands_in_a_chapter_and_the_other_way_round() -> None:
+    shown = re.findall(r"\{figure\} executed/([\w.-]+)", "".join(map(page, CHAPTERS)))
+    assert len(shown) == len(set(shown))
+    assert set(shown) - set(sketches.NAMES) == set(illustrations.NAMES)
+
+
+@pytest.mark.parametrize("name", CHAPTERS)
+def test_a_chapter_has_a_figure_for_every_250_words(name: str) -> None:
+    text = page(name)
+    words = len(re.sub(r"```\{.*?```|\$\$.*?\$\$", "", text, flags=re.DOTALL).split())
+    assert words <= 1800
+    assert words / text.count("```{figure}") <= 250
+
+
+@pytest.mark.parametrize("name", [*illustrations.OF_FACTS])
+def test_figures_of_facts_are_the_same_each_time(tmp_path, name) -> None:
+    made = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        folder.mkdir()
+        illustrations.write([], folder, [name])
+        made.append((folder / name).read_bytes())
+    assert made[0] == made[1]
+
+
+def test_a_figure_without_its_cube_says_so(tmp_path) -> None:
+    illustrations.write([], tmp_path, ["beam-distance.svg"])
+    assert "missing" in (tmp_path / "beam-distance.svg").read_text(encoding="utf-8")
+
+
+def test_curves_are_the_medians_of_the_trials_and_the_law() -> None:
+    cube = cube_of(camera_study("beam-distance", {"trials": 9, "modes": [3]}))
+    with in_style():
+        axes = illustrations.varied("distance", cube).axes[0]
+    median = cube["mean_error"].sel(mode=3).isel(trial=slice(1, None)).median("trial")
+    dots, *_, law = [line.get_ydata() for line in axes.lines]
+    assert dots == pytest.approx(median.values)
+    assert law == pytest.approx(cube["predicted_error"].sel(mode=3).values)
+
+
+def test_what_a_newton_moves_is_drawn() -> None:
+    with in_style():
+        beam = schematics.rarer().axes[0].lines[0].get_ydata()
+    assert beam[0] == pytest.approx(1000 * peak_deflection(setups.beam(), 1))
+    assert list(beam) == sorted(beam, reverse=True)
