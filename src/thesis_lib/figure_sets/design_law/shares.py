@@ -20,6 +20,7 @@ from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.design_law.sweeps import exact, shapes
 from thesis_lib.vision import cone_law, rounding
 from thesis_lib.vision.analytic_centre import analytic_centre
+from thesis_lib.vision.interval import interval
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
 from thesis_lib.vision.triangulation import gain, triangulate
 
@@ -29,6 +30,7 @@ Estimator = Callable[[Array, Array], Array]
 ESTIMATORS: dict[str, Estimator] = {
     "least squares": triangulate,
     "analytic centre": lambda P, uv: analytic_centre(P, uv).points,
+    "interval": lambda P, uv: interval(P, uv).points,
 }
 
 MARKER = 0.005  # m, diameter of a marker in chapter 5
