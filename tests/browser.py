@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 from weakref import WeakKeyDictionary
 
 if TYPE_CHECKING:
@@ -118,12 +118,13 @@ def open_offline(
     query: str = "",
     served: str = "",
     fresh: bool = False,
+    still: bool = True,
 ) -> Iterator[Opened]:
     """Open the file `path` with no network, and wait until it and its equations are there.
 
     With `served`, the address at which a server on this machine has the file, only that server is
     reached. A window that was left in order is used again, since a new one takes half a second;
-    `fresh` wants one that has seen nothing yet.
+    `fresh` wants one that has seen nothing yet. Nothing moves by itself unless it is not `still`.
     """
     server = re.match(r"http://127\.0\.0\.1:\d+/", served)
     kind = (width < 600, server[0] if server else "")
@@ -134,7 +135,8 @@ def open_offline(
     in_order = False
     try:
         page.set_viewport_size({"width": width, "height": height})
-        page.emulate_media(color_scheme="dark" if dark else "light")
+        motion: Literal["reduce", "no-preference"] = "reduce" if still else "no-preference"
+        page.emulate_media(color_scheme="dark" if dark else "light", reduced_motion=motion)
         address = served or path.resolve().as_uri()
         page.goto(address + (f"?{query}" if query else ""), wait_until="load")
         page.wait_for_function("() => !document.querySelector('meta[http-equiv=Refresh]')")

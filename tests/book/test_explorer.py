@@ -147,6 +147,11 @@ def status(opened: Opened) -> str:
     return opened.page.locator(".tl-ex-status").inner_text()
 
 
+def refusal(opened: Opened) -> str:
+    opened.page.wait_for_timeout(50)
+    return opened.page.locator(".tl-ex-refused").inner_text()
+
+
 def command(opened: Opened) -> list[str]:
     return shlex.split(opened.page.locator(".tl-ex-export code").inner_text())
 
@@ -416,8 +421,12 @@ def test_the_view_turns_and_the_wheel_changes_the_distance(chromium: Browser, pa
         assert state(opened)["d"] == 520  # not yet a distance: the beam would reach the cameras
         opened.page.keyboard.press("Enter")
         opened.page.wait_for_timeout(100)
-        assert state(opened)["d"] == 318
-        assert opened.page.get_by_label("Distance (mm)").input_value() == "318"
+        assert state(opened)["d"] == 520  # refused, and told
+        assert refusal(opened) == "Distance: 5 is out of range, 318 to 10000 mm; it stays 520 mm."
+        assert opened.page.get_by_label("Distance (mm)").input_value() == "520"
+        opened.page.get_by_label("Distance (mm)").fill("530")
+        assert state(opened)["d"] == 530
+        assert refusal(opened) == ""
         assert opened.trouble == []
 
 
@@ -433,7 +442,7 @@ def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path, query=TWO) as opened:
         state(opened)
         seen = []
-        for _ in range(21):
+        for _ in range(25):
             opened.page.keyboard.press("Tab")
             seen.append(opened.page.evaluate(focused))
         each = [
@@ -447,7 +456,8 @@ def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
             "Structure", "Mode", "Setup of the thesis", "Pixels", "Focal length (mm)",
             "Distance (mm)", "Amplitude (mm)", "Rest position",
             "The cameras around the structure; arrow keys turn the view", "Camera 1", "Camera 2",
-            *each, "Add a camera", "Copy command", "Copy link", *seen[18:],
+            "Play", "phase ωt", "speed", "Image of camera", *each, "Add a camera", "Copy command",
+            "Copy link", *seen[22:],
         ]  # fmt: skip
         camera(opened, 1).focus()
         for key in ("ArrowRight", "ArrowUp", "ArrowUp", "Shift+ArrowLeft"):
@@ -465,7 +475,9 @@ def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
         assert state(opened)["c"] == [[11, 32], [-60, 52.5]]
         opened.page.get_by_label("Elevation of camera 2 in degrees").fill("95")
         opened.page.keyboard.press("Tab")
-        assert state(opened)["c"] == [[11, 32], [-60, 90]]
+        assert state(opened)["c"] == [[11, 32], [-60, 52.5]]
+        words = "Elevation of camera 2: 95 is out of range, 0.5 to 90°; it stays 52.5°."
+        assert refusal(opened) == words
         assert opened.trouble == []
 
 
@@ -579,7 +591,10 @@ def test_a_setup_of_the_thesis_shows_its_published_errors(chromium: Browser, pat
 def test_words_say_what_is_wrong(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path, query="s=beam&m=1&f=100&d=500&c=20,30;-60,40") as opened:
         state(opened)
-        assert "of marker images in view: move back or shorten the lens" in status(opened)
+        assert re.match(r"Only [\d.]+ % of marker images are in view: move back", status(opened))
+        weights = """() => [...document.querySelectorAll('.tl-ex-status span, tbody td')]
+          .filter(e => e.textContent.includes('%')).map(e => getComputedStyle(e).fontWeight)"""
+        assert set(opened.page.evaluate(weights)) == {"400"}  # no error in bold
         opened.page.get_by_label("Focal length (mm)").fill("15")
         state(opened)
         assert status(opened).endswith("; all markers in view.")
@@ -635,9 +650,12 @@ def test_a_nearest_camera_still_runs(chromium: Browser, path: Path) -> None:
     for subject in SUBJECTS:
         with open_offline(chromium, path, query=f"s={subject}&m=1&a=100&c=1,1;2,2") as opened:
             state(opened)
-            opened.page.get_by_label("Distance (mm)").fill("1")
+            box = opened.page.get_by_label("Distance (mm)")
+            box.fill("1")
             opened.page.keyboard.press("Enter")
-            state(opened)
+            [least] = re.findall(r"range, (\d+) to", refusal(opened))
+            box.fill(least)
+            assert state(opened)["d"] == int(least)
             validate(f"{subject}-arrays", values(command(opened)[4::2]))
 
 

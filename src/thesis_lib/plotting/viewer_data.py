@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Callable
 from itertools import zip_longest
 from typing import Any
@@ -17,6 +18,8 @@ from thesis_lib.plotting.style import COLORS
 from thesis_lib.studies import cubes, outlines
 from thesis_lib.studies.vocabulary import unit
 
+LENS = ("focal_length_mm", "principal_offset_px", "sensor_width_mm")
+"""What the images of ideal cameras with whole pixels rest on; filmed studies have no such lens."""
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 
 
@@ -63,6 +66,9 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
         _add_fields(data, cube)
     else:
         _add_shapes(data, cube)
+    asked = json.loads(said["parameters"])
+    if kind != "sound" and asked.keys() >= set(LENS):
+        data["lens"] = {name: asked[name] for name in LENS}
     if kind != "beam":
         data["colormap"] = list(DIVERGING)
     return data

@@ -72,9 +72,14 @@ class Viewer(anywidget.AnyWidget):
         ``cases[…]["settings"][…]["modes"][…]``
             ``{"planes": {"XZ": E, "YZ": E}, "deflection": {"mean": 3.1}}``, where E has ``mean`` to
             ``stated`` as above, or is None on a nodal plane.
+
+        Only a study whose cameras have ideal lenses and whole pixels has ``lens``,
+        ``{"focal_length_mm", "sensor_width_mm", "principal_offset_px"}``; beside the cameras the
+        viewer then shows what one of them sees.
     case : str, optional
     mode : int, optional
-        What to show first; the first case or mode of the data if unknown.
+        What to show first; the first case or mode of the data if unknown. In a page the address
+        may say otherwise, ``?case=2a&mode=3&compare=all&setting=2``, and follows what is chosen.
     """
 
     _esm = _ESM
@@ -96,7 +101,6 @@ class Viewer(anywidget.AnyWidget):
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
         kind = self.data.get("structure", {}).get("kind")
         esm = joined("viewer", kind) if kind in KINDS else _ESM
-        page = static_html(
-            esm, VIEWER_CSS, {"data": self.data, "case": self.case, "mode": self.mode}
-        )
+        state = {"data": self.data, "case": self.case, "mode": self.mode, "page": True}
+        page = static_html(esm, VIEWER_CSS, state)
         return {**data, "text/plain": repr(self), "text/html": page}, metadata

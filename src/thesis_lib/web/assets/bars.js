@@ -2,11 +2,11 @@
 import { MARGIN, frame, spread } from "./chart.js";
 import { entitle, html, icon, isNumber, mark, path, show, svg, text } from "./parts.js";
 
-export function createBars(panel, study, uid, highlight) { // returns what draws them
+export function createBars(panel, study, uid, highlight, remember) { // returns what draws them
   const hatched = (box) => svg("rect", { ...box, fill: `url(#${uid}-hatch)` });
 
   function draw() {
-    const { width, data } = study, settings = study.settings(), { label, unit } = data.parameter;
+    const { data } = study, width = study.ofBars, settings = study.settings(), { label, unit } = data.parameter;
     const every = settings.map((_, i) => study.errors(i)), count = every[0].length;
     const errors = every.flat(), axis = `error (% of the largest ${data.planes ? "pressure" : "deflection"})`;
     const [least, most] = spread(errors.map(
@@ -68,7 +68,7 @@ export function createBars(panel, study, uid, highlight) { // returns what draws
     on("pointerleave", () => { study.hovered = null; });
     on("focus", () => { study.focused = bar.matches(":focus-visible") ? i : null; });
     on("blur", () => { study.focused = null; });
-    on("click", () => { study.pinned = study.pinned === i ? null : i; });
+    on("click", () => { study.pinned = study.pinned === i ? null : i; remember(); });
     on("keydown", (event) => {
       const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
       const next = { Home: 0, End: -1 }[event.key] ?? i + step;

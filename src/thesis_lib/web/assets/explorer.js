@@ -5,14 +5,15 @@ import model from "./explorer_model.js";
 import states from "./explorer_state.js";
 import createView from "./explorer_view.js";
 import createShapes from "./explorer_shapes.js";
+import { keep } from "./address.js";
+import { createImage, createMotion } from "./motion.js";
 import { fill, html, isNumber, show } from "./parts.js";
 
 export default (() => {
-  const { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, setupOf, sixteenToNine, toAddress,
-    toCommand, within } = states;
+  const { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, refused, setupOf, sixteenToNine,
+    toAddress, toCommand, within } = states;
   const WIDTHS = [320, 640, 1280, 1920], ERRORS = [["mean_error", "Mean error"], ["max_point_error", "Largest error"]];
-  const HINT = "Drag a camera along its hemisphere, or empty space to turn the view. By keyboard: arrow keys, Delete. " +
-    "After a click here the wheel changes the distance.";
+  const HINT = "Drag a camera, or empty space to turn; or arrow keys, Delete. After a click the wheel changes the distance.";
   const percent = (value) => (isNumber(value) ? `${show(value)}\u00a0%` : "–");
   const bandText = ([median, low, high]) =>
     (isNumber(median) ? `${show(median)} (${show(low)}–${show(high)})\u00a0%` : "–");
@@ -30,12 +31,17 @@ export default (() => {
     const app = { colormap, sensorWidth, update, remove, request, result: null, // what the view and the shapes need
       state: fromAddress(linked ? location.search : traits.get("address"), structures),
       get structure() { return structures[app.state.s]; }, tint: (i) => `--c: ${colors[i % colors.length]}` };
-    const view = createView(app), shapes = createShapes(app);
+    const view = createView(app), shapes = createShapes(app), image = createImage(), compact = traits.get("compact");
+    const motion = createMotion((phase) => {
+      view.move(phase);
+      image.show(phase);
+    });
 
     // --- elements
     const controls = html("div", { class: "tl-controls" }), code = html("code");
     const list = html("div", { class: "tl-ex-cameras", role: "group", "aria-label": "Cameras" });
-    const status = html("p", { class: "tl-ex-status", role: "status" }), facts = html("p", { class: "tl-ex-facts" });
+    const status = html("p", { class: "tl-ex-status", role: "status" });
+    const refusal = html("p", { class: "tl-ex-refused", role: "alert" }), facts = html("p", { class: "tl-ex-facts" });
     const bottom = html("div", { class: "tl-ex-export" }, html("span", {}, "Run it:"), code);
     const head = [["", ""], ["literal", "run"], ["random pixel grids", "median (5–95\u00a0%)"],
       ["predicted", "by the law"]];
@@ -48,10 +54,11 @@ export default (() => {
       ...ERRORS.map(([, words], i) => html("tbody", {}, row(words, ...cells[i].slice(0, 3)),
         row("published", ...cells[i].slice(3, 5), html("td")), row("thesis states", cells[i][5]))));
     const root = html("section", { class: "tl-viewer tl-explorer", "aria-label": "Explorer of camera layouts" }, controls,
-      status, html("div", { class: "tl-ex-columns" },
-        html("div", {}, view.node, html("p", { class: "tl-ex-hint", id: `${uid}-hint` }, HINT),
-          html("p", { class: "tl-ex-legend" }, "Azimuth and elevation of the cameras (°)"), list),
-        html("div", {}, shapes.node, table, facts)), bottom);
+      refusal, status, html("div", { class: "tl-ex-columns" },
+        html("div", {}, view.node, motion.node, html("p", { class: "tl-ex-hint", id: `${uid}-hint` }, HINT),
+          html("div", { class: "tl-ex-beside" }, ...(compact ? [] : [image.node]), html("div", {},
+            html("p", { class: "tl-ex-legend" }, "Azimuth and elevation of the cameras (°)"), list))),
+        html("div", {}, shapes.node, ...(compact ? [image.node] : []), table, facts)), bottom);
     fill(view.node, { "aria-describedby": `${uid}-hint` });
     function copier(words, what) {
       const node = button(words, null, async () => {
@@ -68,7 +75,7 @@ export default (() => {
       bottom.append(node);
     }
     copier("Copy command", () => toCommand(app.state, app.structure));
-    if (traits.get("compact")) {
+    if (compact) {
       root.classList.add("tl-ex-compact");
       const whole = html("a", {}, "All its controls and numbers");
       bottom.replaceChildren(whole);
@@ -95,20 +102,21 @@ export default (() => {
       fields.push(() => { box.value = read(); });
       return box;
     }
-    function numeric(read, range, write, attributes) { // taken while it is typed, put right when it is left
+    function numeric(what, unit, read, range, write, attributes) { // taken while it is typed, or refused when it is left
       const box = html("input", { type: "number", step: "any", ...attributes });
       const take = (last) => {
-        const value = box.value === "" ? NaN : Math.round(1000 * box.value) / 1000, allowed = within(value, range());
-        if (isNumber(value) && (last || value === allowed)) write(allowed);
+        const value = box.value === "" ? NaN : Math.round(1000 * box.value) / 1000, allowed = value === within(value, range());
+        if (allowed && value !== read()) write(value);
+        else if (last && !allowed) refuse(refused(what, box.value || "nothing", range(), unit, read()));
         if (last) box.value = read();
       };
       box.addEventListener("input", () => take(false));
       box.addEventListener("change", () => take(true));
       return [box, () => { if (box !== document.activeElement) box.value = read(); }];
     }
-    function number(label, read, key, write, cls) {
-      const [box, refresh] = numeric(read, () => limits(app.state, app.structure)[key], write, { min: 0 });
-      field(label, box, cls);
+    function number(what, unit, read, key, write, cls) {
+      const [box, refresh] = numeric(what, unit, read, () => limits(app.state, app.structure)[key], write, { min: 0 });
+      field(`${what} (${unit.trim()})`, box, cls);
       fields.push(refresh);
     }
     choice("Structure", "s", [["beam", "Beam"], ["plate", "Plate"]], (s) => {
@@ -124,10 +132,10 @@ export default (() => {
     select("Pixels", [...WIDTHS.map((width) => [width, sixteenToNine(width).join(" × ")]), ["", "other"]],
       () => (!free && common()) || "",
       (width) => { free = !width; update(width ? { w: sixteenToNine(Number(width)) } : {}); });
-    ["Width (px)", "Height (px)"].forEach((label, i) => number(label, () => app.state.w[i], "w",
+    ["Width", "Height"].forEach((label, i) => number(label, " px", () => app.state.w[i], "w",
       (value) => update({ w: app.state.w.map((old, n) => (n === i ? Math.round(value) : old)) }), "tl-ex-size"));
     for (const [label, key] of [["Focal length", "f"], ["Distance", "d"], ["Amplitude", "a"]])
-      number(`${label} (mm)`, () => app.state[key], key, (value) => update({ [key]: value }), "tl-ex-more");
+      number(label, " mm", () => app.state[key], key, (value) => update({ [key]: value }), "tl-ex-more");
     select("Rest position", [["rebuilt", "rebuilt too"], ["known", "known"]], () => app.state.r, (r) => update({ r }), "tl-ex-more");
 
     // --- cameras by number
@@ -135,8 +143,8 @@ export default (() => {
       const { c } = app.state, here = list.contains(document.activeElement), refreshers = [];
       const angle = (i, n) => {
         const put = (value) => update({ c: app.state.c.map((pair, k) => (k === i ? pair.with(n, value) : pair)) });
-        const label = `${["Azimuth", "Elevation"][n]} of camera ${i + 1} in degrees`, range = [[-360, 360], [0.5, 90]][n];
-        const [box, refresh] = numeric(() => app.state.c[i][n], () => range, put, { "aria-label": label });
+        const what = `${["Azimuth", "Elevation"][n]} of camera ${i + 1}`, label = `${what} in degrees`;
+        const range = [[-360, 360], [0.5, 90]][n], [box, refresh] = numeric(what, "°", () => app.state.c[i][n], () => range, put, { "aria-label": label });
         refreshers.push(refresh);
         return box;
       };
@@ -176,15 +184,17 @@ export default (() => {
           percent(published[0]), bandText(published.slice(1)), setup?.stated[name][app.state.m - 1] || "–"];
         cells[i].forEach((cell, n) => { cell.textContent = words[n]; });
       });
-      const share = inView === 1 ? "all markers in view" : `${show(Math.floor(1000 * inView) / 10)} % of marker images in ` +
-        "view: move back or shorten the lens";
-      status.textContent = !isNumber(errors.mean) ? "These cameras cannot tell where the markers are." :
-        `Mean error ${percent(errors.mean)}${few ? "" : ` (${show(low)}–${show(high)} % over random pixel grids)`}; ` +
-        `predicted ${percent(predicted)}; ${share}.`;
+      const told = `ean error ${percent(errors.mean)}${few ? "" : ` (${show(low)}–${show(high)} % over random pixel grids)`}; ` +
+        `predicted ${percent(predicted)}`;
+      root.dataset.cut = inView < 1; // what cameras do not see they do not measure
+      status.replaceChildren(...(!isNumber(errors.mean) ? ["These cameras cannot tell where the markers are."]
+        : inView === 1 ? [`M${told}; all markers in view.`]
+          : [`Only ${show(Math.floor(1000 * inView) / 10)} % of marker images are in view: move back or shorten the lens. `,
+            html("span", {}, `Sensors large enough for all would give: m${told}.`)]));
       fill(status, { "aria-busy": means.length < TRIALS });
-      const told = [["markers in view", `${show(100 * inView)} %`], ["one pixel spans", `${show(1000 * groundSampleDistance)} mm`],
+      const counts = [["markers in view", `${show(100 * inView)} %`], ["one pixel spans", `${show(1000 * groundSampleDistance)} mm`],
         ["largest motion in an image", `${show(moved)} px`]];
-      facts.replaceChildren(...told.flatMap(([words, value]) => [html("span", {}, `${words} `, html("b", {}, value)), " "]));
+      facts.replaceChildren(...counts.flatMap(([words, value]) => [html("span", {}, `${words} `, html("b", {}, value)), " "]));
     }
     function refresh() { // the literal run and the prediction; the trials follow
       const { state, structure } = app;
@@ -201,6 +211,8 @@ export default (() => {
       code.textContent = toCommand(state, structure);
       view.draw();
       shapes.draw();
+      image.load(app.result.P, state.w, app.result.rest, app.result.deflected);
+      motion.at(structure.hertz[state.m - 1]);
       clearTimeout(timer);
       timer = setTimeout(settle, 300);
     }
@@ -215,21 +227,22 @@ export default (() => {
     function request() { frame ||= requestAnimationFrame(tick); }
     function update(changes) { // by the reader; the next frame shows it
       const next = { ...app.state, ...changes };
-      if (!isLayout(next.c)) return;
-      next.d = within(next.d, limits(next, structures[next.s]).d);
+      if (!isLayout(next.c)) return refuse("No two cameras may stand in one place.");
+      const range = limits(next, structures[next.s]).d, given = next.d;
+      next.d = within(given, range);
+      refuse(next.d === given ? "" :
+        `Distance: ${given} mm is out of range, ${range[0]} to ${range[1]} mm; it is now ${next.d} mm.`);
       Object.assign(app, { state: next, result: null });
       request();
     }
+    function refuse(words) { if (refusal.textContent !== words) refusal.textContent = words; }
     function settle() { // the address follows when the reader pauses
       const address = toAddress(app.state, app.structure);
       if (!onPage) {
         traits.set("address", address);
         return traits.save_changes();
       }
-      const others = new URLSearchParams(location.search);
-      KEYS.forEach((key) => others.delete(key));
-      const query = [address, others].filter(String).join("&");
-      try { history.replaceState(history.state, "", `?${query}${location.hash}`); } catch { /* refused in a local file */ }
+      keep(KEYS, address);
     }
     function follow() { // the address of a live notebook, set from Python
       if (traits.get("address") !== toAddress(app.state, app.structure))
@@ -237,8 +250,10 @@ export default (() => {
     }
 
     root.explorer = { model, structures, app, compute: () => compute(app.state, app.structure, sensorWidth) }; // for tests
+    root.moving = { motion, image }; // too
     el.replaceChildren(root);
     tick();
+    motion.watch(view.node, image.node);
     let width = root.clientWidth;
     const observer = new ResizeObserver(() => {
       if (root.clientWidth === width) return;
@@ -251,6 +266,7 @@ export default (() => {
     return () => {
       observer.disconnect();
       cancelAnimationFrame(frame);
+      motion.stop();
       clearTimeout(timer);
       traits.off("change:address", follow);
     };

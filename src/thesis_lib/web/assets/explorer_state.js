@@ -17,6 +17,10 @@ export default (() => {
     cameras.every(([azimuth, elevation]) => Math.abs(azimuth) <= 360 && elevation > 0 && elevation <= 90) &&
     cameras.every((one, i) => cameras.slice(0, i).every((two) => apart(one, two) > 1e-5));
 
+  // Words for a value that is not allowed: what, given, allowed, and what stays.
+  const refused = (what, given, [low, high], unit, stays) =>
+    `${what}: ${given} is out of range, ${low} to ${high}${unit}; it stays ${stays}${unit}.`;
+
   function setupOf(state, { setups, reading }) { // the setup of the thesis that a state is, if it is one
     const fits = (one) => ["d", "w", "c"].every((key) => `${one[key]}` === `${state[key]}`);
     const same = Object.keys(reading).every((key) => state[key] === reading[key]) ? setups.filter(fits) : [];
@@ -76,7 +80,7 @@ export default (() => {
     const variance = model.deflectionVariance(P, rest, deflected, known);
     const measured = model.measure(P, rest, deflected, null, known), largest = Math.max(...reference.map(Math.abs));
     return {
-      reference, measured, variance, means, peaks, errors: model.percentErrors(measured, reference),
+      P, rest, deflected, reference, measured, variance, means, peaks, errors: model.percentErrors(measured, reference),
       predicted: (100 / largest) * Math.sqrt(variance.reduce((sum, v) => sum + v, 0) / variance.length),
       inView: model.inView(images, w, c.length), groundSampleDistance: d / 1000 / focalPx,
       moved: images.reduce((most, value, i) => Math.max(most, Math.abs(value - before[i])), 0),
@@ -96,6 +100,6 @@ export default (() => {
     });
   }
 
-  return { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, radians, setupOf, sixteenToNine,
+  return { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, radians, refused, setupOf, sixteenToNine,
     toAddress, toCommand, toward, within };
 })();

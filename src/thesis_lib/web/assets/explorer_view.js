@@ -2,6 +2,7 @@
 // coordinates are in units of the cameras' distance and looked at from far away. `app` is what explorer.js offers.
 import model from "./explorer_model.js";
 import states from "./explorer_state.js";
+import { bent } from "./motion.js";
 import { fill, lines, path, svg, text } from "./parts.js";
 
 export default (app) => {
@@ -11,10 +12,10 @@ export default (app) => {
   const times = (v, k) => v.map((c) => c * k), plus = (v, k, u) => v.map((c, i) => c + k * u[i]);
   const dot = (u, v) => u.reduce((sum, c, i) => sum + c * v[i], 0);
   const trace = (point, steps) => Array.from({ length: steps + 1 }, (_, i) => point(i / steps));
-  const scene = svg("g"), cameras = svg("g");
+  const scene = svg("g"), shape = path("tl-mesh"), cameras = svg("g");
   const node = svg("svg", { class: "tl-ex-view", role: "group", tabindex: 0,
-    "aria-label": "The cameras around the structure; arrow keys turn the view" }, scene, cameras);
-  let drag = null, size = null; // px; asking for it in every frame would lay out the page in between
+    "aria-label": "The cameras around the structure; arrow keys turn the view" }, scene, shape, cameras);
+  let curves = [], phase = 0, drag = null, size = null; // px; asking for it in every frame would lay out the page in between
 
   function projection() {
     const [right, down, forward] = model.hemisphereRotation(...radians([sight.azimuth, sight.elevation]));
@@ -26,12 +27,13 @@ export default (app) => {
   }
 
   function draw() {
-    const { state, structure, sensorWidth } = app, { width, height, flat } = projection();
+    const { state, structure, sensorWidth } = app, { width, height, unit, flat } = projection();
     const line = (cls, points, end) => path(cls, lines(points.map(flat), end));
     const sides = [structure.length, structure.width], [long, wide] = times(sides, 1000 / state.d);
     const isBeam = structure.kind === "beam", [along, across] = isBeam ? [24, 1] : [12, 8];
-    const bent = (s, t) => [(s - 0.5) * long, (t - 0.5) * wide, // drawn larger than it is
-      0.06 * long * model.modeShape(structure, state.m, s * sides[0], t * sides[1])];
+    const rise = 0.06 * long * unit * Math.cos(radians([sight.elevation])[0]); // drawn larger than it is
+    const place = (s, t) => [...flat([(s - 0.5) * long, (t - 0.5) * wide, 0]),
+      rise * model.modeShape(structure, state.m, s * sides[0], t * sides[1])];
     const axes = [["X", [1, 0, 0], long / 2], ["Y", [0, 1, 0], wide / 2], ["Z", [0, 0, 1], 0]];
     fill(node, { viewBox: `0 0 ${width} ${height}` });
     scene.replaceChildren(
@@ -40,9 +42,10 @@ export default (app) => {
       ...axes.flatMap(([name, axis, from]) => [line("tl-axis", [times(axis, from), times(axis, from + 0.16)]),
         text(...flat(times(axis, from + 0.21)), name, "tl-muted")]),
       line("tl-ex-rest", SQUARE.map(([u, v]) => [(u * long) / 2, (v * wide) / 2, 0]), "Z"),
-      ...trace((t) => line("tl-ex-mesh", trace((s) => bent(s, t), 24)), across),
-      ...trace((s) => line("tl-ex-mesh", trace((t) => bent(s, t), across)), along),
       ...(isBeam ? [line("tl-clamp", SQUARE.map(([u, v]) => [-long / 2, u * 0.07, v * 0.05]), "Z")] : []));
+    curves = [...trace((t) => trace((s) => place(s, t), 24), across),
+      ...trace((s) => trace((t) => place(s, t), across), along)];
+    move(phase);
 
     const depth = 0.16, spread = depth * Math.min(1.2, sensorWidth / 2 / state.f); // pyramids as wide as what they see
     [...cameras.children].forEach((group, i) => {
@@ -58,6 +61,11 @@ export default (app) => {
       fill(group.children[5], { x: labelX, y: labelY + 4 });
       fill(group, { "aria-valuenow": azimuth, "aria-valuetext": `azimuth ${azimuth}°, elevation ${elevation}°` });
     });
+  }
+
+  function move(now) { // the phase in rad
+    phase = now;
+    fill(shape, { d: bent(curves, Math.cos(phase)) });
   }
 
   function build() { // a drawing for each camera, which keeps the focus while it moves
@@ -125,5 +133,5 @@ export default (app) => {
     event.preventDefault();
   });
 
-  return { node, draw, build, remeasure() { size = null; } };
+  return { node, draw, move, build, remeasure() { size = null; } };
 };

@@ -1,10 +1,32 @@
-// Panel (a): the structure and the cameras around it, to be turned.
-import { entitle, heightOf, lines, path, resize, svg, text } from "./parts.js";
+// Panel (a): the structure, which bends, and the cameras around it, to be turned.
+import { bent } from "./motion.js";
+import { entitle, fill, heightOf, isNumber, lines, path, resize, svg, text } from "./parts.js";
 import { RAD, SQUARE, baseOf, cross, direction, dot, plus, sideways, times, trace, turnable } from "./space.js";
 
+const LARGEST = 0.06; // deflection as it is drawn, of the structure's length
 
 export function createSketch(panel, study) { // returns what draws it
-  const view = { azimuth: 158, elevation: 33 };
+  const view = { azimuth: 158, elevation: 33 }, shape = path("tl-mesh");
+  let bending = []; // of the mesh through the markers, on the screen
+
+  function mesh() { // curves of places [X, Y, deflection] in mm; a hole in the markers ends one
+    const { x_mm: xs, y_mm: ys, grid, structure } = study.data, values = study.mode().reference_mm;
+    const [half, across] = [structure.length_mm / 2, structure.width_mm / 2];
+    if (!values) return [];
+    if (!grid) { // a beam: both edges from the clamp to the last marker, and what joins them
+      const along = [[-half, 0], ...xs.map((x, n) => [x - half, values[n]])];
+      return [...[-across, across].map((y) => along.map(([x, w]) => [x, y, w])),
+        ...along.map(([x, w]) => [[x, -across, w], [x, across, w]])];
+    }
+    const [nx, ny] = grid, at = (i, j) => [xs[i] - half, ys[j] - across, values[j * nx + i]];
+    const rows = Array.from({ length: ny }, (_, j) => xs.map((__, i) => at(i, j)));
+    const columns = xs.map((_, i) => rows.map((row) => row[i]));
+    return [...rows, ...columns].flatMap((row) => row.reduce((parts, place) => {
+      if (isNumber(place[2])) parts.at(-1).push(place);
+      else if (parts.at(-1).length) parts.push([]);
+      return parts;
+    }, [[]])).filter((part) => part.length > 1);
+  }
 
   function draw() {
     const { width, data } = study, height = heightOf(width), { kind, length_mm: length } = data.structure;
@@ -31,7 +53,10 @@ export function createSketch(panel, study) { // returns what draws it
     }
     const curves = data.structure.contours_mm ?? [SQUARE.map(([u, v]) => [u * half, v * across])];
     const outline = curves.map((curve) => lines(curve.map(([x, y]) => flat([x, y, 0])), "Z")).join("");
-    scene.push(path(kind === "beam" ? "tl-beam" : "tl-plate", outline));
+    const places = mesh(), most = Math.max(...places.flat().map(([, , w]) => Math.abs(w)));
+    const rise = (unit * LARGEST * length * Math.cos(view.elevation * RAD)) / (most || 1);
+    bending = places.map((curve) => curve.map(([x, y, w]) => [...flat([x, y, 0]), rise * w]));
+    scene.push(path(bending.length ? "tl-rest" : "tl-plate", outline), shape);
     if (kind === "beam") {
       const clamp = SQUARE.map(([u, v]) => [-half, u * 0.07 * radius, v * 0.05 * radius]);
       scene.push(line("tl-clamp", clamp, "Z"));
@@ -93,6 +118,7 @@ export function createSketch(panel, study) { // returns what draws it
   panel.foot.append("Drag, or focus and press the arrow keys, to rotate.");
   return {
     draw,
+    move(phase) { fill(shape, { d: bent(bending, Math.cos(phase)) }); },
     label() {
       entitle(panel, study, "img", "Cameras; varied: ", study.data.parameter.label, "Arrow keys rotate.");
     },

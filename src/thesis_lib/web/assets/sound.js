@@ -1,8 +1,7 @@
 // Panels of a sound field: ideal, best and worst pressure on each plane, at any instant of the period.
 import { colourBar, createMap, mapWidth, paletteOf } from "./heatmap.js";
-import { KINDS, entitle, figure, html, icon, isNumber, path, swatch } from "./parts.js";
-
-const PERIOD = 3000; // ms on the screen
+import { createMotion } from "./motion.js";
+import { KINDS, entitle, figure, html, isNumber, path, swatch } from "./parts.js";
 
 function decode({ scale, re, im }) { // complex pressures at the points, u-major
   const numbers = (code) => Int8Array.from(atob(code), (sign) => sign.charCodeAt(0));
@@ -17,36 +16,15 @@ function amplitude(field) {
 
 KINDS.sound = (study, uid) => {
   const b = figure("b", html("div", { class: "tl-planes" }), "b, c");
-  let phase = 0, playing = null, colours = [], fields = []; // what is on the screen
+  let colours = [], fields = []; // what is on the screen
 
-  // --- the instant: a button and a slider
-  const button = html("button", { type: "button", class: "tl-play", "data-testid": "play" });
-  const slider = html("input", { type: "range", min: 0, max: 360, value: 0, "data-testid": "phase" });
-  const degrees = html("span", { "aria-hidden": "true" }), label = html("label", {}, "phase ωt", slider);
-  const time = html("div", { class: "tl-time" }, button, html("div", { class: "tl-phase" }, label, degrees));
-  b.canvas.before(time);
-  b.foot.append("Best and worst by the mean error of the deflection. One scale for the fields of a plane.");
-
-  function show(angle) {
-    phase = angle;
-    slider.value = Math.round(phase);
-    degrees.textContent = `${Math.round(phase)}°`;
-    slider.setAttribute("aria-valuetext", degrees.textContent);
-    const cos = Math.cos((phase * Math.PI) / 180), sin = Math.sin((phase * Math.PI) / 180);
+  const motion = createMotion((phase) => {
+    const cos = Math.cos(phase), sin = Math.sin(phase);
     for (const one of fields) paint(one, cos, sin);
-  }
-  function play(on) { // only the reader starts it, so nothing moves unasked
-    if (!on) cancelAnimationFrame(playing);
-    playing = on ? requestAnimationFrame((start) => step(start, start)) : null;
-    const sign = path("tl-sign", on ? "M3 2V12M10 2V12" : "M3 1V13L12 7Z");
-    button.replaceChildren(icon(14, sign), on ? "Pause" : "Play");
-  }
-  function step(now, before) {
-    show((phase + ((now - before) / PERIOD) * 360) % 360);
-    playing = requestAnimationFrame((next) => step(next, now));
-  }
-  button.addEventListener("click", () => play(playing === null));
-  slider.addEventListener("input", () => { play(false); show(Number(slider.value)); });
+  }, false); // a sound plays only when it is asked to
+  b.canvas.before(motion.node);
+  b.foot.append("Best and worst by the median error of the deflection.");
+  motion.watch(b.node);
 
   // --- one field
   function paint({ context, image, pixels, field: { scale, re, im }, most, shape: [nu, nz] }, cos, sin) {
@@ -120,8 +98,7 @@ KINDS.sound = (study, uid) => {
       one.limit = Math.max(...scales.map(({ most }) => most)) || 1;
     }
     b.canvas.replaceChildren(...every.map(drawPlane));
-    show(phase);
+    motion.redraw();
   }
-  play(false);
-  return { figures: [b.node], draw, highlight() {}, stop: () => play(false) };
+  return { figures: [b.node], draw, highlight() {}, stop: motion.stop };
 };

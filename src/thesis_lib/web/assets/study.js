@@ -4,7 +4,7 @@ import { fixed, isNumber, range, show } from "./parts.js";
 export function createStudy(model) {
   const study = {
     data: model.get("data"), compare: "extremes", hovered: null, focused: null, pinned: null,
-    width: 480, full: 480, wide: false, // of one column and of the whole viewer, in px
+    width: 480, full: 480, ofBars: 480, wide: false, // of one column, of the whole viewer and of panel (d), in px
 
     case: () => study.data.cases.find((one) => one.name === model.get("case")) ?? study.data.cases[0],
     modeIndex: () => Math.max(0, study.data.modes.findIndex((one) => one.mode === model.get("mode"))),

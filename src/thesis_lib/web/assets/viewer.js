@@ -1,12 +1,18 @@
 // Viewer of one parametric study: linked panels (a) cameras, (b) and (c) what was measured, (d) mean errors.
 // Front end of thesis_lib.web.viewer.Viewer in the form anywidget expects; static_html runs it without a kernel.
+import { asked, keep } from "./address.js";
 import { createBars } from "./bars.js";
+import { createImage, createMotion } from "./motion.js";
 import { KINDS, figure, fill, html, icon, isNumber, mark, path, show, svg, swatch } from "./parts.js";
+import pinhole from "./pinhole.js";
+import { RAD } from "./space.js";
 import { createSketch } from "./sketch.js";
 import { createStudy } from "./study.js";
 import "./beam.js";
 import "./plate.js";
 import "./sound.js";
+
+const KEYS = ["case", "mode", "compare", "setting"]; // of the address
 
 function render({ model, el }) {
   const uid = `tl-${Math.random().toString(36).slice(2, 10)}`; // several viewers share one page
@@ -17,11 +23,15 @@ function render({ model, el }) {
   const names = { "data-testid": "viewer", "aria-label": "Results by case and mode" };
   const root = html("section", { class: "tl-viewer", ...names });
   const [a, d] = [figure("a", svg("svg")), figure("d", svg("svg"))];
-  const sketch = createSketch(a, study), bars = createBars(d, study, uid, highlight);
-  let panels = null; // those of the kind of structure
+  const sketch = createSketch(a, study), bars = createBars(d, study, uid, highlight, remember);
+  const image = createImage(), motion = createMotion((phase) => {
+    sketch.move(phase);
+    image.show(phase);
+  });
+  let panels = null, imaged = ""; // panels of the kind of structure; what the image shows
 
   // --- controls
-  const choose = (name, value) => { model.set(name, value); model.save_changes(); };
+  const choose = (name, value) => { model.set(name, value); model.save_changes(); remember(); };
   function select(label, options, value, testid, onChange) {
     const box = html("select", { "data-testid": testid },
       ...options.map(([id, words]) => html("option", { value: id }, words)));
@@ -43,7 +53,25 @@ function render({ model, el }) {
     const group = html("div", { class: "tl-modes" }, ...buttons);
     controls.append(html("fieldset", { class: "tl-field" }, html("legend", {}, "Mode"), group));
     select("Compare", [["extremes", "best and worst by median"], ["all", "all settings"]], study.compare, "compare",
-      (value) => { study.compare = value; highlight(); });
+      (value) => { study.compare = value; highlight(); remember(); });
+  }
+
+  // --- the address of a page: ?case=2a&mode=3, and what is compared or pinned
+  function remember() {
+    if (!model.get("page")) return;
+    const { compare, pinned } = study, shown = new URLSearchParams({ case: study.case().name, mode: study.mode().mode });
+    if (compare !== "extremes") shown.set("compare", compare);
+    if (pinned !== null) shown.set("setting", pinned + 1);
+    keep(KEYS, shown);
+  }
+  function recall() { // what is unknown or makes no sense is ignored
+    const { cases, modes } = study.data, named = cases.find(({ name }) => name === asked("case"));
+    const mode = modes.find((one) => `${one.mode}` === asked("mode"));
+    if (named) model.set("case", named.name);
+    if (mode) model.set("mode", mode.mode);
+    if (asked("compare") === "all") study.compare = "all";
+    const i = study.settings().findIndex((_, n) => `${n + 1}` === asked("setting"));
+    return i < 0 ? null : i;
   }
 
   // --- updating
@@ -57,6 +85,22 @@ function render({ model, el }) {
     }
     summary.textContent = study.summarise();
     sketch.draw();
+    film();
+    motion.redraw();
+  }
+  function film() { // what the cameras of a setting see: the highlighted one, or the best
+    const { lens, structure, x_mm: xs, y_mm: ys, grid } = study.data, i = study.active() ?? Math.max(0, study.extremes()[0]);
+    const key = [study.case().name, study.mode().mode, i].join();
+    if (!lens || key === imaged) return;
+    imaged = key;
+    const { cameras, resolution } = study.settings()[i], focal = (lens.focal_length_mm * resolution[0]) / lens.sensor_width_mm;
+    const P = cameras.flatMap(([distance, ...angles]) =>
+      [...pinhole.hemisphereCameras(distance / 1000, [angles.map((angle) => angle * RAD)], focal, resolution)]);
+    const [half, across] = [structure.length_mm / 2, structure.width_mm / 2];
+    const markers = study.mode().reference_mm.flatMap((w, n) => (isNumber(w)
+      ? [[xs[grid ? n % grid[0] : n] - half, grid ? ys[Math.floor(n / grid[0])] - across : 0, w]] : []));
+    const points = (share) => Float64Array.from(markers.flatMap(([x, y, w]) => [x / 1000, y / 1000, (share * w) / 1000]));
+    image.load(Float64Array.from(P), resolution, points(0), points(1), lens.principal_offset_px, study.nameOf(i));
   }
   function update() {
     const one = study.case(), { mode } = study.mode(), number = one.figures?.[mode];
@@ -66,13 +110,16 @@ function render({ model, el }) {
     title.replaceChildren(html("strong", {}, one.title),
       html("span", {}, number ? ` · figure ${number} of the thesis` : ""));
     sketch.label();
+    motion.at(study.mode().frequency_hz);
     bars.label();
     panels.draw();
     bars.draw();
     highlight();
   }
-  function changeCase() {
-    study.pinned = study.hovered = study.focused = null;
+  function changeCase(pinned = null) {
+    study.hovered = study.focused = null;
+    study.pinned = pinned;
+    imaged = "";
     const curves = study.data.structure.kind === "beam"; // a curve has a line through its marks
     const sample = (i) => icon(26, path("tl-line", "M1 7H25"), path("tl-mark", mark(i, 13, 7, 3)));
     key.replaceChildren();
@@ -91,22 +138,28 @@ function render({ model, el }) {
     if (!known) return;
     panels = KINDS[kind](study, uid);
     root.dataset.kind = kind;
-    grid.replaceChildren(a.node, ...panels.figures, d.node);
+    grid.replaceChildren(a.node, ...(study.data.lens ? [image.node] : []), ...panels.figures, d.node);
+    root.classList.toggle("tl-imaged", Boolean(study.data.lens));
+    if (study.data.x_mm) a.node.append(motion.node); else motion.node.remove(); // a sound has its own
+    const pinned = model.get("page") ? recall() : null;
     buildControls();
     fit();
-    changeCase();
+    changeCase(pinned);
   }
   function fit() {
     const before = study.width;
     study.wide = root.classList.toggle("tl-wide", root.clientWidth >= 660);
     study.width = Math.round(a.node.clientWidth) || 480;
     study.full = grid.clientWidth || 480;
+    study.ofBars = study.wide && study.data.lens ? study.full : study.width;
     return study.width !== before;
   }
 
+  root.moving = { motion, image }; // for tests
   el.replaceChildren(root);
   changeData();
-  const handlers = { "change:case": changeCase, "change:mode": update, "change:data": changeData };
+  motion.watch(a.node, image.node);
+  const handlers = { "change:case": () => changeCase(), "change:mode": update, "change:data": changeData };
   Object.entries(handlers).forEach(([name, handler]) => model.on(name, handler));
   const observer = new ResizeObserver(() =>
     requestAnimationFrame(() => { if (root.contains(grid) && fit()) update(); }));
@@ -114,6 +167,7 @@ function render({ model, el }) {
   return () => {
     observer.disconnect();
     panels?.stop();
+    motion.stop();
     Object.entries(handlers).forEach(([name, handler]) => model.off(name, handler));
   };
 }

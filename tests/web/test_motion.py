@@ -1,0 +1,274 @@
+"""What vibrates moves, pauses and stands still; a camera's image is the library's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from browser import Opened, open_offline
+
+from thesis_lib.book.explorer import explorer_html
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.run import cube_of
+from thesis_lib.notebook.show import viewer
+from thesis_lib.studies import outlines
+from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from playwright.sync_api import Browser
+
+KINDS = {
+    "beam": ("beam-arrays", {"cases": ["4a", "4e"]}),
+    "plate": ("plate-aperture", {"cases": ["2a"]}),
+    "holes": ("shape-holes", {"cases": ["4c"]}),
+}
+HEAD = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+Show = Callable[..., Any]
+
+
+@pytest.fixture(scope="module")
+def cubes() -> dict[str, xr.Dataset]:
+    return {
+        kind: cube_of(validate(name, {"trials": 3, **asked}), "")
+        for kind, (name, asked) in KINDS.items()
+    }
+
+
+@pytest.fixture
+def show(chromium: Browser, cubes: dict[str, xr.Dataset], tmp_path: Path) -> Show:
+    def fragment(kind: str) -> str:
+        if kind == "explorer":
+            return explorer_html()
+        return str(viewer(cubes[kind])._repr_mimebundle_()[0]["text/html"])
+
+    @contextmanager
+    def opened(kind: str, query: str = "", still: bool = False) -> Iterator[Opened]:
+        file = tmp_path / f"{kind}.html"
+        file.write_text(f"{HEAD}<body style='margin: 0'>{fragment(kind)}", encoding="utf-8")
+        with open_offline(chromium, file, 900, query=query, still=still) as page:
+            yield page
+            assert page.trouble == []
+            assert page.sideways_px() <= 0
+
+    return opened
+
+
+def mesh(opened: Opened) -> str:
+    return str(opened.page.locator(".tl-mesh").first.get_attribute("d"))
+
+
+def later(opened: Opened) -> bool:
+    """Whether anything has moved a quarter of a second later."""
+    before = mesh(opened), opened.page.get_by_test_id("phase").input_value()
+    opened.page.wait_for_timeout(250)
+    return (mesh(opened), opened.page.get_by_test_id("phase").input_value()) != before
+
+
+def frames(opened: Opened) -> dict[str, Any]:
+    """How many frames a second, and what scripts take of each, in ms."""
+    session = opened.page.context.new_cdp_session(opened.page)
+    session.send("Performance.enable")
+
+    def spent() -> float:
+        found = session.send("Performance.getMetrics")["metrics"]
+        return next(float(one["value"]) for one in found if one["name"] == "ScriptDuration")
+
+    before = spent()
+    count, seconds = opened.page.evaluate("""() => new Promise(done => {
+      let count = 0;
+      const start = performance.now(), step = () => {
+        const gone = performance.now() - start;
+        if (gone > 2000) return done([count, gone / 1000]);
+        count += 1;
+        requestAnimationFrame(step);
+      };
+      requestAnimationFrame(step); })""")
+    return {"rate": count / seconds, "script_ms": 1000 * (spent() - before) / count}
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "explorer"])
+def test_it_moves_and_pauses(show: Show, kind: str) -> None:
+    with show(kind) as opened:
+        button = opened.page.get_by_test_id("play")
+        opened.page.wait_for_timeout(700)
+        assert button.inner_text() == "Pause"
+        assert later(opened)
+        button.focus()
+        opened.page.keyboard.press("Enter")
+        assert button.inner_text() == "Play"
+        assert not later(opened)
+        slider = opened.page.get_by_role("slider", name="phase ωt")
+        slider.focus()
+        opened.page.keyboard.press("Home")
+        assert slider.get_attribute("aria-valuetext") == "0°"
+        most = mesh(opened)
+        for key in ("PageUp", "PageUp", "ArrowRight"):
+            opened.page.keyboard.press(key)
+        assert slider.get_attribute("aria-valuetext") == "73°"
+        assert mesh(opened) != most
+        opened.page.get_by_label("speed").select_option("2")
+        opened.page.keyboard.press("Tab")
+        button.press(" ")
+        assert later(opened)
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "explorer"])
+def test_nothing_moves_unasked_for_whoever_wants_no_movement(show: Show, kind: str) -> None:
+    with show(kind, still=True) as opened:
+        opened.page.wait_for_timeout(500)
+        assert opened.page.get_by_test_id("play").inner_text() == "Play"
+        assert not later(opened)
+        opened.page.get_by_test_id("play").click()
+        assert later(opened)
+        opened.page.emulate_media(reduced_motion="no-preference")
+        opened.page.wait_for_timeout(100)
+        opened.page.emulate_media(reduced_motion="reduce")  # stops what moves
+        opened.page.wait_for_timeout(50)
+        assert not later(opened)
+
+
+def test_in_print_it_stands_at_its_largest(show: Show) -> None:
+    with show("beam") as opened:
+        opened.page.wait_for_timeout(400)
+        opened.page.emulate_media(media="print")
+        opened.page.wait_for_timeout(100)
+        assert not later(opened)
+        assert opened.page.get_by_test_id("phase").input_value() == "0"
+        assert not opened.page.get_by_test_id("play").is_visible()
+        opened.page.emulate_media(media="screen")
+        assert later(opened)
+
+
+def test_it_rests_out_of_sight(show: Show) -> None:
+    with show("beam") as opened:
+        assert later(opened)
+        opened.page.evaluate("document.body.style.paddingTop = '4000px'")
+        opened.page.wait_for_timeout(100)
+        assert not later(opened)
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "explorer"])
+def test_it_is_fluid(show: Show, kind: str) -> None:
+    with show(kind) as opened:
+        opened.page.wait_for_timeout(1500)
+        found = frames(opened)
+        print(kind, found)
+        assert found["script_ms"] < 8  # half of a frame, also on a busy machine
+        assert found["rate"] > 20
+
+
+SEEN = """([angle, camera]) => {
+  const { motion, image } = document.querySelector('.tl-viewer').moving;
+  const box = document.querySelector('[data-testid=camera]');
+  box.value = camera;
+  box.dispatchEvent(new Event('change'));
+  motion.put(angle);
+  const canvas = document.querySelector('.tl-panel-m canvas');
+  const { data } = canvas.getContext('2d').getImageData(0, 0, 320, 180);
+  const lit = (u, v) => u < 0 || v < 0 || u > 319 || v > 179 || data[4 * (320 * v + u)] > 200;
+  const pixels = image.pixels(), n = pixels.length / 2;
+  return [pixels, pixels.slice(0, n).every((u, i) => lit(u, pixels[n + i])), box.length]; }"""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("mode", [1, 3])
+def test_the_image_is_the_librarys_in_whole_pixels(
+    show: Show, cubes: dict[str, xr.Dataset], kind: str, mode: int
+) -> None:
+    cube = cubes[kind]
+    with show(kind, query=f"mode={mode}&setting=2", still=True) as opened:
+        for angle, camera in ((0, 0), (60, 1), (200, 1)):
+            pixels, lit, count = opened.page.evaluate(SEEN, [angle, camera])
+            assert lit
+            one = cube.isel(setting=1).sel(mode=mode)
+            assert count == int(one["n_cameras"])
+            azimuth, elevation = (
+                np.radians(one[f"camera_{a}"][camera]) for a in ("azimuth", "elevation")
+            )
+            distance, size = float(one["camera_distance"][camera]), (320, 180)
+            rig = hemisphere_cameras(distance, [azimuth], [elevation], 24 / 36 * 320, size)
+            length, width = outlines.extent(cube)
+            points = np.stack(
+                [
+                    cube["x"] - length / 2,
+                    cube["y"] - width / 2,
+                    one["reference_deflection"] * np.cos(np.radians(angle)),
+                ]
+            )
+            exact = project(rig.P, points)[0]
+            clear = np.abs(exact % 1 - 0.5) > 1e-4  # data have six digits
+            here = pixelate(exact)
+            there = np.array(pixels).reshape(2, -1)
+            if kind == "holes":  # the page goes by the box's cells
+                order, other = (np.lexsort(a) for a in (here, there))
+                here, there, clear = here[:, order], there[:, other], clear[:, order]
+            np.testing.assert_array_equal(here[clear], there[clear])
+
+
+def test_the_explorers_image_is_the_librarys(show: Show) -> None:
+    from thesis_lib.facts import setups
+    from thesis_lib.vibration.structure import deflection_shape, world_points
+
+    beam = setups.beam()
+    shape = deflection_shape(beam, 3, beam.markers, 5.5e-3)
+    query = "s=beam&m=3&w=320&f=24&d=500&c=20,30;-60,40"
+    with show("explorer", query=query, still=True) as opened:
+        opened.page.wait_for_timeout(300)
+        for angle in (0, 45, 130):
+            pixels, lit, count = opened.page.evaluate(SEEN, [angle, 1])
+            assert (lit, count) == (True, 2)
+            angles = np.radians([[-60], [40]])
+            rig = hemisphere_cameras(0.5, *angles, 24 / 36 * 320, (320, 180))
+            points = world_points(beam, shape * np.cos(np.radians(angle)))
+            np.testing.assert_array_equal(
+                np.array(pixels).reshape(2, -1), pixelate(project(rig.P, points)[0])
+            )
+
+
+# --- the address
+
+RUBBISH = [
+    "case=9z", "mode=0", "mode=NaN", "mode=1e9", "compare=%3Cb%3E", "setting=-1", "setting=999",
+    "case[]=2a&mode[]=3", "%FF=%FF&case=%E0%A4%A", "case=__proto__&mode=constructor&setting=null",
+    "s=__proto__&m=toString", "c=NaN,15;Infinity,15", "w=0x0&f=-1&d=1e99&plan=-3&cameras=1.5",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "explorer"])
+def test_rubbish_in_the_address_gives_the_default_view(show: Show, kind: str) -> None:
+    said = "() => document.querySelector('.tl-viewer [role=status], .tl-summary').textContent"
+    state = "() => [...document.querySelectorAll('select')].map(one => one.value)"
+    with show(kind, still=True) as opened:
+        opened.page.wait_for_timeout(600)
+        address = opened.page.url.partition("?")[0]
+        words, chosen = opened.page.evaluate(said), opened.page.evaluate(state)
+        for query in RUBBISH:
+            for mark in "?#":
+                opened.page.goto("about:blank")
+                opened.page.goto(f"{address}{mark}{query}")
+                opened.page.wait_for_timeout(600 if kind == "explorer" else 50)
+                assert opened.page.evaluate(state) == chosen, query
+                assert opened.page.evaluate(said) == words, query
+                assert opened.trouble == []
+
+
+def test_a_viewer_keeps_its_state_in_the_address(show: Show) -> None:
+    with show("beam", query="other=1") as opened:
+        opened.page.get_by_test_id("case").select_option("4e")
+        opened.page.get_by_test_id("mode-2").click()
+        opened.page.get_by_test_id("compare").select_option("all")
+        opened.page.locator(".tl-bar").nth(2).click()
+        address = "?case=4e&mode=2&compare=all&setting=3&other=1"
+        assert opened.page.url.endswith(address)
+        words = opened.page.get_by_test_id("summary").inner_text()
+        assert words.startswith("Pinned: Mode 2, case 4e")
+        opened.page.mouse.move(1, 1)
+        opened.page.reload()
+        assert opened.page.get_by_test_id("summary").inner_text() == words
+        assert opened.page.get_by_test_id("compare").input_value() == "all"
+        assert opened.page.url.endswith(address)
