@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -110,3 +111,52 @@ def test_page_is_for_everybody(chromium: Browser, planned: Path, width: int, dar
         except Exception as error:
             pytest.skip(f"no axe-core: {error}")
         assert axe.findings(opened.page) == []
+
+
+def test_the_table_tells_the_cameras_and_is_the_plans_csv(chromium: Browser, planned: Path) -> None:
+    with (
+        xr.open_dataset(planned / "plan.nc") as cube,
+        open_offline(chromium, planned / "plan.html") as opened,
+    ):
+        link, table = opened.page.get_by_test_id("csv"), opened.page.locator(".tl-cameras")
+        head, text = str(link.get_attribute("href")).split(",", 1)
+        assert head.startswith("data:text/csv")
+        assert unquote(text) == (planned / "plan.csv").read_text(encoding="utf-8")
+        for i in range(cube.sizes["option"]):
+            opened.page.get_by_test_id("option").select_option(str(i))
+            one = cube.isel(option=i)
+            rows = table.locator("tbody tr").all_inner_texts()
+            assert len(rows) == int(one["n_cameras"])
+            for row, camera in zip(rows, range(len(rows)), strict=True):
+                number, *words, pixels = row.split("\t")
+                shown = [float(word.rstrip("°m ")) for word in words]
+                true = [float(one[f"camera_{a}"][camera]) for a in ("azimuth", "elevation")]
+                lengths = [one["camera_distance"][camera], one["focal_length"][camera]]
+                true += [1000 * float(length) for length in lengths]
+                assert number == str(camera + 1)
+                np.testing.assert_allclose(shown, true, atol=1e-3)
+                assert pixels == f"{int(one['width_px'])} × {int(one['height_px'])}"
+        assert opened.trouble == []
+
+
+def test_the_address_keeps_the_option_and_bears_rubbish(chromium: Browser, planned: Path) -> None:
+    rubbish = [
+        "option=0", "option=-1", "option=1e9", "option=NaN", "option=1.5", "plan=0&option=x",
+        "plan=__proto__&option=constructor", "option=%3Cb%3E", "%FF=%FF&option=%E0%A4%A", "option",
+    ]  # fmt: skip
+    with open_offline(chromium, planned / "plan.html") as opened:
+        said = opened.page.locator(".tl-summary")
+        address, words = opened.page.url, said.inner_text()
+        for query in rubbish:
+            for mark in "?#":
+                opened.page.goto("about:blank")
+                opened.page.goto(f"{address}{mark}{query}")
+                assert said.inner_text() == words, query
+        opened.page.goto(address)
+        opened.page.get_by_test_id("option").select_option("1")
+        assert opened.page.url == f"{address}?plan=1&option=2"
+        words = said.inner_text()
+        opened.page.reload()
+        assert said.inner_text() == words
+        assert opened.page.get_by_test_id("option").input_value() == "1"
+        assert opened.trouble == []

@@ -23,9 +23,10 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.planning import errors, optimum, places, search, structure_file
 from thesis_lib.planning.bodies import Body, body_of
+from thesis_lib.planning.camera_table import COLUMNS
 from thesis_lib.planning.limits import ImpossibleError
 from thesis_lib.planning.planner import pareto, plan
-from thesis_lib.planning.report import COLUMNS, FILES, write_plan
+from thesis_lib.planning.report import FILES, write_plan
 from thesis_lib.planning.request import plan_request
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vision import rounding

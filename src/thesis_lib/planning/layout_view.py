@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from thesis_lib.planning.camera_table import camera_table
 from thesis_lib.plotting.style import COLORS
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.fragment import VIEWER_CSS, joined, static_html
@@ -35,11 +36,12 @@ def _plan(name: str, cube: xr.Dataset, chosen: int) -> dict[str, Any]:
         "centre": ((outline.max(axis=0) + outline.min(axis=0)) / 2).tolist(),
         "outline": outline.tolist(),
         "markers": cube["marker"].values.tolist() if "marker" in cube else [],
-        "options": [_option(cube.isel(option=i)) for i in range(cube.sizes["option"])],
+        "options": [_option(cube, i) for i in range(cube.sizes["option"])],
     }
 
 
-def _option(one: xr.Dataset) -> dict[str, Any]:
+def _option(cube: xr.Dataset, index: int) -> dict[str, Any]:
+    one = cube.isel(option=index)
     label = f"{int(one['n_cameras'])} of {int(one['width_px'])}×{int(one['height_px'])} px"
     error, simulated = (
         percent_text(float(one[f"{name}_error"].max())) for name in ("predicted", "simulated")
@@ -48,7 +50,7 @@ def _option(one: xr.Dataset) -> dict[str, Any]:
     return {
         "label": label,
         "words": f"{label} at {float(one['frame_rate']):g} Hz: {errors}",
-        "cameras": _finite(one["camera_position"].values).tolist(),
+        "table": camera_table(cube, index),
     }
 
 

@@ -19,6 +19,7 @@ import xarray as xr
 
 from thesis_lib.files import staging
 from thesis_lib.planning import errors
+from thesis_lib.planning.camera_table import camera_table
 from thesis_lib.planning.cube import as_cube
 from thesis_lib.planning.figures import front_figure, layout_figure
 from thesis_lib.planning.layout_view import layout_view
@@ -30,19 +31,6 @@ from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.web.shell import shell
 
-COLUMNS = (
-    "camera",
-    "x_mm",
-    "y_mm",
-    "z_mm",
-    "azimuth_deg",
-    "elevation_deg",
-    "distance_mm",
-    "focal_length_mm",
-    "width_px",
-    "height_px",
-    "frame_rate_hz",
-)
 FILES = ("plan.nc", "plan.csv", "plan.svg", "plan.html")
 
 
@@ -116,24 +104,6 @@ def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> 
     }
     words = [f"-p {shlex.quote(f'{k}={json.dumps(v)}')}" for k, v in values.items()]
     return " ".join([f"thesis run {request.body}-arrays", *words])
-
-
-def camera_table(cube: xr.Dataset, option: int) -> str:
-    """The cameras of an option as CSV."""
-    one = cube.isel(option=option)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for i in range(int(one["n_cameras"])):
-        camera = one.isel(camera=i)
-        lengths = (1000 * camera["camera_position"].values).tolist()
-        angles = [float(camera["camera_azimuth"]), float(camera["camera_elevation"])]
-        lens = [1000 * float(camera["camera_distance"]), 1000 * float(camera["focal_length"])]
-        place = [f"{round(value, 3) + 0.0:.3f}" for value in (*lengths, *angles)]
-        size = int(one["width_px"]), int(one["height_px"])
-        rate = f"{float(one['frame_rate']):g}"
-        writer.writerow([i + 1, *place, f"{lens[0]:.3f}", f"{lens[1]:g}", *size, rate])
-    return text.getvalue()
 
 
 def _cost(plan_: Plan, cost: float) -> str:

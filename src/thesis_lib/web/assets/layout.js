@@ -1,47 +1,68 @@
 // Planned cameras around a structure, to be turned; options of one or more plans to choose from.
 // Front end of thesis_lib.planning.layout_view in the form that static_html runs.
+import { asked, keep } from "./address.js";
 import { heightOf, html, figure, fill, lines, path, resize, svg, text } from "./parts.js";
 import { RAD, baseOf, cross, direction, dot, plus, sideways, times, trace, turnable } from "./space.js";
+
+const SHOWN = ["azimuth", "elevation", "distance", "focal length", "pixels"];
+// Rows of a CSV with a header, as objects.
+function rowsOf(text) {
+  const [header, ...rows] = text.trim().split("\n").map((line) => line.split(","));
+  return rows.map((row) => Object.fromEntries(row.map((value, i) => [header[i], value])));
+}
 
 function render({ model, el }) {
   const { plans, tints } = model.get("data"), view = { azimuth: 155, elevation: 28 };
   const panel = figure("a", svg("svg"), ""), words = html("p", { class: "tl-summary", "aria-live": "polite" });
-  const controls = html("div", { class: "tl-controls" });
+  const controls = html("div", { class: "tl-controls" }), table = html("table", { class: "tl-cameras" });
+  const link = html("a", { "data-testid": "csv" }, "These cameras as CSV");
   const root = html("section", { class: "tl-viewer tl-layouts", "aria-label": "Planned cameras", "data-testid": "layouts" },
-    controls, words, panel.node);
+    controls, words, panel.node, html("div", { class: "tl-scroll", tabindex: 0 }, table), link);
   let width = 480, plan, option;
 
   function select(label, testid, onChange) {
     const box = html("select", { "data-testid": testid });
-    box.addEventListener("change", () => onChange(Number(box.value)));
+    box.addEventListener("change", () => {
+      onChange(Number(box.value));
+      keep(["plan", "option"], new URLSearchParams({ plan: plans.indexOf(plan) + 1, option: plan.options.indexOf(option) + 1 }));
+    });
     const field = html("label", { class: "tl-field" }, html("span", {}, label), box);
     controls.append(field);
     const put = (names, value) => {
       box.replaceChildren(...names.map((name, i) => html("option", { value: i }, name)));
       box.value = value;
     };
-    return { field, put };
+    return { box, field, put };
   }
   const which = select("Plan", "plan", choosePlan), of = select("Cameras", "option", chooseOption);
   which.put(plans.map(({ name }) => name), 0);
   which.field.hidden = plans.length < 2;
 
-  function choosePlan(i) {
+  function choosePlan(i, first = plans[i].chosen) {
     plan = plans[i];
-    of.put(plan.options.map(({ label }) => label), plan.chosen);
-    chooseOption(plan.chosen);
+    of.put(plan.options.map(({ label }) => label), first);
+    chooseOption(first);
   }
   function chooseOption(i) {
     option = plan.options[i];
     words.textContent = option.words;
     fill(panel.canvas, { role: "img", "aria-label": `Cameras of the plan: ${option.label}. Arrow keys rotate.` });
+    const caption = html("caption", {}, `${plan.name}: ${option.label}`);
+    const head = ["camera", ...SHOWN].map((name) => html("th", { scope: "col" }, name));
+    const body = rowsOf(option.table).map((row) => [`${Number(row.azimuth_deg)}°`, `${Number(row.elevation_deg)}°`, `${Number(row.distance_mm)} mm`,
+      `${row.focal_length_mm} mm`, `${row.width_px} × ${row.height_px}`].map((value) => html("td", {}, value)));
+    table.replaceChildren(caption, html("thead", {}, html("tr", {}, ...head)), html("tbody", {}, ...body.map((cells, n) =>
+      html("tr", {}, html("th", { scope: "row" }, `${n + 1}`), ...cells))));
+    fill(link, { href: `data:text/csv;charset=utf-8,${encodeURIComponent(option.table)}`,
+      download: `cameras-${plan.name}-${option.label}.csv`.replace(/[^\w.]+/g, "-") });
     draw();
   }
 
   function draw() { // the scale is that of the whole plan, so that its options compare
     const height = heightOf(width) * (width < 420 ? 0.85 : 1.1), scene = [], { centre, outline, markers } = plan;
     const away = ([x, y, z]) => [x - centre[0], y - centre[1], z - centre[2]];
-    const every = plan.options.flatMap(({ cameras }) => cameras.map(away));
+    const placesOf = (one) => rowsOf(one.table).map(({ x_mm: x, y_mm: y, z_mm: z }) => away([x / 1000, y / 1000, z / 1000]));
+    const every = plan.options.flatMap(placesOf);
     const all = [...every, ...outline.map(away)], heights = [0, ...all.map((v) => v[2])];
     const radius = Math.max(...all.map(([x, y]) => Math.hypot(x, y))), [low, high] = [Math.min(...heights), Math.max(...heights)];
     const viewer = direction(view.azimuth, view.elevation), right = sideways(view.azimuth), up = cross(viewer, right);
@@ -62,7 +83,7 @@ function render({ model, el }) {
     const dots = markers.map(away).map(flat).map(([x, y]) => `M${x.toFixed(1)} ${y.toFixed(1)}h0`).join("");
     scene.push(path("tl-places", dots));
 
-    const drawn = option.cameras.map(away).map((tip, i) => {
+    const drawn = placesOf(option).map((tip, i) => {
       const style = `--c: ${tints[i % tints.length]}`, distance = Math.sqrt(dot(tip, tip));
       const azimuth = Math.atan2(tip[0], tip[1]) / RAD, elevation = Math.asin(tip[2] / distance) / RAD;
       const base = baseOf(tip, azimuth, elevation, 0.1 * radius), [x, y] = flat(plus(tip, times(tip, 0.07)));
@@ -75,9 +96,12 @@ function render({ model, el }) {
   }
 
   turnable(panel.canvas, view, -90, draw);
-  panel.foot.append("Drag, or focus and press the arrow keys, to turn. Numbers are those of the table of cameras.");
+  panel.foot.append("Drag, or focus and press the arrow keys, to turn. Numbers are those of the table below.");
   el.replaceChildren(root);
-  choosePlan(0);
+  const given = (name, count) => [...Array(count).keys()].findIndex((i) => `${i + 1}` === asked(name));
+  const first = Math.max(0, given("plan", plans.length)), chosen = given("option", plans[first].options.length);
+  choosePlan(first, chosen < 0 ? undefined : chosen);
+  which.box.value = first;
   const observer = new ResizeObserver(() => requestAnimationFrame(() => {
     const now = Math.round(panel.node.clientWidth) || 480;
     if (now === width) return;
