@@ -413,21 +413,6 @@ def test_two_pistons_in_opposition_that_meet_are_silent(conforms):
     conforms.order(orders(power), 2, atol=0.02)
 
 
-@pytest.mark.parametrize("ka", [0.5, 6.0])
-def test_directivity_averages_to_one_over_the_half_space(conforms, ka):
-    parts, omega = panel(12, 8), ka * C / A
-    u, weight = hemisphere()
-    for v in (random_velocity(96), panel_mode(parts, 1, 1)):
-        mean = np.sum(weight * rad.directivity(parts, v, u, omega)) / (2 * pi)
-        conforms.closed_form(mean, 1, rtol=1e-9)
-
-
-def test_a_small_source_radiates_evenly(conforms):
-    u, _ = hemisphere(8)
-    small = Pistons(np.zeros((2, 1)), (0.01, 0.01))
-    conforms.closed_form(rad.directivity(small, [1.0], u, 100.0), 1, rtol=1e-12)
-
-
 # The kernel.
 
 place = st.floats(-1, 1, allow_subnormal=False)
@@ -533,7 +518,6 @@ CALLS = {
     "power": lambda omega: rad.sound_power(panel(6, 4), np.ones(24), omega),
     "efficiency": lambda omega: rad.radiation_efficiency(panel(6, 4), np.ones(24), omega),
     "far field": lambda omega: rad.far_field(panel(6, 4), np.ones(24), [[0], [0], [1]], omega),
-    "directivity": lambda omega: rad.directivity(panel(6, 4), np.ones(24), [[0], [0], [1]], omega),
 }
 OF_PISTONS = list(CALLS)[3:]
 

@@ -11,7 +11,6 @@ from thesis_lib.measure.synchronisation.checks import checked, find_tone
 from thesis_lib.measure.synchronisation.correlation import normalised_correlation
 from thesis_lib.measure.synchronisation.decimation import EDGE, decimate, decimated
 from thesis_lib.measure.synchronisation.delays import (
-    cross_correlation_delays,
     delay_deviation,
     phase_delays,
 )
@@ -83,7 +82,7 @@ def test_a_camera_that_starts_later_has_a_positive_delay_and_sees_things_earlier
     t = np.arange(RATE) / RATE
     early, late = (np.exp(-(((t + start - 0.6) / 0.002) ** 2)) for start in (0.0, 0.1))
     conforms.closed_form(np.argmax(late) / RATE, 0.5, rtol=1e-6)
-    delays = cross_correlation_delays([early, late], RATE)
+    delays = synchronise([early, late], RATE, FPS).delays
     conforms.closed_form(delays, [0, 0.1], atol=1e-6)
 
 
@@ -129,7 +128,7 @@ def test_correlation_of_a_tone_is_within_0_02_frame_modulo_its_period(conforms):
 def test_starts_0_3_s_apart_in_either_direction_are_found(conforms):
     t = np.arange(3 * RATE) / RATE
     signals = [transient(t + start) for start in (0.3, 0.0, 0.6)]
-    delays = cross_correlation_delays(signals, RATE)
+    delays = synchronise(signals, RATE, FPS).delays
     conforms.closed_form(delays, [0, -0.3, 0.3], atol=1e-5)
 
 

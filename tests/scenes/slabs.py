@@ -2,15 +2,14 @@
 
 import numpy as np
 
-from thesis_lib.vision.pinhole import (
-    CameraArray,
-    hemisphere_directions,
-    hemisphere_rotations,
-    intrinsics,
-    project,
-)
+from thesis_lib.vision import pinhole
 
 SIZE = (320, 180)
+WRONG_SHAPES = [
+    (np.ones((1, 3, 4)), np.ones((1, 2, 1, 5)), "P: given shape"),
+    (np.ones((2, 3, 4)), np.ones((3, 2, 1, 5)), "uv: given shape"),
+    (np.ones((2, 3, 4)), np.ones(2), "uv: given shape"),
+]
 
 
 def rig(n, seed=0):
@@ -18,9 +17,9 @@ def rig(n, seed=0):
     rng = np.random.default_rng([seed, n])
     azimuth = 2 * np.pi * np.arange(n) / n + rng.uniform(0, 0.5, n)
     elevation = rng.uniform(0.2, 1.3, n)
-    K = np.stack([intrinsics(f, SIZE) for f in rng.uniform(150, 500, n)])
-    centres = rng.uniform(0.5, 2, (n, 1)) * hemisphere_directions(azimuth, elevation)
-    return CameraArray(K, hemisphere_rotations(azimuth, elevation), centres, SIZE)
+    K = np.stack([pinhole.intrinsics(f, SIZE) for f in rng.uniform(150, 500, n)])
+    centres = rng.uniform(0.5, 2, (n, 1)) * pinhole.hemisphere_directions(azimuth, elevation)
+    return pinhole.CameraArray(K, pinhole.hemisphere_rotations(azimuth, elevation), centres, SIZE)
 
 
 def box(n=30, seed=0):
@@ -29,7 +28,7 @@ def box(n=30, seed=0):
 
 
 def rounded(P, points, noise=0.0, seed=1):
-    uv = project(P, points)
+    uv = pinhole.project(P, points)
     return np.rint(uv + np.random.default_rng(seed).normal(0, noise or 1e-300, uv.shape))
 
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes.mobility import drive_point_mobility
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.vibration.structure import (
     deflection_shape,
-    drive_point_mobility,
     full_response,
     modal_coordinates,
     peak_deflection,

@@ -6,12 +6,12 @@ from math import pi
 
 import numpy as np
 import pytest
+from scenes.mobility import drive_point_mobility
 
 from thesis_lib.facts import setups
 from thesis_lib.vibration.beam import cantilever_roots
 from thesis_lib.vibration.structure import (
     deflection_shape,
-    drive_point_mobility,
     full_response,
     modal_coordinates,
     modal_overlap,

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 import pytest
-from scenes.slabs import box, faces, rig, rounded
+from scenes.slabs import WRONG_SHAPES, box, faces, rig, rounded
 from scipy.spatial import ConvexHull, Delaunay, HalfspaceIntersection
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import truncnorm
@@ -247,23 +247,20 @@ def test_mass_and_slopes_hold_far_out_and_for_narrow_pixels(conforms):
     conforms.closed_form(G * 1e4, [0, 3], atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("P", "uv", "sigma", "named"),
-    [
-        (np.ones((1, 3, 4)), np.ones((1, 2, 1, 5)), 0.1, "P: given shape"),
-        (np.ones((2, 3, 4)), np.ones((3, 2, 1, 5)), 0.1, "uv: given shape"),
-        (np.ones((2, 3, 4)), np.ones(2), 0.1, "uv: given shape"),
-        (np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), -0.1, "sigma_px: given -0.1"),
-        (np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), np.nan, "sigma_px: given nan"),
-        (np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), np.inf, "sigma_px: given inf"),
-    ],
-)
-def test_what_is_wrong_is_named(P, uv, sigma, named):
+@pytest.mark.parametrize(("P", "uv", "named"), WRONG_SHAPES)
+def test_a_wrong_shape_is_named(P, uv, named):
     for estimate in (posterior, joint_interval):
         with pytest.raises(ValueError, match=named):
-            estimate(P, uv, sigma)
+            estimate(P, uv)
     with pytest.raises(ValueError, match="uv: given shape"):
         joint_interval(P[:1].repeat(2, 0), np.ones((2, 2)))
+
+
+@pytest.mark.parametrize("sigma", [-0.1, np.nan, np.inf])
+def test_noise_that_cannot_be_is_named(sigma):
+    for estimate in (posterior, joint_interval):
+        with pytest.raises(ValueError, match=f"sigma_px: given {sigma}"):
+            estimate(np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), sigma)
 
 
 def test_as_fast_as_the_analytic_centre_within_a_factor_of_two():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes.slabs import SIZE, box, faces, rig, rounded
+from scenes.slabs import SIZE, WRONG_SHAPES, box, faces, rig, rounded
 from scipy.optimize import linprog, minimize
 
 from benchmarks import centre as benchmark
@@ -205,23 +205,20 @@ def test_narrower_slabs_hold_what_is_rounded_finer(conforms):
     conforms.closed_form(np.max(np.abs(project(P, centre.points) - tenths)), below=0.05)
 
 
-@pytest.mark.parametrize(
-    ("P", "uv", "half", "named"),
-    [
-        (np.ones((1, 3, 4)), np.ones((1, 2, 1, 5)), 0.5, "P: given shape"),
-        (np.ones((2, 3, 4)), np.ones((3, 2, 1, 5)), 0.5, "uv: given shape"),
-        (np.ones((2, 3, 4)), np.ones(2), 0.5, "uv: given shape"),
-        (np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), 0.0, "half_width_px: given 0.0"),
-        (np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), np.nan, "half_width_px: given nan"),
-        (np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), np.inf, "half_width_px: given inf"),
-    ],
-)
-def test_what_is_wrong_is_named(P, uv, half, named):
+@pytest.mark.parametrize(("P", "uv", "named"), WRONG_SHAPES)
+def test_a_wrong_shape_is_named(P, uv, named):
     for estimate in (analytic_centre, joint_centre):
         with pytest.raises(ValueError, match=named):
-            estimate(P, uv, half)
+            estimate(P, uv)
     with pytest.raises(ValueError, match="uv: given shape"):
         joint_centre(P[:1].repeat(2, 0), np.ones((2, 2)))
+
+
+@pytest.mark.parametrize("half", [0.0, np.nan, np.inf])
+def test_a_width_that_cannot_be_is_named(half):
+    for estimate in (analytic_centre, joint_centre):
+        with pytest.raises(ValueError, match=f"half_width_px: given {half}"):
+            estimate(np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), half)
 
 
 # Rest and motion together.

@@ -101,15 +101,6 @@ def far_field(
     return np.asarray(1j * per_velocity(pistons, omega, medium) * waves)
 
 
-def directivity(
-    pistons: Pistons, velocity: ArrayLike, directions: ArrayLike, omega: float, medium: Medium = AIR
-) -> Array:
-    """Far-field intensity over that of the same power spread evenly over the half space."""
-    p = far_field(pistons, velocity, directions, omega, medium)
-    intensity = np.abs(p) ** 2 / (2 * medium.density * medium.speed_of_sound)
-    return 2 * np.pi * intensity / sound_power(pistons, velocity, omega, medium)
-
-
 def pressure_level(pressure: ArrayLike) -> Array:
     """Sound pressure level in dB re 20 µPa of complex amplitudes in Pa."""
     rms = np.abs(np.asarray(pressure)) / np.sqrt(2)

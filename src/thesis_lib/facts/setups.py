@@ -14,14 +14,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thesis_lib.files import shipped
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.plate import Plate
-from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
+
+if TYPE_CHECKING:
+    from thesis_lib.vision.pinhole import CameraArray
 
 Direction = tuple[float, float]  # azimuth, elevation in degrees
 CENTRES_DEG = {"2a": 0.0, "2c": -90.0}  # middle of the arc at constant elevation
@@ -48,6 +50,8 @@ class Setting:
 
     def cameras(self, focal_length_mm: float, sensor_width_mm: float) -> CameraArray:
         """The setting's cameras; the pixels are square and fill the sensor's width."""
+        from thesis_lib.vision.pinhole import hemisphere_cameras  # readers of files need no cameras
+
         angles = np.radians(self.directions_deg)
         focal_px = focal_length_mm * self.resolution_px[0] / sensor_width_mm
         return hemisphere_cameras(

@@ -176,24 +176,6 @@ def deflection_shape(
     return structure.mode_shapes([mode], points)[0] * (peak / structure.shape_peak(mode))
 
 
-def drive_point_mobility(structure: Structure, omega: ArrayLike, n_modes: int) -> ComplexArray:
-    """Velocity over force at the driving point, jω Σ qₙ φₙ(x_F) / F, in m/(N s).
-
-    Parameters
-    ----------
-    structure : Structure
-        The vibrating structure.
-    omega : array_like, shape (...)
-        Angular frequencies in rad/s.
-    n_modes : int
-        Number of modes.
-    """
-    drive = structure.mode_shapes(range(1, n_modes + 1), structure.force_point)[:, 0]
-    q = modal_coordinates(structure, omega, n_modes)
-    mobility: ComplexArray = 1j * np.asarray(omega, float) * np.tensordot(drive, q, axes=1)
-    return mobility
-
-
 def modal_overlap(structure: Structure, omega: ArrayLike) -> Array:
     """Modal overlap factor: modal density times half-power bandwidth 2ξω, dimensionless."""
     return structure.modal_density(omega) * 2 * structure.damping * np.asarray(omega, float)

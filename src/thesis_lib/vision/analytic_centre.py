@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.vision.triangulation import UPPER, centred, checked, triangulate
+from thesis_lib.vision.triangulation import UPPER, centred, checked, checked_frames, triangulate
 
 _BLOCK_VALUES = 36000  # camera × point values per block: intermediate results stay in cache
 _STEPS = 60  # Newton steps after which a polytope counts as empty
@@ -99,9 +99,7 @@ def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Cen
     ValueError
         If fewer than two cameras are given, the shapes do not match, or the width is not positive.
     """
-    P, uv = checked(P, uv)
-    if uv.ndim < 3 or uv.shape[2] < 1:
-        raise ValueError(f"uv: given shape {uv.shape}, needs (cameras, 2, frames, ...)")
+    P, uv = checked_frames(P, uv)
     if not 0 < half_width_px < np.inf:
         raise ValueError(f"half_width_px: given {half_width_px}, allowed: a number above 0, in px")
     start = triangulate(P, uv)

@@ -183,19 +183,6 @@ def pair_motion_error(
     return pair_deflection_error(distance, focal_px, aperture, elevation, v, u)
 
 
-def cone_motion_error(
-    distance: float, focal_px: float, n_cameras: int, angle: float, motion: ArrayLike
-) -> Array:
-    """Error along the normal, in m, of one rounded motion of the centre of a cone.
-
-    R / (N f sin θ) · √(Σ V), summed over the 2 or more cameras, with V = f(1 − f) of what each
-    image moves down by: `motion` as in :func:`pair_motion_error`.
-    """
-    directions = cone_directions(angle, n_cameras)
-    v = np.sqrt(_rounded(distance, focal_px, *directions, motion)[:, 1].mean(axis=0))
-    return cone_deflection_error(distance, focal_px, n_cameras, angle) * v / MOTION_PX
-
-
 def _rounded(
     distance: float, focal_px: float, azimuth: Array, elevation: Array, motion: ArrayLike
 ) -> Array:

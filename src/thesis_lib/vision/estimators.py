@@ -28,7 +28,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
 from thesis_lib.vision.interval import interval, joint_interval
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
-from thesis_lib.vision.triangulation import jacobian, triangulate
+from thesis_lib.vision.triangulation import triangulate
 
 # Points (3, ...) from projection matrices, images (cameras, 2, ...) and their noise in px.
 RULES: dict[str, Callable[[Array, Array, float], Array]] = {
@@ -130,20 +130,3 @@ def exponent(counts: ArrayLike, errors: ArrayLike) -> Array:
     """Exponents p of errors ~ Nᵖ, fitted in logarithms to errors (counts, ...), shape (...)."""
     slope = np.polyfit(np.log(np.asarray(counts, float)), np.log(np.asarray(errors, float)), 1)[0]
     return np.asarray(slope)
-
-
-def linear_gain(P: ArrayLike, points: ArrayLike) -> Array:
-    """First-order response of the linear estimate to its images, (JᵀD²J)⁻¹JᵀD².
-
-    It is to it what :func:`thesis_lib.vision.triangulation.gain` is to the refined one.
-    """
-    P, X = np.asarray(P, float), np.asarray(points, float)
-    flat = X.reshape(3, -1)
-    axis = P[:, 2] / np.linalg.norm(P[:, 2, :3], axis=1, keepdims=True)
-    square = (axis[:, :3] @ flat + axis[:, 3:]) ** 2
-    J = jacobian(P, flat)
-    weighted = J * square[:, None, None]
-    normal = np.einsum("ncim,ncjm->mij", J, weighted)
-    right = np.moveaxis(weighted.reshape(-1, 3, flat.shape[1]), 2, 0).swapaxes(1, 2)
-    G = np.moveaxis(np.linalg.solve(normal, right), 0, 2)
-    return G.reshape((3, len(P), 2) + X.shape[1:])

@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import UPPER, checked, jacobian, triangulate
+from thesis_lib.vision.triangulation import UPPER, checked, checked_frames, jacobian, triangulate
 
 LEAST_PX = 1e-3  # noise that is assumed at least: slabs have thin walls
 _BLOCK_VALUES = 8000  # camera × point values per block: intermediate results stay in cache
@@ -55,45 +55,25 @@ _FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # a matrix from its upper t
 
 @dataclass(frozen=True)
 class Posterior:
-    """Means and covariances of points, and whether their pixels agree with each other.
+    """Means and covariances of points, and whether their pixels agree with each other."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (3, ...) or (3, frames, ...)
-        Posterior means in m; NaN where an image is NaN.
-    covariance : ndarray, shape (3, 3, ...) or (3, 3, frames, ...)
-        Posterior covariances in m².
-    evidence : ndarray, shape (...)
-        Logarithm of ∫ ∏ t over the points, in m: what tells one σ from another.
-    feasible : ndarray of bool, shape (...)
-        Whether all coordinates are within their pixels and five σ. Elsewhere, where σ was taken
-        too small or the cameras are not where they are thought to be, points are those of least
-        squares, with its covariance for rounding and σ.
-    """
-
+    #: Posterior means in m, shape (3, ...) or (3, frames, ...); NaN where an image is NaN
     points: Array
-    covariance: Array
+    covariance: Array  #: Posterior covariances in m², shape (3, 3, ...) or (3, 3, frames, ...)
+    #: Logarithm of ∫ ∏ t over the points, in m, shape (...): what tells one σ from another
     evidence: Array
+    #: Whether all coordinates are within their pixels and five σ, shape (...). Elsewhere, where σ
+    #: was taken too small or the cameras are not where they are thought to be, points are those of
+    #: least squares, with its covariance for rounding and σ.
     feasible: Mask
 
 
 def interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Posterior:
     """Posterior means of points whose noisy images were rounded to whole pixels.
 
-    Parameters
-    ----------
-    P : array_like, shape (cameras, 3, 4)
-        Projection matrices.
-    uv : array_like, shape (cameras, 2, ...)
-        Centres of the pixels in px: rounded image coordinates, less the shift of the grid on which
-        they were rounded. NaN in any camera gives NaN.
-    sigma_px : float
-        Standard deviation of every image coordinate before it was rounded, in px.
-
-    Raises
-    ------
-    ValueError
-        If fewer than two cameras are given, the shapes do not match, or σ is negative or no number.
+    Of `P` and `uv` as for :func:`thesis_lib.vision.analytic_centre.analytic_centre`, and the
+    standard deviation `sigma_px` of every image coordinate before it was rounded, in px; a
+    ValueError if that is negative or no number.
     """
     P, uv = checked(P, uv)
     found = joint_interval(P, uv[:, :, None], sigma_px)
@@ -107,9 +87,7 @@ def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Poster
     `uv` is (cameras, 2, frames, ...), such as the pixels at rest and deflected; `points` are then
     (3, frames, ...), `evidence` and `feasible` (...).
     """
-    P, uv = checked(P, uv)
-    if uv.ndim < 3 or uv.shape[2] < 1:
-        raise ValueError(f"uv: given shape {uv.shape}, needs (cameras, 2, frames, ...)")
+    P, uv = checked_frames(P, uv)
     if not 0 <= sigma_px < np.inf:
         raise ValueError(f"sigma_px: given {sigma_px}, allowed: a number from 0, in px")
     n, frames = len(P), uv.shape[2]

@@ -151,8 +151,8 @@ def deflection_variance(
     """
     g_d = _along(gain(P, deflected), normals)
     if rest_is_known:
-        rounded = np.sum(g_d**2, axis=(0, 1)) / 12
-        return np.asarray(rounded + noise_px**2 * np.sum(g_d**2, axis=(0, 1)))
+        squares = np.sum(g_d**2, axis=(0, 1))
+        return np.asarray(squares / 12 + noise_px**2 * squares)
     g_r = _along(gain(P, rest), normals)
     f = noisy_difference_variance(project(P, deflected) - project(P, rest), noise_px)
     rounded = np.sum((g_d - g_r) ** 2 / 12 + g_d * g_r * f, axis=(0, 1))

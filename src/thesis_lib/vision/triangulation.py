@@ -90,6 +90,14 @@ def checked(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
     return P, uv
 
 
+def checked_frames(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
+    """The same for several images of every point."""
+    P, uv = checked(P, uv)
+    if uv.ndim < 3 or uv.shape[2] < 1:
+        raise ValueError(f"uv: given shape {uv.shape}, needs (cameras, 2, frames, ...)")
+    return P, uv
+
+
 def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
     """Derivative of the image coordinates with respect to the world point.
 

@@ -129,21 +129,6 @@ def match(reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float 
     return compared(a, b, low_rate, max_delay)
 
 
-def cross_correlation_delays(
-    signals: Sequence[ArrayLike], rate: float, reference: int = 0, max_delay: float | None = None
-) -> Array:
-    """Delays of all recordings after the reference by cross-correlation, shape (recordings,), s.
-
-    No larger delay is looked for than `max_delay` in s, else than half of the shorter recording.
-    """
-    return np.array(
-        [
-            0.0 if i == reference else match(signals[reference], x, rate, max_delay).delay
-            for i, x in enumerate(signals)
-        ]
-    )
-
-
 def phase_delays(
     signals: Sequence[ArrayLike],
     rate: float,
