@@ -93,23 +93,35 @@ def digest_of(paths: Iterable[Path]) -> str:
 
 def code(path: Path) -> bytes:
     """What of a file can change a result: of Python no comments, docstrings and blank lines."""
+    return path.read_bytes() if path.suffix != ".py" else _read(path, _as_it_is(path))[0]
+
+
+def imports(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """All imports of a Python file, those inside functions included."""
+    return _read(path, _as_it_is(path))[1]
+
+
+def _as_it_is(path: Path) -> tuple[int, ...]:
     now = path.stat()
-    return _code(path, (now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns))
+    return now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns
 
 
 @cache
-def _code(path: Path, _as_it_is: tuple[int, ...]) -> bytes:
-    if path.suffix != ".py":
-        return path.read_bytes()
-    text = path.read_text(encoding="utf-8")
-    lines = _STRING_OR_COMMENT.sub(lambda found: found[1] or "", text).splitlines()
+def _read(
+    path: Path, _as_it_is: tuple[int, ...]
+) -> tuple[bytes, list[ast.Import | ast.ImportFrom]]:
+    """Code and imports of a Python file, which is parsed once for both."""
+    text, found = path.read_text(encoding="utf-8"), []
+    lines = _STRING_OR_COMMENT.sub(lambda one: one[1] or "", text).splitlines()
     for node in statements([ast.parse(text)]):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            found.append(node)
         body = getattr(node, "body", None)
         first = body[0] if isinstance(body, list) and body else None
         if isinstance(first, ast.Expr) and isinstance(getattr(first.value, "value", None), str):
             for row in range(first.lineno - 1, first.end_lineno or first.lineno):
                 lines[row] = ""
-    return "".join(f"{line.rstrip()}\n" for line in lines if line.strip()).encode()
+    return "".join(f"{line.rstrip()}\n" for line in lines if line.strip()).encode(), found
 
 
 def statements(nodes: Iterable[ast.AST]) -> Iterator[ast.AST]:

@@ -10,7 +10,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from thesis_lib.files import shipped, statements
+from thesis_lib.files import imports, shipped, statements
 
 
 def library() -> Path:
@@ -76,10 +76,10 @@ def _imports(file: Path) -> tuple[tuple[str, str, str], ...]:
 @cache
 def _imports_of(file: Path, _as_it_is: tuple[int, ...]) -> tuple[tuple[str, str, str], ...]:
     found = []
-    for node in statements(ast.parse(_source(file)).body):
+    for node in imports(file) if file.suffix == ".py" else _of_notebook(file):
         if isinstance(node, ast.Import):
             found += [(alias.name, "", alias.asname or alias.name) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        else:
             module = node.module or ""
             if node.level:
                 folder = file.parents[node.level - 1]
@@ -95,13 +95,12 @@ def _imports_of(file: Path, _as_it_is: tuple[int, ...]) -> tuple[tuple[str, str,
     return tuple(found)
 
 
-def _source(file: Path) -> bytes:
-    """The Python of a module or, of a notebook, of its cells of code."""
-    if file.suffix != ".ipynb":
-        return file.read_bytes()
+def _of_notebook(file: Path) -> list[ast.Import | ast.ImportFrom]:
+    """The imports in a notebook's cells of code."""
     cells = json.loads(file.read_bytes())["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-    return "\n".join(code).encode()
+    every = statements(ast.parse("\n".join(code)).body)
+    return [node for node in every if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
 def _defining(module: str, name: str, places: tuple[Path, ...]) -> Path | None:
