@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from scenes.equal_pixels import equal_pixels
 from scenes.laboratory import recordings
 from scenes.layouts import layouts
 from scenes.motions import films
@@ -20,6 +21,7 @@ from thesis_lib.figure_sets.claims.compute import judged
 from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.experiment.walk import numbers
+from thesis_lib.figure_sets.lab_equal_pixels import compute as lab_equal_pixels_study
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate_study
@@ -57,6 +59,8 @@ def opened():
             cube = cube_of(request)
         elif name in ("lab-elevation", "lab-layout"):
             cube = lab_layout_study.run(request, layouts(request, sigma=0.02))
+        elif name == "lab-equal-pixels":
+            cube = lab_equal_pixels_study.run(request, equal_pixels(request))
         elif name == "lab-modes":
             cube = lab_modes_study.run(request, films(request, sigma=0.02))
         elif name == "lab-plate":

@@ -81,28 +81,32 @@ def true_view(camera: Camera, markers: Markers) -> View:
     return view_of(camera, markers, lens.undistorted(camera, corners))
 
 
-def seen(rig: Rig) -> list[Seen]:
-    """What every camera sees, rendered and tracked side by side.
+def followed(rig: Rig, index: int, view: View) -> Seen:
+    """What one camera sees, rendered and tracked; `view` is how it is thought to see the structure.
 
-    The structure's corners and the cameras are known; a camera that does not find the markers in
-    its first frame has NaN throughout.
+    All is NaN if it does not find the markers in its first frame.
     """
+    station, markers = rig.stations[index], rig.markers
+    times = times_of(rig, station)
+    truth = true_centres(rig, station, times)
+    centres = np.full_like(truth, np.nan)
+    first = min(part.frequency for part in rig.motion.components)
+    for k, frame in enumerate(frames(rig, index)):
+        image = as_dark(frame, markers)
+        if k == 0:
+            try:
+                tracker = Tracker(sharpen(image, view), 2 * np.pi * first / station.frame_rate)
+            except TrackingError:
+                break
+        centres[k] = tracker.centres(image)
+    return Seen(times, centres, truth)
+
+
+def seen(rig: Rig) -> list[Seen]:
+    """What every camera sees, side by side; the structure's corners and the cameras are known."""
 
     def one(index: int) -> Seen:
-        station, markers = rig.stations[index], rig.markers
-        view, times = true_view(station.camera, markers), times_of(rig, station)
-        truth = true_centres(rig, station, times)
-        centres = np.full_like(truth, np.nan)
-        first = min(part.frequency for part in rig.motion.components)
-        for k, frame in enumerate(frames(rig, index)):
-            image = as_dark(frame, markers)
-            if k == 0:
-                try:
-                    tracker = Tracker(sharpen(image, view), 2 * np.pi * first / station.frame_rate)
-                except TrackingError:
-                    break
-            centres[k] = tracker.centres(image)
-        return Seen(times, centres, truth)
+        return followed(rig, index, true_view(rig.stations[index].camera, rig.markers))
 
     return abreast(one, range(len(rig.stations)))
 

@@ -150,7 +150,7 @@ def check_rates(
 
 
 def check_place(
-    film: Film, extent: tuple[float, float], lift: float, setting: Setting, name: str, given: Any
+    film: Lens, extent: tuple[float, float], lift: float, setting: Setting, name: str, given: Any
 ) -> None:
     """Refuse cameras within the structure's reach, or that do not see all of it.
 

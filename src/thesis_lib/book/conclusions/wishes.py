@@ -31,6 +31,7 @@ def fulfilled(opened: Cubes) -> str:
     plate = "[The plate](motions.md#the-plate)"
     sets = "[The experiment, cameras](executed/experiment-cameras.ipynb)"
     shapes = "[Shapes without symmetry](shapes.md)"
+    equal = "[Many coarse cameras, filmed](equal-pixels.md)"
     own = "[The ledger](executed/claims.ipynb), [own recordings](recordings.md)"
     wishes: tuple[tuple[str, str, str, Callable[[xr.Dataset], str]], ...] = (
         ("other distances (5.3)", "lab-layout", stand, partial(_ends_of, case="distance")),
@@ -38,6 +39,12 @@ def fulfilled(opened: Cubes) -> str:
         ("how low is too low (3.4)", "lab-elevation", stand, _lowest),
         ("other sets of the four cameras (5.3)", "experiment-cameras", sets, _sets),
         ("more than four cameras (5.3)", "lab-layout", stand, _many),
+        (
+            "many coarse cameras for two sharp ones (1.2)",
+            "lab-equal-pixels",
+            equal,
+            _coarse,
+        ),
         ("more than one deflection shape (7.1)", "lab-modes", motions, _higher),
         ("three rows of markers, and torsion (5.3, 7.1)", "lab-modes", motions, _torsion),
         ("the plate, by experiment (7.1)", "lab-plate", plate, partial(_all, quantities=MEAN)),
@@ -96,6 +103,15 @@ def _many(cube: xr.Dataset) -> str:
         f"{len(error)} sets of 2 to {numbers.max()} cameras: {percent_text(few)} % in the median "
         f"of the pairs, {percent_text(many)} % with all"
     )
+
+
+def _coarse(cube: xr.Dataset) -> str:
+    texts = []
+    for case in dict.fromkeys(cube["case"].values.tolist()):
+        last = select(cube, case, 1).isel(setting=-1)
+        low, high = last["ratio_band"].values
+        texts.append(f"{case} ×{float(last['ratio']):.2f} ({low:.2f}–{high:.2f})")
+    return f"{last['n_cameras'].item()} cameras over two at equal pixels: {', '.join(texts)}"
 
 
 def _higher(cube: xr.Dataset) -> str:

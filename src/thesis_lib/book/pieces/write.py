@@ -65,10 +65,11 @@ def write(
 
 def _lab(piece: str, cube: xr.Dataset) -> str:
     """A piece about what is filmed beyond chapter 5."""
+    from thesis_lib.figure_sets.lab_equal_pixels.tables import results
     from thesis_lib.figure_sets.lab_modes.tables import modes_results
     from thesis_lib.figure_sets.lab_plate.tables import plate_results
 
-    made = {"modes_results": modes_results, "plate_results": plate_results}
+    made = {"equal": results, "modes_results": modes_results, "plate_results": plate_results}
     return made[piece](cube)
 
 
@@ -114,6 +115,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "experiment-results": experiment_results,
     "lab-elevation-results": lambda opened: _layout("lab-elevation", opened["lab-elevation"]),
     "lab-layout-results": lambda opened: _layout("lab-layout", opened["lab-layout"]),
+    "lab-equal-pixels-results": lambda opened: _lab("equal", opened["lab-equal-pixels"]),
     "lab-modes-results": lambda opened: _lab("modes_results", opened["lab-modes"]),
     "lab-plate-results": lambda opened: _lab("plate_results", opened["lab-plate"]),
     "sound-results": sound_results,

@@ -1,0 +1,1 @@
+"""Many coarse cameras against few sharp ones, through the laboratory."""

@@ -1,0 +1,215 @@
+"""Equal pixels per second: the rigs, the laws by brute force, and recordings rendered again."""
+
+import numpy as np
+import pytest
+from refused import refusal
+from scenes.equal_pixels import equal_pixels
+
+from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets.lab_equal_pixels import compute, recordings, tables
+from thesis_lib.figure_sets.lab_equal_pixels.parameters import RECORDED
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.measure.calibration.zhang import CalibrationError
+from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.vibration.structure import deflection_shape
+from thesis_lib.vision.pinhole import project
+
+
+def study(**values):
+    return validate("lab-equal-pixels", values)
+
+
+def made(request, **scene):
+    cube = compute.run(request, equal_pixels(request, **scene))
+    return with_provenance(cube, request, 0.0)
+
+
+def of(cube, case):
+    return cube.isel(setting=np.flatnonzero(cube["case"].values == case), mode=0)
+
+
+def test_all_rigs_have_as_many_pixels_per_second():
+    kinds = study().kinds
+    rates = [kind.count * np.prod(kind.size) * kind.frame_rate for kind in kinds.values()]
+    np.testing.assert_allclose(rates, study().kinds["30 mm", 16].frame_rate * 16 * 320 * 180)
+    assert len(study().filmed_kinds) == len(kinds) - 2  # shared by light and frames
+    light = [kinds["light", n] for n in (2, 4, 8, 16)]
+    gathered = [kind.shot_noise / kind.size[0] ** 2 for kind in light]
+    np.testing.assert_allclose(gathered, gathered[0])
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"counts": [1, 2]}, "counts"),
+        ({"counts": []}, "counts"),
+        ({"cases": []}, "cases"),
+        ({"frequency_hz": 14.0}, "frequency_hz"),
+        ({"frequency_hz": 3.0}, "frequency_hz"),
+        ({"duration_s": 0.1, "frequency_hz": 12.0}, "8 frames"),
+        ({"exposure_ms": 2.2}, "exposure_ms"),
+        ({"diameters_mm": [60]}, "diameters_mm"),
+        ({"amplitude_mm": 50}, "amplitude_mm"),
+        ({"distance_mm": 300}, "distance_mm"),
+        ({"distance_mm": 450}, "see the whole structure"),
+        ({"shot_noise": -1}, "shot_noise"),
+        ({"trials": -1}, "trials"),
+    ],
+)
+def test_what_says_nothing_is_refused_in_a_line(values, words):
+    assert words in refusal("lab-equal-pixels", **values)
+
+
+def test_fewer_of_the_kept_recordings_are_not_filmed():
+    assert study(trials=3).recordings == study().recordings
+    assert study(trials=RECORDED + 1).recordings.trials == RECORDED + 1
+    assert study(trials=3, distance_mm=1100).recordings.trials == 3
+
+
+# The laws.
+
+
+def test_by_the_law_of_edges_equal_pixels_cost_the_fourth_root_of_their_number():
+    cube = made(study(trials=2, diameters_mm=[30.0], counts=[2, 4, 8, 16], cases=["pixels"]))
+    part = of(cube, "30 mm")
+    n = part["n_cameras"].values
+    np.testing.assert_allclose(part["predicted_ratio"], (n / 2) ** 0.25, rtol=0.03)
+    np.testing.assert_allclose(part["equal_noise_error"], part["equal_noise_error"][0], rtol=0.03)
+
+
+def test_light_alone_turns_that_round():
+    values = {"read_noise": 0, "shot_noise": 40, "cases": ["light"]}
+    part = of(made(study(trials=2, **values)), "light")
+    np.testing.assert_allclose(
+        part["predicted_ratio"], (part["n_cameras"].values / 2) ** -0.25, rtol=0.03
+    )
+
+
+def test_a_marker_that_bends_shows_less_by_what_its_edge_shows():
+    """Edges projected at rest and deflected, and the shift that fits them by least squares."""
+    request = study(grid=[7, 5], diameters_mm=[40.0], cases=["pixels"])
+    plate, turn = request.plate, np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    edge = 0.02 * np.stack([np.cos(turn), np.sin(turn)])
+    beside = np.concatenate([np.zeros((2, 1)), edge], axis=1)  # the centre first
+    shape = deflection_shape(plate, 1, beside + np.array(plate.extent)[:, None] / 2, 1e-4)
+    rest, lift = np.stack([*beside, 0 * shape]), np.stack([0 * shape, 0 * shape, shape])
+    for setting, kind in zip(request.settings(), request.kinds.values(), strict=True):
+        P = setting.cameras(request.focal_length_mm, request.sensor_width_mm).P
+        still = project(P, rest)
+        shown = []
+        for at, move in zip(still, project(P, rest + lift) - still, strict=True):
+            du, dv = np.roll(at[:, 1:], -1, axis=1) - np.roll(at[:, 1:], 1, axis=1)
+            normal = np.stack([-dv, du]) / np.sqrt(np.hypot(du, dv))  # times the root of dl
+            seen = np.sum(normal * move[:, 1:], axis=0)
+            shown.append(np.linalg.lstsq(normal.T, seen, rcond=None)[0][1] / move[1, 0])
+        assert 1 - np.mean(shown) == pytest.approx(compute.marker_loss(request, kind), rel=0.02)
+
+
+def test_errors_of_known_size_come_out():
+    request = study(trials=400, cases=["pixels"], diameters_mm=[12.0])
+    part = of(made(request, sigma=lambda kind: 1e-6 * kind.count, common=3e-6), "12 mm")
+    n, percent = part["n_cameras"].values, 100 / part["reference_deflection"].values.max()
+    np.testing.assert_allclose(part["noise_error"], percent * 1e-6 * n, rtol=1e-4)
+    np.testing.assert_allclose(part["common_error"], percent * 3e-6, rtol=0.1)
+    truth = percent * 1e-6 * np.sqrt(n**2 + 9.0)
+    np.testing.assert_allclose(part["rms_error"], truth, rtol=0.03)
+    np.testing.assert_allclose(part["pose_error"], part["noise_error"] / 10, rtol=1e-3)
+    low, high = part["rms_band"].values.T
+    assert (low < part["rms_error"]).all()
+    assert (high > part["rms_error"]).all()
+
+
+def test_bands_of_ratios_hold_the_truth_as_often_as_they_say():
+    inside = []
+    for seed in range(40):
+        request = study(trials=20, cases=["pixels"], diameters_mm=[12.0], counts=[2, 16])
+        data = equal_pixels(request, sigma=lambda kind: 1e-6 * kind.count, seed=seed)
+        errors = {
+            kind: compute._errors(request, kind, data.isel(rig=i), _shape(request))
+            for i, kind in enumerate(request.filmed_kinds)
+        }
+        few, many = (compute._resampled(each, k) for k, each in enumerate(errors.values()))
+        low, high = np.quantile(many / few, compute.BAND)
+        inside.append(low < 8 < high)
+    assert 0.72 < np.mean(inside) <= 1
+
+
+def _shape(request):
+    return deflection_shape(request.plate, 1, request.plate.markers, request.amplitude_mm / 1000)
+
+
+def test_the_verdict_follows_the_bands():
+    cube = made(study(trials=4, cases=["pixels"], diameters_mm=[12.0]))
+
+    def verdict(low, high):
+        band = cube["ratio_band"].copy(data=np.full(cube["ratio_band"].shape, [low, high]))
+        return tables.results(cube.assign(ratio_band=band)).splitlines()[2].split("|")[-2].strip()
+
+    assert verdict(1.2, 1.5) == "worse"
+    assert verdict(0.5, 0.8) == "better"
+    assert verdict(0.95, 1.05) == "as good"
+    assert verdict(0.95, 1.3) == "not told apart"
+
+
+# Recordings.
+
+
+def test_a_recording_is_measured_as_well_as_its_scatter_says():
+    request = study(trials=0, counts=[2], width_px=480, cases=["pixels"], diameters_mm=[30.0])
+    kind = request.filmed_kinds[0]
+    data = recordings.measured(request, kind, 0)
+    error = compute._errors(request, kind, data.expand_dims("trial"), _shape(request))[0]
+    scatter = 100 * data["deviation"].values / _shape(request).max()
+    assert 0.5 < np.sqrt(np.mean(error**2) / np.mean(scatter**2)) < 2
+    assert data["missing"] == 0
+    assert data["place_error"] < 1e-3
+    assert data["board_views"] > 0.8
+
+
+def test_cameras_that_find_no_board_have_no_result(monkeypatch):
+    def none(_):
+        raise CalibrationError("no board")
+
+    monkeypatch.setattr(recordings, "calibrated", none)
+    request = study(trials=0, counts=[2], cases=["pixels"], diameters_mm=[30.0])
+    data = recordings.measured(request, request.filmed_kinds[0], 0)
+    assert all(np.isnan(values).all() for values in data.data_vars.values())
+    cube = compute.run(request, data.expand_dims({"rig": 1, "trial": 1}))
+    assert cube["failed"] == 1
+    assert "nan" not in tables.recordings_table(with_provenance(cube, request, 0.0)).data
+
+
+def test_a_run_that_was_stopped_goes_on(monkeypatch, tmp_path):
+    request = study(trials=1, counts=[2, 4], cases=["pixels"], diameters_mm=[12.0]).recordings
+    monkeypatch.setattr(recordings, "workplace", lambda: tmp_path)
+    whole, asked = equal_pixels(request), []
+
+    def measured(film, kind, recording):
+        asked.append((kind, recording))
+        if len(asked) == 3:
+            raise KeyboardInterrupt
+        return whole.isel(rig=film.filmed_kinds.index(kind), trial=recording)
+
+    monkeypatch.setattr(recordings, "measured", measured)
+    with pytest.raises(KeyboardInterrupt):
+        recordings.run(request)
+    before = len(asked)
+    data = recordings.run(request)
+    assert len(asked) < before + 4
+    np.testing.assert_allclose(data["deflection"], whole["deflection"], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_recording_rendered_now_is_the_one_that_was_kept():
+    """One of those that are data, another in each run."""
+    (kept,) = recorded.behind(study())
+    data, film = recorded.measured(kept), kept.request
+    draw = np.random.default_rng()
+    rig, trial = int(draw.integers(data.sizes["rig"])), int(draw.integers(data.sizes["trial"]))
+    own = data.isel(rig=rig, trial=trial)
+    now = recordings.measured(film, film.filmed_kinds[rig], trial)
+    for name in ("deflection", "known_deflection"):
+        off = np.abs(now[name] - own[name]) / own["deviation"].mean()
+        assert float(off.max()) < 0.1, (rig, trial, name)
+    for name in ("missing", "board_views"):
+        np.testing.assert_allclose(now[name], own[name], atol=0.01, err_msg=f"{rig}, {trial}")
