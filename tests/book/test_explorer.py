@@ -350,10 +350,10 @@ def test_dragging_stays_fluid(chromium: Browser, path: Path, query: str) -> None
       return 60e3 / (performance.now() - start); }"""
     with open_offline(chromium, path, query=query, height=800) as opened:
         state(opened)
-        rates = [opened.page.evaluate(script) for _ in range(3)]
-        print(query, [round(rate, 1) for rate in rates])
         wanted = 30 if "beam" in query else 15
-        assert max(rates) >= wanted / max(1, os.getloadavg()[0] / (os.cpu_count() or 1))
+        wanted /= max(1, os.getloadavg()[0] / (os.cpu_count() or 1))
+        rates = (opened.page.evaluate(script) for _ in range(3))  # at most
+        assert any(rate >= wanted for rate in rates)
         assert opened.trouble == []
 
 
@@ -766,7 +766,7 @@ def test_a_notebook_keeps_its_address_in_the_widget(chromium: Browser, path: Pat
       const el = document.createElement('div');
       document.body.replaceChildren(el);
       const close = widget.default.render({ model, el }), wait = () =>
-        new Promise(done => setTimeout(done, 700));
+        new Promise(done => setTimeout(done, 450));
       const { explorer } = el.querySelector('.tl-explorer');
       await wait();
       found.push(values.address);

@@ -353,16 +353,18 @@ def short(tmp_path_factory, checkout):
             ["-p", "distance_mms", "500"],
             "ParameterError: beam-distance: no parameter distance_mms (did you mean distances_mm?)",
         ),
-        (
+        pytest.param(
             "beam-distance",
             ["-p", "elevation_deg", "91"],
             "ParameterError: beam-distance: elevation_deg: given 91, "
             "allowed: a number above 0, at most 90, in °",
+            marks=pytest.mark.slow,
         ),
-        (
+        pytest.param(
             "beam-arrays",
             ["-y", "{layouts: {mine: [[[10, 20]]]}}"],
             'ParameterError: beam-arrays: layouts["mine"][0]: given [[10, 20]], allowed: ',
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["misspelt", "out of bounds", "one camera"],
