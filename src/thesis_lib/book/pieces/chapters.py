@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces.opened import Opened
+from thesis_lib.book.pieces.opened import Opened, of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound_sum import heard
 from thesis_lib.figure_sets.registry import STUDIES
@@ -24,7 +24,7 @@ from thesis_lib.web.markdown import columns, table
 def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
     if isinstance(opened, Opened):
         opened.wanted |= {name for name in opened.without if STUDIES[name].subject == subject}
-    return [cube for name, cube in opened.items() if STUDIES[name].subject == subject]
+    return of_subject(opened, subject)
 
 
 def beam_results(opened: dict[str, xr.Dataset]) -> str:

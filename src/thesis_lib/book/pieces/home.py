@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from thesis_lib.arrays import Array
 from thesis_lib.book.conclusions.knobs import KNOBS
 from thesis_lib.book.conclusions.pixels import equal_pixels
 from thesis_lib.book.conclusions.strengths import Strength, strengths
-from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.book.pieces.opened import of_subject
 from thesis_lib.ledger.cube import from_cube
 
 HELD = ("agrees", "within scatter", "no material change")
@@ -21,7 +22,8 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
     closer, finer, more, wider = (
         _by_group(opened, name) for name in ("closer", "finer", "more", "wider")
     )
-    ratios = [ratio for subject in ("beam", "plate") for ratio in _over_law(opened, subject)]
+    cubes = [cube for subject in ("beam", "plate") for cube in of_subject(opened, subject)]
+    ratios = np.concatenate([_over_rms(cube) for cube in cubes])
     pair = float(np.median([one.ratio for one in equal_pixels()]))
     shape, sound = (
         float(opened["sound-arrays"][name].isel(trial=slice(1, None)).median())
@@ -33,7 +35,7 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
         f"{met['differs']} differ ({{doc}}`the ledger <executed/claims>`).",
         f"**It can be foretold.** [The law of rounding](law-of-rounding), without any simulation, "
         f"gives the error of all {len(ratios)} settings of beam and plate to within "
-        f"{100 * max(np.abs(np.array(ratios) - 1)):.0f} %.",
+        f"{100 * max(np.abs(ratios - 1)):.0f} %.",
         "**Nearer and finer count in proportion, wider hardly.** For the beam a third of the "
         f"distance leaves {_times(closer['beam'])} of the error, six times the pixels across leave "
         f"{_times(finer['beam'])}, a pair opened tenfold leaves {_times(wider['beam'])} "
@@ -56,16 +58,10 @@ def _times(one: Strength) -> str:
     return f"{float(np.median(one.factors)):.2f}"
 
 
-def _over_law(opened: dict[str, xr.Dataset], subject: str) -> list[float]:
+def _over_rms(cube: xr.Dataset) -> Array:
     """Law over the trials' rms of every setting and mode."""
-    cubes = [cube for name, cube in opened.items() if STUDIES[name].subject == subject]
-    return [
-        float(ratio)
-        for cube in cubes
-        for ratio in (
-            cube["predicted_error"] / np.sqrt((cube["mean_error"][..., 1:] ** 2).mean("trial"))
-        ).values.ravel()
-    ]
+    rms = np.sqrt((cube["mean_error"][..., 1:] ** 2).mean("trial"))
+    return np.asarray((cube["predicted_error"] / rms).values.ravel())
 
 
 PIECES = {"home-findings": findings}

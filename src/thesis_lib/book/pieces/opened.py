@@ -6,6 +6,13 @@ from collections.abc import Iterable, Mapping
 
 import xarray as xr
 
+from thesis_lib.figure_sets.registry import STUDIES
+
+
+def of_subject(opened: Mapping[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
+    """The cubes of a subject, such as ``beam``."""
+    return [cube for name, cube in opened.items() if STUDIES[name].subject == subject]
+
 
 class Opened(dict[str, xr.Dataset]):
     """Cubes by name, which remember the missing ones that a piece would have used."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from thesis_lib.book.pieces.opened import of_subject
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.rounding import deflection_variance, difference_variance
@@ -50,7 +50,7 @@ def scatter(opened: dict[str, xr.Dataset]) -> str:
     """How far the trials' errors of beam and plate lie from the law."""
     rows = []
     for subject in ("beam", "plate"):
-        cubes = [cube for name, cube in opened.items() if STUDIES[name].subject == subject]
+        cubes = of_subject(opened, subject)
         if not cubes:  # of another chapter's book
             continue
         ratios = [(c["mean_error"][..., 1:] / c["predicted_error"]).values.ravel() for c in cubes]
