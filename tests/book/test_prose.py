@@ -1,6 +1,7 @@
 """The numbers in the book's prose are those of the cubes."""
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -81,6 +82,12 @@ def opened():
     return made
 
 
+@pytest.fixture(scope="module")
+def text(opened):
+    """Of a piece by its name, made once."""
+    return cache(lambda name: pieces_write.PIECES[name](opened))
+
+
 def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     book = files.project_root() / "book"
     pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
@@ -96,16 +103,14 @@ LONG = {"shapes-convergence"}  # computes meshes
     "name",
     [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in pieces_write.PIECES],
 )
-def test_piece_is_a_table_without_gaps(opened, name):
-    text = pieces_write.PIECES[name](opened)
-    rows = [line for line in text.splitlines() if line.startswith(("|", "* "))]
+def test_piece_is_a_table_without_gaps(text, name):
+    rows = [line for line in text(name).splitlines() if line.startswith(("|", "* "))]
     assert len(rows) > 3
-    assert "nan" not in text.lower()
+    assert "nan" not in text(name).lower()
 
 
-def test_agreement_counts_the_checks(opened):
-    text = pieces_write.PIECES["beam-results"](opened)
-    (met, total) = map(int, re.search(r"\*\*(\d+) of (\d+)\*\*", text).groups())
+def test_agreement_counts_the_checks(opened, text):
+    (met, total) = map(int, re.search(r"\*\*(\d+) of (\d+)\*\*", text("beam-results")).groups())
     checks = [
         check
         for name, cube in opened.items()
@@ -116,17 +121,14 @@ def test_agreement_counts_the_checks(opened):
     assert (met, total) == (sum(check.inside for check in checks), len(checks))
 
 
-def test_a_doctored_cube_changes_the_prose(opened):
+def test_a_doctored_cube_changes_the_prose(opened, text):
     cube = opened["plate-distance"]
     doctored = {**opened, "plate-distance": cube.assign(mean_error=10 * cube["mean_error"])}
-    assert pieces_write.PIECES["plate-results"](doctored) != pieces_write.PIECES["plate-results"](
-        opened
-    )
+    assert pieces_write.PIECES["plate-results"](doctored) != text("plate-results")
 
 
-def test_field_error_falls_like_the_root_of_the_number_of_markers(opened):
-    text = pieces_write.PIECES["sound-markers"](opened)
-    (exponent,) = map(float, re.findall(r"exponent of M is (-\d\.\d+)", text))
+def test_field_error_falls_like_the_root_of_the_number_of_markers(text):
+    (exponent,) = map(float, re.findall(r"exponent of M is (-\d\.\d+)", text("sound-markers")))
     assert -0.55 < exponent < -0.45
 
 
