@@ -171,6 +171,7 @@ OF_CUBES: dict[str, tuple[str, Draw]] = {
     "layouts-elevation.svg": ("lab-elevation", leaps),
     "layouts-far.svg": ("lab-layout", far_and_wide),
     "layouts-sets.svg": ("lab-layout", partial(display.figure, case="subsets", mode=1)),
+    "equal-pixels.svg": ("lab-equal-pixels", partial(_picture, "claim")),
     "motions-ways.svg": ("lab-modes", ways),
     "motions-aliases.svg": ("lab-modes", partial(_picture, "aliases", 2)),
     "motions-plate.svg": ("lab-plate", own_errors),
