@@ -16,7 +16,7 @@ from thesis_lib.book import publish as publishing
 from thesis_lib.book import site as book
 from thesis_lib.book.conclusions import figure as conclusions_figure
 from thesis_lib.book.conformance import report as conformance
-from thesis_lib.book.pieces import assumptions, illustrations, sketches, thesis_index
+from thesis_lib.book.pieces import assumptions, illustrations, shown, sketches, thesis_index
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
@@ -151,8 +151,9 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
     """The steps that make what the pages include."""
     executed = plan.executed
     costs = [effort.published_path()] if plan.publish or effort.published_path().is_file() else []
-    shown = (benchmark_tables.published_path(), times.published_path())
-    costs += [path for path in shown if path.is_file()]
+    read = (benchmark_tables.published_path(), times.published_path())
+    costs += [path for path in read if path.is_file()]
+    figures, notebooks = shown.names(plan.pages), [job.notebook for job in plan.jobs]
     numbers = [name for name in pieces_write.PIECES if plan.includes(f"{name}.md")]
     drawn = [name for name in illustrations.NAMES if plan.includes(name)]
     published = sorted((plan.root / "data" / "published").glob("*.csv"))
@@ -180,6 +181,14 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             [*made, *costs],
             texts(numbers),
             30 * plan.share,
+        ),
+        step(
+            "figures in chapters",
+            lambda: shown.write(figures, notebooks, executed),
+            [shown],
+            [*plan.pages, *notebooks],
+            [f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
+            2,
         ),
         step("sketches", lambda: sketches.write(executed), [sketches], [], sketches.NAMES, 2),
         step(

@@ -1,0 +1,62 @@
+"""Figures of the executed notebooks, shown again in the chapters that argue with them.
+
+A page that includes ``executed/fig-NAME.md`` shows the figure of that name, with its caption and
+its words for those who cannot see it, and a link to where its numbers are.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from thesis_lib import files
+from thesis_lib.book.missing import write_placeholder
+
+_INCLUDED = re.compile(r"executed/(fig-[\w-]+)\.md")
+
+
+def names(pages: Iterable[Path]) -> list[str]:
+    """Names of the figures that `pages` show."""
+    texts = (page.read_text(encoding="utf-8") for page in pages if page.suffix == ".md")
+    return sorted({name for text in texts for name in _INCLUDED.findall(text)})
+
+
+def write(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> None:
+    """Write each wanted figure into `folder`: its picture, and what a page includes."""
+    found = {name: one for notebook in notebooks for name, one in _figures(notebook)}
+    for name in wanted:
+        picture, words = folder / f"{name}.svg", folder / f"{name}.md"
+        if name in found:
+            files.whole_text(picture, found[name]["picture"])
+            files.whole_text(words, _block(name, found[name]))
+        else:  # its set is of another chapter, or was run without this mode
+            write_placeholder(picture, name)
+            write_placeholder(words, name)
+
+
+def _figures(notebook: Path) -> Iterator[tuple[str, dict[str, str]]]:
+    for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]:
+        about = cell["metadata"].get("mystnb", {})
+        pictures = [
+            "".join(output["data"]["image/svg+xml"])
+            for output in cell.get("outputs", [])
+            if "image/svg+xml" in output.get("data", {})
+        ]
+        if "figure" in about and pictures:
+            yield about["figure"]["name"], _one(about, pictures[0])
+
+
+def _one(about: Mapping[str, Any], picture: str) -> dict[str, str]:
+    alt = about.get("image", {}).get("alt", "")
+    return {"picture": picture, "alt": alt, "caption": about["figure"]["caption"]}
+
+
+def _block(name: str, figure: Mapping[str, str]) -> str:
+    return (
+        f"```{{figure}} executed/{name}.svg\n:name: shown-{name}\n:width: 100%\n"
+        f":alt: {' '.join(figure['alt'].split())}\n\n"
+        f"{figure['caption']} {{ref}}`Data and settings <{name}>`.\n```\n"
+    )
