@@ -12,7 +12,7 @@ from thesis_lib import files
 from thesis_lib.book import missing
 from thesis_lib.book.conclusions import tables as conclusions_tables
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
-from thesis_lib.book.pieces import home, rounding
+from thesis_lib.book.pieces import home, results, rounding
 from thesis_lib.book.pieces.chapters import (
     beam_results,
     experiment_results,
@@ -108,6 +108,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "planner-parameters": lambda _: parameter_table(PlanRequest, ["cube"]),
     **home.PIECES,
     **rounding.PIECES,
+    **results.PIECES,
     "beam-model": lambda _: structure_model(setups.beam(), "mm", 1e3),
     "beam-results": beam_results,
     "plate-model": lambda _: structure_model(setups.plate(), "nm", 1e9),

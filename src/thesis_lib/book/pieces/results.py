@@ -1,0 +1,110 @@
+"""What chapters close with: two or three sentences of result, with numbers from the cubes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.arrays import Array
+from thesis_lib.book.conclusions.knobs import KNOBS
+from thesis_lib.book.conclusions.strengths import Strength, strengths
+from thesis_lib.plotting.selection import select, stated
+from thesis_lib.studies.cubes import percent_text
+from thesis_lib.web.markdown import columns
+
+Cubes = Mapping[str, xr.Dataset]
+GROUPS = ("beam", "plate", "sound")
+_ADVICE = {
+    "closer": "closer",
+    "wider": "farther apart",
+    "lower": "lower",
+    "finer": "finer pixels",
+    "more": "more cameras",
+}
+
+
+def laboratory(opened: Cubes) -> str:
+    """The thesis's chain and the best one, with all cameras and pixels."""
+    cube = opened["experiment-resolution"]
+    thesis, best = (
+        _median(select(cube, method, 1).isel(setting=-1)["mean_error"])
+        for method in ("matched", "harmonic")
+    )
+    claim = stated(cube, "matched", 1)[-1]
+    said = f"; the thesis states {claim.stated} of its own" if claim else ""
+    return (
+        "With four cameras the thesis's chain measures the rendered beam to "
+        f"{percent_text(thesis)} % (median{said}). Fitted centres, true times and all frames leave {percent_text(best)} "
+        "%. First the template limits the chain, then the clocks; pixels and "
+        "cameras count only once both are mended.\n"
+    )
+
+
+def sound(opened: Cubes) -> str:
+    """Shape against sound, and what turning two cameras does."""
+    arrays, turned = opened["sound-arrays"], opened["sound-aperture"]["turned_coherence"]
+    shape, field = (_median(arrays[name]) for name in ("deflection_error", "plane_error"))
+    square, askew = (float(turned.isel(turn=i).median()) for i in (0, -1))
+    return (
+        f"Arrays of cameras that measure the plate's shape to {percent_text(shape)} % know its "
+        f"sound to {percent_text(field)} % (medians), because errors of many markers average out. "
+        f"They do not where cameras stand square to the plate: two such cameras make {square:.1f} "
+        f"times the error of independent markers, and {askew:.1f} times once turned by "
+        f"{float(turned.turn[-1]):g}°. The "
+        "thesis saw no trend because one run is one draw; in expectation nearer, lower, finer and "
+        "more help the sound as they help the shape.\n"
+    )
+
+
+def shapes(opened: Cubes) -> str:
+    """How far the two shapes are from the rectangle."""
+    whole = _rms(opened["plate-arrays"])
+    ratios = [
+        float(ratio)
+        for name in ("shape-l", "shape-holes")
+        for ratio in np.median(_rms(opened[name]) / whole, axis=0)
+    ]
+    return (
+        "The same cameras measure the L and the plate with holes to "
+        f"{min(ratios):.2f} to {max(ratios):.2f} times the rectangle's error, by mode. The law of "
+        "rounding foretells which. Symmetry changes only how far a single run, with all pixel "
+        "grids in line, may lie from the expectation.\n"
+    )
+
+
+def conclusions(opened: Cubes) -> str:
+    """The five pieces of advice, in one table: what they bring, and whether they hold."""
+    rows = []
+    for name, words in _ADVICE.items():
+        by = {one.group: one for one in strengths(opened, KNOBS[name])}
+        cells = {group: _held(by[group]) for group in GROUPS if group in by}
+        rows.append({"advice": words} | cells)
+    return columns(rows) + (
+        "\nError at the good end of the range over that at the bad end, in simulation: median "
+        "over cases, modes and planes; in brackets, in how many of them the advice holds.\n"
+    )
+
+
+def _held(one: Strength) -> str:
+    return f"×{np.median(one.factors):.2f} ({one.confident} of {len(one.factors)})"
+
+
+def _median(errors: xr.DataArray) -> float:
+    """Median over the random trials, and all else."""
+    return float(errors.isel(trial=slice(1, None)).median())
+
+
+def _rms(cube: xr.Dataset) -> Array:
+    """Rms error over the random trials, shape (settings, modes)."""
+    squared = cube["mean_error"].isel(trial=slice(1, None)) ** 2
+    return np.asarray(np.sqrt(squared.mean("trial")).transpose("setting", "mode"))
+
+
+PIECES: dict[str, Callable[[Cubes], str]] = {
+    "laboratory-result": laboratory,
+    "sound-result": sound,
+    "shapes-result": shapes,
+    "conclusions-result": conclusions,
+}
