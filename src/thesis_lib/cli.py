@@ -200,7 +200,7 @@ def _parameter_lines(rows: Sequence[dict[str, str]]) -> list[str]:
 @cli.command()
 @click.argument("chapter", required=False)
 @click.option("--publish", is_flag=True, help="Make these results the published ones.")
-@click.option("--from-nothing", is_flag=True, help="Film and run everything anew.")
+@click.option("--from-nothing", is_flag=True, help="Render recordings and run everything anew.")
 def book(chapter: str | None, publish: bool, from_nothing: bool) -> None:
     """Run what is stale, render the book, say where to open it.
 
@@ -228,7 +228,7 @@ def book(chapter: str | None, publish: bool, from_nothing: bool) -> None:
 
 @cli.command()
 def record() -> None:
-    """Film the laboratory's recordings anew, and make what is measured the data of its figure sets.
+    """Render the recordings anew, and make what is measured on them the data of figure sets.
 
     Its results are computed from data/recordings, which are taken as they are while the code that
     made them is the same. Takes a quarter of an hour.

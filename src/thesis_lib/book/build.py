@@ -235,6 +235,8 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             1,
         ),
     ]
+    if not figures:
+        steps = [one for one in steps if one.name != plan.step("figures in chapters")]
     return [one for one in steps if not one.makes or any(plan.includes(p.name) for p in one.makes)]
 
 

@@ -75,7 +75,7 @@ class FigureSet(Product):
 def filmed(package: str, **how: Any) -> FigureSet:
     """A figure set that is computed from recordings; `how` is the rest of :class:`FigureSet`.
 
-    The module ``recordings`` of its package films what the request's own ``recordings`` asks for,
+    The module ``recordings`` of its package renders what the request's own ``recordings`` asks for,
     and ``compute`` takes that as `data`.
     """
     recordings = Product(module=f"{package}.recordings", recorded=True)

@@ -1,4 +1,4 @@
-"""Recordings of the laboratory: filmed and measured once, and from then on data.
+"""Recordings of the laboratory: rendered and measured once, and from then on data.
 
 To film chapter 5 and to follow all markers takes a quarter of an hour. What was measured, image
 coordinates to :data:`STEP`, is in ``data/recordings``, beside each file the digests of itself and
@@ -79,13 +79,13 @@ def every() -> list[Recordings]:
 
 
 def measured(of: Recordings) -> xr.Dataset:
-    """What was measured on recordings: from the data, the cache, or filmed now."""
+    """What was measured on recordings: from the data, the cache, or rendered now."""
     data = _kept(of)
     return cached(of.request, partial(_filmed, of.film), of.made_from) if data is None else data
 
 
 def record(of: Recordings) -> Path:
-    """Film recordings now and make what is measured on them the data."""
+    """Render recordings now and make what is measured on them the data."""
     seconds = effort.stopwatch()
     made = _filmed(of.film, of.request)
     made = with_provenance(made, of.request, seconds())
@@ -124,6 +124,6 @@ def _kept(of: Recordings) -> xr.Dataset | None:
     if not problem and record.made_from != of.made_from:
         problem = f"{of.path} was measured by other code"
     if problem:
-        aside(f"{problem}; it is filmed anew, which takes minutes")
+        aside(f"{problem}; it is rendered anew, which takes minutes")
         return None
     return opened(of.path)

@@ -1,4 +1,4 @@
-"""How things are filmed beyond chapter 5: parameters that recordings share, and what is refused.
+"""How things are rendered beyond chapter 5: parameters that recordings share, and what is refused.
 
 A request is refused where its result would say nothing: an alias that no fit can use, a frame that
 lasts nearly a period, a motion that looks as large as the way to the next marker, a structure that
@@ -51,7 +51,7 @@ IN_VIEW = (
 
 
 class Film(Fields):
-    """Parameters of how anything is filmed; recordings add frame rates, modes and amplitudes."""
+    """Parameters of how anything is rendered; recordings add frame rates, modes and amplitudes."""
 
     focal_length_mm: FocalLength = READING["focal_length_mm"]
     sensor_width_mm: SensorWidth = READING["sensor_width_mm"]
@@ -67,7 +67,7 @@ class LabStudy(Study):
 
     subject = "lab"
     section = "section 5.3"
-    first = "as filmed"
+    first = "as rendered"
     predicts = "noise of the centres"
 
     trials: Runs = field(200, "further runs, with starts and centre noise drawn at random")

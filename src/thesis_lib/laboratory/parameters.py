@@ -31,7 +31,7 @@ RIG = setups.table("experiment", "rig") | reading("experiment")
 
 
 class Rig(Fields):
-    """Parameters of what is filmed, and with what."""
+    """Parameters of what is rendered, and with what."""
 
     focal_length_mm: FocalLength = RIG["focal_length_mm"]
     sensor_width_mm: SensorWidth = RIG["sensor_width_mm"]

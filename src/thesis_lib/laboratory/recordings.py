@@ -1,4 +1,4 @@
-"""Recordings of fast vibrations: rigs that the parameters describe, filmed and tracked at once.
+"""Recordings of fast vibrations: rigs that the parameters describe, rendered and tracked at once.
 
 Each camera is at rest for a few frames and then, after half a period that no frame needs, films
 the steady vibration. A real structure takes its time to get there; frames before that are useless.
@@ -37,7 +37,7 @@ def sensor(film: Film) -> Sensor:
 
 
 def film_seed(seed: int, *what: object) -> int:
-    """A seed of its own for what is filmed, whatever else is filmed."""
+    """A seed of its own for what is rendered, whatever else is."""
     text = repr((seed, *what)).encode()
     return int.from_bytes(hashlib.sha256(text).digest()[:6], "big")
 
@@ -69,7 +69,7 @@ def film_rig(
     components: tuple[Component, ...],
     seed: int,
 ) -> Rig:
-    """A rig that films a structure so many frames per second, from some directions."""
+    """A rig that renders a structure so many frames per second, from some directions."""
     return default_rig(
         structure,  # type: ignore[arg-type]
         directions,

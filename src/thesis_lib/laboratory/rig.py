@@ -1,4 +1,4 @@
-"""The rendered laboratory: what the cameras of chapter 5 would have filmed, with known truth.
+"""The rendered laboratory: what the cameras of chapter 5 would have recorded, with known truth.
 
 World time counts from before the first camera starts. Every camera starts when it likes, its clock
 counts from there, and frame k is exposed around k / frame rate on that clock.
@@ -29,7 +29,7 @@ HEADROOM = 0.5  # largest force on the audio track over full scale
 
 @dataclass(frozen=True)
 class Station:
-    """A camera, what its sensor does, how fast it films, and when it starts."""
+    """A camera, what its sensor does, how fast it takes frames, and when it starts."""
 
     camera: Camera  #: Optics and pose
     sensor: Sensor  #: Exposure, spread, noise, grey levels
@@ -39,7 +39,7 @@ class Station:
 
 @dataclass(frozen=True)
 class Rig:
-    """All that is filmed and heard."""
+    """All that is seen and heard."""
 
     stations: tuple[Station, ...]  #: The cameras
     markers: Markers  #: The beam and what is printed on it

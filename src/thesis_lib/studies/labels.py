@@ -92,7 +92,7 @@ def camera_places(settings: list[Setting]) -> dict[str, Any]:
 
 
 def filmed(coords: dict[str, Any], hertz: Sequence[float], drawn: str) -> dict[str, Any]:
-    """Coordinates of modes that were filmed at these frequencies; words tell what trials draw."""
+    """Coordinates of modes that were rendered at these frequencies; words tell what trials draw."""
     words = {"long_name": "frequency of the vibration", "units": "Hz"}
     coords["frequency"] = ("mode", np.array(hertz), words)
     coords["trial"][2]["long_name"] = drawn

@@ -150,7 +150,7 @@ def pair_noise_error(
     elevation: ArrayLike,
     sigma_px: float = MOTION_PX,
 ) -> Array:
-    """The same for independent noise, alike in all coordinates, as in filmed recordings.
+    """The same for independent noise, alike in all coordinates, as in recordings.
 
     R σ / (f √2) · √(1 + tan²φ / sin²(α/2)); for opposite cameras R σ / (f √2 cos φ), as for
     rounding.

@@ -85,7 +85,7 @@ def _panel(axes: Axes, found: Sequence[Curve]) -> None:
         axes.plot(
             alike[0].values,
             mean,
-            "--" if "filmed" in group else "-",
+            "--" if "rendered" in group else "-",
             color=_color(group),
             linewidth=1.2,
             marker=".",
@@ -109,7 +109,7 @@ def _color(group: str) -> str:
 def _legend() -> list[Line2D]:
     lines = [Line2D([], [], color=color, label=name) for name, color in GROUPS.items()]
     grey = "#555555"
-    filmed = Line2D([], [], color=grey, linestyle="--", label="filmed in the laboratory")
+    rendered = Line2D([], [], color=grey, linestyle="--", label="rendered recordings")
     stated = Line2D(
         [],
         [],
@@ -120,7 +120,7 @@ def _legend() -> list[Line2D]:
         markerfacecolor="none",
         label="thesis",
     )
-    return [*lines, filmed, stated]
+    return [*lines, rendered, stated]
 
 
 def write(made: Sequence[Path], folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""What can be turned to make errors smaller, and where it is simulated or filmed."""
+"""What can be turned to make errors smaller, and where it is simulated or rendered."""
 
 from __future__ import annotations
 
@@ -42,38 +42,38 @@ def _simulated(study: str, *cases: str) -> tuple[Source, ...]:
     )
 
 
-def _filmed_plate(case: str) -> tuple[Source, ...]:
+def _rendered_plate(case: str) -> tuple[Source, ...]:
     return (
-        ("plate, filmed", "lab-plate", (case,), MEAN),
-        ("sound, filmed", "lab-plate", (case,), PLANES),
+        ("plate, rendered", "lab-plate", (case,), MEAN),
+        ("sound, rendered", "lab-plate", (case,), PLANES),
     )
 
 
 KNOBS: dict[str, Knob] = {
     "closer": Knob(
         "distance, mm", "d", -1,
-        (*_simulated("distance"), ("beam, filmed", "lab-layout", ("distance",), MEAN),
-         *_filmed_plate("distance")),
+        (*_simulated("distance"), ("beam, rendered", "lab-layout", ("distance",), MEAN),
+         *_rendered_plate("distance")),
     ),
     "wider": Knob(
         "aperture, °", "α", 1,
-        (*_simulated("aperture", "2a", "2c"), ("beam, filmed", "lab-layout", ("aperture",), MEAN),
-         *_filmed_plate("aperture")),
+        (*_simulated("aperture", "2a", "2c"), ("beam, rendered", "lab-layout", ("aperture",), MEAN),
+         *_rendered_plate("aperture")),
     ),
     "lower": Knob(
         "elevation, °", "cos φ", -1,
         (*_simulated("aperture", "2b", "2d"),
-         ("beam, filmed", "lab-elevation", ("three-rows",), MEAN), *_filmed_plate("elevation")),
+         ("beam, rendered", "lab-elevation", ("three-rows",), MEAN), *_rendered_plate("elevation")),
         _cosine,
     ),
     "finer": Knob(
         "width of the sensor, px", "W", 1,
         (*_simulated("resolution"), ("experiment", "experiment-resolution", ("matched",), MEAN),
-         *_filmed_plate("resolution")),
+         *_rendered_plate("resolution")),
     ),
     "more": Knob(
         "number of cameras", "N", 1,
         (*_simulated("arrays"), ("experiment", "experiment-cameras", ("matched",), MEAN),
-         *_filmed_plate("cameras")),
+         *_rendered_plate("cameras")),
     ),
 }  # fmt: skip

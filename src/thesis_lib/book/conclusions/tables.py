@@ -101,7 +101,7 @@ def _optimum(opened: Cubes) -> str:
     low = int(np.flatnonzero(np.isfinite(error))[0])
     lost = " and ".join(f"{value:g}°" for value in elevations[np.isnan(error)]) or "no elevation"
     return (
-        f"\nThe filmed beam has its least error at {elevations[best]:g}°: "
+        f"\nThe rendered beam has its least error at {elevations[best]:g}°: "
         f"×{error[best] / error[steep]:.2f} of that at {elevations[steep]:g}°. At "
         f"{elevations[low]:g}° it is {error[low] / error[best]:.0f} times the least, and at {lost} "
         "there is no result.\n"

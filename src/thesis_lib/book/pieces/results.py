@@ -10,6 +10,8 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.book.conclusions.knobs import KNOBS
 from thesis_lib.book.conclusions.strengths import Strength, strengths
+from thesis_lib.figure_sets.planner.parameters import THESIS
+from thesis_lib.figure_sets.planner.tables import coarse
 from thesis_lib.plotting.selection import select, stated
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.markdown import columns
@@ -36,9 +38,9 @@ def laboratory(opened: Cubes) -> str:
     said = f"; the thesis states {claim.stated} of its own" if claim else ""
     return (
         "With four cameras the thesis's chain measures the rendered beam to "
-        f"{percent_text(thesis)} % (median{said}). Fitted centres, true times and all frames leave {percent_text(best)} "
-        "%. First the template limits the chain, then the clocks; pixels and "
-        "cameras count only once both are mended.\n"
+        f"{percent_text(thesis)} % (median{said}). Fitted centres, true times and all "
+        f"frames leave {percent_text(best)} %. First the template limits the chain, "
+        "then the clocks; pixels and cameras count only once both are mended.\n"
     )
 
 
@@ -74,6 +76,26 @@ def shapes(opened: Cubes) -> str:
     )
 
 
+def planner(opened: Cubes) -> str:
+    """What planning gains over the best of the thesis's layouts, with few cameras and with many."""
+    cube = opened["planner"]
+    gains = {}
+    for body, question in THESIS.items():
+        own = cube["thesis_expected"].sel(structure=body).min("thesis_case").values
+        planned = coarse(cube, question)["expected_error"].values
+        gains[body] = 100 * (1 - planned[: len(own)] / own)
+    said = " and ".join(
+        f"{here[0]:.0f} % with {int(cube['count'][0])} cameras and {here[-1]:.0f} % with "
+        f"{int(cube['count'][-1])} for the {body}"
+        for body, here in gains.items()
+    )
+    return (
+        f"Planned layouts have less error than the best of the thesis's: by {said}. So the "
+        "thesis's best layouts are near what is possible. Each limit on places has its price, and "
+        "a plan that cannot be names the limit that binds.\n"
+    )
+
+
 def conclusions(opened: Cubes) -> str:
     """The five pieces of advice, in one table: what they bring, and whether they hold."""
     rows = []
@@ -99,12 +121,14 @@ def _median(errors: xr.DataArray) -> float:
 def _rms(cube: xr.Dataset) -> Array:
     """Rms error over the random trials, shape (settings, modes)."""
     squared = cube["mean_error"].isel(trial=slice(1, None)) ** 2
-    return np.asarray(np.sqrt(squared.mean("trial")).transpose("setting", "mode"))
+    rms: Array = np.sqrt(squared.mean("trial").transpose("setting", "mode").values)
+    return rms
 
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
     "laboratory-result": laboratory,
     "sound-result": sound,
     "shapes-result": shapes,
+    "planner-result": planner,
     "conclusions-result": conclusions,
 }

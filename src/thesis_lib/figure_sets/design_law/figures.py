@@ -192,7 +192,7 @@ def _arrays(axes: Axes, cube: xr.Dataset) -> None:
 
 
 def shares(cube: xr.Dataset) -> Figure:
-    """Equal pixels per second in two to many cameras: one frame, a fitted film, the sensors."""
+    """Equal pixels per second in two to many cameras: one frame, a fit to all, the sensors."""
     drawing, grid = subplots(1, 3, figsize=(7.6, 3.5), layout="constrained")
     n = cube["count"].values
     order = np.argsort(n)

@@ -84,7 +84,7 @@ class DesignLaw(Study):
     )
     duration_s: Annotated[float, Field(gt=0, le=10)] = field(
         1.0,
-        "how long it is filmed",
+        "how long it is recorded",
         f"a number above 0, at most 10, and at most {MOST_FRAMES} frames",
     )
     trials: Shifts = 200

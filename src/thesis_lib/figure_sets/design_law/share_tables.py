@@ -61,8 +61,8 @@ def _share(cube: xr.Dataset, counts: Iterable[int]) -> str:
         "motion, px",
         "frame: law",
         *(f"frame: {name}" for name in names),
-        "film: law",
-        *(f"film: {name}" for name in names),
+        "fit: law",
+        *(f"fit: {name}" for name in names),
         "frames that tell",
     ]
     return table(header, rows)
@@ -75,7 +75,7 @@ def shares(cube: xr.Dataset) -> str:
         f"\nAll have {asked(cube, 'pixels_per_second') / 1e6:.0f} million pixels per second "
         f"together, at {asked(cube, 'cone_distance_mm'):g} mm, {asked(cube, 'cone_deg'):g}° "
         "from the normal. *Frame*: rms error of the beam's markers in modes 1 to 3, in % of "
-        f"the peak of {peak:g} mm. *Film*: rms error of an amplitude fitted to "
+        f"the peak of {peak:g} mm. *Fit*: rms error of an amplitude fitted to "
         f"{_duration(cube)} of a vibration with "
         f"{asked(cube, 'frequency_hz'):g} Hz at the centre. *Frames that tell*: about how many "
         f"frames are worth fitting. {_MARKED}\n"

@@ -1,4 +1,4 @@
-"""Chapter 5: the beam, filmed by four cameras, measured once for both."""
+"""Chapter 5: the beam, rendered for four cameras, measured once for both."""
 
 from thesis_lib.figure_sets.experiment.parameters import ExperimentCameras, ExperimentResolution
 from thesis_lib.figure_sets.figure_set import filmed

@@ -47,7 +47,7 @@ class Experiment(Rig, Study):
 
     @property
     def recordings(self) -> Laboratory:
-        """What has to be filmed and followed."""
+        """What has to be rendered and followed."""
         raise NotImplementedError
 
     @property
@@ -93,7 +93,7 @@ class ExperimentResolution(Experiment):
 
     @property
     def recordings(self) -> Laboratory:
-        """What has to be filmed and followed."""
+        """What has to be rendered and followed."""
         return self.laboratory(self.widths_px)
 
 
@@ -129,7 +129,7 @@ class ExperimentCameras(Experiment):
 
     @property
     def recordings(self) -> Laboratory:
-        """What has to be filmed and followed."""
+        """What has to be rendered and followed."""
         return self.laboratory([self.width_px])
 
 

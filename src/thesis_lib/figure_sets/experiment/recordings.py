@@ -1,4 +1,4 @@
-"""The laboratory filmed and measured, with what only a rendered laboratory knows: the truth.
+"""The laboratory rendered and measured, with what only a rendered laboratory knows: the truth.
 
 The videos of one run take half a gigabyte; they are made in a temporary folder and not kept. What
 is kept are the tracks, the calibrations, a few pictures, and how far each step is from the truth.

@@ -47,7 +47,7 @@ TriedElevation = Annotated[float, Field(ge=1, le=80)]
 
 
 class Layouts(Study):
-    """What both studies film, and with what."""
+    """What both studies render, and with what."""
 
     subject = "lab"
     section = "section 5.3"
@@ -67,7 +67,7 @@ class Layouts(Study):
     amplitude_mm: TipPeak = RIG["amplitude_mm"]
     frame_rate_hz: RigRate = RIG["frame_rate_hz"]
     periods: Annotated[int, Field(ge=1, le=20)] = field(
-        1, "periods of the steady vibration that are filmed"
+        1, "periods of the steady vibration that are rendered"
     )
     exposure_ms: Exposure = 1.0
     shot_noise: ShotNoise = RIG["shot_noise"]
@@ -79,12 +79,12 @@ class Layouts(Study):
 
     @property
     def modes(self) -> list[int]:
-        """The one mode that is filmed."""
+        """The one mode that is rendered."""
         return [1]
 
     @property
     def recordings(self) -> Study:
-        """The same without trials and file: what has to be filmed."""
+        """The same without trials and file: what has to be rendered."""
         return self.model_copy(update={"trials": 0, "cube": ""})
 
     def recorded(self, setting: Setting) -> Setting:
@@ -92,7 +92,7 @@ class Layouts(Study):
         return setting
 
     def filmed_settings(self) -> list[Setting]:
-        """What has to be filmed, each once."""
+        """What has to be rendered, each once."""
         return list(dict.fromkeys(map(self.recorded, self.settings())))
 
     def blamed(self, case: str) -> str:
@@ -161,7 +161,7 @@ class LabElevation(Layouts):
 
 
 class LabLayout(Layouts):
-    """Distance, aperture and number of cameras, filmed (sections 5.3 and 7.1)."""
+    """Distance, aperture and number of cameras, rendered (sections 5.3 and 7.1)."""
 
     name = "lab-layout"
     title = "Laboratory: layout of the cameras"

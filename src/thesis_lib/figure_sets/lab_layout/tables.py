@@ -123,7 +123,7 @@ def failures(cube: xr.Dataset) -> str:
 
 
 def localisation(cube: xr.Dataset) -> str:
-    """How well the centres are found in every setting that films something of its own."""
+    """How well the centres are found in every setting that renders something of its own."""
     rows = []
     for case in cases(cube):
         for one in _filmed(part_of(cube, case)):

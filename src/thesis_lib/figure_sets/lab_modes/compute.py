@@ -116,7 +116,7 @@ def _frame(study: LabModes, films: list[list[Recording]], settings: list[Any]) -
     """Coordinates, and what is true."""
     beam = setups.beam()
     hertz = [of_mode[0].frequency for of_mode in films]
-    drawn = "draw of starts and noise, 0 for what was filmed"
+    drawn = "draw of starts and noise, 0 for what was rendered"
     coords = filmed(coordinates(study, study.modes, beam, settings), hertz, drawn)
     x, y = films[0][0].rig.markers.centres
     for name, values in (("x", x), ("y", y)):

@@ -210,7 +210,7 @@ def trial_motions(
 def case_results(
     recording: Recording, case: str, presumed: float, trials: int, seed: int, together: bool
 ) -> dict[str, Any]:
-    """What a way of measuring makes of a recording, as filmed and in trials."""
+    """What a way of measuring makes of a recording, as rendered and in trials."""
     reference = recording.truth
     if case == "instant":
         first, noise = instant_shape(recording)

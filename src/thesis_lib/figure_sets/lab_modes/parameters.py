@@ -39,7 +39,7 @@ ROWS, MARKER = 0.010, 0.005  # distance of the markers' rows and their diameter,
 
 
 class BeamMotions(Film):
-    """What is filmed of the beam: higher modes with torsion, at several frame rates."""
+    """What is rendered of the beam: higher modes with torsion, at several frame rates."""
 
     distance_mm: BeamDistance = RIG["distance_mm"]
     azimuth_deg: RigAzimuth = RIG["azimuth_deg"]
@@ -51,7 +51,7 @@ class BeamMotions(Film):
         "a list of different numbers from 10 to 5000 that keep the alias of every mode away from 0 "
         "and from half of them",
     )
-    modes: Several[FilmedMode] = field(lambda: [2, 3], "bending modes to film")
+    modes: Several[FilmedMode] = field(lambda: [2, 3], "bending modes to render")
     amplitude_mm: Peak | list[Peak] | Literal["force"] = field(
         "force",
         "deflection of the beam's tip by bending",
@@ -95,7 +95,7 @@ class BeamMotions(Film):
 
 
 class BeamRecordings(BeamMotions, LabStudy):
-    """The recordings of the beam, filmed once."""
+    """The recordings of the beam, rendered once."""
 
     name = "lab-modes-recordings"
     title = "Laboratory: recordings of the beam"
@@ -129,7 +129,7 @@ class LabModes(BeamMotions, LabStudy):
 
     @property
     def recordings(self) -> BeamRecordings:
-        """What has to be filmed."""
+        """What has to be rendered."""
         fields = {name: getattr(self, name) for name in BeamMotions.model_fields}
         return BeamRecordings(**fields, seed=self.seed, trials=0)
 

@@ -1,4 +1,4 @@
-"""The rigs that film the beam."""
+"""The rigs that render the beam."""
 
 from __future__ import annotations
 
@@ -45,5 +45,5 @@ def beam_rigs(film: BeamMotions, seed: int) -> list[Rig]:
 
 
 def run(request: BeamRecordings) -> xr.Dataset:
-    """Film and track everything, see :func:`~thesis_lib.laboratory.recordings.record`."""
+    """Render and track everything, see :func:`~thesis_lib.laboratory.recordings.record`."""
     return record(beam_rigs(request, request.seed), request.frames)

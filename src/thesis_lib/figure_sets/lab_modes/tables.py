@@ -68,7 +68,7 @@ def parts_table(cube: xr.Dataset) -> Markdown:
         )
         texts.append(f"**{title}**\n\n{table(header, rows)}")
     texts.append(
-        "As filmed, at the tip and at the tip's edges, ± one standard error by the noise of the "
+        "As rendered, at the tip and at the tip's edges, ± one standard error by the noise of the "
         "centres. Phase: torsion ahead of bending. MAC: modal assurance criterion of the shape at "
         "the maximum of bending."
     )

@@ -1,4 +1,4 @@
-"""The cube of ``lab-plate``: deflections of a filmed plate, and the sound that follows from them.
+"""The cube of ``lab-plate``: deflections of a rendered plate, and the sound that follows from them.
 
 The frames are far too few for the plate's frequencies, so harmonics are fitted at the known ones.
 What is left are errors of the centres, each marker's own. The same cameras with whole pixels, as in
@@ -105,7 +105,7 @@ _VARIABLES = VARIABLES | declared("""
 def _results(
     study: LabPlate, data: xr.Dataset, setting: Setting, mode: int, heard: PlateSound
 ) -> dict[str, Any]:
-    """What the cameras of one setting make of one mode, as filmed and in trials."""
+    """What the cameras of one setting make of one mode, as rendered and in trials."""
     measured, noise, scatter = measure(study, data, setting, mode)
     reference = heard.reference
     scale = 100 / np.abs(reference).max()
@@ -205,7 +205,7 @@ def neighbours(errors: Array, grid: tuple[int, int]) -> float:
 def _coordinates(study: LabPlate, plate: Plate, settings: list[Setting]) -> dict[str, Any]:
     cases = list(dict.fromkeys(setting.case for setting in settings))
     hertz = [resonance(plate, mode) / (2 * np.pi) for mode in study.modes]
-    drawn = "draw of the centres' noise, 0 for what was filmed"
+    drawn = "draw of the centres' noise, 0 for what was rendered"
     coords = filmed(coordinates(study, study.modes, plate, settings), hertz, drawn)
     varied = np.array([PARAMETERS[s.case] for s in settings])
     coords["parameter"] = ("setting", varied, coords["parameter"][2])

@@ -1,4 +1,4 @@
-"""Figures of the filmed plate."""
+"""Figures of the rendered plate."""
 
 from __future__ import annotations
 

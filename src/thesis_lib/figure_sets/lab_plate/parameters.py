@@ -1,4 +1,4 @@
-"""The parameters of ``lab-plate``: the plate filmed with one parameter varied at a time."""
+"""The parameters of ``lab-plate``: the plate rendered with one parameter varied at a time."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ OBSERVED = {
 
 
 class Plates(PlateMarkers, Film):
-    """What is filmed of the plate: five parameters, one at a time, about one pair of cameras."""
+    """What is rendered of the plate: five parameters, one at a time, about one pair of cameras."""
 
     cases: Several[Literal["distance", "aperture", "elevation", "resolution", "cameras"]] = field(
         lambda: list(OBSERVED), "cases to run: which parameter is varied"
@@ -87,7 +87,7 @@ class Plates(PlateMarkers, Film):
     )
     exposure_ms: BriefExposure = 0.2
     frames: Frames = 16
-    modes: Several[FilmedMode] = field(lambda: [1, 2, 3], "modes to film")
+    modes: Several[FilmedMode] = field(lambda: [1, 2, 3], "modes to render")
     amplitude_mm: Peak | list[Peak] = field(
         1.0,
         "peak of the deflection over the plate",
@@ -166,7 +166,7 @@ def _setting(
 
 
 class PlateRecordings(Plates, LabStudy):
-    """The recordings of the plate, filmed once."""
+    """The recordings of the plate, rendered once."""
 
     name = "lab-plate-recordings"
     title = "Laboratory: recordings of the plate"
@@ -176,7 +176,7 @@ class PlateRecordings(Plates, LabStudy):
 
 
 class LabPlate(Plates, SoundPlanes, LabStudy):
-    """The plate filmed, five parameters one at a time, and its sound."""
+    """The plate rendered, five parameters one at a time, and its sound."""
 
     name = "lab-plate"
     title = "Laboratory: the plate and its sound"
@@ -187,6 +187,6 @@ class LabPlate(Plates, SoundPlanes, LabStudy):
 
     @property
     def recordings(self) -> PlateRecordings:
-        """What has to be filmed."""
+        """What has to be rendered."""
         fields = {name: getattr(self, name) for name in Plates.model_fields}
         return PlateRecordings(**fields, seed=self.seed, trials=0)

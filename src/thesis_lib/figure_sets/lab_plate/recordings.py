@@ -1,4 +1,4 @@
-"""The rigs that film the plate."""
+"""The rigs that render the plate."""
 
 from __future__ import annotations
 
@@ -38,5 +38,5 @@ def plate_rigs(film: Plates, seed: int) -> list[Rig]:
 
 
 def run(request: PlateRecordings) -> xr.Dataset:
-    """Film and track everything, see :func:`~thesis_lib.laboratory.recordings.record`."""
+    """Render and track everything, see :func:`~thesis_lib.laboratory.recordings.record`."""
     return record(plate_rigs(request, request.seed), request.frames)

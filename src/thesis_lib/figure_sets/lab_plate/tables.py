@@ -1,4 +1,4 @@
-"""Tables of the filmed plate."""
+"""Tables of the rendered plate."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from thesis_lib.web.markdown import columns, table
 
 
 def plate_results(cube: xr.Dataset) -> str:
-    """First and last setting of each case in expectation, filmed and with whole pixels."""
+    """First and last setting of each case in expectation, rendered and with whole pixels."""
     mode = int(cube["mode"].values[0])
     plane = str(cube["plane"].values[0])
     rows = []
@@ -47,7 +47,7 @@ def plate_results(cube: xr.Dataset) -> str:
     return table(header, rows) + (
         f"\nMode {mode}: median over the trials, and what the law of rounding says of the same "
         "cameras with whole pixels. Over all modes, and settings with frames at least 640 pixels "
-        f"wide, what was filmed has {float(fine.min()):.2f} to {float(fine.max()):.2f} times the "
+        f"wide, what was rendered has {float(fine.min()):.2f} to {float(fine.max()):.2f} times the "
         "error that the noise of the centres predicts, and the errors of neighbouring markers are "
         f"correlated by {neighbour_correlation(cube)}.\n"
     )
@@ -79,7 +79,7 @@ def plate_table(cube: xr.Dataset, mode: int) -> Markdown:
             row.append(f"{_signed(own[0], name)} {_band(own[1:], name)}{expected}")
     silent = [p for p in part["plane"].values if np.isnan(part["largest_pressure"].sel(plane=p))]
     note = (
-        "Each cell: as filmed (5–95 % of the trials), for the deflection · what the noise of the "
+        "Each cell: as rendered (5–95 % of the trials), for the deflection · what the noise of the "
         "centres makes it; in % of the largest true deflection, of the plane's largest true "
         "pressure, of the true power."
     )
@@ -207,7 +207,7 @@ def visibility_table(cube: xr.Dataset) -> Markdown:
         )
     note = (
         f"Noise of a marker's deflection by {frames} frames of each camera at the best setting; it "
-        "falls with the root of their number. Hours: to film until it is as small as what 1 N "
+        "falls with the root of their number. Hours: to record until it is as small as what 1 N "
         "moves. Exposure, markers: the part of an amplitude that they take."
     )
     return Markdown(f"{columns(rows)}\n{note}")
