@@ -56,7 +56,7 @@ def _one(about: Mapping[str, Any], picture: str) -> dict[str, str]:
 
 def _block(name: str, figure: Mapping[str, str]) -> str:
     return (
-        f"```{{figure}} executed/{name}.svg\n:name: shown-{name}\n:width: 100%\n"
+        f"```{{figure}} executed/{name}.svg\n:width: 100%\n"
         f":alt: {' '.join(figure['alt'].split())}\n\n"
         f"{figure['caption']} {{ref}}`Data and settings <{name}>`.\n```\n"
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import xarray as xr
 from IPython.display import Markdown
@@ -15,7 +17,7 @@ from thesis_lib.ledger import trend_tests
 from thesis_lib.ledger.cube import from_cube
 from thesis_lib.ledger.trends import CONFIDENT, RESAMPLES
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, WIDER, WIDER_BELOW_10
-from thesis_lib.web.markdown import markdown_table
+from thesis_lib.web.markdown import markdown_table, table
 
 KINDS = {"figure": "stated figures", "trend": "trends", "number": "stray numbers"}
 
@@ -103,19 +105,56 @@ def rules() -> Markdown:
     return Markdown("\n".join(f"* **{term}**: {meaning}." for term, meaning in rows))
 
 
-def differing_table(cube: xr.Dataset, kind: str) -> Markdown:
-    """The claims of a kind that differ or are undefined."""
-    found = [e for e in from_cube(cube) if e.kind == kind]
+def differing(cube: xr.Dataset) -> Markdown:
+    """The counted claims that differ, by what they have in common; bookkeeping is folded away."""
+    found = [e for e in from_cube(cube) if e.verdict in ("differs", "undefined")]
+    texts = []
+    for words, belongs in _GROUPS.items():
+        part = [entry for entry in found if entry.counted and belongs(entry)]
+        if part:
+            texts.append(f"**{len(part)}: {words}**\n\n{_rows(part)}")
+        found = [entry for entry in found if entry not in part]
+    for words, kinds in _APART.items():
+        part = [entry for entry in found if entry.kind in kinds]
+        if part:
+            fold = f"<details><summary>{len(part)}: {words}, not in the totals</summary>"
+            texts.append(f"{fold}\n\n{_rows(part)}\n</details>\n")
+    return Markdown("\n".join(texts))
+
+
+def _rows(part: list[ledger.Entry]) -> str:
     rows = []
-    for entry in found:
-        if entry.verdict in ("differs", "undefined"):
-            modes = ", ".join(map(str, entry.modes))
-            ratio = "" if entry.ratio is None else f"{entry.ratio:.2f}"
-            what = entry.what if entry.verdict == "differs" else f"{entry.what} ({entry.note})"
-            rows.append([entry.place, entry.case, modes, what, entry.stated, entry.got, ratio])
-    header = ["place", "case", "mode", "what", "stated", "got", "ratio"]
-    text = f"{len(rows)} of {len(found)} {KINDS[kind]} differ or are undefined."
-    return markdown_table(header, rows, text, above=True) if rows else Markdown(text)
+    for entry in part:
+        ratio = "" if entry.ratio is None else f"{entry.ratio:.2f}"
+        what = entry.what if entry.verdict == "differs" else f"{entry.what} ({entry.note})"
+        of = " · ".join(filter(None, [entry.case, ", ".join(map(str, entry.modes))]))
+        rows.append([entry.place, of, what, entry.stated, entry.got, ratio])
+    return table(["place", "case · mode", "what", "stated", "got", "ratio"], rows)
+
+
+def _is_mean(entry: ledger.Entry) -> bool:
+    return entry.kind == "figure" and entry.what.startswith("mean")
+
+
+_GROUPS: dict[str, Callable[[ledger.Entry], bool]] = {
+    "mean errors that are larger here": lambda e: _is_mean(e) and (e.ratio or 0) > 1,
+    "mean errors that are smaller here": _is_mean,
+    "errors of one marker, the largest, which a bar of a printed figure tells": lambda e: (
+        e.kind == "figure" and "marker" in e.what
+    ),
+    "errors of the sound, one draw each": lambda e: e.kind == "figure",
+    "trends of the sound, seen or missed in one draw": lambda e: (
+        e.kind == "trend" and e.chapter == 6
+    ),
+    "other trends": lambda e: e.kind == "trend",
+    "numbers at odds with the thesis's own formulas, tables or text": lambda e: e.kind == "number",
+}
+"""What claims that differ have in common; the first that holds counts."""
+
+_APART = {
+    "values of chapter 5, judged by rendered recordings": ("figure", "trend"),
+    "bookkeeping: counts of printed rows, arithmetic on printed numbers": ("number",),
+}
 
 
 def ledger_table(cube: xr.Dataset) -> LedgerTable:
