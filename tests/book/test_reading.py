@@ -1,0 +1,55 @@
+"""The pages that a reader goes through first are short, illustrated, and in short sentences."""
+
+import re
+
+import pytest
+
+from thesis_lib import files
+
+BOOK = files.project_root() / "book"
+PATH = ("intro", "rounding", "laboratory", "sound", "conclusions", "beam", "plate")
+EDITED = ("laboratory", "sound", "shapes", "conclusions", "rounding", "planner")
+_BLOCK = re.compile(r"^\s*(`{3,}|\${2})[^\n]*\n.*?^\s*\1", re.MULTILINE | re.DOTALL)
+_PICTURE = re.compile(r"\{figure\}|:file: executed/|executed/fig-[\w-]+\.md")
+
+
+def prose(page: str) -> str:
+    """A page's sentences: without tables, formulas, code, directives' heads and addresses."""
+    text = (BOOK / f"{page}.md").read_text(encoding="utf-8")
+    text = re.sub(r"^```\{figure\}[^\n]*\n(?::[^\n]*\n)*(.*?)^```", r"\1", text, flags=re.M | re.S)
+    text = _BLOCK.sub(".", text)
+    text = re.sub(r"^(\||:|#|\().*$|\]\([^)]*\)|<[^>]*>|\{\w+\}|\$[^$]*\$", " ", text, flags=re.M)
+    return text
+
+
+def words(text: str) -> list[str]:
+    return re.findall(r"[^\W\d_][\w'’⁻-]*|\d[\d.,]*", text)
+
+
+def sentences(page: str) -> list[int]:
+    """Numbers of words of a page's sentences; two words are a label."""
+    parts = re.split(r"[.!?:;](?:\s|$)|\n\s*\n|\n\s*[*] ", prose(page))
+    return [n for n in (len(words(part)) for part in parts) if n > 2]
+
+
+def test_words_pictures_and_sentences_are_counted():
+    assert len(words("A beam, 25 markers: it's 3.5 px.")) == 7
+    found = len(_PICTURE.findall((BOOK / "sound.md").read_text(encoding="utf-8")))
+    assert found > 3
+
+
+def test_the_reading_path_is_short():
+    lengths = {page: len(words(prose(page))) for page in PATH}
+    assert sum(lengths.values()) <= 9000, lengths
+    assert max(lengths.values()) <= 1800, lengths
+
+
+@pytest.mark.parametrize("page", EDITED)
+def test_a_chapter_argues_with_pictures_in_short_sentences(page):
+    text = (BOOK / f"{page}.md").read_text(encoding="utf-8")
+    assert len(words(prose(page))) <= 1800
+    assert sum(sentences(page)) / len(sentences(page)) <= 25
+    if page in PATH:
+        assert 250 * len(_PICTURE.findall(text)) >= len(words(prose(page)))
+        first = text[: _PICTURE.search(text).start()]
+        assert len(words(first)) <= 160  # within the first screen
