@@ -18,8 +18,7 @@ def prose(page: str) -> str:
     text = (BOOK / f"{page}.md").read_text(encoding="utf-8")
     text = re.sub(r"^```\{figure\}[^\n]*\n(?::[^\n]*\n)*(.*?)^```", r"\1", text, flags=re.M | re.S)
     text = _BLOCK.sub(".", text)
-    text = re.sub(r"^(\||:|#|\().*$|\]\([^)]*\)|<[^>]*>|\{\w+\}|\$[^$]*\$", " ", text, flags=re.M)
-    return text
+    return re.sub(r"^(\||:|#|\().*$|\]\([^)]*\)|<[^>]*>|\{\w+\}|\$[^$]*\$", " ", text, flags=re.M)
 
 
 def words(text: str) -> list[str]:
