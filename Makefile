@@ -12,7 +12,7 @@ LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --genera
 	--no-emit-index-url --no-emit-find-links
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --nbval tests notebooks
 
-.PHONY: book pdf test test-all test-nightly test-cpus quick check bench photographs platforms lock clean
+.PHONY: book pdf test test-all test-nightly test-cpus quick check bench picture photographs platforms lock clean
 
 book: $(BOOK)  ## the executed book, in build/html
 	$(BIN)/thesis book
@@ -40,6 +40,9 @@ check: $(ALL)  ## lint, format, rooms, types
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
+
+picture: book $(ALL)  ## the moving picture of the README, data/published/explorer.gif; needs Chromium
+	$(BIN)/python -m thesis_lib.book.moving
 
 photographs: build/photographs/left01.jpg  ## real pictures of a board, for tests that are else skipped
 

@@ -24,7 +24,7 @@ _WIDGET = re.compile(
 )
 _PAGE = re.compile(r'id="document-([\w/.-]+)"')
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
 _STYLE = """
 html, body { background: #fff !important; font-size: 10pt; }
 .bd-sidebar-primary, .bd-sidebar-secondary, .bd-header, .bd-header-article, .bd-footer, footer,
@@ -151,7 +151,7 @@ def print_page(browser: str, page: Path, pdf: Path) -> None:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as running:
-        chromium = running.chromium.launch(executable_path=browser, args=_FLAGS)
+        chromium = running.chromium.launch(executable_path=browser, args=FLAGS)
         try:
             opened = chromium.new_context(offline=True, color_scheme="light").new_page()
             opened.set_default_timeout(300_000)
