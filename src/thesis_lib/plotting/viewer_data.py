@@ -20,6 +20,7 @@ from thesis_lib.studies.vocabulary import unit
 
 LENS = ("focal_length_mm", "principal_offset_px", "sensor_width_mm")
 """What the images of ideal cameras with whole pixels rest on; filmed studies have no such lens."""
+DRAWN = 4  # significant digits of what is only drawn
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 
 
@@ -140,8 +141,8 @@ def _bar(bars: Bars, index: int) -> dict[str, Any]:
 
 def _shape(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
     return {
-        "measured_mm": _rounded(result["measured_deflection"] * 1000),
-        "point_error": _rounded(result["point_error"]),
+        "measured_mm": _rounded(result["measured_deflection"] * 1000, DRAWN),
+        "point_error": _rounded(result["point_error"], DRAWN),
         **_bar(bars["mean_error"], index),
     }
 
@@ -216,9 +217,9 @@ def _fields(parts: list[Array], scales: Array, names: list[str]) -> dict[str, An
     return result
 
 
-def _rounded(values: Any) -> Any:
-    """Numbers with six significant digits for JSON; what is not finite becomes null."""
+def _rounded(values: Any, digits: int = 6) -> Any:
+    """Numbers with some significant digits for JSON; what is not finite becomes null."""
     array = np.asarray(values, float)
     if array.ndim == 0:
-        return float(f"{float(array):.6g}") if np.isfinite(array) else None
-    return [_rounded(value) for value in array]
+        return float(f"{float(array):.{digits}g}") if np.isfinite(array) else None
+    return [_rounded(value, digits) for value in array]
