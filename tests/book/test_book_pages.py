@@ -254,12 +254,24 @@ def test_nothing_serious_for_those_who_cannot_see_well(
 
 
 @needs_book
-@pytest.mark.parametrize("over_http", [False, True], ids=["file", "http"])
-def test_search_finds_a_page(running: Browser, address: str, over_http: bool) -> None:
-    served = f"{address}/search.html" if over_http else ""
-    with open_offline(running, BOOK / "search.html", query="q=monopole", served=served) as opened:
-        opened.page.wait_for_selector("#search-results li a[href*='sound.html']")
-        assert opened.trouble == []
+def test_tabs_tell_pages_apart() -> None:
+    texts = [(BOOK / name).read_text(encoding="utf-8") for name in PAGES if name != "index.html"]
+    titles = [re.findall(r"<title>(.*?)</title>", text, re.DOTALL)[0] for text in texts]
+    assert len(set(titles)) == len(titles)
+
+
+@needs_book
+@pytest.mark.parametrize("name", ["intro.html", "executed/beam-aperture.html", "conclusions.html"])
+def test_contents_are_short_and_open_where_one_is(running: Browser, name: str) -> None:
+    with open_offline(running, BOOK / name) as opened:
+        page = opened.page
+        seen = page.locator(".bd-docs-nav :is(a, .tl-part > summary)").filter(visible=True)
+        closed = page.locator(".bd-docs-nav details:not([open])").count()
+        assert closed > 5
+        own = page.locator(".bd-docs-nav .tl-part[open] a").filter(visible=True).count()
+        assert seen.count() - own <= 15
+        here = page.locator(".bd-docs-nav .current.active > a").filter(visible=True)
+        assert here.count() >= 1
 
 
 @needs_book

@@ -42,7 +42,9 @@ def test_a_chapter_has_a_place_of_its_own_and_shares_what_was_run():
     assert plan.executed == PROJECT / "build" / "ch3" / "executed"
     assert plan.archives == []
     steps = {one.name: one for one in build._tasks(plan)}
-    assert sorted(steps) == sorted([*CHAPTERS["ch3"], "MathJax", *(f"ch3 {one}" for one in OWN)])
+    assert sorted(steps) == sorted(
+        [*CHAPTERS["ch3"], "MathJax and MiniSearch", *(f"ch3 {one}" for one in OWN)]
+    )
     numbers = [path.name for path in steps["ch3 numbers"].makes]
     assert sorted(numbers) == ["beam-model.md", "beam-results.md"]
     for name, step in steps.items():

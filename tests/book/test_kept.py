@@ -34,10 +34,10 @@ def small(tmp_path: Path) -> Path:
     if not (PROJECT / "build" / "assets").is_dir():
         pytest.skip("no build/assets: render the book first")
     root = tmp_path / "small"
-    (root / "book" / "assets").mkdir(parents=True)
+    root.mkdir()
     for name in ("_config.yml", "package.json", "package-lock.json", "requirements.lock"):
         shutil.copy(PROJECT / name, root)
-    shutil.copy(PROJECT / "book" / "assets" / "book.css", root / "book" / "assets")
+    shutil.copytree(PROJECT / "book" / "assets", root / "book" / "assets")
     shutil.copytree(PROJECT / "build" / "assets", root / "build" / "assets")
     for name, text in PAGES.items():
         (root / "book" / name).write_text(text)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib.book.images import in_files, lazy, size_px, squeeze
+from thesis_lib.book.images import in_files, in_the_dark, lazy, luminance, size_px, squeeze, themed
 
 SVG = '<?xml version="1.0"?>\n<svg xmlns="x" width="72pt" height="36.75pt" viewBox="0 0 1 1"/>'
 
@@ -126,3 +126,24 @@ def test_only_parts_used_again_are_named_and_shortly() -> None:
 def test_words_in_a_drawing_keep_their_spaces() -> None:
     drawn = "<svg>\n <text>a <tspan>b</tspan>\n <tspan>c</tspan></text></svg>"
     assert squeeze(drawn) == drawn
+
+
+def test_colours_of_a_drawing_are_variables_with_another_value_in_the_dark() -> None:
+    drawn = '<svg width="1"><path style="fill:#ffffff;stroke: #0072B2"/><rect fill="#000"/></svg>'
+    made = themed(drawn)
+    assert "fill:var(--cffffff);stroke: var(--c0072b2)" in made
+    assert 'fill="var(--c000000)"' in made
+    light, _, dark = made.partition("@media (prefers-color-scheme:dark)")
+    assert "--c0072b2:#0072b2;" in light
+    assert "--cffffff:#121212;" in dark
+    assert "fill:var(--c000000)}" in light  # what has no colour of its own
+
+
+@pytest.mark.parametrize("colour", ["#0072b2", "#b22222", "#009e73", "#cc79a7", "#1d3557"])
+def test_colours_are_seen_on_the_dark_ground_and_keep_their_order_of_parts(colour: str) -> None:
+    def parts(one: str) -> list[int]:
+        return [int(one[i : i + 2], 16) for i in (1, 3, 5)]
+
+    dark, ground = parts(in_the_dark(colour)), parts(in_the_dark("#ffffff"))
+    assert (luminance(dark) + 0.05) / (luminance(ground) + 0.05) >= 4.4
+    assert sorted(range(3), key=parts(colour).__getitem__) == sorted(range(3), key=dark.__getitem__)

@@ -396,9 +396,11 @@ def test_a_damaged_library_of_the_pages_is_installed_anew(tmp_path, monkeypatch)
 
     def npm(work: Path, *_: str) -> None:
         installed.append(work)
-        (work / "node_modules" / "mathjax" / "es5").mkdir(parents=True)
-        for name in (f"es5/{Path(book.MATHJAX).name}", "LICENSE"):
-            (work / "node_modules" / "mathjax" / name).write_text("x = 1")
+        for package, parts in pages.PACKAGES.items():
+            for part in parts:
+                file = work / "node_modules" / package / part
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text("x = 1")
 
     monkeypatch.setattr(book, "npm_ci", npm)
     for name in ("package.json", "package-lock.json"):
@@ -406,12 +408,12 @@ def test_a_damaged_library_of_the_pages_is_installed_anew(tmp_path, monkeypatch)
     for wanted in (1, 1):
         assets = book.install_assets(tmp_path)
         assert len(installed) == wanted
-    os.truncate(assets / book.MATHJAX, 2)
+    os.truncate(assets / pages.MATHJAX, 2)
     book.install_assets(tmp_path)
-    (assets / book.MATHJAX).unlink()
+    (assets / pages.MATHJAX).unlink()
     book.install_assets(tmp_path)
     (tmp_path / "package-lock.json").write_text("[]")
     book.install_assets(tmp_path)
     assert len(installed) == 4
-    assert (assets / book.MATHJAX).read_text() == "x = 1"
+    assert (assets / pages.MATHJAX).read_text() == "x = 1"
     assert sorted(p.name for p in (tmp_path / "build").iterdir()) == ["assets"]

@@ -17,6 +17,8 @@ _MENDS = [
     # These have a text of their own, which another name hides from who speaks to the browser.
     (r'(<button class="btn search-button-field[^>]*?) aria-label="Search"', r"\1"),
     (r'<summary aria-label="Toggle hidden content">', "<summary>"),
+    # The search has no page of its own.
+    (r'(<form class="bd-search[^>]*?)\s+action="[^"]*"\s+method="get"', r"\1"),
     # The icons' titles would be a text beside the button's name.
     (r'(<i class="theme-switch [^>]*?)\s+title="[^"]*"', r"\1"),
     # The side bar holds the book's title and the search beside its contents.

@@ -28,7 +28,7 @@ from thesis_lib.figure_sets.experiment.walk import pictures
 from thesis_lib.runs import execute as runs
 from thesis_lib.runs import tasks
 from thesis_lib.studies import effort, times
-from thesis_lib.web.page import MATHJAX
+from thesis_lib.web.page import PACKAGES
 
 PAGES: dict[str, Callable[[], str]] = {
     "explorer": explorer.explorer_html,
@@ -116,11 +116,11 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         made_known += [conformance.published_path()] if measured.is_file() else []
         publish = partial(publishing.publish, plan.jobs, picture, measured)
         published = [tasks.task("published run", publish, made, made_known, always=True)]
-    mathjax = tasks.task(
-        "MathJax",
+    scripts = tasks.task(
+        "MathJax and MiniSearch",
         lambda: book.install_assets(root),
         [root / "package-lock.json", root / "package.json"],
-        [root / "build" / "assets" / Path(MATHJAX).parent],
+        [root / "build" / "assets" / name for name in PACKAGES],
         seconds=2,
     )
     pieces = _pieces(plan, made, frozenset(one.name for one in published))
@@ -132,7 +132,7 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         keys.made_by(downloads.__name__),
         seconds=plan.share * 10,
     )
-    needs = [path for one in (*pieces, mathjax, numbers) for path in one.makes]
+    needs = [path for one in (*pieces, scripts, numbers) for path in one.makes]
     needs += [*plan.pages, *(job.notebook for job in plan.jobs), *made, *library]
     needs += [root / name for name in ("_config.yml", "package-lock.json")]
     needs += [root / "book" / name for name in ("_toc.yml", "references.bib", "assets")]
@@ -143,7 +143,7 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         [plan.index.parent, *plan.archives],
         seconds=plan.share * 75,
     )
-    steps = [*runs.job_tasks(plan.ran, plan.seconds), mathjax, *published, *pieces, numbers, pages]
+    steps = [*runs.job_tasks(plan.ran, plan.seconds), scripts, *published, *pieces, numbers, pages]
     return [step for step in steps if step.name not in plan.failed]
 
 

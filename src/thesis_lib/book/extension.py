@@ -23,6 +23,7 @@ def setup(app: Any) -> dict[str, bool]:
     app.connect("env-before-read-docs", _two_at_a_time)
     app.connect("env-updated", _remember)
     app.connect("write-started", _shorten_margin)
+    app.connect("html-page-context", _tell_apart)
     app.connect("autodoc-process-docstring", _keep_bars)
     app.connect("autodoc-process-signature", _keep_readable)
     return writing.setup(app)
@@ -71,6 +72,25 @@ def _shorten_margin(app: Any, _builder: Any) -> None:
         context["toctree"] = margin
 
     app.connect("html-page-context", shorten, priority=0)
+
+
+def _tell_apart(app: Any, page: str, _template: str, context: Any, _tree: Any) -> None:
+    """Call a page whose title others have, too, after the page above it: *The beam: distance*."""
+    env = app.env
+
+    def title(name: str) -> str:
+        own = {one: env.titles[one].astext() for one in env.titles}
+        above = next((one for one, below in env.toctree_includes.items() if name in below), "")
+        if list(own.values()).count(own[name]) < 2 or above in ("", env.config.root_doc):
+            return own[name]
+        return f"{own[above]}: {own[name][0].lower()}{own[name][1:]}"
+
+    if page in env.titles:
+        context["title"] = title(page)
+        files = {app.builder.get_relative_uri(page, name): name for name in env.titles}
+        for way in ("prev", "next"):
+            if context.get(way):
+                context[way]["title"] = title(files[context[way]["link"]])
 
 
 def _without_headings(contents: nodes.bullet_list) -> nodes.bullet_list:

@@ -11,6 +11,7 @@ import hashlib
 import os
 import re
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -25,6 +26,10 @@ _STYLE = re.compile(r'(?<=\sstyle=")[^"]*')
 _MARK = r'<use href="[^"]+" x="[^"]+" y="[^"]+"'
 _MARKS = re.compile(rf'{_MARK} style="(?P<style>[^"]*)"/>(?:{_MARK} style="(?P=style)"/>)+')
 _SHIFTED = re.compile(r'(<use href="[^"]+") transform="translate\(([\d.-]+)(?: 0)?\)"(?=/>)')
+_COLOUR = re.compile(
+    r'(?<=[\s";])((?:fill|stroke|stop-color)(?::\s*|="))(#[0-9a-fA-F]{6}|#[0-9a-fA-F]{3})\b'
+)
+_GROUND, _INK = (18, 18, 18), (222, 226, 230)  # of the book's pages in the dark
 _IDLE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)", re.DOTALL)
 _XLINK = re.compile(r'xlink:(?=href)|\sxmlns:xlink="[^"]*"')
 _ID = re.compile(r'\sid="([^"]*)"')
@@ -111,3 +116,55 @@ def squeeze(svg: str) -> str:
     spare = _STYLE.sub(lambda match: re.sub(r"\s*([:;])\s*", r"\1", match[0]), spare)
     spare = _SHIFTED.sub(r'\1 x="\2"', spare)  # a letter of a word
     return _MARKS.sub(together, _PLACES.sub(places, _IDLE.sub("", spare)))
+
+
+def themed(svg: str) -> str:
+    """The same drawing in colours that follow the page: variables, with other values in the dark.
+
+    White is the page's ground there, black its ink, greys lie between, and colours are as much
+    lighter as they need to be seen.
+    """
+    colours = sorted({_long(match[2]) for match in _COLOUR.finditer(svg)} | {"#000000"})
+    named = _COLOUR.sub(lambda match: f"{match[1]}var(--c{_long(match[2])[1:]})", svg)
+    light = "".join(f"--c{one[1:]}:{one};" for one in colours)
+    dark = "".join(f"--c{one[1:]}:{in_the_dark(one)};" for one in colours)
+    style = f"svg{{{light}fill:var(--c000000)}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}"
+    return _SVG.sub(lambda tag: f"{tag[0]}<style>{style}</style>", named, count=1)
+
+
+def in_the_dark(colour: str) -> str:
+    """The colour that stands for another, ``#rrggbb``, on the dark ground.
+
+    Examples
+    --------
+    >>> in_the_dark("#ffffff"), in_the_dark("#000000"), in_the_dark("#e69f00")
+    ('#121212', '#dee2e6', '#e69f00')
+    """
+    rgb = tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    if max(rgb) - min(rgb) < 16:
+        share = sum(rgb) / 765
+        return _hex(
+            tuple(ink + share * (ground - ink) for ink, ground in zip(_INK, _GROUND, strict=True))
+        )
+    for step in range(101):
+        lighter = tuple(one + (255 - one) * step / 100 for one in rgb)
+        if (luminance(lighter) + 0.05) / (luminance(_GROUND) + 0.05) >= 4.5:
+            break
+    return _hex(lighter)
+
+
+def luminance(rgb: Sequence[float]) -> float:
+    """How light a colour with parts from 0 to 255 is, from 0 to 1 (WCAG)."""
+    parts = [one / 255 for one in rgb]
+    linear = [one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def _hex(rgb: Sequence[float]) -> str:
+    return "#" + "".join(f"{round(one):02x}" for one in rgb)
+
+
+def _long(colour: str) -> str:
+    """``#rrggbb`` for ``#rgb``."""
+    digits = colour[1:].lower()
+    return "#" + (digits if len(digits) == 6 else "".join(2 * one for one in digits))

@@ -11,12 +11,15 @@ from typing import Any
 from urllib.parse import quote
 
 from thesis_lib.book.accessible import mend
-from thesis_lib.book.images import in_files, lazy, squeeze
+from thesis_lib.book.contents import fold
+from thesis_lib.book.edition import described
+from thesis_lib.book.images import in_files, lazy, squeeze, themed
 
-_ICONS = "fontawesome.js"
+_UNUSED = ("fontawesome.js", "searchtools.js", "language_data.js")  # nor icons nor Sphinx's search
 _SPARE = re.compile(
     r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*'
     r'|<script defer src="[^"]*/fontawesome\.js[^"]*"></script>\s*'
+    r'|<script src="[^"]*(?:searchtools|language_data|searchindex)\.js"></script>\s*'
     r'|<span class="(?:[nopw]|nn)">(?P<p><span class="pre">)?(?P<text>[^<]*)</span>(?(p)</span>)',
     re.DOTALL,
 )  # what the widgets' own html and the style sheets repeat, and marks of words in the text's colour
@@ -26,7 +29,8 @@ _WHOLE = re.compile(
 _BETWEEN = re.compile(
     r"<!--.*?-->|(?<=\n)\s+|[ \t]+(?=\n)", re.DOTALL
 )  # comments, indents, empty lines
-_SECOND = re.compile(r'(<meta name="viewport"[^>]*>)(.*?)<meta name="viewport"[^>]*>', re.DOTALL)
+_VIEWPORT = re.compile(r'<meta (?:content="[^"]*" )?name="viewport"[^>]*>\s*')
+_HEAD = re.compile(r"(?<=<head>).*?(?=</head>)", re.DOTALL)
 _SHOWN = re.compile(rb"_images/([^\"]+)")
 
 
@@ -39,16 +43,22 @@ def polish(book: Path, files: Iterable[Path]) -> None:
         text = file.read_text(encoding="utf-8")
         if file.suffix == ".html":
             text = in_files(_SPARE.sub(r"\g<text>", text), file.parent, book / "_images")
-            text = _plain(lazy(mend(text), file.parent))
+            text = _plain(lazy(mend(fold(text)), file.parent))
+            text = described(text, "../" * (len(file.relative_to(book).parts) - 1))
         else:
-            text = squeeze(text) if file.suffix == ".svg" else _slim(text)
+            text = themed(squeeze(text)) if file.suffix == ".svg" else _slim(text)
         file.write_text(text, encoding="utf-8")
 
 
 def _plain(text: str) -> str:
     """A page without its indents and comments, and with one viewport."""
-    parts = _WHOLE.split(_SECOND.sub(r"\1\2", text))  # in turns between, and whole
+    parts = _WHOLE.split(_HEAD.sub(_one_viewport, text, count=1))  # in turns between, and whole
     return "".join(part if i % 2 else _BETWEEN.sub("", part) for i, part in enumerate(parts))
+
+
+def _one_viewport(head: re.Match[str]) -> str:
+    first, *_ = [*_VIEWPORT.findall(head[0]), ""]
+    return first + _VIEWPORT.sub("", head[0])
 
 
 def _slim(text: str) -> str:
@@ -72,7 +82,7 @@ def tidy(book: Path) -> None:
     pictures = [file for file in book.glob("_images/*") if quote(file.name).encode() not in shown]
     unread = [
         book.glob(f"_static/**/{name}")
-        for name in ("*.map", "*.ttf", "*.[mp]o", _ICONS, "overview.svg")
+        for name in ("*.map", "*.ttf", "*.[mp]o", *_UNUSED, "overview.svg")
     ]
     for file in chain(pictures, *unread):
         file.unlink()

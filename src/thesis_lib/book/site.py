@@ -1,6 +1,6 @@
 """The book: local browser assets, the rendered folder of pages, and one self-contained page.
 
-Nothing written here asks for a network when it is opened: MathJax is installed from
+Nothing written here asks for a network when it is opened: MathJax and MiniSearch are installed from
 ``package-lock.json`` when the book is built, and widgets show the ``text/html`` they carry.
 """
 
@@ -20,7 +20,7 @@ from thesis_lib import records
 from thesis_lib.asides import aside
 from thesis_lib.book import kept
 from thesis_lib.files import staging
-from thesis_lib.web.page import INSTALLED, MATHJAX, BookError, damaged_assets
+from thesis_lib.web.page import INSTALLED, PACKAGES, BookError, damaged_assets
 
 _JUPYTER_BOOK = """
 import gc
@@ -35,7 +35,7 @@ _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 
 
 def install_assets(root: Path) -> Path:
-    """Install MathJax in ``build/assets`` of the project, unless the locked version is there.
+    """Install what pages need in ``build/assets``, unless the locked version is there.
 
     Raises
     ------
@@ -55,12 +55,13 @@ def install_assets(root: Path) -> Path:
     with staging(assets.parent) as work:
         for file in (lock, root / "package.json"):
             shutil.copy(file, work)
-        npm_ci(work, "MathJax for the book", "--omit=dev")
-        package, new = work / "node_modules" / "mathjax", work / "assets"
-        (new / "mathjax").mkdir(parents=True)
-        shutil.copy(package / "es5" / Path(MATHJAX).name, new / MATHJAX)
-        shutil.copy(package / "LICENSE", new / "mathjax")
-        records.write(new / INSTALLED, digest, [new / "mathjax"])
+        npm_ci(work, "MathJax and MiniSearch for the book", "--omit=dev")
+        new = work / "assets"
+        for package, parts in PACKAGES.items():
+            (new / package).mkdir(parents=True)
+            for part in parts:
+                shutil.copy(work / "node_modules" / package / part, new / package)
+        records.write(new / INSTALLED, digest, [new / package for package in PACKAGES])
         swap(new, assets)
     return assets
 
@@ -79,7 +80,7 @@ def render(root: Path, out: Path, finish: Callable[[Path], None] | None = None) 
     """
     root, out = root.resolve(), out.resolve()
     ours = root / "build" in out.parents  # and whatever has become of what is there
-    replaceable = ours or not out.exists() or (out / "searchindex.js").is_file()
+    replaceable = ours or not out.exists() or (out / "objects.inv").is_file()
     if not replaceable and (not out.is_dir() or any(out.iterdir())):
         raise BookError(f"{out} is not a book: give a new folder, or empty this one")
     install_assets(root)

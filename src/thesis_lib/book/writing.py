@@ -3,14 +3,12 @@
 A page is made of what was read of it and of what the book tells it: titles and contents, labels
 and numbers, names, citations, styles and scripts. If anything of that has changed, all pages are
 written anew, so that a reference that has lost its target is warned of wherever it stands; else
-those alone that were read anew, and the program texts that have changed. The others stay, and
-their words in the index for the search.
+those alone that were read anew, and the program texts that have changed. The others stay.
 """
 
 from __future__ import annotations
 
 import hashlib
-import pickle
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -20,12 +18,11 @@ from docutils import nodes
 from sphinx.builders.html import StandaloneHTMLBuilder
 from sphinx.util.parallel import ParallelTasks, SerialTasks, parallel_available
 
+from thesis_lib.book import edition, entries
 from thesis_lib.book.polish import polish, tidy
 from thesis_lib.files import digest_of
 
 _OWN = {"index entries", "cite bibdata", "cite bibliographies"}  # no other page's
-_BY_PAGE = ("_titles", "_filenames", "_all_titles", "_index_entries")
-_BY_WORD = ("_mapping", "_title_mapping")
 _PROGRAMS = "_modules/"
 
 
@@ -98,34 +95,11 @@ def _leave_out(app: Any) -> list[Any]:
 class Pages(StandaloneHTMLBuilder):
     """Pages of a book in a folder that may hold the book as it was, and polished."""
 
+    search = False  # by entries.js, which a page opened from a folder may read
+
     def get_outdated_docs(self) -> list[str]:  # type: ignore[override]
         """None by their dates: contents count."""
         return []
-
-    @property
-    def _words(self) -> Path:
-        return Path(self.doctreedir, "words.pickle")
-
-    def load_indexer(self, docnames: Iterable[str]) -> None:
-        """Take the words of pages that stay, as they were found in them."""
-        stay = self.env.all_docs.keys() - set(docnames)
-        found = pickle.loads(self._words.read_bytes()) if stay else {}
-        for name in found:
-            index = getattr(self.indexer, name)
-            if name in _BY_PAGE:
-                index.update({page: of for page, of in found[name].items() if page in stay})
-            else:
-                index.update({w: of & stay for w, of in found[name].items() if of & stay})
-
-    def dump_search_index(self) -> None:
-        """Write the index, as if all pages had been written in their order."""
-        found = {name: getattr(self.indexer, name) for name in (*_BY_PAGE, *_BY_WORD)}
-        for name in _BY_PAGE:
-            ordered = sorted(found[name].items())
-            found[name].clear()
-            found[name].update(ordered)
-        super().dump_search_index()
-        self._words.write_bytes(pickle.dumps(found))
 
     def copy_assets(self) -> None:
         """Begin with the program texts beside the pages, as soon as both can name the styles."""
@@ -151,6 +125,10 @@ class Pages(StandaloneHTMLBuilder):
                 tasks.add_task(lambda some: polish(book, some), half)
             tasks.join()
         tidy(book)
+        pages = {f"{name}.html": book / f"{name}.html" for name in sorted(self.env.all_docs)}
+        found = {name: entries.of_page(page.read_text("utf-8")) for name, page in pages.items()}
+        (book / entries.FILE).write_text(entries.script(found), encoding="utf-8")
+        (book / edition.FILE).write_text(edition.script(), encoding="utf-8")
 
     def _stamps(self, kind: str = "**/*") -> dict[Path, int]:
         """When files of a kind were written, which cannot be said otherwise than it was."""

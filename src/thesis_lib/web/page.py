@@ -30,6 +30,11 @@ from thesis_lib.web.shell import shell
 
 MATHJAX = "mathjax/tex-svg-full.js"
 """Path of MathJax inside ``build/assets``: one file, drawing with SVG, without fonts to load."""
+PACKAGES = {
+    "mathjax": ("es5/tex-svg-full.js", "LICENSE"),
+    "minisearch": ("dist/umd/index.js", "LICENSE.txt"),
+}
+"""What pages need of each package; it stands in the folder of the package's name."""
 INSTALLED = ".installed.json"
 """Record of what was installed there."""
 
@@ -83,7 +88,7 @@ def mathjax_path() -> Path:
 
 def damaged_assets(assets: Path) -> str:
     """What in a folder of installed assets is not what was installed, or empty."""
-    return records.damage(assets / INSTALLED, [assets / Path(MATHJAX).parent])
+    return records.damage(assets / INSTALLED, [assets / name for name in PACKAGES])
 
 
 def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:

@@ -1,0 +1,115 @@
+// The search: what the pages hold (entries.js) is read and put in order by MiniSearch when the
+// search is first opened, so that a page that only is read loads none of it.
+(() => {
+  const { root, load, element, closes } = window.thesisBook;
+  const dialog = document.getElementById("pst-search-dialog");
+  const input = dialog?.querySelector("input[name=q]");
+  if (!input) return;
+
+  const SHORT = { eq: "equation", eqs: "equation", eqn: "equation", fig: "figure", figs: "figure", tab: "table", sec: "section", ch: "chapter" };
+  const ENDING = /(?:ations?|ingly|edly|ings?|ions?|ments?|ers?|ies|ied|ed|es|ly|e|s|y)$/;
+  const KINDS = { section: "text", figure: "figure", equation: "equation", name: "library", term: "word", source: "source", claim: "claim", thesis: "thesis" };
+  const WEIGHT = { section: 1.2, figure: 1.2, equation: 1.2, term: 1.5, thesis: 1.3, name: 0.5, source: 1, claim: 0.4 };
+  const LONGEST = 200, MOST = 20, TERMS = 12;
+
+  // Words, numbers such as 3.24, names such as focal_px, which count as a whole and in parts.
+  const wholes = (text) => text.match(/[\p{L}\p{N}]+(?:[._'-][\p{L}\p{N}]+)*/gu) ?? [];
+  const parts = (word) => (/^[\d.]+$/.test(word) ? [] : word.split(/[._-]/).filter((part) => part !== word));
+  const words = (text) => wholes(text).flatMap((word) => [...new Set([word, ...word.split("."), ...parts(word)])]);
+  const asked = (text) => wholes(text.slice(0, LONGEST)).slice(0, TERMS).map((word) => (parts(word).length
+    ? { combineWith: "OR", queries: [word, { combineWith: "AND", queries: parts(word) }] } : word));
+  const lower = (word) => SHORT[word.toLowerCase()] ?? word.toLowerCase();
+  const stem = (word) => {
+    const low = lower(word);
+    if (!/^\p{L}{5,}$/u.test(low)) return low;
+    const cut = low.replace(ENDING, "");
+    return cut.length < 4 ? low.replace(/s$/, "") : cut;
+  };
+  const typed = (term) => /^\p{L}{4,}$/u.test(term);
+
+  let finder = null;
+  const ready = () => (finder ??= Promise.all([
+    window.thesisBook.entries(), load("_static/minisearch/index.js"),
+  ]).then(async ([all]) => {
+    const pages = new Map();
+    const entries = all.map((entry, id) => {
+      const first = !pages.has(entry.page);
+      if (first) pages.set(entry.page, entry.title);
+      return { ...entry, id, first, place: entry.places[0] ?? "", of: pages.get(entry.page) };
+    });
+    const index = new MiniSearch({
+      fields: ["title", "of", "text"], tokenize: words,
+      processTerm: (word) => [...new Set([stem(word), lower(word)])],
+      searchOptions: {
+        tokenize: (word) => [word], prefix: typed, boost: { title: 4, of: 2 },
+        boostDocument: (id) => WEIGHT[entries[id].kind] * (entries[id].first ? 1.5 : 1),
+      },
+    });
+    await index.addAllAsync(entries, { chunkSize: 200 });
+    return { index, entries };
+  }));
+
+  const find = ({ index, entries }, query) => {
+    const queries = asked(query);
+    for (const typos of [0, 1, 2]) { // two letters that changed places are two
+      const fuzzy = typos && ((term) => (typed(term) && term.length > 2 + typos ? typos : false));
+      const found = index.search({ combineWith: "AND", queries }, { fuzzy, processTerm: typos ? lower : stem });
+      if (found.length) return found.map((one) => ({ ...entries[one.id], terms: one.terms }));
+    }
+    return [];
+  };
+
+  // The part of a text around the first word that was found, with such words marked.
+  const plain = (text) => text.replace(/\\[()[\]]/g, "").replace(/\\(?:mathbf|mathrm|tfrac|frac|text)?\{?([A-Za-z]*)\}?/g, "$1");
+  const snippet = (text, terms) => {
+    const whole = plain(text), any = terms.map((term) => term.replaceAll(".", "\\.")).join("|");
+    const pattern = new RegExp(`(?<![\\p{L}\\p{N}])(?:${any})[\\p{L}]*`, "giu");
+    const at = Math.max(0, whole.search(pattern)), from = at < 80 ? 0 : whole.indexOf(" ", at - 60) + 1;
+    const shown = (from ? "… " : "") + whole.slice(from, from + 190) + (whole.length > from + 190 ? " …" : "");
+    const line = document.createElement("span");
+    let end = 0;
+    for (const match of shown.matchAll(pattern)) {
+      line.append(shown.slice(end, match.index), Object.assign(document.createElement("mark"), { textContent: match[0] }));
+      end = match.index + match[0].length;
+    }
+    line.append(shown.slice(end));
+    return line;
+  };
+  const result = (one) => {
+    const link = element("a", "tl-found", element("span", "tl-found-title", snippet(one.title, one.terms)));
+    link.href = root + one.page + (one.place && !one.first ? `#${one.place}` : "");
+    const where = KINDS[one.kind] + (one.first ? "" : ` · ${one.of}`);
+    link.append(element("span", "tl-found-where", where), element("span", "tl-found-text", snippet(one.text, one.terms)));
+    return element("li", "", link);
+  };
+
+  const list = element("ul", "tl-results"), status = element("p", "tl-results-status");
+  list.hidden = true;
+  status.setAttribute("role", "status");
+  dialog.append(status, list);
+  closes(dialog);
+  input.maxLength = LONGEST;
+  const show = async () => {
+    const book = await ready().catch(() => null), query = input.value;
+    const found = book ? find(book, query) : [];
+    list.replaceChildren(...found.slice(0, MOST).map(result));
+    list.hidden = !found.length;
+    const many = found.length > MOST ? `The best ${MOST} of ${found.length} places.` : `${found.length} place${found.length === 1 ? "" : "s"}.`;
+    status.textContent = !book ? "The book's index is missing." : !query.trim() ? "" : found.length ? many : "Nothing found.";
+    list.scrollTop = 0;
+  };
+  input.addEventListener("focus", () => ready().catch(() => null));
+  input.addEventListener("input", show);
+  input.form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    show().then(() => list.querySelector("a")?.click());
+  });
+  dialog.addEventListener("keydown", (event) => {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (!step) return;
+    const stops = [input, ...list.querySelectorAll("a")];
+    stops[Math.max(0, Math.min(stops.length - 1, stops.indexOf(document.activeElement) + step))].focus();
+    event.preventDefault();
+  });
+  list.addEventListener("click", (event) => event.target.closest("a") && dialog.close());
+})();

@@ -1,0 +1,169 @@
+"""What a page offers to those who read it: figures that grow, previews, the dark, citations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from io import BytesIO
+
+import pytest
+
+pytest.importorskip("playwright", reason="the browser tests need the playwright package")
+
+import axe
+from book.test_book_pages import BOOK, PAGES, needs_book
+from browser import browser, find_browser, open_offline
+from PIL import Image
+from playwright.sync_api import Browser
+
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="no Chromium or Chrome on this machine"
+)
+RESULTS = BOOK / "executed" / "beam-aperture.html"
+WIDTH = "() => document.querySelector('.tl-zoom img').getBoundingClientRect().width"
+CORNER = """async (image) => { image.loading = 'eager'; await image.decode();
+    return [getComputedStyle(image).backgroundColor, getComputedStyle(image).filter,
+            getComputedStyle(image).colorScheme]; }"""
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Browser]:
+    with browser() as one:
+        yield one
+
+
+@needs_book
+def test_a_figure_grows_by_keyboard_and_by_mouse(running: Browser) -> None:
+    with open_offline(running, RESULTS) as opened:
+        page = opened.page
+        grow = page.locator("#fig-3-7 .tl-grow")
+        assert grow.get_attribute("aria-label") == "Enlarge: Figure 3.7"
+        grow.focus()
+        page.keyboard.press("Enter")
+        small = page.evaluate(WIDTH)
+        assert small > 800
+        page.keyboard.press("+")
+        assert page.evaluate(WIDTH) == pytest.approx(1.4 * small, rel=0.01)
+        before = page.evaluate("() => document.querySelector('.tl-zoom-view').scrollLeft")
+        page.mouse.move(640, 400)
+        page.mouse.down()
+        page.mouse.move(740, 400)
+        page.mouse.up()
+        moved = page.evaluate("() => document.querySelector('.tl-zoom-view').scrollLeft")
+        assert moved == pytest.approx(before - 100, abs=2)
+        page.keyboard.press("0")
+        assert page.evaluate(WIDTH) == pytest.approx(small, rel=0.01)
+        if not axe.absent():
+            assert axe.findings(page) == []
+        page.keyboard.press("Escape")
+        assert not page.locator(".tl-zoom").is_visible()
+        page.locator("#fig-3-7 img").click()
+        assert page.locator(".tl-zoom").is_visible()
+        page.mouse.wheel(0, -400)
+        page.wait_for_function(f"small => ({WIDTH})() > 1.5 * small", arg=small)
+        assert opened.trouble == []
+
+
+@needs_book
+@pytest.mark.parametrize(
+    ("name", "link", "says"),
+    [
+        ("conventions.html", "a[href$='#equation-eq-noisy-law']", r"Equation \(\d+\)"),
+        ("intro.html", "a[href$='beam-arrays.html']", r"The beam: number and layout"),
+        ("how-to.html", "a[href$='#fig-3-8']", r"Figure 3\.8"),
+        ("thesis-index.html", "a[href$='#errata-b2']", r"B2\. Angles of view"),
+        ("glossary.html", "a[href$='#equation-eq-angle-of-view']", r"Equation"),
+    ],
+)
+def test_a_link_tells_what_it_leads_to(running: Browser, name: str, link: str, says: str) -> None:
+    with open_offline(running, BOOK / name) as opened:
+        page = opened.page
+        one = page.locator(f".bd-article {link}").first
+        one.focus()
+        preview = page.locator(".tl-preview")
+        preview.wait_for()
+        assert re.search(says, preview.inner_text())
+        assert one.get_attribute("aria-describedby") == "tl-preview"
+        if not axe.absent() and name == "how-to.html":
+            assert axe.findings(page, "color-contrast", "aria-tooltip-name") == []
+        page.keyboard.press("Escape")
+        assert not preview.is_visible()
+        one.hover()
+        preview.wait_for()
+        assert opened.trouble == []
+
+
+@needs_book
+def test_a_first_tap_shows_and_a_second_goes(running: Browser) -> None:
+    with open_offline(running, BOOK / "how-to.html", width=390) as opened:
+        page = opened.page
+        link = page.locator(".bd-article a[href$='#fig-3-8']").first
+        link.tap()
+        page.locator(".tl-preview").wait_for()
+        assert page.url.endswith("how-to.html")
+        assert opened.sideways_px() <= 0
+        link.tap()
+        page.wait_for_url("**/beam-aperture.html#fig-3-8")
+        assert opened.trouble == []
+
+
+@needs_book
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_drawings_follow_the_page(running: Browser, dark: bool) -> None:
+    """Also against the browser's own wish: the page's switch decides."""
+    with open_offline(running, RESULTS, dark=not dark) as opened:
+        page = opened.page
+        switch = page.locator(".theme-switch-button")
+        for _ in range(3):
+            if page.evaluate("() => document.documentElement.dataset.theme") == (
+                "dark" if dark else "light"
+            ):
+                break
+            switch.click()
+        image = page.locator("#fig-3-7 img")
+        image.scroll_into_view_if_needed()
+        page.wait_for_timeout(300)
+        told = image.evaluate(CORNER)
+        assert told == ["rgba(0, 0, 0, 0)", "none", "dark" if dark else "light"]
+        shot = Image.open(BytesIO(image.screenshot())).convert("L")
+        ground = shot.getpixel((3, 3))
+        assert (ground < 40) if dark else (ground > 240)
+        extremes = shot.getextrema()
+        assert (extremes[1] > 180) if dark else (extremes[0] < 80)  # its words are to be seen
+
+
+@needs_book
+def test_pages_figures_and_cubes_are_cited_with_their_edition(running: Browser) -> None:
+    with open_offline(running, RESULTS) as opened:
+        page = opened.page
+        page.locator("button.tl-cite").click()
+        said = page.locator(".tl-cites pre")
+        said.first.wait_for()
+        assert "The beam: aperture" in said.first.inner_text()
+        assert re.search(r"Version \S+, commit [\da-f]{7,}", said.first.inner_text())
+        page.locator(".tl-cites select").select_option(label="Figure 3.8 (The beam: aperture)")
+        assert "@misc{vibration-fig-3-8," in said.last.inner_text()
+        assert "executed/beam-aperture.html#fig-3-8" in said.nth(1).inner_text()
+        cube = page.locator(".tl-cites option").last
+        page.locator(".tl-cites select").select_option(label=cube.inner_text())
+        assert "Cube beam-aperture.nc" in said.first.inner_text()
+        if not axe.absent():
+            assert axe.findings(page) == []
+        page.keyboard.press("Escape")
+        assert not page.locator(".tl-cites").is_visible()
+        assert opened.trouble == []
+
+
+@needs_book
+def test_each_page_describes_itself() -> None:
+    for name in [name for name in PAGES if name != "index.html"]:
+        text = (BOOK / name).read_text(encoding="utf-8")
+        head = text[: text.index("</head>")]
+        assert re.search(r'<meta name="description" content="[^"]+"', head), name
+        card = re.search(r'<meta property="og:image" content="([^"]+)"', head)
+        assert card, name
+        assert ((BOOK / name).parent / card[1]).is_file(), name
+        icon = re.search(r'<link rel="icon" href="([^"?]+)', head)
+        assert icon, name
+        assert ((BOOK / name).parent / icon[1]).is_file(), name
+        assert head.count('name="viewport"') == 1, name

@@ -1,0 +1,181 @@
+"""The search of the rendered book, from its folder, and what it looks through."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+pytest.importorskip("playwright", reason="the browser tests need the playwright package")
+
+import axe
+from book.test_book_pages import BOOK, needs_book
+from browser import browser, find_browser, open_offline
+from playwright.sync_api import Browser, Page
+
+from thesis_lib.book import entries
+
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="no Chromium or Chrome on this machine"
+)
+TITLES = ".tl-found-title"
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Browser]:
+    with browser() as one:
+        yield one
+
+
+def ask(page: Page, words: str) -> list[str]:
+    """Titles of what is found for some words."""
+    status = page.locator(".tl-results-status")
+    page.locator("#pst-search-dialog input").fill("")
+    page.wait_for_function("() => !document.querySelector('.tl-results-status').textContent")
+    page.locator("#pst-search-dialog input").fill(words)
+    status.filter(has_text=r".").wait_for()
+    return page.locator(TITLES).all_inner_texts()
+
+
+FIRST = {
+    "3.24": "Figure 3.24",
+    "figure 3.24": "Figure 3.24",
+    "fig. 3.24": "Figure 3.24",
+    "eq. 3.19": "Equation 3.19",
+    "Table 4.4": "Table 4.4",
+    "hemisphere_cameras": "vision.pinhole.hemisphere_cameras",
+    "ch3-1-m1-mean-first": "Claim ch3-1-m1-mean-first",
+    "beam distance": "The beam: distance",
+    "law of rounding": "The law of rounding",
+    "analytic centre": "analytic centre",
+}
+
+
+@needs_book
+def test_what_is_meant_comes_first_or_nearly(running: Browser) -> None:
+    with open_offline(running, BOOK / "executed" / "beam-aperture.html") as opened:
+        page = opened.page
+        page.keyboard.press("Control+k")
+        first = {words: ask(page, words)[:3] for words in FIRST}
+        wrong = {words: first[words] for words in FIRST if FIRST[words] not in first[words]}
+        assert wrong == {}
+        assert opened.trouble == []
+
+
+@needs_book
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [("roundign", "rounding"), ("roundinng", "rounding"), ("triangulating", "triangulation"),
+     ("apertures", "aperture"), ("qwertz uiop", None)],
+)  # fmt: skip
+def test_endings_and_a_typo_are_no_hindrance(
+    running: Browser, typed: str, meant: str | None
+) -> None:
+    with open_offline(running, BOOK / "intro.html") as opened:
+        page = opened.page
+        page.keyboard.press("Control+k")
+        found = ask(page, typed)
+        if meant is None:
+            assert found == []
+            assert page.locator(".tl-results-status").inner_text() == "Nothing found."
+        else:
+            assert set(found[:5]) & set(ask(page, meant)[:10])
+            assert page.locator(".tl-found mark").count()
+        assert opened.trouble == []
+
+
+@needs_book
+def test_a_program_is_words(running: Browser) -> None:
+    with open_offline(running, BOOK / "intro.html") as opened:
+        page = opened.page
+        page.keyboard.press("Control+k")
+        ask(page, "<script>alert(1)</script>")
+        ask(page, "<img src=x onerror=alert(1)>")
+        assert page.locator("#pst-search-dialog :is(script, img)").count() == 0
+        assert opened.trouble == []
+
+
+@needs_book
+def test_a_book_of_letters_is_cut(running: Browser) -> None:
+    with open_offline(running, BOOK / "intro.html") as opened:
+        page = opened.page
+        page.keyboard.press("Control+k")
+        page.evaluate("""() => { const field = document.querySelector('#pst-search-dialog input');
+            field.removeAttribute('maxlength'); field.value = 'beam camera '.repeat(900);
+            field.dispatchEvent(new Event('input')); }""")
+        page.locator(".tl-found").first.wait_for()
+        assert opened.trouble == []
+
+
+@needs_book
+def test_it_is_used_by_keyboard_and_loads_when_opened(running: Browser) -> None:
+    with open_offline(running, BOOK / "executed" / "beam-aperture.html", fresh=True) as opened:
+        page = opened.page
+        loaded = "() => 'thesisEntries' in window || 'MiniSearch' in window"
+        assert not page.evaluate(loaded)
+        page.keyboard.press("Control+k")
+        page.wait_for_function(loaded)
+        page.keyboard.type("figure 3.24")
+        page.locator(".tl-found").first.wait_for()
+        page.keyboard.press("ArrowDown")
+        assert page.evaluate("() => document.activeElement.className") == "tl-found"
+        page.keyboard.press("Escape")
+        assert not page.locator("#pst-search-dialog").is_visible()
+        page.keyboard.press("Control+k")
+        page.locator(".tl-found").first.focus()
+        page.keyboard.press("ArrowUp")
+        assert page.evaluate("() => document.activeElement.name") == "q"
+        if not axe.absent():
+            assert axe.findings(page) == []
+        page.keyboard.press("Escape")
+        assert not page.locator("#pst-search-dialog").is_visible()
+        page.keyboard.press("Control+k")
+        page.keyboard.type("figure 3.24")
+        page.keyboard.press("Enter")
+        page.wait_for_url("**/beam-arrays.html#fig-3-24")
+        assert opened.trouble == []
+
+
+@needs_book
+def test_a_key_is_answered_within_a_tenth_of_a_second(running: Browser) -> None:
+    with open_offline(running, BOOK / "intro.html") as opened:
+        page = opened.page
+        page.keyboard.press("Control+k")
+        ask(page, "camera")
+        took = page.evaluate("""async () => {
+            const field = document.querySelector('#pst-search-dialog input'), took = [];
+            for (const words of ['the cameras see a marker', 'figure 3.24', 'roundign of pixels'])
+              for (let n = 1; n <= words.length; n++) {
+                const start = performance.now();
+                field.value = words.slice(0, n);
+                field.dispatchEvent(new Event('input'));
+                await new Promise((r) => setTimeout(r));
+                took.push(performance.now() - start);
+              }
+            return took.sort((a, b) => a - b); }""")
+        assert took[len(took) // 2] < 100, took
+
+
+def test_entries_are_what_a_page_says() -> None:
+    page = """<title>Beam: b &#8212; Book</title><article class="bd-article">
+    <section id="beam"><span id="old"></span>
+    <h1>The <em>beam</em><a class="headerlink" href="#beam">#</a></h1>
+    <p>It bends.</p><script>no()</script>
+    <div class="math" id="equation-eq-a"><span class="eqno">(3)</span>\\[a\\]</div>
+    <figure id="fig-3-4"><img src="a.svg" alt=""><figcaption><p>
+    <span class="caption-number">Fig. 9 </span>Figure 3.4 of the thesis. Case 1.</p></figcaption>
+    </figure><dl><dt class="sig sig-object" id="thesis_lib.a.f">f(x)</dt><dd><p>Does.</p>
+    <dl class="field-list"><dt>Returns</dt><dd>All.</dd></dl></dd></dl>
+    <dl><dt id="term-a">a</dt><dd>First.</dd><dt id="term-b">b</dt><dd>Second.</dd></dl>
+    </section></article>"""
+    found = [(e.kind, e.places, e.title, e.text, e.picture) for e in entries.of_page(page)]
+    assert found == [
+        ("section", ["beam", "old"], "Beam: b", "It bends.", ""),
+        ("equation", ["equation-eq-a"], "Equation (3)", "\\[a\\]", ""),
+        ("figure", ["fig-3-4"], "Figure 3.4", "Figure 3.4 of the thesis. Case 1.", "a.svg"),
+        ("name", ["thesis_lib.a.f"], "a.f", "Does. Returns All.", ""),
+        ("term", ["term-a"], "a", "First.", ""),
+        ("term", ["term-b"], "b", "Second.", ""),
+    ]
+    assert entries.of_page("<p>no article</p>") == []
+    assert "<script>" not in entries.script({"a.html": entries.of_page(page)})
