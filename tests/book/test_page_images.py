@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import base64
+import re
 import struct
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from thesis_lib.book.images import in_files, in_the_dark, lazy, luminance, size_px, squeeze, themed
+from thesis_lib.book.images import (
+    classed,
+    in_files,
+    in_the_dark,
+    lazy,
+    luminance,
+    relative,
+    size_px,
+    squeeze,
+    themed,
+)
 
 SVG = '<?xml version="1.0"?>\n<svg xmlns="x" width="72pt" height="36.75pt" viewBox="0 0 1 1"/>'
 
@@ -147,3 +160,58 @@ def test_colours_are_seen_on_the_dark_ground_and_keep_their_order_of_parts(colou
     dark, ground = parts(in_the_dark(colour)), parts(in_the_dark("#ffffff"))
     assert (luminance(dark) + 0.05) / (luminance(ground) + 0.05) >= 4.4
     assert sorted(range(3), key=parts(colour).__getitem__) == sorted(range(3), key=dark.__getitem__)
+
+
+def points(path: str) -> list[tuple[float, float]]:
+    """Where a path's points are, of absolute and of relative steps alike."""
+    told = re.findall(r"[A-Za-z]|-?\d*\.?\d+", path)
+    at, start, places, name = np.zeros(2), np.zeros(2), [], ""
+    while told:
+        if told[0].isalpha():
+            name = told.pop(0)
+        if name == "z":
+            at = start
+            continue
+        many = {"m": 1, "l": 1, "q": 2, "c": 3}[name.lower()]
+        step = np.array([float(told.pop(0)) for _ in range(2 * many)]).reshape(many, 2)
+        step = step + at if name.islower() else step
+        places += [(float(x), float(y)) for x, y in step]
+        at = step[-1]
+        start = at if name == "M" else start
+    return places
+
+
+def test_paths_of_steps_pass_through_the_same_points() -> None:
+    """Thousands of steps do not drift, whatever they are; a path may begin again where it ended."""
+    rng = np.random.default_rng(3)
+    parts = ["M10 20"]
+    for name in rng.choice([*"MLQCz"], 3000):
+        count = {"M": 2, "L": 2, "Q": 4, "C": 6, "z": 0}[name]
+        parts.append(name + " ".join(f"{x:.2f}" for x in rng.uniform(-300, 300, count)))
+    drawn = f'<path d="{"".join(parts)}"/>'
+    shorter = relative(drawn)
+    assert len(shorter) < len(drawn)
+    assert_allclose(points(shorter[9:-3]), points(drawn[9:-3]), atol=1e-9)
+
+
+def test_letters_are_drawn_to_a_thousandth_of_their_height() -> None:
+    """Their points are told on a coarser grid, and enlarged by as much."""
+    drawn = "M2188 4044L1331 1722L3047 1722Q1 2 3 4z"
+    glyph = f'<path id="DejaVuSans-41" d="{drawn}" transform="scale({{}})"/>'
+    shorter = relative(glyph.format(0.015625))
+    fine, coarse = (points(re.findall(' d="([^"]*)"', one)[0]) for one in (glyph, shorter))
+    assert_allclose(np.array(coarse) * 0.0625, np.array(fine) * 0.015625, atol=0.0625 / 2)
+    assert 'transform="scale(0.0625)"' in shorter
+
+
+def test_styles_are_told_once() -> None:
+    """A drawing that has classes of its own keeps its styles; one alone stays where it is."""
+    twice = (
+        '<svg width="1"><g style="fill:red"/><g style="stroke: red"/><g style="fill:red"/></svg>'
+    )
+    told = classed(twice)
+    assert told.count("fill:red") == 1
+    assert told.count('class="s0"') == 2
+    assert 'style="stroke: red"' in told
+    own = twice.replace("<g style", '<g class="own" style', 1)
+    assert classed(own) == own

@@ -13,7 +13,7 @@ from urllib.parse import quote
 from thesis_lib.book.accessible import mend
 from thesis_lib.book.contents import fold
 from thesis_lib.book.edition import described
-from thesis_lib.book.images import in_files, lazy, squeeze, themed
+from thesis_lib.book.images import classed, in_files, lazy, relative, squeeze, themed
 
 _UNUSED = ("fontawesome.js", "searchtools.js", "language_data.js")  # nor icons nor Sphinx's search
 _SPARE = re.compile(
@@ -46,8 +46,13 @@ def polish(book: Path, files: Iterable[Path]) -> None:
             text = _plain(lazy(mend(fold(text)), file.parent))
             text = described(text, "../" * (len(file.relative_to(book).parts) - 1))
         else:
-            text = themed(squeeze(text)) if file.suffix == ".svg" else _slim(text)
+            text = _drawing(text) if file.suffix == ".svg" else _slim(text)
         file.write_text(text, encoding="utf-8")
+
+
+def _drawing(text: str) -> str:
+    """A drawing in fewer letters, in colours that follow the page."""
+    return themed(classed(relative(squeeze(text))))
 
 
 def _plain(text: str) -> str:
