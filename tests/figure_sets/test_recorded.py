@@ -9,7 +9,7 @@ import xarray as xr
 
 from thesis_lib import asides, files
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets import recorded, repeated
 from thesis_lib.figure_sets.lab_layout import recordings as lab_layout_film
 from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
 from thesis_lib.figure_sets.recorded import STEP
@@ -29,7 +29,8 @@ def test_the_data_are_of_this_code(name):
 def test_they_are_small_and_no_file_is_left_over():
     folder = setups.data_folder().parent / "recordings"
     there = {path.name for path in folder.iterdir()} - {"README.md"}
-    assert there == {f"{name}.{kind}" for name in EVERY for kind in ("nc", "json")}
+    names = [*EVERY, *(others.path.stem for others in repeated.every())]
+    assert there == {f"{name}.{kind}" for name in names for kind in ("nc", "json")}
     assert sum(path.stat().st_size for path in folder.iterdir()) <= 10e6
 
 
