@@ -133,7 +133,7 @@ def test_what_is_damaged_or_of_other_code_is_named_and_filmed_anew(own, how, cap
     assert len(films) == 2
     (said,) = asides.asides()[before:]
     assert str(of.path) in said
-    assert said.endswith("filmed anew, which takes minutes")
+    assert said.endswith("rendered anew, which takes minutes")
     np.testing.assert_array_equal(again["tracks"], recorded._filmed(of.film, of.request)["tracks"])
 
 
