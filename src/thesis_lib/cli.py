@@ -7,6 +7,7 @@ import json
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -200,7 +201,11 @@ def _parameter_lines(rows: Sequence[dict[str, str]]) -> list[str]:
 @cli.command()
 @click.argument("chapter", required=False)
 @click.option("--publish", is_flag=True, help="Make these results the published ones.")
-@click.option("--from-nothing", is_flag=True, help="Render recordings and run everything anew.")
+@click.option(
+    "--from-nothing",
+    is_flag=True,
+    help="Render one recording of each setting; run everything anew.",
+)
 def book(chapter: str | None, publish: bool, from_nothing: bool) -> None:
     """Run what is stale, render the book, say where to open it.
 
@@ -218,7 +223,9 @@ def book(chapter: str | None, publish: bool, from_nothing: bool) -> None:
         from thesis_lib.book import build as publishing
 
         if from_nothing:
-            _record()
+            from thesis_lib.figure_sets.record import record as film
+
+            film(many=1, say=partial(click.echo, err=True))
             publishing.forget()
         index = publishing.build(publish, chapter or "")
     else:
@@ -231,18 +238,13 @@ def record() -> None:
     """Render the recordings anew, and make what is measured on them the data of figure sets.
 
     Its results are computed from data/recordings, which are taken as they are while the code that
-    made them is the same. Takes a quarter of an hour.
+    made them is the same. One of every setting takes a quarter of an hour, all twenty take hours;
+    what was stopped goes on where it stopped.
     """
     files.project_root()  # refused without a clone
-    _record()
+    from thesis_lib.figure_sets.record import record as film
 
-
-def _record() -> None:
-    from thesis_lib.figure_sets import recorded
-
-    for of in recorded.every():
-        click.echo(f"{of.request.name}: filming", err=True)
-        click.echo(f"{recorded.record(of)}", err=True)
+    film(say=partial(click.echo, err=True))
 
 
 @cli.command()

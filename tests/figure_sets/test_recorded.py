@@ -9,7 +9,7 @@ import xarray as xr
 
 from thesis_lib import asides, files
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets import recorded, repeated
 from thesis_lib.figure_sets.lab_layout import recordings as lab_layout_film
 from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
 from thesis_lib.figure_sets.recorded import STEP
@@ -29,7 +29,8 @@ def test_the_data_are_of_this_code(name):
 def test_they_are_small_and_no_file_is_left_over():
     folder = setups.data_folder().parent / "recordings"
     there = {path.name for path in folder.iterdir()} - {"README.md"}
-    assert there == {f"{name}.{kind}" for name in EVERY for kind in ("nc", "json")}
+    names = [*EVERY, *(others.path.stem for others in repeated.every())]
+    assert there == {f"{name}.{kind}" for name in names for kind in ("nc", "json")}
     assert sum(path.stat().st_size for path in folder.iterdir()) <= 10e6
 
 
@@ -132,7 +133,7 @@ def test_what_is_damaged_or_of_other_code_is_named_and_filmed_anew(own, how, cap
     assert len(films) == 2
     (said,) = asides.asides()[before:]
     assert str(of.path) in said
-    assert said.endswith("filmed anew, which takes minutes")
+    assert said.endswith("rendered anew, which takes minutes")
     np.testing.assert_array_equal(again["tracks"], recorded._filmed(of.film, of.request)["tracks"])
 
 

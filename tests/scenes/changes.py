@@ -27,6 +27,7 @@ CHANGES = {
     "first_marker_mm": 12,
     "readings": ["1 N"],
     "modes": [1, 2],
+    "repeats": 3,
     "trials": 201,
     "seed": 1,
     "distances_mm": [500, 750],

@@ -40,6 +40,9 @@ class Product:
     kept: bool = False
     #: Whether it is filmed, and kept as data (:mod:`thesis_lib.figure_sets.recorded`)
     recorded: bool = False
+    #: Whether it is rendered again and again, and what comes out kept as data
+    #: (:mod:`thesis_lib.figure_sets.repeated`)
+    repeated: bool = False
     in_pieces: bool = False  #: Whether workers can compute it together, piece by piece
 
     def compute(
@@ -63,6 +66,7 @@ class FigureSet(Product):
     chapter: str
     #: ``module:function`` that draws one case and mode of its cube, if it has cases
     figure: str = ""
+    others: Product | None = None  #: Other recordings of what it is made from, if it is rendered
     judges: bool = False  #: Whether it is made from the cubes of all others, after them
 
     def draw(self, cube: xr.Dataset, case: str, mode: int) -> Figure:
@@ -76,11 +80,23 @@ def filmed(package: str, **how: Any) -> FigureSet:
     """A figure set that is computed from recordings; `how` is the rest of :class:`FigureSet`.
 
     The module ``recordings`` of its package renders what the request's own ``recordings`` asks for,
-    and ``compute`` takes that as `data`.
+    and ``compute`` takes that as `data`; its module ``others``, where requests say
+    how many ``repeats`` they want, renders the same again, and ``compute`` takes what comes out,
+    if there is any, as `others`.
     """
     recordings = Product(module=f"{package}.recordings", recorded=True)
-    return FigureSet(
-        module=f"{package}.compute",
-        needs=lambda asked: {"data": (recordings, asked.recordings)},
-        **how,
-    )
+    others = None
+    if "repeats" in how["request"].model_fields:
+        others = Product(module=f"{package}.others", repeated=True)
+
+    def needs(asked: Any) -> Inputs:
+        from thesis_lib.figure_sets import repeated
+
+        if others is None:
+            return {"data": (recordings, asked.recordings)}
+        again = repeated.asked_for(others, asked)
+        return {"data": (recordings, asked.recordings)} | (
+            {"others": (others, again)} if again.trials else {}
+        )
+
+    return FigureSet(module=f"{package}.compute", needs=needs, others=others, **how)

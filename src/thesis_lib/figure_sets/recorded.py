@@ -62,8 +62,13 @@ def folder() -> Path:
 
 def recordings_of(product: Product, request: Study) -> Recordings:
     """The recordings of a request."""
+    return Recordings(request, partial(product.compute, inputs={}), sources_of(product))
+
+
+def sources_of(product: Product) -> list[Path]:
+    """What recordings depend on besides their request: code and facts."""
     files = [file for file in keys.code_of(product.module) if file.parent.name not in ASKING]
-    return Recordings(request, partial(product.compute, inputs={}), [*files, *keys.facts_of(files)])
+    return [*files, *keys.facts_of(files)]
 
 
 def behind(request: Study) -> list[Recordings]:

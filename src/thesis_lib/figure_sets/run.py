@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
-from thesis_lib.figure_sets import keys, recorded
+from thesis_lib.figure_sets import keys, recorded, repeated
 from thesis_lib.figure_sets.figure_set import Product
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.studies import effort
@@ -38,6 +38,8 @@ def made(product: Product, asked: Study, scheduler: str = "") -> xr.Dataset:
 
     if product.recorded:
         return recorded.measured(recorded.recordings_of(product, asked))
+    if product.repeated:
+        return repeated.deflections(product, asked)
     library = keys.library(product, asked)
     if product.kept:
         return cached(asked, compute, keys.key(product, asked), library)

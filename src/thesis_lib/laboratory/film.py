@@ -58,6 +58,22 @@ def shots(rig: Rig, index: int) -> Iterator[Image]:
         yield board_image(station.camera, rig.board, R, t, station.sensor, rng)
 
 
+def write_video(
+    rig: Rig, index: int, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23
+) -> None:
+    """Write the video of one camera, with its sound: camera A's is ``A.mkv``."""
+    station = rig.stations[index]
+    video = folder / f"{station.camera.name}.mkv"
+    pictures, rate = frames(rig, index), station.frame_rate
+    media.write_video(video, pictures, rate, sound(rig, index), SAMPLE_RATE, codec, crf)
+
+
+def write_shots(rig: Rig, index: int, folder: Path) -> None:
+    """Write the pictures of the board by one camera: camera A's are ``A/00.png`` and so on."""
+    for k, image in enumerate(shots(rig, index)):
+        media.write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
+
+
 def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23) -> Path:
     """Write a video and the board shots of every camera; the cameras film side by side.
 
@@ -67,21 +83,9 @@ def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: i
         The manifest. Camera A's files are ``A.mkv`` and ``A/00.png`` and so on.
     """
 
-    def one(index: int) -> Path:
-        station = rig.stations[index]
-        video = folder / f"{station.camera.name}.mkv"
-        media.write_video(
-            video,
-            frames(rig, index),
-            station.frame_rate,
-            sound(rig, index),
-            SAMPLE_RATE,
-            codec,
-            crf,
-        )
-        for k, image in enumerate(shots(rig, index)):
-            media.write_png(folder / station.camera.name / f"{k:02d}.png", image)
-        return video
+    def one(index: int) -> None:
+        write_video(rig, index, folder, codec, crf)
+        write_shots(rig, index, folder)
 
     abreast(one, range(len(rig.stations)))
     path = folder / "manifest.yaml"

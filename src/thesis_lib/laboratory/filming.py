@@ -27,6 +27,7 @@ from thesis_lib.studies.vocabulary import (
     Frames,
     NoiseSeed,
     ReadNoise,
+    Repeats,
     Runs,
     SensorWidth,
     ShotNoise,
@@ -60,6 +61,12 @@ class Film(Fields):
     frames: Frames = 24
     shot_noise: ShotNoise = READING["shot_noise"]
     read_noise: ReadNoise = READING["read_noise"]
+
+
+class Repeated(Fields):
+    """A figure set whose settings can be rendered again and again."""
+
+    repeats: Repeats = "kept"
 
 
 class LabStudy(Study):

@@ -99,21 +99,22 @@ def record(
         px, lens distortion included, and ``time`` of each frame in s.
     """
     every = abreast(look, rigs)
-    kept = [[_kept(own, frames) for own in found] for found in every]
+    every = [[kept(own, frames) for own in found] for found in every]
     data = xr.Dataset()
     dims = ("rig", "camera", "frame", "axis", "marker")
     for name, units, text in (
         ("centres", "px", "marker centres as they were found"),
         ("truth", "px", "where the markers were at the middle of the exposure"),
     ):
-        values = np.array([[getattr(own, name) for own in found] for found in kept])
+        values = np.array([[getattr(own, name) for own in found] for found in every])
         data[name] = (dims, values, {"units": units, "long_name": text})
-    times = np.array([[own.times for own in found] for found in kept])
+    times = np.array([[own.times for own in found] for found in every])
     data["time"] = (dims[:3], times, {"units": "s", "long_name": "middle of the exposure"})
     return data
 
 
-def _kept(own: Seen, frames: int) -> Seen:
+def kept(own: Seen, frames: int) -> Seen:
+    """Of what a camera saw, the rest and the last `frames` frames."""
     chosen = np.r_[:REST, len(own.times) - frames : len(own.times)]
     return Seen(own.times[chosen], own.centres[chosen], own.truth[chosen])
 

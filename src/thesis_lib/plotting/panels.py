@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array
 from thesis_lib.plotting.selection import Bars
 from thesis_lib.plotting.style import HIGHLIGHT, color, logarithmic
-from thesis_lib.studies import outlines
+from thesis_lib.studies import cubes, outlines
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
 FAR_APART = 20.0
@@ -57,7 +57,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
                 color="#222222",
                 markersize=10,
                 markeredgewidth=1.2,
-                label=hidden + "5–95 % of trials",
+                label=f"{hidden}5–95 % of {cubes.trials_are(part)}",
             )
             axes.plot(position, median, "o", color="#222222", markersize=4, label=hidden + "median")
         axes.plot(

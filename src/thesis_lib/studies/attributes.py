@@ -64,7 +64,7 @@ def described(cube: xr.Dataset, study: Study) -> xr.Dataset:
         varied_label=study.varied_label,
         trial_0=study.first,
         predicts=study.predicted_by,
-        draws=study.draws,
+        draws=cube.attrs.get("draws", study.draws),
         in_the_thesis=np.int8(study.is_of_the_thesis),
     )
     if "case" not in cube.coords or cube["case"].dims != ("setting",) or "mode" not in cube.coords:

@@ -109,6 +109,12 @@ def typical(values: xr.DataArray) -> Array:
     return np.where(np.isfinite(median), median, literal)
 
 
+def trials_are(cube: xr.Dataset) -> str:
+    """What the trials of a cube are, as tables and legends say it."""
+    draws = str(cube.attrs.get("draws", ""))
+    return draws if draws.endswith("recordings") else "trials"
+
+
 def percent_text(value: float) -> str:
     """A percentage with one decimal, below 1 with two, below 0.1 with three."""
     size = abs(value)

@@ -91,12 +91,25 @@ def camera_places(settings: list[Setting]) -> dict[str, Any]:
     return labelled(dict(zip(CAMERAS, table, strict=True)), CAMERAS)
 
 
-def filmed(coords: dict[str, Any], hertz: Sequence[float], drawn: str) -> dict[str, Any]:
-    """Coordinates of modes that were rendered at these frequencies; words tell what trials draw."""
+def filmed(
+    coords: dict[str, Any], hertz: Sequence[float], drawn: str, others: xr.Dataset | None = None
+) -> dict[str, Any]:
+    """Coordinates of modes that were rendered at these frequencies.
+
+    Trials are other recordings if there are any; else words tell what they draw.
+    """
     words = {"long_name": "frequency of the vibration", "units": "Hz"}
     coords["frequency"] = ("mode", np.array(hertz), words)
     coords["trial"][2]["long_name"] = drawn
+    if others is not None:
+        told = {"long_name": "recording, 0 for the one whose tracks are kept", "units": "1"}
+        coords["trial"] = ("trial", np.arange(1 + others.sizes["recording"]), told)
     return coords
+
+
+def drawn_by(others: xr.Dataset | None) -> dict[str, str]:
+    """Attribute of a rendered cube: how many other recordings its trials are, if there are any."""
+    return {} if others is None else {"draws": f"{others.sizes['recording']} recordings"}
 
 
 def coordinates(

@@ -25,7 +25,7 @@ from thesis_lib.studies.vocabulary import (
 from thesis_lib.text import first_hidden, listed, one_line
 from thesis_lib.vibration.structure import Structure
 
-CHOOSES = {"cube", "trials", "seed", "modes", "cases", "layouts"}
+CHOOSES = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""
 
 

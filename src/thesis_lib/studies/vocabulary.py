@@ -205,6 +205,14 @@ Estimator = Literal["least-squares", "analytic-centre", "interval"]
 Trials = Annotated[
     int, means("random shifts of the pixel grids beside the literal run", ge=0, le=1_000_000)
 ]
+Repeats = Annotated[
+    Annotated[int, Field(ge=1, le=1000)] | Literal["kept"],
+    means(
+        "recordings of every setting, the first included; other ones stand in for drawn trials, "
+        "as many as there are trials",
+        'a whole number from 1 to 1000, or "kept" (what data/recordings holds of just these)',
+    ),
+]
 Shifts = Annotated[int, means("random shifts of the pixel grids", ge=2, le=10_000)]
 Runs = Annotated[int, means("further runs, with noise drawn at random", ge=0, le=10_000)]
 Seed = Annotated[

@@ -11,7 +11,9 @@ from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import Opened, of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound_sum import heard
-from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
+from thesis_lib.figure_sets.repeated import FEW
+from thesis_lib.laboratory.another import SHIFT, TURN
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.cube import from_cube
@@ -77,6 +79,43 @@ def _explaining_scatter(cube: xr.Dataset) -> str:
         f"stated of {by['literal']['label'].item()}. Matched ones scatter by "
         f"{scatter['matched']:.2f} px, fitted ones by {scatter['literal']:.3f} px.\n"
     )
+
+
+def repeats(opened: dict[str, xr.Dataset]) -> str:
+    """Whether bands are over other recordings, how many, and how far the first is from these."""
+    rows, drawn = [], []
+    for name in (one for one, figure_set in FIGURE_SETS.items() if figure_set.others):
+        cube = opened[name]
+        error = cube["mean_error"].transpose("trial", ...).values
+        if not cube.attrs["draws"].endswith("recordings"):
+            drawn.append(f"[{STUDIES[name].title}](executed/{name}.ipynb)")
+            continue
+        error = error[:, np.isfinite(error).all(axis=0)]
+        first, others = error[0], error[1:]
+        rows.append(
+            {
+                "figure set": f"[{STUDIES[name].title}](executed/{name}.ipynb)",
+                "other recordings": str(len(others)),
+                "scatter of the error": f"{np.median(others.std(0) / others.mean(0)):.0%}",
+                "the first is above all": f"{np.mean(first > others.max(0)):.0%}",
+                "below all": f"{np.mean(first < others.min(0)):.0%}",
+            }
+        )
+    text = ""
+    if rows:
+        text = columns(rows) + (
+            "\nTrials, and with them bands and verdicts, are *other recordings* here: each camera "
+            f"put up again, to {1000 * SHIFT:g} mm and {np.degrees(TURN):g}°, with other starts "
+            "and other noise, rendered and measured in the same way. *Scatter*: standard deviation "
+            "of the rms error between recordings over its mean, median of all settings and "
+            "modes; then the share of these in which the first recording errs most or least.\n"
+        )
+    if drawn:
+        text += (
+            f"\nOf {', '.join(drawn)} fewer than {FEW} other recordings are data: there trials "
+            "draw starts, clocks and noise on the tracks of the one recording.\n"
+        )
+    return text
 
 
 def _changes(chapter: Sequence[xr.Dataset]) -> str:

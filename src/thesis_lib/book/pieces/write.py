@@ -19,6 +19,7 @@ from thesis_lib.book.pieces.chapters import (
     layouts,
     ledger_totals,
     plate_results,
+    repeats,
     scatter_table,
     sound_results,
 )
@@ -114,6 +115,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "plate-model": lambda _: structure_model(setups.plate(), "nm", 1e9),
     "plate-results": plate_results,
     "experiment-results": experiment_results,
+    "lab-repeats": repeats,
     "lab-elevation-results": lambda opened: _layout("lab-elevation", opened["lab-elevation"]),
     "lab-layout-results": lambda opened: _layout("lab-layout", opened["lab-layout"]),
     "lab-equal-pixels-results": lambda opened: _lab("equal", opened["lab-equal-pixels"]),

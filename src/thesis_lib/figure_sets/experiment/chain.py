@@ -147,12 +147,12 @@ def measure(
 
     with alike(), ThreadPoolExecutor(2) as pool:
         followed = list(pool.map(one, range(len(manifest.cameras))))
-    data = _dataset(manifest, widths, calibrations, sound, followed)
-    _check_grid(data, markers)
+    data = dataset_of(manifest, widths, calibrations, sound, followed)
+    check_grid(data, markers)
     return data
 
 
-def _check_grid(data: xr.Dataset, markers: Markers) -> None:
+def check_grid(data: xr.Dataset, markers: Markers) -> None:
     """Refuse cameras whose views of the resting markers do not fit the nominal grid.
 
     Raises
@@ -170,13 +170,14 @@ def _check_grid(data: xr.Dataset, markers: Markers) -> None:
     checked_frame(cameras, rest, markers)
 
 
-def _dataset(
+def dataset_of(
     manifest: Manifest,
     widths: Sequence[int],
     calibrations: Calibrations,
     sound: Sound,
     followed: Sequence[Followed],
 ) -> xr.Dataset:
+    """What :func:`measure` returns, from what its steps have found."""
     names = [camera.name for camera in manifest.cameras]
     longest = max(centres.shape[1] for centres, *_ in followed)
     shape = (len(names), len(widths), longest, *followed[0][0].shape[2:])

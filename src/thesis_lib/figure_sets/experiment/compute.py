@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,19 @@ from thesis_lib.figure_sets.experiment.methods import (
     predicted,
     tracks_of,
 )
-from thesis_lib.figure_sets.experiment.parameters import Experiment, method_of
+from thesis_lib.figure_sets.experiment.parameters import Experiment, Way, method_of, ways
 from thesis_lib.figure_sets.experiment.trials import draw, trials
 from thesis_lib.laboratory.parameters import NAMES
 from thesis_lib.measure.fitting.harmonics import amplitude
 from thesis_lib.measure.recordings.markers import Markers, rows_on
-from thesis_lib.studies.labels import REFERENCE, VARIABLES, coordinates, filmed, of_settings
+from thesis_lib.studies.labels import (
+    REFERENCE,
+    VARIABLES,
+    coordinates,
+    drawn_by,
+    filmed,
+    of_settings,
+)
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens
@@ -30,8 +38,11 @@ from thesis_lib.vision.pinhole import on_sensor
 from thesis_lib.vision.simulation import assurance
 
 
-def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
-    """The cube of a study of chapter 5, from the measured recordings."""
+def run(study: Experiment, data: xr.Dataset, others: xr.Dataset | None = None) -> xr.Dataset:
+    """The cube of a study of chapter 5, from the measured recordings.
+
+    `others` are what :func:`.experiment.others.film` makes of other recordings.
+    """
     beam = setups.beam()
     markers = rows_on(beam)
     row = markers.middle_row
@@ -39,14 +50,20 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
     reference = part.amplitude * part.shape(beam, beam.markers)
     instant, draws = instant_of(data, beam.damping), draw(study, data)
     settings = study.settings()
+    known = {} if others is None else dict(zip(ways(study.others), count(), strict=False))
+    if any(_way(study, setting) not in known for setting in settings):
+        others = None  # at the width that was given up
     results: list[dict[str, Any]] = []
     for setting in settings:
         index = [NAMES.index(name) for name in _names(study, setting)]
         method, tracks = method_of(setting.case), tracks_for(study, setting, data)
         exposures = data["exposure"].values[index]
         first = deflection(tracks, instant, method, exposures)
-        drawn = trials(tracks, instant, method, draws, index, exposures)
-        measured = np.concatenate([first[None], drawn])[None, :, row]
+        if others is None:
+            drawn = trials(tracks, instant, method, draws, index, exposures)[:, row]
+        else:
+            drawn = others["deflection"].values[:, known[_way(study, setting)], 0]
+        measured = np.concatenate([first[None, row], drawn])[None]
         noise = predicted(tracks, method, instant, exposures)
         scale = 100 / np.abs(reference).max()
         error = np.abs(measured - reference) * scale
@@ -70,7 +87,7 @@ def run(study: Experiment, data: xr.Dataset) -> xr.Dataset:
                 **_harmonic_results(tracks, instant, data, exposures, markers),
             }
         )
-    return _cube(study, settings, reference, results, data)
+    return _cube(study, settings, reference, results, data, others)
 
 
 def tracks_for(study: Experiment, setting: setups.Setting, data: xr.Dataset) -> Tracks:
@@ -91,6 +108,11 @@ def tracks_for(study: Experiment, setting: setups.Setting, data: xr.Dataset) -> 
 def _names(study: Experiment, setting: setups.Setting) -> str:
     """The setting's cameras."""
     return "".join(n for n, d in study.directions_deg.items() if d in setting.directions_deg)
+
+
+def _way(study: Experiment, setting: setups.Setting) -> Way:
+    """How a setting measures a recording."""
+    return method_of(setting.case), _names(study, setting), setting.resolution_px[0]
 
 
 def _rms(values: Array) -> float:
@@ -148,11 +170,13 @@ def _cube(
     reference: Array,
     results: list[dict[str, Any]],
     data: xr.Dataset,
+    others: xr.Dataset | None,
 ) -> xr.Dataset:
     beam, drawn = setups.beam(), "draw of starts, clocks and noise, 0 for the chain's result"
-    coords = filmed(coordinates(study, study.modes, beam, settings), [study.frequency_hz], drawn)
+    coords = coordinates(study, study.modes, beam, settings)
+    coords = filmed(coords, [study.frequency_hz], drawn, others)
     coords["frequency"][2]["long_name"] = "frequency of the force"
-    cube = xr.Dataset(coords=coords)
+    cube = xr.Dataset(coords=coords, attrs=drawn_by(others))
     cube = cube.assign(labelled({"reference_deflection": reference[None]}, REFERENCE))
     cube = cube.assign(of_settings(settings, results, _VARIABLES))
     natural = 2 * np.pi * study.frequency_hz / np.sqrt(1 - 2 * beam.damping**2)

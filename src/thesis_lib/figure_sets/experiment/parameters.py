@@ -9,12 +9,14 @@ from pydantic import Field
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
+from thesis_lib.laboratory.filming import Repeated
 from thesis_lib.laboratory.parameters import NAMES, Rig
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.vocabulary import NoiseSeed, Runs, Several, Width, field
 
 TRIED_PX = 320  # the thesis tried this width, and gave it up
 METHODS = ("matched", "literal", "aligned", "harmonic")
+Way = tuple[str, str, int]  # method, cameras, width in px
 Method = Literal["matched", "literal", "aligned", "harmonic"]
 ReducedWidth = Annotated[int, Field(ge=160, le=1920)]
 
@@ -33,7 +35,19 @@ class Laboratory(Rig, Study):
     widths_px: list[Width]
 
 
-class Experiment(Rig, Study):
+def ways(request: Laboratory) -> list[Way]:
+    """All ways in which a recording is measured: method, cameras, width."""
+    widths = [width for width in request.widths_px if width != TRIED_PX]
+    every = ["".join(names) for n in (2, 3, 4) for names in combinations(NAMES, n)]
+    growing = [NAMES[:n] for n in (2, 3, 4)]
+    found = [(method, NAMES, width) for method in METHODS for width in widths]
+    for method in METHODS:
+        sets = every if method in ("literal", "harmonic") else growing
+        found += [(method, names, width) for names in sets for width in widths[-1:]]
+    return list(dict.fromkeys(found))
+
+
+class Experiment(Repeated, Rig, Study):
     """Parameters that the studies of chapter 5 share."""
 
     subject = "experiment"
@@ -49,6 +63,11 @@ class Experiment(Rig, Study):
     def recordings(self) -> Laboratory:
         """What has to be rendered and followed."""
         raise NotImplementedError
+
+    @property
+    def others(self) -> Laboratory:
+        """What is rendered again."""
+        return self.recordings
 
     @property
     def modes(self) -> list[int]:
@@ -131,6 +150,14 @@ class ExperimentCameras(Experiment):
     def recordings(self) -> Laboratory:
         """What has to be rendered and followed."""
         return self.laboratory([self.width_px])
+
+    @property
+    def others(self) -> Laboratory:
+        """What is rendered again: all sets of cameras are at the largest width."""
+        whole = self.recordings
+        if self.width_px == max(whole.widths_px):
+            return whole
+        return whole.model_copy(update={"widths_px": [self.width_px]})
 
 
 def method_of(case: str) -> str:

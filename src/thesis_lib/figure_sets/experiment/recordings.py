@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -70,6 +71,11 @@ def rig_of(request: Laboratory) -> Rig:
     )
 
 
+def codec_of(request: Laboratory) -> Literal["ffv1", "h264"]:
+    """How the videos are kept."""
+    return "h264" if request.codec == "h264" else "ffv1"
+
+
 def run(request: Laboratory) -> xr.Dataset:
     """Film, measure, and compare with the truth.
 
@@ -81,7 +87,7 @@ def run(request: Laboratory) -> xr.Dataset:
     """
     rig = rig_of(request)
     with staging(workplace() / "build" / "cache") as folder:
-        path = film(rig, folder, "h264" if request.codec == "h264" else "ffv1")
+        path = film(rig, folder, codec_of(request))
         manifest = read_manifest(path)
         calibrations = chain.calibrate(manifest, folder)
         data = chain.measure(manifest, folder, request.widths_px, calibrations)

@@ -1,9 +1,9 @@
 """The cubes of ``lab-elevation`` and ``lab-layout``, from their tracked recordings.
 
-Trial 0 is the harmonic fit to the noisy tracks, as it stands. Trials 1 … are what other recordings
-would give: the fit to the quiet tracks, which holds the bias, and new noise of each camera's
-centres, as the recording shows it marker by marker. A camera's draw depends on the seed, the trial
-and its number alone.
+Trial 0 is the harmonic fit to the noisy tracks, as it stands. Trials 1 … are other recordings or,
+where there are none, what they would give: the fit to the quiet tracks, which holds the bias, and
+new noise of each camera's centres, as the recording shows it marker by marker. A camera's draw
+depends on the seed, the trial and its number alone.
 """
 
 from __future__ import annotations
@@ -29,7 +29,14 @@ from thesis_lib.figure_sets.lab_layout.parameters import Layouts
 from thesis_lib.laboratory.localisation import edge_scatter
 from thesis_lib.measure.fitting.harmonics import amplitude
 from thesis_lib.measure.fitting.reconstruction import real_shape
-from thesis_lib.studies.labels import REFERENCE, VARIABLES, coordinates, filmed, of_settings
+from thesis_lib.studies.labels import (
+    REFERENCE,
+    VARIABLES,
+    coordinates,
+    drawn_by,
+    filmed,
+    of_settings,
+)
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import amplitudes
 from thesis_lib.vision.simulation import assurance
@@ -45,8 +52,11 @@ def draws(study: Layouts, cameras: int, markers: int) -> Array:
     return noise
 
 
-def run(study: Layouts, data: xr.Dataset) -> xr.Dataset:
-    """The cube of a study, from its recordings' tracks (:func:`.lab_layout.recordings.run`)."""
+def run(study: Layouts, data: xr.Dataset, others: xr.Dataset | None = None) -> xr.Dataset:
+    """The cube of a study, from its recordings' tracks (:func:`.lab_layout.recordings.run`).
+
+    `others` are what :func:`.lab_layout.others.film` makes of other recordings.
+    """
     settings, recordings = study.settings(), study.filmed_settings()
     films = [
         measured(study, recording, noisy, quiet)
@@ -58,12 +68,13 @@ def run(study: Layouts, data: xr.Dataset) -> xr.Dataset:
     most = max(len(recording.directions_deg) for recording in recordings)
     noise = draws(study, most, setups.beam().n_markers)
     results = []
-    for setting in settings:
+    for number, setting in enumerate(settings):
         whole = study.recorded(setting)
         index = [whole.directions_deg.index(direction) for direction in setting.directions_deg]
         film = films[recordings.index(whole)]
-        results.append(_result(study, setting, film, index, noise, exact[setting.case]))
-    return _cube(study, settings, results)
+        again = None if others is None else others["deflection"].values[:, number, 0]
+        results.append(_result(study, setting, film, index, noise, exact[setting.case], again))
+    return _cube(study, settings, results, others)
 
 
 def _constant_noise(recordings: list[Setting], films: list[Recording]) -> dict[str, Array]:
@@ -78,9 +89,15 @@ def _constant_noise(recordings: list[Setting], films: list[Recording]) -> dict[s
 
 
 def _result(
-    study: Layouts, setting: Setting, film: Recording, index: list[int], noise: Array, exact: Array
+    study: Layouts,
+    setting: Setting,
+    film: Recording,
+    index: list[int],
+    noise: Array,
+    exact: Array,
+    again: Array | None,
 ) -> dict[str, Any]:
-    """What one setting shows, by the cameras `index` of its recording."""
+    """What one setting shows, by the cameras `index` of its recording, and in others again."""
     rig, row = film.rig, film.rig.markers.middle_row
     omega, exposure = 2 * np.pi * study.frequency_hz, study.exposure_ms / 1000
     truth = amplitudes(rig.motion, rig.markers.centres, study.frequency_hz)[row]
@@ -95,6 +112,8 @@ def _result(
             shape[:] = real_shape(amplitude(fit, omega, exposure), phase)[row]
         gains = noise_gain(noisy, omega, exposure, film.roots[index], row)
         shapes[2:] = shapes[1] + np.einsum("cim,tcim->tm", gains, noise[:, index])
+    if again is not None:
+        shapes = np.concatenate([shapes[:2], again])
     values = np.delete(shapes, 1, axis=0)[None]
     error = np.abs(values - reference) * scale
     predicted = law(rig, index, omega, exact)
@@ -141,13 +160,21 @@ _VARIABLES = VARIABLES | declared("""
 """)
 
 
-def _cube(study: Layouts, settings: list[Setting], results: list[dict[str, Any]]) -> xr.Dataset:
+def _cube(
+    study: Layouts,
+    settings: list[Setting],
+    results: list[dict[str, Any]],
+    others: xr.Dataset | None,
+) -> xr.Dataset:
     drawn = "draw of the centres' noise, 0 for the rendered run"
     coords = filmed(
-        coordinates(study, study.modes, setups.beam(), settings), [study.frequency_hz], drawn
+        coordinates(study, study.modes, setups.beam(), settings),
+        [study.frequency_hz],
+        drawn,
+        others,
     )
     reference = {"reference_deflection": results[0]["reference"][None]}
-    cube = xr.Dataset(coords=coords).assign(labelled(reference, REFERENCE))
+    cube = xr.Dataset(coords=coords, attrs=drawn_by(others)).assign(labelled(reference, REFERENCE))
     varied = [study.varied_of(setting.case) for setting in settings]
     cube["parameter"] = ("setting", varied, cube["parameter"].attrs)
     if len(set(varied)) > 1:

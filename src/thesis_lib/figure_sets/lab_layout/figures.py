@@ -19,6 +19,7 @@ from thesis_lib.figure_sets.lab_layout.set_figures import DARK, plain_ticks, set
 from thesis_lib.plotting.panels import setup_panel
 from thesis_lib.plotting.selection import select
 from thesis_lib.plotting.style import COLORS, HIGHLIGHT, color, subplots
+from thesis_lib.studies.cubes import trials_are
 from thesis_lib.studies.vocabulary import unit
 
 VARIED = {"elevation_deg": "elevation φ", "distance_mm": "distance d", "aperture_deg": "aperture α"}
@@ -75,9 +76,10 @@ def _errors(axes: Axes, part: xr.Dataset) -> None:
     axes.plot(values, part["bias_error"], "-", color=COLORS[1], linewidth=1, label="bias alone")
     if error.shape[1] > 1:
         low, high = np.quantile(error[:, 1:], [0.05, 0.95], axis=1)
-        axes.vlines(values, low, high, color=COLORS[0], linewidth=1.4, label="5–95 % of trials")
+        label = f"5–95 % of {trials_are(part)}"
+        axes.vlines(values, low, high, color=COLORS[0], linewidth=1.4, label=label)
         axes.plot(
-            values, expected(part), "o", color=COLORS[0], markersize=4, label="rms over the trials"
+            values, expected(part), "o", color=COLORS[0], markersize=4, label="rms over these"
         )
     axes.plot(
         values,

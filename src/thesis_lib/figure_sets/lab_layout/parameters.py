@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting
-from thesis_lib.laboratory.filming import EDGE, IN_VIEW, off_centre
+from thesis_lib.laboratory.filming import EDGE, IN_VIEW, Repeated, off_centre
 from thesis_lib.laboratory.parameters import RIG
 from thesis_lib.studies.request import Study, beyond, permitted, refuse
 from thesis_lib.studies.vocabulary import (
@@ -46,7 +46,7 @@ NAMES = "ABCDEFGH"
 TriedElevation = Annotated[float, Field(ge=1, le=80)]
 
 
-class Layouts(Study):
+class Layouts(Repeated, Study):
     """What both studies render, and with what."""
 
     subject = "lab"
@@ -85,7 +85,7 @@ class Layouts(Study):
     @property
     def recordings(self) -> Study:
         """The same without trials and file: what has to be rendered."""
-        return self.model_copy(update={"trials": 0, "cube": ""})
+        return self.model_copy(update={"trials": 0, "repeats": "kept", "cube": ""})
 
     def recorded(self, setting: Setting) -> Setting:
         """The recording that holds a setting's cameras: its own, if it shares none."""

@@ -17,20 +17,19 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.lab_layout.parameters import Layouts
+from thesis_lib.laboratory.another import window_of
 from thesis_lib.laboratory.direct import brief, times_of, true_view
 from thesis_lib.laboratory.render import BeamView, Sensor
-from thesis_lib.laboratory.rig import Rig, Station, default_rig
-from thesis_lib.measure.recordings.markers import Markers, on_surface, rows_on
+from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.measure.recordings.markers import Markers, rows_on
 from thesis_lib.measure.tracking.centres import refine
 from thesis_lib.measure.tracking.homography import TrackingError
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
 from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
-from thesis_lib.vision import lens
 
 REST, RAMP = 2, 1.0  # frames at rest, periods in which the motion grows
-MARGIN = 24  # px of the sensor that are read beside the beam
 UNEVEN = 1e-5  # of the amplitude, by which few positions may miss the mean over an exposure
 
 
@@ -71,30 +70,8 @@ def rig_of(study: Layouts, recording: Setting) -> Rig:
     return brief(rig, REST, RAMP, study.periods)
 
 
-def window_of(rig: Rig, station: Station) -> tuple[Station, Array]:
-    """The camera with only that part of its sensor which the beam reaches, and its corner in px.
-
-    Real sensors read faster so, and rendering does.
-    """
-    camera, extent = station.camera, rig.markers.extent
-    x, y = (np.linspace(0, side, 30) for side in extent)
-    points = np.stack([np.tile(x, 30), np.repeat(y, 30)])
-    lift = sum(
-        abs(part.amplitude * part.shape(rig.motion.structure, points))
-        for part in rig.motion.components
-    )
-    uv = lens.project(camera, on_surface(extent, points[:, None], np.stack([-lift, lift])))
-    flat = uv.reshape(2, -1)
-    low = np.clip(np.floor(flat.min(axis=1)).astype(int) - MARGIN, 0, camera.size)
-    high = np.clip(np.ceil(flat.max(axis=1)).astype(int) + MARGIN, low + 1, camera.size)
-    K = camera.K.copy()
-    K[:2, 2] -= low
-    size = (int(high[0] - low[0]), int(high[1] - low[1]))
-    return replace(station, camera=replace(camera, K=K, size=size)), low.astype(float)
-
-
-def tracks(rig: Rig, index: int) -> tuple[Array, Array]:
-    """Centres that one camera's frames give, with noise and without.
+def tracks(rig: Rig, index: int, both: bool = True) -> tuple[Array, Array]:
+    """Centres that one camera's frames give, with noise and, if `both` are wanted, without.
 
     The beam's corners and the camera are known, as in :func:`~thesis_lib.laboratory.direct.seen`.
 
@@ -121,7 +98,7 @@ def tracks(rig: Rig, index: int) -> tuple[Array, Array]:
             except TrackingError:
                 break
         noisy[k] = tracker.centres(image)
-        if time < motion.start or time >= motion.steady:
+        if both and (time < motion.start or time >= motion.steady):
             where = tracker.view.to_plane(noisy[k])
             quiet[k], _ = refine(light.recorded(sensor), tracker.view, where)
     return noisy + corner[:, None], quiet + corner[:, None]

@@ -18,6 +18,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_layout.optima import expected, ratios
 from thesis_lib.plotting.style import COLORS, REFERENCE, color
+from thesis_lib.studies.cubes import trials_are
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 DARK = "#222222"
@@ -103,7 +104,7 @@ def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> Non
         yscale="log",
         xlabel="law, % of the largest deflection",
         ylabel="error, %",
-        title="(b) rms over the trials against the law",
+        title=f"(b) rms over {trials_are(part)} against the law",
     )
     for axis in (axes.xaxis, axes.yaxis):
         plain_ticks(axis)
@@ -118,7 +119,9 @@ def _ratio(axes: Axes, part: xr.Dataset) -> None:
     if both.size:
         bins = np.linspace(min(both.min(), 0.98), max(both.max(), 1.02), 31).tolist()
         axes.hist(literal, bins, color="#c8c8c8", label="rendered run")
-        axes.hist(trials, bins, histtype="step", color=COLORS[0], label="rms over the trials")
+        axes.hist(
+            trials, bins, histtype="step", color=COLORS[0], label=f"rms over {trials_are(part)}"
+        )
         axes.legend()
     axes.axvline(1, color=DARK, linewidth=0.8)
     axes.set(title="(c) error over the law", xlabel="ratio", ylabel="sets")

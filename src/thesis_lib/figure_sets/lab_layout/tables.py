@@ -18,6 +18,7 @@ from thesis_lib.figure_sets.lab_layout.optima import (
     ratios,
     trial_optima,
 )
+from thesis_lib.studies.cubes import trials_are
 from thesis_lib.web.markdown import columns, table
 
 
@@ -37,7 +38,7 @@ def errors(cube: xr.Dataset) -> str:
                     "case": case,
                     "setting": str(one["label"].item()),
                     "rendered, %": _percent(float(one["mean_error"][0])),
-                    "trials, rms (5–95 %), %": trials,
+                    f"{trials_are(cube)}, rms (5–95 %), %": trials,
                     "law, %": _percent(float(one["predicted_error"])),
                     "no result": f"{float(one['missing'][0]):.0%}",
                 }
@@ -83,7 +84,7 @@ def optima(cube: xr.Dataset) -> str:
                 "case": case,
                 "frames": f"{width}×{height}",
                 "least at": f"{best.at:.0f}°",
-                "5–95 % of the trials": spread,
+                f"5–95 % of the {trials_are(cube)}": spread,
                 "within a tenth of it": f"{best.low:.0f}–{best.high:.0f}°",
                 "least error, %": _percent(best.error),
                 "height there, px": f"{tall:.1f}",
@@ -183,7 +184,7 @@ def slopes(cube: xr.Dataset) -> str:
             "power of the distance": f"{np.polyfit(x, np.log(values[known]), 1)[0]:.2f}",
         }
         for name, values in (
-            ("error, rms over the trials, %", error),
+            (f"error, rms over the {trials_are(cube)}, %", error),
             ("law, one noise for all, %", part["predicted_error"].values),
             ("scatter of the centres along u, px", scatter[:, 0]),
             ("scatter of the centres along v, px", scatter[:, 1]),
@@ -213,7 +214,7 @@ def numbers(cube: xr.Dataset) -> str:
             beaten.append(f"{np.count_nonzero(error[own] > best_pair)} of the {len(own)} of {n}")
     header = ["cameras", "sets", "best", "best by the law", "median", "worst"]
     quotient = ratios(part)[np.isfinite(error)]
-    text = "\nRms over the trials of the rms error, in % of the largest deflection."
+    text = f"\nRms over the {trials_are(cube)} of the rms error, in % of the largest deflection."
     if beaten:
         text += f" The best pair is better than these sets: {', '.join(beaten)} cameras."
     side = one_sided(part) & np.isfinite(error)
@@ -231,8 +232,8 @@ def numbers(cube: xr.Dataset) -> str:
         text += (
             f" Over all {len(quotient)} sets the error divided by the law's prediction lies "
             f"between {quotient.min():.2f} and {quotient.max():.2f}, with a median of "
-            f"{np.median(quotient):.2f}; the trials draw the noise that the law takes. That of "
-            f"the rendered frames alone lies between {rendered.min():.2f} and {rendered.max():.2f}."
+            f"{np.median(quotient):.2f}. That of one recording "
+            f"alone lies between {rendered.min():.2f} and {rendered.max():.2f}."
         )
     return table(header, rows) + text + "\n"
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_modes import spectra
 from thesis_lib.figure_sets.lab_modes.methods import (
@@ -20,7 +20,7 @@ from thesis_lib.figure_sets.lab_modes.methods import (
 )
 from thesis_lib.figure_sets.lab_modes.parameters import LabModes
 from thesis_lib.measure.fitting import aliasing
-from thesis_lib.studies.labels import VARIABLES, coordinates, filmed, of_settings
+from thesis_lib.studies.labels import VARIABLES, coordinates, drawn_by, filmed, of_settings
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.structure import resonance
 from thesis_lib.vibration.torsion import twist
@@ -29,8 +29,11 @@ ASIDE = 0.010  # m beside the axis at which a force of 1 N is asked what it twis
 SETTLED = 0.01  # of the transient that is left when the vibration counts as steady
 
 
-def run(study: LabModes, data: xr.Dataset) -> xr.Dataset:
-    """The cube of ``lab-modes``, from the dataset of its recordings."""
+def run(study: LabModes, data: xr.Dataset, others: xr.Dataset | None = None) -> xr.Dataset:
+    """The cube of ``lab-modes``, from the dataset of its recordings.
+
+    `others` are what :func:`.lab_modes.others.film` makes of other recordings.
+    """
     films = recordings(study, data)  # mode after mode, rate after rate
     settings = study.settings()
     rates = study.frame_rates_hz
@@ -40,6 +43,7 @@ def run(study: LabModes, data: xr.Dataset) -> xr.Dataset:
         for pair in zip(films, reads, strict=True)
     ]
     results: list[dict[str, Any]] = []
+    again = None if others is None else _motions(study, others)
     for setting in settings:
         r = rates.index(setting.value)
         presumed = {
@@ -56,11 +60,12 @@ def run(study: LabModes, data: xr.Dataset) -> xr.Dataset:
                 study.trials,
                 study.seed,
                 study.starts == "together",
+                None if again is None else again[setting.case, setting.value][:, m],
             )
-            for of_mode, frequency in zip(films, presumed, strict=True)
+            for m, (of_mode, frequency) in enumerate(zip(films, presumed, strict=True))
         ]
         results.append({name: np.array([one[name] for one in each]) for name in each[0]})
-    cube = _frame(study, films, settings)
+    cube = _frame(study, films, settings, others)
     focal = study.focal_length_mm / study.sensor_width_mm * study.width_px
     for result in results:
         result["in_view"] = 1.0  # others are refused
@@ -112,12 +117,24 @@ def _read(film: Recording) -> float:
     return spectra.read_frequency(*film.steady, film.rate)
 
 
-def _frame(study: LabModes, films: list[list[Recording]], settings: list[Any]) -> xr.Dataset:
+def _motions(study: LabModes, others: xr.Dataset) -> dict[tuple[str, float], ComplexArray]:
+    """Motions (recordings, modes, markers) of other recordings, by case and frame rate."""
+    motions = others["deflection"].values + 1j * others["quadrature"].values
+    keys = [(setting.case, setting.value) for setting in study.others.settings()]
+    return {key: motions[:, number] for number, key in enumerate(keys)}
+
+
+def _frame(
+    study: LabModes,
+    films: list[list[Recording]],
+    settings: list[Any],
+    others: xr.Dataset | None,
+) -> xr.Dataset:
     """Coordinates, and what is true."""
     beam = setups.beam()
     hertz = [of_mode[0].frequency for of_mode in films]
     drawn = "draw of starts and noise, 0 for what was rendered"
-    coords = filmed(coordinates(study, study.modes, beam, settings), hertz, drawn)
+    coords = filmed(coordinates(study, study.modes, beam, settings), hertz, drawn, others)
     x, y = films[0][0].rig.markers.centres
     for name, values in (("x", x), ("y", y)):
         coords[name] = ("point", values, coords[name][2])
@@ -133,7 +150,7 @@ def _frame(study: LabModes, films: list[list[Recording]], settings: list[Any]) -
         "exposure_loss": losses,
         "settling_time": [-np.log(SETTLED) / (beam.damping * w) for w in natural],
     }
-    return xr.Dataset(coords=coords).assign(labelled(values, _TRUTH))
+    return xr.Dataset(coords=coords, attrs=drawn_by(others)).assign(labelled(values, _TRUTH))
 
 
 def _with_rates(

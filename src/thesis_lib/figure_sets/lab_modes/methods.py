@@ -207,21 +207,46 @@ def trial_motions(
 # The results of a setting.
 
 
-def case_results(
-    recording: Recording, case: str, presumed: float, trials: int, seed: int, together: bool
-) -> dict[str, Any]:
-    """What a way of measuring makes of a recording, as rendered and in trials."""
-    reference = recording.truth
+def measured_motion(
+    recording: Recording, case: str, presumed: float
+) -> tuple[ComplexArray, Array, Fitted]:
+    """What a way of measuring makes of a recording.
+
+    Returns
+    -------
+    motion : ndarray, shape (markers,)
+        Of the markers, m: of ``instant`` the deflection, else complex amplitudes.
+    noise : ndarray, shape (markers,)
+        Its standard deviation by the noise of the centres, m.
+    fit : Fitted
+        The harmonics at the frequency in Hz that is presumed.
+    """
+    fit = recording.fit(presumed)
     if case == "instant":
-        first, noise = instant_shape(recording)
-        fit = recording.fit(recording.frequency)
-    else:
-        fit = recording.fit(presumed)
-        omega = 2 * np.pi * presumed
-        first = amplitude(fit, omega, recording.exposure)
-        noise = deviation(fit, omega, recording.exposure)
-    drawn = trial_motions(recording, case, presumed, trials, seed, together)
-    motion = np.concatenate([first[None], drawn])
+        return *instant_shape(recording), fit
+    omega = 2 * np.pi * presumed
+    motion = amplitude(fit, omega, recording.exposure)
+    return motion, deviation(fit, omega, recording.exposure), fit
+
+
+def case_results(
+    recording: Recording,
+    case: str,
+    presumed: float,
+    trials: int,
+    seed: int,
+    together: bool,
+    again: ComplexArray | None = None,
+) -> dict[str, Any]:
+    """What a way of measuring makes of a recording, as rendered and in trials.
+
+    Those are what it made of other recordings, (trials, markers) in `again`, or drawn.
+    """
+    reference = recording.truth
+    first, noise, fit = measured_motion(recording, case, presumed)
+    if again is None:
+        again = trial_motions(recording, case, presumed, trials, seed, together)
+    motion = np.concatenate([first[None], again])
     parts, errors = modal(recording, motion, noise)
     if case != "instant":
         motion = motion * np.exp(-1j * np.angle(parts[:, :1]))  # to the maximum of bending

@@ -12,6 +12,7 @@ from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.laboratory.filming import (
     Film,
     LabStudy,
+    Repeated,
     check_amplitudes,
     check_markers,
     check_place,
@@ -104,7 +105,7 @@ class BeamRecordings(BeamMotions, LabStudy):
     varied_label = "frame rate"
 
 
-class LabModes(BeamMotions, LabStudy):
+class LabModes(Repeated, BeamMotions, LabStudy):
     """Higher bending modes and torsion of the beam, at frame rates that suffice and do not."""
 
     name = "lab-modes"
@@ -132,6 +133,12 @@ class LabModes(BeamMotions, LabStudy):
         """What has to be rendered."""
         fields = {name: getattr(self, name) for name in BeamMotions.model_fields}
         return BeamRecordings(**fields, seed=self.seed, trials=0)
+
+    @property
+    def others(self) -> LabModes:
+        """The same in every way of measuring, without trials and file: what is rendered again."""
+        update = {"trials": 0, "repeats": "kept", "cube": "", "cases": type(self)().cases}
+        return self.model_copy(update=update)
 
     @model_validator(mode="after")
     def _check_highest(self) -> LabModes:

@@ -10,7 +10,7 @@ from IPython.display import Markdown
 
 from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting.selection import select
-from thesis_lib.studies.cubes import percent_text
+from thesis_lib.studies.cubes import percent_text, trials_are
 from thesis_lib.web.markdown import columns, table
 
 
@@ -126,8 +126,8 @@ def modes_results(cube: xr.Dataset) -> str:
         for name in ("torsion_standard_error", "bending_standard_error")
     )
     return table(header, rows) + (
-        "\nMedian over the trials of the rms error, in % of the largest deflection. In mode "
-        f"{cube['mode'].values[-1]} the standard errors of bending and torsion are {error[0]:.2f} "
-        f"and {torsion[0]:.2f} µm with {known['label'].values[0]}, {error[1]:.2f} and "
-        f"{torsion[1]:.2f} µm with {known['label'].values[-1]}, for as many frames.\n"
+        f"\nMedian over the {trials_are(cube)} of the rms error, in % of the largest deflection. "
+        f"In mode {cube['mode'].values[-1]} the standard errors of bending and torsion are "
+        f"{error[0]:.2f} and {torsion[0]:.2f} µm with {known['label'].values[0]}, {error[1]:.2f} "
+        f"and {torsion[1]:.2f} µm with {known['label'].values[-1]}, for as many frames.\n"
     )

@@ -20,6 +20,7 @@ from thesis_lib.acoustics.planes import pistons
 from thesis_lib.acoustics.plate_sound import PlateSound
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.facts.setups import Setting
+from thesis_lib.figure_sets.lab_plate.measured import at_maximum
 from thesis_lib.figure_sets.lab_plate.parameters import MARKER, LabPlate, stands_of
 from thesis_lib.figure_sets.lab_plate.recordings import plate_rig
 from thesis_lib.laboratory import direct
@@ -50,8 +51,11 @@ PARAMETERS = {
 }
 
 
-def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
-    """The cube of ``lab-plate``, from the dataset of its recordings."""
+def run(study: LabPlate, data: xr.Dataset, others: xr.Dataset | None = None) -> xr.Dataset:
+    """The cube of ``lab-plate``, from the dataset of its recordings.
+
+    `others` are what :func:`.lab_plate.others.film` makes of other recordings.
+    """
     plate, settings = study.plate, study.settings()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the table says so
@@ -66,10 +70,11 @@ def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
             for mode, peak in zip(study.modes, study.peaks_m, strict=True)
         ]
     results: list[dict[str, Any]] = []
-    for setting in settings:
+    for number, setting in enumerate(settings):
+        again = None if others is None else others["deflection"].values[:, number]
         each = [
-            _results(study, data, setting, mode, heard)
-            for mode, heard in zip(study.modes, sounds, strict=True)
+            _results(study, data, setting, mode, heard, None if again is None else again[:, m])
+            for m, (mode, heard) in enumerate(zip(study.modes, sounds, strict=True))
         ]
         results.append({name: np.array([one[name] for one in each]) for name in each[0]})
         results[-1] |= {
@@ -80,7 +85,9 @@ def run(study: LabPlate, data: xr.Dataset) -> xr.Dataset:
             / (study.focal_length_mm * setting.resolution_px[0]),
         }
     reference = labelled({"reference_deflection": [h.reference for h in sounds]}, _TRUTH)
-    cube = xr.Dataset(coords=_coordinates(study, plate, settings)).assign(reference)
+    cube = xr.Dataset(
+        coords=_coordinates(study, plate, settings, others), attrs=labels.drawn_by(others)
+    ).assign(reference)
     cube = cube.assign(of_settings(settings, results, _VARIABLES))
     return cube.assign(labelled(_fields(cube, study, sounds), _TRUTH))
 
@@ -103,15 +110,25 @@ _VARIABLES = VARIABLES | declared("""
 
 
 def _results(
-    study: LabPlate, data: xr.Dataset, setting: Setting, mode: int, heard: PlateSound
+    study: LabPlate,
+    data: xr.Dataset,
+    setting: Setting,
+    mode: int,
+    heard: PlateSound,
+    again: Array | None,
 ) -> dict[str, Any]:
-    """What the cameras of one setting make of one mode, as rendered and in trials."""
+    """What the cameras of one setting make of one mode, as rendered and in trials.
+
+    Those are deflections from other recordings, (trials, markers) in `again`, or drawn.
+    """
     measured, noise, scatter = measure(study, data, setting, mode)
+    if again is not None:
+        measured = np.concatenate([measured[:1], again])
     reference = heard.reference
     scale = 100 / np.abs(reference).max()
     error = np.abs(measured - reference) * scale
     missing = np.isnan(noise)
-    complete = np.nan_to_num(measured) @ filling(study.plate.markers, missing).T
+    complete = filled(study.plate.markers, measured)
     covariance = np.diag(np.where(missing, np.nanmean(noise**2), noise**2))
     points = world_points(study.plate, np.stack([np.zeros_like(reference), reference]))
     P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
@@ -175,10 +192,7 @@ def measure(
         drawn = np.random.default_rng([study.seed, 8, k]).standard_normal((2, *each.shape))
         motion[k] = truth + np.sum(each * (drawn[0] + 1j * drawn[1]), axis=(0, 1))
     motion[:, np.isnan(noise)] = np.nan
-    shape = deflection_shape(study.plate, mode, study.plate.markers, 1.0)
-    phase = np.angle(np.nansum(motion * shape, axis=1, keepdims=True))
-    measured = np.real(motion * np.exp(-1j * phase))
-    return measured, noise, float(np.sqrt(np.nanmean(fit.sigma**2)))
+    return at_maximum(study.plate, mode, motion), noise, float(np.sqrt(np.nanmean(fit.sigma**2)))
 
 
 def filling(points: Array, missing: Mask) -> Array:
@@ -194,6 +208,16 @@ def filling(points: Array, missing: Mask) -> Array:
     return matrix
 
 
+def filled(points: Array, measured: Array) -> Array:
+    """Deflections (trials, markers), the missing ones of each from a surface through its known."""
+    missing = np.isnan(measured)
+    complete = np.nan_to_num(measured)
+    for pattern in np.unique(missing, axis=0):
+        same = (missing == pattern).all(axis=1)
+        complete[same] = complete[same] @ filling(points, pattern).T
+    return complete
+
+
 def neighbours(errors: Array, grid: tuple[int, int]) -> float:
     """Correlation of errors (n, markers) of mean 0 with those of the next markers, over all."""
     e = errors.reshape(len(errors), grid[1], grid[0])
@@ -202,11 +226,13 @@ def neighbours(errors: Array, grid: tuple[int, int]) -> float:
     return float(products / pairs / (np.sum(e**2) / (grid[0] * grid[1])))
 
 
-def _coordinates(study: LabPlate, plate: Plate, settings: list[Setting]) -> dict[str, Any]:
+def _coordinates(
+    study: LabPlate, plate: Plate, settings: list[Setting], others: xr.Dataset | None
+) -> dict[str, Any]:
     cases = list(dict.fromkeys(setting.case for setting in settings))
     hertz = [resonance(plate, mode) / (2 * np.pi) for mode in study.modes]
     drawn = "draw of the centres' noise, 0 for what was rendered"
-    coords = filmed(coordinates(study, study.modes, plate, settings), hertz, drawn)
+    coords = filmed(coordinates(study, study.modes, plate, settings), hertz, drawn, others)
     varied = np.array([PARAMETERS[s.case] for s in settings])
     coords["parameter"] = ("setting", varied, coords["parameter"][2])
     return {**coords, **field_coordinates(study.planes, cases)}

@@ -11,6 +11,7 @@ from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.laboratory.filming import (
     Film,
     LabStudy,
+    Repeated,
     check_amplitudes,
     check_markers,
     check_place,
@@ -175,7 +176,7 @@ class PlateRecordings(Plates, LabStudy):
     varied_label = "setup"
 
 
-class LabPlate(Plates, SoundPlanes, LabStudy):
+class LabPlate(Repeated, Plates, SoundPlanes, LabStudy):
     """The plate rendered, five parameters one at a time, and its sound."""
 
     name = "lab-plate"

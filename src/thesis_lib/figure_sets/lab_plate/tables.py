@@ -45,10 +45,11 @@ def plate_results(cube: xr.Dataset) -> str:
     filmed = cube["mean_error"].isel(trial=0) / cube["predicted_error"]
     fine = filmed.isel(setting=np.flatnonzero(cube["width_px"].values >= 640))
     return table(header, rows) + (
-        f"\nMode {mode}: median over the trials, and what the law of rounding says of the same "
-        "cameras with whole pixels. Over all modes, and settings with frames at least 640 pixels "
-        f"wide, what was rendered has {float(fine.min()):.2f} to {float(fine.max()):.2f} times the "
-        "error that the noise of the centres predicts, and the errors of neighbouring markers are "
+        f"\nMode {mode}: median over the {cubes.trials_are(cube)}, and what the law of rounding "
+        "says of the same cameras with whole pixels. Over all modes, and settings with frames at "
+        f"least 640 pixels wide, what was rendered has {float(fine.min()):.2f} to "
+        f"{float(fine.max()):.2f} times the error that the noise of the centres predicts, "
+        "and the errors of neighbouring markers are "
         f"correlated by {neighbour_correlation(cube)}.\n"
     )
 
@@ -79,9 +80,9 @@ def plate_table(cube: xr.Dataset, mode: int) -> Markdown:
             row.append(f"{_signed(own[0], name)} {_band(own[1:], name)}{expected}")
     silent = [p for p in part["plane"].values if np.isnan(part["largest_pressure"].sel(plane=p))]
     note = (
-        "Each cell: as rendered (5–95 % of the trials), for the deflection · what the noise of the "
-        "centres makes it; in % of the largest true deflection, of the plane's largest true "
-        "pressure, of the true power."
+        f"Each cell: as rendered (5–95 % of the {cubes.trials_are(cube)}), for the deflection · "
+        "what the noise of the centres makes it; in % of the largest true deflection, of the "
+        "plane's largest true pressure, of the true power."
     )
     if silent:
         note += f" Plane {' and '.join(silent)} is nodal: it has no pressure to compare with."
@@ -158,7 +159,7 @@ def ratio_table(cube: xr.Dataset) -> Markdown:
     header = [
         "mode, plane",
         "independent",
-        "trials",
+        cubes.trials_are(cube),
         "follows",
         "one run",
         "follows",

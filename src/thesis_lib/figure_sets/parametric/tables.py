@@ -36,8 +36,8 @@ def error_table(cube: xr.Dataset) -> Markdown:
     said = cube.attrs
     reference = "pressure of the plane" if "plane_error" in cube else "deflection"
     notes = [
-        f"Each cell: {said['trial_0']} · median (5–95 %) of the trials · {said['predicts']}, in % "
-        f"of the largest reference {reference}."
+        f"Each cell: {said['trial_0']} · median (5–95 %) of the {cubes.trials_are(cube)} · "
+        f"{said['predicts']}, in % of the largest reference {reference}."
     ]
     if "plane_error" in cube:
         notes.append(
@@ -103,7 +103,7 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
         ]
         for check in shown
     ]
-    text = " and ".join(counts) + " meet the band of the trials."
+    text = " and ".join(counts) + f" meet the band of the {cubes.trials_are(cube)}."
     if only_misses and rows:
         text += " Those that do not:"
     header = ["figure", "case", "mode", "setting", "error", "thesis", "literal", "5–95 %", "met"]

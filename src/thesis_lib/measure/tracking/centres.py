@@ -156,8 +156,8 @@ class _Patch:
         for edge, sign in zip(self.edges, (1, -1), strict=True):
             near = edge < np.abs(across).max(axis=(1, 2)) + 1 + 3 * self.blur
             z = ((edge + outer)[near, None, None] + sign * across[near]) / self.blur
-            share[near] = self.blur * (_ramp(z + half) - _ramp(z - half))
-            slope[near] = ndtr(z + half) - ndtr(z - half)
+            seen, slope[near] = _ramp_and_normal(z + half) - _ramp_and_normal(z - half)
+            share[near] = self.blur * seen
         return share, slope
 
 
@@ -178,22 +178,22 @@ def _blurred_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array
     across = ellipses[:, 1] / tall[:, None]
     lean = np.sum(ellipses[:, 0] * across, axis=1)[:, None] * sine
     wide = np.abs(np.linalg.det(ellipses) / tall)[:, None] * cosine
-    half = HALF / blur
+    # A pixel ends where the next begins, so what is wanted is taken at the borders.
     ends = (
-        (u[:, None, :] - (lean + side * wide)[:, :, None]) / blur + shift
-        for side, shift in ((-1, half), (-1, -half), (1, half), (1, -half))
-    )  # (n, chords, columns)
-    along, d_along = np.zeros((2, len(u), len(sine), u.shape[1]))
-    for sign, x in zip((1, -1, -1, 1), ends, strict=True):
-        normal = ndtr(x)
-        along += sign * (x * normal + _bell(x))  # its integral
-        d_along -= sign * normal
-    offset = (v[:, :, None] - tall[:, None, None] * sine) / blur  # (n, rows, chords)
-    spread = ndtr(offset + half) - ndtr(offset - half)
-    d_spread = (_bell(offset - half) - _bell(offset + half)) / blur
+        (_borders(u)[:, None, :] - (lean + side * wide)[:, :, None]) / blur for side in (-1, 1)
+    )  # (n, chords, columns + 1)
+    left, right = (_ramp_and_normal(x) for x in ends)
+    along, d_along = np.diff(left - right)
+    offset = (_borders(v)[:, :, None] - tall[:, None, None] * sine) / blur  # (n, rows + 1, chords)
+    spread, d_spread = np.diff(ndtr(offset), axis=1), -np.diff(_bell(offset), axis=1) / blur
     chord = tall[:, None, None] * weights * cosine * np.pi / 2
     along, spread, d_spread = blur * along, chord * spread, chord * d_spread
-    return np.stack([spread @ along, spread @ d_along, d_spread @ along])
+    return np.stack([spread @ along, -spread @ d_along, d_spread @ along])
+
+
+def _borders(x: Array) -> Array:
+    """Borders (n, m + 1) of pixels with centres x (n, m), one px apart."""
+    return np.concatenate([x - HALF, x[:, -1:] + HALF], axis=1)
 
 
 @cache
@@ -207,6 +207,7 @@ def _bell(x: Array) -> Array:
     return np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi)
 
 
-def _ramp(x: Array) -> Array:
-    """The integral of the normal distribution."""
-    return x * ndtr(x) + _bell(x)
+def _ramp_and_normal(x: Array) -> Array:
+    """The integral of the normal distribution, and itself, shape (2, ...)."""
+    normal = ndtr(x)
+    return np.stack([x * normal + _bell(x), normal])
