@@ -16,7 +16,7 @@ from thesis_lib.book.plan import Plan, planned
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
 from thesis_lib.runs import execute as runs
 
-OWN = ("numbers", "numbers to download", "pages", "sketches")
+OWN = ("figures of chapters", "numbers", "numbers to download", "pages", "sketches")
 _LINK = re.compile(r'(?:href|src)="([^":?#]*)(?:\?[^"#]*)?(?:#([^"]*))?"')
 
 

@@ -183,7 +183,7 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             30 * plan.share,
         ),
         step(
-            "figures in chapters",
+            "figures of notebooks",
             lambda: shown.write(figures, notebooks, executed),
             [shown],
             [*plan.pages, *notebooks],
@@ -236,7 +236,7 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
         ),
     ]
     if not figures:
-        steps = [one for one in steps if one.name != plan.step("figures in chapters")]
+        steps = [one for one in steps if one.name != plan.step("figures of notebooks")]
     return [one for one in steps if not one.makes or any(plan.includes(p.name) for p in one.makes)]
 
 

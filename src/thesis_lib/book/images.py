@@ -32,6 +32,7 @@ _COLOUR = re.compile(
 )
 _GROUND, _INK = (18, 18, 18), (222, 226, 230)  # of the book's pages in the dark
 _IDLE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)", re.DOTALL)
+_GROUP = re.compile(r"(<g(?: [^>]*)?/?>|</g>)")
 _XLINK = re.compile(r'xlink:(?=href)|\sxmlns:xlink="[^"]*"')
 _ID = re.compile(r'\sid="([^"]*)"')
 _REFERENCE = re.compile(r'(href="#|url\(#)([^")]+)')
@@ -120,8 +121,20 @@ def squeeze(svg: str) -> str:
     spare = _ID.sub(lambda match: f' id="{names[match[1]]}"' if match[1] in names else "", spare)
     spare = _REFERENCE.sub(lambda match: match[1] + names.get(match[2], match[2]), spare)
     spare = _STYLE.sub(lambda match: re.sub(r"\s*([:;])\s*", r"\1", match[0]), spare)
-    spare = _SHIFTED.sub(r'\1 x="\2"', spare)  # a letter of a word
-    return _MARKS.sub(together, _PLACES.sub(places, _IDLE.sub("", spare)))
+    # a letter of a word, to a tenth of a point: words are drawn at a tenth of their size
+    spare = _SHIFTED.sub(lambda match: f'{match[1]} x="{float(match[2]):.0f}"', spare)
+    return _MARKS.sub(together, _ungrouped(_PLACES.sub(places, _IDLE.sub("", spare))))
+
+
+def _ungrouped(svg: str) -> str:
+    """The same drawing without groups that say nothing of what they hold."""
+    parts, plain = [], []
+    for part in _GROUP.split(svg):
+        if part.startswith("<g") and not part.endswith("/>"):
+            plain.append(part == "<g>")
+        idle = part in ("<g>", "<g/>") or (part == "</g>" and plain.pop())
+        parts.append("" if idle else part)
+    return "".join(parts)
 
 
 def relative(svg: str) -> str:

@@ -15,7 +15,8 @@ from thesis_lib.book.contents import fold
 from thesis_lib.book.edition import described
 from thesis_lib.book.images import classed, in_files, lazy, relative, squeeze, themed
 
-_UNUSED = ("fontawesome.js", "searchtools.js", "language_data.js")  # nor icons nor Sphinx's search
+# nor icons of firms, nor those drawn by a script, nor Sphinx's search
+_UNUSED = ("fa-brands-*", "fontawesome.js", "searchtools.js", "language_data.js")
 _SPARE = re.compile(
     r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*'
     r'|<script defer src="[^"]*/fontawesome\.js[^"]*"></script>\s*'

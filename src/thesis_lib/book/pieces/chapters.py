@@ -14,10 +14,7 @@ from thesis_lib.figure_sets.parametric.sound_sum import heard
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
 from thesis_lib.figure_sets.repeated import FEW
 from thesis_lib.laboratory.another import SHIFT, TURN
-from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.cube import from_cube
-from thesis_lib.ledger.verdicts import VERDICTS
 from thesis_lib.plotting.selection import error_bars, select, stated
 from thesis_lib.studies import cubes
 from thesis_lib.web.markdown import columns, table
@@ -44,20 +41,6 @@ def plate_results(opened: dict[str, xr.Dataset]) -> str:
 def sound_results(opened: dict[str, xr.Dataset]) -> str:
     """What comes out for the sound: changes and agreement."""
     return "\n".join([_changes(_chapter(opened, "sound")), _agreement(_chapter(opened, "sound"))])
-
-
-def ledger_totals(opened: dict[str, xr.Dataset]) -> str:
-    """Verdicts by kind of claim, without rendered recordings and bookkeeping."""
-    counted = [entry for entry in from_cube(opened["claims"]) if entry.counted]
-    words = {"figure": "stated errors", "trend": "trends", "number": "other numbers"}
-    parts = {words[kind]: [e for e in counted if e.kind == kind] for kind in words}
-    rows = [
-        [f"{len(part)} {name}", *map(str, ledger.totals(part).values())]
-        for name, part in {**parts, "in all": counted}.items()
-    ]
-    shown = [i for i in range(len(VERDICTS) + 1) if any(row[i] != "0" for row in rows)]
-    header = ["", *VERDICTS]
-    return table([header[i] for i in shown], [[row[i] for i in shown] for row in rows])
 
 
 def experiment_results(opened: dict[str, xr.Dataset]) -> str:

@@ -17,7 +17,6 @@ from thesis_lib.book.pieces.chapters import (
     beam_results,
     experiment_results,
     layouts,
-    ledger_totals,
     plate_results,
     repeats,
     scatter_table,
@@ -132,5 +131,4 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "parameters": parameters,
     "effort": effort_table,
     **{name: partial(_benchmark, name) for name in benchmark_tables.PIECES},
-    "ledger-totals": ledger_totals,
 }
