@@ -31,7 +31,7 @@ def fulfilled(opened: Cubes) -> str:
     plate = "[The plate](motions.md#the-plate)"
     sets = "[The experiment, cameras](executed/experiment-cameras.ipynb)"
     shapes = "[Shapes without symmetry](shapes.md)"
-    equal = "[Many coarse cameras, filmed](equal-pixels.md)"
+    equal = "[Many coarse cameras, rendered](equal-pixels.md)"
     own = "[The ledger](executed/claims.ipynb), [own recordings](recordings.md)"
     wishes: tuple[tuple[str, str, str, Callable[[xr.Dataset], str]], ...] = (
         ("other distances (5.3)", "lab-layout", stand, partial(_ends_of, case="distance")),

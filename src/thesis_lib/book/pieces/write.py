@@ -64,7 +64,7 @@ def write(
 
 
 def _lab(piece: str, cube: xr.Dataset) -> str:
-    """A piece about what is filmed beyond chapter 5."""
+    """A piece about what is rendered beyond chapter 5."""
     from thesis_lib.figure_sets.lab_equal_pixels.tables import results
     from thesis_lib.figure_sets.lab_modes.tables import modes_results
     from thesis_lib.figure_sets.lab_plate.tables import plate_results
