@@ -1,5 +1,6 @@
 """Sound studies end to end: the cubes, the law of rounding, and the thesis's stated errors."""
 
+import base64
 import hashlib
 import warnings
 from functools import cache
@@ -18,6 +19,7 @@ from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.ledger import verdicts
 from thesis_lib.notebook import show as notebook
+from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import cache as studies_cache
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_provenance
@@ -641,3 +643,44 @@ def test_the_library_and_the_facts_are_what_the_cache_depends_on():
     names = {path.name for path in files.library_files()}
     assert {"sound.py", "planes.py", "radiation.py", "structure.py", "rounding.py",
             "structures.toml", "setups.toml", "book.txt"} <= names  # fmt: skip
+
+
+# What the viewer draws.
+
+
+def decoded(field):
+    """Complex pressure at every second point of a plane, as the page reads it."""
+    real, imaginary = (
+        np.frombuffer(base64.b64decode(field[part]), np.int8) for part in ("re", "im")
+    )
+    return field["scale"] / 127 * (real + 1j * imaginary)
+
+
+def test_the_viewer_draws_the_ideal_field_and_what_the_errors_add():
+    """Errors have a scale of their own: next to the field itself they would hardly be seen."""
+    request, _, plain = both("distance")
+    data = viewer_data(with_provenance(plain, request, 0.0))
+    case, k = data["cases"][0], data["modes"][0]["mode"]
+    for p, plane in enumerate(PLANES):
+        pressure = {
+            one: plain[f"pressure_{one}_real"] + 1j * plain[f"pressure_{one}_imag"]
+            for one in ("reference", "measured")
+        }
+        ideal = pressure["reference"].isel(mode=0, plane=p, u=slice(None, None, 2))
+        ideal = ideal.isel(z=slice(None, None, 2)).transpose("u", "z").values.ravel()
+        sent = data["modes"][0]["fields"][plane]
+        np.testing.assert_allclose(decoded(sent), ideal, atol=sent["scale"] / 127)
+        for extreme in ("best", "worst"):
+            sent = case["extremes"][str(k)][extreme]["fields"][plane]
+            got = pressure["measured"].isel(case=0, mode=0, plane=p, u=slice(None, None, 2))
+            got = got.sel(extreme=extreme).isel(z=slice(None, None, 2)).transpose("u", "z")
+            error = got.values.ravel() - ideal
+            np.testing.assert_allclose(decoded(sent), error, atol=sent["scale"] / 127)
+            assert sent["scale"] < 0.3 * np.abs(ideal).max()
+    silent = {
+        (mode["mode"], plane)
+        for mode in data["modes"]
+        for plane in PLANES
+        if plane not in mode["fields"]
+    }
+    assert silent == NODAL

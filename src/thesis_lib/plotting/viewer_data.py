@@ -169,7 +169,7 @@ def _add_shapes(data: dict[str, Any], cube: xr.Dataset) -> None:
 
 
 def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
-    """Reference fields, and those of the best and worst setting of each case and mode."""
+    """Reference fields, and the errors of the best and worst setting of each case and mode."""
     u, z = cube["u"].values[::FIELD_STEP] * 1000, cube["z"].values[::FIELD_STEP] * 1000
     names = cube["plane"].values.tolist()
     data["planes"] = [
@@ -178,17 +178,20 @@ def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
     ]
     data["pressure_unit"] = "Pa"
     data["nodal_note"] = "nodal plane: no reference pressure"
-    silent = np.isnan(cube["independent_ratio"].values)
-    scales = np.where(silent, np.nan, cube["largest_pressure"].values)  # of nodal planes: none
+    ideals, measured = (
+        [
+            cube[f"pressure_{of}_{part}"].transpose(*dims, ...).values.astype(float)
+            for part in ("real", "imag")
+        ]
+        for of, dims in (("reference", ["mode"]), ("measured", ["case", "mode", "extreme"]))
+    )
+    silent = np.isnan(cube["independent_ratio"].values)  # nodal planes
     for m, entry in enumerate(data["modes"]):
-        reference = cube["pressure_reference_real"], cube["pressure_reference_imag"]
-        entry["fields"] = _fields(
-            [part.isel(mode=m).values for part in reference], scales[m], names
-        )
-    measured = [
-        cube[f"pressure_measured_{part}"].transpose("case", "mode", "extreme", ...).values
-        for part in ("real", "imag")
-    ]
+        ideal = _fields([part[m] for part in ideals], names)
+        entry["fields"] = {
+            n: ideal[n] for n, none in zip(names, silent[m], strict=True) if not none
+        }
+    both = list(zip(measured, ideals, strict=True))  # real and imaginary
     for c, case in enumerate(data["cases"]):
         rows = np.flatnonzero(cube["case"].values == case["name"])
         case["extremes"] = {}
@@ -196,18 +199,17 @@ def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
             case["extremes"][str(entry["mode"])] = {
                 extreme: {
                     "index": int(cube["best_and_worst"].values[c, m, x] - rows[0]),
-                    "fields": _fields([part[c, m, x] for part in measured], scales[m], names),
+                    "fields": _fields([got[c, m, x] - true[m] for got, true in both], names),
                 }
                 for x, extreme in enumerate(("best", "worst"))
             }
 
 
-def _fields(parts: list[Array], scales: Array, names: list[str]) -> dict[str, Any]:
-    """Complex fields (plane, u, z) as signed bytes; a nodal plane on the scale of the other."""
+def _fields(parts: list[Array], names: list[str]) -> dict[str, Any]:
+    """Complex fields (plane, u, z) as signed bytes, each on a scale of its own."""
     result = {}
     for p, name in enumerate(names):
-        reference = np.fmax.reduce(scales) if np.isnan(scales[p]) else scales[p]
-        scale = float(np.fmax.reduce([reference, *(np.abs(part[p]).max() for part in parts)]))
+        scale = max(float(np.abs(part[p]).max()) for part in parts) or 1.0
         coded = [
             np.clip(np.rint(part[p, ::FIELD_STEP, ::FIELD_STEP] / scale * 127), -127, 127)
             for part in parts

@@ -64,11 +64,13 @@ class Viewer(anywidget.AnyWidget):
         ``pressure_unit``, ``nodal_note``
             The unit for the colour bar; the words for a plane without reference pressure.
         ``modes[…]["fields"]``
-            The ideal field, ``{"XZ": F, "YZ": F}``, where F is ``{"scale": Pa per 127, "re":
-            base64 of int8, "im": …}`` with the index ``iu * nz + iz``; drawn is Re(p e^{jωt}).
+            The ideal field, ``{"XZ": F, "YZ": F}`` without nodal planes, where F is ``{"scale":
+            Pa per 127, "re": base64 of int8, "im": …}`` with the index ``iu * nz + iz``; drawn is
+            Re(p e^{jωt}).
         ``cases[…]["extremes"]``
             ``{"1": {"best": {"index": i, "fields": {"XZ": F, "YZ": F}}, "worst": …}}``, by mode:
-            the settings with the least and the largest mean error of the deflection.
+            the settings with the least and the largest mean error of the deflection, and what
+            their fields differ by from the ideal one.
         ``cases[…]["settings"][…]["modes"][…]``
             ``{"planes": {"XZ": E, "YZ": E}, "deflection": {"mean": 3.1}}``, where E has ``mean`` to
             ``stated`` as above, or is None on a nodal plane.

@@ -1,4 +1,5 @@
-// Panels of a sound field: ideal, best and worst pressure on each plane, at any instant of the period.
+// Panels of a sound field: the ideal pressure on each plane, and the errors of the best and the worst setting,
+// at any instant of the period.
 import { colourBar, createMap, mapWidth, paletteOf } from "./heatmap.js";
 import { createMotion } from "./motion.js";
 import { KINDS, entitle, figure, html, isNumber, path, swatch } from "./parts.js";
@@ -48,7 +49,7 @@ KINDS.sound = (study, uid) => {
       return node;
     };
     const picture = html("div", { class: "tl-picture" }, map.node);
-    const names = { "data-testid": `field-${name}-${word}`, "aria-label": `${word} field on ${name}` };
+    const names = { "data-testid": `field-${name}-${word}`, "aria-label": `${saidOf(word)} on ${name}` };
     if (field) {
       const canvas = html("canvas", { width: nu, height: nz, role: "img", ...names });
       const context = canvas.getContext("2d");
@@ -70,34 +71,32 @@ KINDS.sound = (study, uid) => {
       ...["best", "worst"].filter((word) => extremes[word]).map((word) =>
         [word, read(extremes[word]), extremes[word].index])];
   }
+  const saidOf = (word) => (word === "ideal" ? "ideal" : `error of the ${word}`);
   function headingOf(word, i) {
     if (i === null) return word;
     return html("span", { style: study.tint(i), "data-setting": i },
-      swatch(i), study.nameOf(i), html("em", {}, word));
+      swatch(i), study.nameOf(i), html("em", {}, saidOf(word)));
   }
-  function drawPlane({ plane, list, limit }) {
+  function drawPlane({ plane, list }) {
     const { name } = plane, { colormap, pressure_unit: unit } = study.data, width = mapWidth(study, 2);
     const palette = paletteOf(colormap), wide = Math.min(width, 260);
-    const bar = colourBar(`${uid}-${name}`, palette, limit, unit, "pressure", wide);
-    const maps = list.map((one) => drawField(width, plane, limit, one));
+    const [ideal, errors] = [list.slice(0, 1), list.slice(1)].map((part) => // each on a scale of its own
+      Math.max(0, ...part.map(([, field]) => amplitude(field))));
+    const bars = [[ideal, "pressure"], [errors, "error"]].filter(([most]) => most)
+      .map(([most, words]) => colourBar(`${uid}-${name}-${words}`, palette, most, unit, words, wide));
+    const maps = list.map((one, n) => drawField(width, plane, (n ? errors : ideal) || 1, one));
     return html("section", { "aria-label": `${name} plane` },
-      html("div", { class: "tl-planehead" }, html("strong", {}, `${name} plane`), bar),
+      html("div", { class: "tl-planehead" }, html("strong", {}, `${name} plane`), ...bars),
       html("div", { class: "tl-maps" }, ...maps));
   }
   function draw() {
-    entitle(b, study, "group", "Sound pressure: ideal and from the measured shapes", "",
+    entitle(b, study, "group", "Sound pressure: ideal, and what the measured shapes add to it", "",
       "The button plays the period; the slider sets the instant.");
     colours = Uint32Array.from(paletteOf(study.data.colormap),
       ([red, green, blue]) => (255 << 24) | (blue << 16) | (green << 8) | red);
     fields = [];
-    const every = study.data.planes.map((plane) => ({ plane, list: fieldsOf(plane.name) }));
-    for (const one of every) one.most = Math.max(0, ...one.list.map(([, field]) => amplitude(field)));
-    const sounding = every.filter(({ plane }) => !nodal(plane.name));
-    for (const one of every) { // what is left on a nodal plane is seen on the scale of the other plane
-      const scales = sounding.length && !sounding.includes(one) ? sounding : [one];
-      one.limit = Math.max(...scales.map(({ most }) => most)) || 1;
-    }
-    b.canvas.replaceChildren(...every.map(drawPlane));
+    b.canvas.replaceChildren(...study.data.planes.map((plane) =>
+      drawPlane({ plane, list: fieldsOf(plane.name) })));
     motion.redraw();
   }
   return { figures: [b.node], draw, highlight() {}, stop: motion.stop };
