@@ -169,10 +169,7 @@ def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) 
     if method == "harmonic":
         return rc.real_shape(amplitude(tracks, instant.omega, exposures), instant.phase)
     if method in WHOLE_FRAMES:
-        first = tracks.times[0, 0] * tracks.rate
-        number = round(float(instant.nearest(tracks.rate, first)[1]) * tracks.rate - first)
-        chosen = number - tracks.frames
-        uv = tracks.uv[np.arange(len(P)), np.clip(chosen, 0, tracks.uv.shape[1] - 1)]
+        uv = tracks.uv[np.arange(len(P)), _frames_at_a_maximum(tracks, instant)]
     else:
         uv = np.stack(
             [
@@ -181,6 +178,21 @@ def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) 
             ]
         )
     return rc.deflection_at(P, tracks.frame, tracks.rest, uv)
+
+
+def _frames_at_a_maximum(tracks: Tracks, instant: Instant) -> IntArray:
+    """Of each camera the frame nearest to a maximum that all of them recorded, shape (cameras,)."""
+    first = tracks.times[0, 0] * tracks.rate
+    frames = np.rint(instant.times * tracks.rate - first).astype(int)[:, None] - tracks.frames
+    followed = np.asarray(np.isfinite(tracks.uv).any(axis=(2, 3)))  # who started first ends first
+    there = (frames >= 0) & (frames < followed.shape[1])
+    there &= followed[np.arange(len(followed)), np.where(there, frames, 0)]
+    common = there.all(axis=1)
+    if not common.any():
+        raise ValueError("no frame near a maximum of the deflection was recorded by all cameras")
+    seen = replace(instant, times=instant.times[common])
+    number = round(float(seen.nearest(tracks.rate, first)[1]) * tracks.rate - first)
+    return np.asarray(number - tracks.frames)
 
 
 def interpolation_gain(fraction: float) -> float:
