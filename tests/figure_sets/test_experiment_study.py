@@ -398,6 +398,28 @@ def test_the_chosen_frame_is_nearest_to_any_maximum(conforms, exact):
         conforms.closed_form(abs(frame[place] - peak[place]), least, atol=1e-12)
 
 
+def test_the_maximum_is_one_that_all_cameras_recorded(conforms):
+    """A camera that started first ends first: whichever maximum is left to it, that one is read."""
+    _, data = whole_frames(0.2)
+    instant, whole = shapes.instant_of(data, BEAM.damping), tracks(data, "literal")
+    assert len(instant.times) > 3
+    expected = np.cos(2 * np.pi * 5 * 0.2 / 60) * 0.004
+    expected = expected * Component().shape(BEAM, MARKERS.positions[:, :75])
+    times = np.where(np.isfinite(whole.uv).all(axis=(2, 3)), whole.times, np.inf)
+    for time in instant.times:
+        there = np.abs(times - time) < 1 / 60
+        uv = whole.uv.copy()
+        uv[2] = np.where(there[2, :, None, None], uv[2], np.nan)
+        found = shapes.deflection(replace(whole, uv=uv), instant, "literal", np.zeros(4))
+        conforms.closed_form(found, expected, atol=4e-8)
+    none = replace(whole, uv=np.where(np.arange(4)[:, None, None, None] == 2, np.nan, whole.uv))
+    with pytest.raises(ValueError, match="recorded by all cameras"):
+        shapes.deflection(none, instant, "literal", np.zeros(4))
+    early = replace(whole, uv=whole.uv[:, : np.flatnonzero(times[2] < instant.times[0])[-1] - 3])
+    with pytest.raises(ValueError, match="recorded by all cameras"):
+        shapes.deflection(early, instant, "literal", np.zeros(4))
+
+
 # Missing markers.
 
 
