@@ -23,12 +23,17 @@ FILMED = [name for name, one in FIGURE_SETS.items() if one.others]
 
 @pytest.mark.parametrize("name", EVERY)
 def test_they_are_of_this_code_and_numbered(name):
-    """If not, `thesis record` renders them anew."""
+    """If not, `thesis record` renders them anew.
+
+    Markers that a camera lost but for a handful of frames have a deflection, and no scatter.
+    """
     data = EVERY[name].kept()
     assert data is not None
     assert data["recording"].values.tolist() == list(range(1, EVERY[name].count + 1))
     known = data["deflection"].notnull()
-    assert (data["deviation"].notnull() == known).all()
+    told = data["deviation"].notnull()
+    assert (known | ~told).all()
+    assert float(told.sum()) > 0.99 * float(known.sum())
     assert known.mean() > 0.5
     assert (data["deflection"].std("recording") > STEP).where(known.all("recording")).mean() > 0.5
 
