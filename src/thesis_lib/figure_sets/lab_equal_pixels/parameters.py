@@ -31,7 +31,7 @@ from thesis_lib.vibration.plate import Plate
 from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
 
 READING = reading("experiment")
-RECORDED = 10  # further recordings of each rig that are data
+RECORDED = 19  # further recordings of each rig that are data
 FASTEST = 0.22  # of the frame rate; the second harmonic is fitted, too
 LEAST_FRAMES = 8
 Count = Annotated[int, Field(ge=2, le=16)]
