@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts.claims import Claim
 from thesis_lib.studies import cubes
 from thesis_lib.studies.blocks import runs_of_trials
@@ -70,10 +71,35 @@ def point_errors(cube: xr.Dataset) -> xr.DataArray:
     return error.copy(data=ordered).drop_vars(["x", "y"], errors="ignore")
 
 
+def drawn(claim: Claim, values: Array) -> Claim:
+    """The claim as a thesis would have printed it whose errors in the settings are these, in %.
+
+    An interval from the least to the largest, an upper bound rounded up, a lower one down; one
+    value is the middle. All with the digits of the real claim.
+    """
+    digit = 2 * np.array(claim.rounding)
+    low, high = float(np.min(values)), float(np.max(values))
+    if claim.relation == "about":
+        low = high = (low + high) / 2
+    if claim.relation == "less_than":
+        high += digit[1] / 2  # so that rounding leaves it above
+    up = np.ceil if claim.relation in ("max", "less_than") else np.rint
+    down = np.floor if claim.relation == "min" else np.rint
+    return replace(
+        claim,
+        low=float(digit[0] * down(low / digit[0])),
+        high=float(digit[1] * up(high / digit[1])),
+    )
+
+
+def margin(claim: Claim) -> float:
+    """By how many points a band is widened that is held against a claim."""
+    return WIDER_BELOW_10 if claim.high < 10 else WIDER
+
+
 def meets(claim: Claim, low: float, high: float) -> bool:
     """Whether a band in % meets the claim by the rule of :mod:`thesis_lib.facts.claims`."""
-    margin = WIDER_BELOW_10 if claim.high < 10 else WIDER
-    return _gap(claim, low, high) <= margin
+    return _gap(claim, low, high) <= margin(claim)
 
 
 def _exact(claim: Claim, literal: float) -> bool:

@@ -9,7 +9,6 @@ which that makes little difference tests little.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -18,7 +17,7 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.facts.claims import Claim
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.verdicts import meets
+from thesis_lib.ledger.verdicts import drawn, meets
 from thesis_lib.studies import cubes
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.web.markdown import table
@@ -33,27 +32,6 @@ VARIABLES = declared("""
     power_scaled(chapter, factor) [1] stated figures met by errors times a factor
     factor(factor) [1] factor of all errors of the model
 """)
-
-
-def drawn(claim: Claim, values: Array) -> Claim:
-    """The claim as a thesis would have printed it whose errors in the settings are these, in %.
-
-    An interval from the least to the largest, an upper bound rounded up, a lower one down; one
-    value is the middle. All with the digits of the real claim.
-    """
-    digit = 2 * np.array(claim.rounding)
-    low, high = float(np.min(values)), float(np.max(values))
-    if claim.relation == "about":
-        low = high = (low + high) / 2
-    if claim.relation == "less_than":
-        high += digit[1] / 2  # so that rounding leaves it above
-    up = np.ceil if claim.relation in ("max", "less_than") else np.rint
-    down = np.floor if claim.relation == "min" else np.rint
-    return dataclasses.replace(
-        claim,
-        low=float(digit[0] * down(low / digit[0])),
-        high=float(digit[1] * up(high / digit[1])),
-    )
 
 
 def met(claim: Claim, band: Array, factor: float = 1.0) -> bool:
