@@ -1,6 +1,6 @@
 """Chapter 3 as it may have been computed: one function from what was done to all its errors.
 
-The chain of :mod:`thesis_lib.figure_sets.parametric`, with every step open: cameras, motion,
+The chain of ``parametric``, with every step open: cameras, motion,
 rounding, estimator, and what is called an error.
 """
 
@@ -29,7 +29,7 @@ MODES = (1, 2, 3)
 STUDIES = ("beam-distance", "beam-aperture", "beam-resolution", "beam-arrays")
 SENSOR_MM = 36.0
 OTHER = {"printed": "reversed", "reversed": "printed"}
-ERRORS = ("mean", "largest", "but one")
+WHOLE = 1e-9  # px below a whole pixel that count as it, as in ``pixelate``
 
 
 @dataclass(frozen=True)
@@ -134,9 +134,10 @@ def rounded(how: str | float, uv: Array, shift: Array, middle: Array) -> Array:
     if isinstance(how, float):
         return pixelate((uv + shift) / how) * how - shift
     if how == "towards the middle":
-        return np.trunc(uv + shift - middle) + middle - shift
+        off = uv + shift - middle
+        return np.sign(off) * np.floor(np.abs(off) + WHOLE) + middle - shift
     if how == "down":
-        return np.floor(uv + shift) - shift
+        return np.floor(uv + shift + WHOLE) - shift
     whole = pixelate(uv + shift) - shift
     if how in ("u", "v"):  # the other coordinate is exact
         exact = 1 if how == "u" else 0

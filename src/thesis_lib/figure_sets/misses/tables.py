@@ -105,7 +105,7 @@ def singles(cube: xr.Dataset) -> Markdown:
         [
             str(cube["topic"].values[i]),
             str(cube["change"].values[i]),
-            f"{cube['gain'].values[i]:+.0f}",
+            f"{round(cube['gain'].values[i]):+d}",
             f"{cube['literal'].values[i]}",
             f"{cube['named'].values[i]:.0%}",
         ]
@@ -126,7 +126,7 @@ def doubles(cube: xr.Dataset) -> Markdown:
     rows = [
         [
             str(cube["pair"].values[i]),
-            f"{cube['pair_gain'].values[i]:+.0f}",
+            f"{round(cube['pair_gain'].values[i]):+d}",
             f"{cube['pair_literal'].values[i]}",
         ]
         for i in order
