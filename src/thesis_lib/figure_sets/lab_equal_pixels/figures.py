@@ -1,4 +1,4 @@
-"""Figures of ``lab-equal-pixels``: errors over the number of cameras, as filmed and by the laws."""
+"""Figures of ``lab-equal-pixels``: errors over the number of cameras, as rendered and by the laws."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def claim(cube: xr.Dataset) -> Figure:
     count = first["n_cameras"].values
     left.axhline(1, color=INK, linewidth=0.8)
     left.set(
-        title="(a) filmed: error over that of the sharp pair", ylabel="ratio", xlabel="cameras"
+        title="(a) rendered: error over that of the sharp pair", ylabel="ratio", xlabel="cameras"
     )
     right.plot(count, first["rounded_error"], "s-", color=REFERENCE, label="least squares")
     right.plot(count, first["interval_error"], "D-", color=COLORS[1], label="interval")
