@@ -1,4 +1,4 @@
-"""Figures of ``lab-equal-pixels``: errors over the number of cameras, as rendered and by the laws."""
+"""Figures of ``lab-equal-pixels``: errors over the number of cameras, rendered and by the laws."""
 
 from __future__ import annotations
 
