@@ -185,7 +185,7 @@ def test_the_page_says_what_the_cube_holds(few):
         ({"topics": ["luck"]}, '"luck"'),
         ({"trials": 1}, "trials"),
         ({"theses": 0}, "theses"),
-        ({"pairs": "yes"}, "pairs"),
+        ({"together": 3}, "together"),
     ],
 )
 def test_what_says_nothing_is_refused_in_a_line(values, words):
@@ -193,5 +193,5 @@ def test_what_says_nothing_is_refused_in_a_line(values, words):
 
 
 def test_without_pairs_there_are_none():
-    cube = compute.run(Misses(topics=["rest"], trials=4, theses=3, pairs=False))
+    cube = compute.run(Misses(topics=["rest"], trials=4, theses=3, together=1))
     assert cube.sizes["pair"] == 0

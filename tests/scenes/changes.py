@@ -120,7 +120,7 @@ OWN_CHANGES = {
         "distance_mm": 1100,
         "cone_deg": 50,
     },
-    "misses": {"topics": ["rest"], "theses": 3, "pairs": False},
+    "misses": {"topics": ["rest"], "theses": 3, "together": 1},
     "lab-modes": {
         "modes": [2],
         "amplitude_mm": 1,

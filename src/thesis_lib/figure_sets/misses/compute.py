@@ -87,7 +87,7 @@ def run(asked: Misses) -> xr.Dataset:
     search, own, changes = _Search(asked), Model(), asked.changes
     pairs = [
         (one, other)
-        for one, other in (combinations(changes, 2) if asked.pairs else ())
+        for one, other in (combinations(changes, 2) if asked.together > 1 else ())
         if one.topic != other.topic
     ]
     single = [own.changed(change.values) for change in changes]

@@ -32,7 +32,9 @@ class Misses(Study):
     theses: Annotated[int, Field(ge=2, le=1000)] = field(
         100, "theses that are invented from what this book takes, to see what chance does"
     )
-    pairs: bool = field(True, "whether to make two changes together, too")
+    together: Annotated[int, Field(ge=1, le=2)] = field(
+        2, "how many changes at most are made together"
+    )
 
     @model_validator(mode="after")
     def _check_topics(self) -> Misses:
