@@ -50,7 +50,7 @@ def recordings_table(cube: xr.Dataset) -> Markdown:
         one = cube.isel(setting=i, mode=0)
         low, high = one["rms_band"].values
         rows.append(
-            _rig(one)
+            _told(one)
             | {
                 "marker, px high": _fixed(one["image_height"], 1),
                 "centres, px": _fixed(one["centre_scatter"], 4),
@@ -72,7 +72,7 @@ def recordings_table(cube: xr.Dataset) -> Markdown:
     return Markdown(f"{columns(rows)}\n{note}")
 
 
-def _rig(one: xr.Dataset) -> dict[str, str]:
+def _told(one: xr.Dataset) -> dict[str, str]:
     """What tells a rig in a row."""
     return {"case": str(one["case"].item()), "cameras": str(one["label"].item())}
 
@@ -83,7 +83,7 @@ def calibration_table(cube: xr.Dataset) -> Markdown:
     for i in range(cube.sizes["setting"]):
         one = cube.isel(setting=i, mode=0)
         rows.append(
-            _rig(one)
+            _told(one)
             | {
                 "boards found, %": _fixed(100 * one["board_views"], 0),
                 "places, mm": _fixed(1000 * one["place_error"], 2),
@@ -103,7 +103,7 @@ def pixels_table(cube: xr.Dataset) -> Markdown:
         for i in range(part.sizes["setting"]):
             one = part.isel(setting=i)
             rows.append(
-                _rig(one)
+                _told(one)
                 | {
                     "fitted centres, %": _percent(one["rms_error"]),
                     "whole pixels: least squares, %": _percent(one["rounded_error"]),
