@@ -19,3 +19,10 @@ def refusal(name: str, /, **values: Any) -> str:
     assert message.isprintable()
     assert message.startswith(f"{name}: ")
     return message
+
+
+def assert_refused(name: str, values: dict[str, Any], words: list[str]) -> None:
+    """That a request is refused by a line with all of the words."""
+    message = refusal(name, **values)
+    missing = [word for word in words if word not in message]
+    assert not missing, message

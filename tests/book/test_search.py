@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
@@ -37,6 +38,15 @@ def ask(page: Page, words: str) -> list[str]:
     return page.locator(TITLES).all_inner_texts()
 
 
+@contextmanager
+def searching(running: Browser, name: str = "intro.html") -> Iterator[Page]:
+    """A page of the book whose search is open; nothing may be amiss on it."""
+    with open_offline(running, BOOK / name) as opened:
+        opened.page.keyboard.press("Control+k")
+        yield opened.page
+        assert opened.trouble == []
+
+
 FIRST = {
     "3.24": "Figure 3.24",
     "figure 3.24": "Figure 3.24",
@@ -53,13 +63,10 @@ FIRST = {
 
 @needs_book
 def test_what_is_meant_comes_first_or_nearly(running: Browser) -> None:
-    with open_offline(running, BOOK / "executed" / "beam-aperture.html") as opened:
-        page = opened.page
-        page.keyboard.press("Control+k")
+    with searching(running, "executed/beam-aperture.html") as page:
         first = {words: ask(page, words)[:3] for words in FIRST}
         wrong = {words: first[words] for words in FIRST if FIRST[words] not in first[words]}
         assert wrong == {}
-        assert opened.trouble == []
 
 
 @needs_book
@@ -71,9 +78,7 @@ def test_what_is_meant_comes_first_or_nearly(running: Browser) -> None:
 def test_endings_and_a_typo_are_no_hindrance(
     running: Browser, typed: str, meant: str | None
 ) -> None:
-    with open_offline(running, BOOK / "intro.html") as opened:
-        page = opened.page
-        page.keyboard.press("Control+k")
+    with searching(running) as page:
         found = ask(page, typed)
         if meant is None:
             assert found == []
@@ -81,30 +86,23 @@ def test_endings_and_a_typo_are_no_hindrance(
         else:
             assert set(found[:5]) & set(ask(page, meant)[:10])
             assert page.locator(".tl-found mark").count()
-        assert opened.trouble == []
 
 
 @needs_book
 def test_a_program_is_words(running: Browser) -> None:
-    with open_offline(running, BOOK / "intro.html") as opened:
-        page = opened.page
-        page.keyboard.press("Control+k")
+    with searching(running) as page:
         ask(page, "<script>alert(1)</script>")
         ask(page, "<img src=x onerror=alert(1)>")
         assert page.locator("#pst-search-dialog :is(script, img)").count() == 0
-        assert opened.trouble == []
 
 
 @needs_book
 def test_a_book_of_letters_is_cut(running: Browser) -> None:
-    with open_offline(running, BOOK / "intro.html") as opened:
-        page = opened.page
-        page.keyboard.press("Control+k")
+    with searching(running) as page:
         page.evaluate("""() => { const field = document.querySelector('#pst-search-dialog input');
             field.removeAttribute('maxlength'); field.value = 'beam camera '.repeat(900);
             field.dispatchEvent(new Event('input')); }""")
         page.locator(".tl-found").first.wait_for()
-        assert opened.trouble == []
 
 
 @needs_book
@@ -138,9 +136,7 @@ def test_it_is_used_by_keyboard_and_loads_when_opened(running: Browser) -> None:
 
 @needs_book
 def test_a_key_is_answered_within_a_tenth_of_a_second(running: Browser) -> None:
-    with open_offline(running, BOOK / "intro.html") as opened:
-        page = opened.page
-        page.keyboard.press("Control+k")
+    with searching(running) as page:
         ask(page, "camera")
         took = page.evaluate("""async () => {
             const field = document.querySelector('#pst-search-dialog input'), took = [];

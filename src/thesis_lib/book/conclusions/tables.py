@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -110,19 +111,16 @@ def _optimum(opened: Cubes) -> str:
 
 def _stated(opened: Cubes) -> str:
     """Every sentence of the thesis's conclusions, as the ledger judges it."""
-    rows = []
-    for entry in from_cube(opened["claims"]):
-        if entry.kind == "trend" and "-concluding-" in entry.id:
-            sure = np.isfinite(entry.confidence)
-            rows.append(
-                [
-                    str(entry.chapter),
-                    entry.what,
-                    f"{entry.confidence:.0%}" if sure else "—",
-                    f"{entry.single:.0%}" if sure else "—",
-                    entry.verdict,
-                ]
-            )
+    rows = [
+        [
+            str(entry.chapter),
+            entry.what,
+            *(f"{v:.0%}" if np.isfinite(v) else "—" for v in (entry.confidence, entry.single)),
+            entry.verdict,
+        ]
+        for entry in from_cube(opened["claims"])
+        if entry.kind == "trend" and "-concluding-" in entry.id
+    ]
     return table(["chapter", "what is concluded", "confidence", "single runs", "verdict"], rows)
 
 
@@ -239,8 +237,6 @@ def _held(one: Strength) -> str:
 
 def _of_case(opened: Cubes, name: str, case: str, knob: str) -> Strength:
     """One case of chapter 5 over its own knob."""
-    from dataclasses import replace
-
     alone = replace(KNOBS[knob], sources=((case, name, (case,), ("mean_error",)),))
     return strengths(opened, alone)[0]
 

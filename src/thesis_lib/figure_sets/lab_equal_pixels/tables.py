@@ -50,9 +50,8 @@ def recordings_table(cube: xr.Dataset) -> Markdown:
         one = cube.isel(setting=i, mode=0)
         low, high = one["rms_band"].values
         rows.append(
-            {
-                "case": str(one["case"].item()),
-                "cameras": str(one["label"].item()),
+            _told(one)
+            | {
                 "marker, px high": _fixed(one["image_height"], 1),
                 "centres, px": _fixed(one["centre_scatter"], 4),
                 "by edges, px": _fixed(one["edge_scatter"], 4),
@@ -73,15 +72,19 @@ def recordings_table(cube: xr.Dataset) -> Markdown:
     return Markdown(f"{columns(rows)}\n{note}")
 
 
+def _told(one: xr.Dataset) -> dict[str, str]:
+    """What tells a rig in a row."""
+    return {"case": str(one["case"].item()), "cameras": str(one["label"].item())}
+
+
 def calibration_table(cube: xr.Dataset) -> Markdown:
     """How well the cameras were calibrated, and what that does."""
     rows = []
     for i in range(cube.sizes["setting"]):
         one = cube.isel(setting=i, mode=0)
         rows.append(
-            {
-                "case": str(one["case"].item()),
-                "cameras": str(one["label"].item()),
+            _told(one)
+            | {
                 "boards found, %": _fixed(100 * one["board_views"], 0),
                 "places, mm": _fixed(1000 * one["place_error"], 2),
                 "directions, mrad": _fixed(1000 * one["turn_error"], 2),
@@ -100,9 +103,8 @@ def pixels_table(cube: xr.Dataset) -> Markdown:
         for i in range(part.sizes["setting"]):
             one = part.isel(setting=i)
             rows.append(
-                {
-                    "case": str(one["case"].item()),
-                    "cameras": str(one["label"].item()),
+                _told(one)
+                | {
                     "fitted centres, %": _percent(one["rms_error"]),
                     "whole pixels: least squares, %": _percent(one["rounded_error"]),
                     "interval, %": _percent(one["interval_error"]),
