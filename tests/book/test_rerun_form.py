@@ -329,8 +329,9 @@ def test_commands_say_what_the_form_holds(
 ) -> None:
     rng = random.Random(7)
     cases = [(name, filled(rng, name)) for name in list(STUDIES) * 3]
-    texts = [(name, {k: v if k in ("cases", "readings", "topics", "camera_counts") else typed(v, rng)
-                     for k, v in values.items()}) for name, values in cases]  # fmt: skip
+    named = ("cases", "readings", "topics", "camera_counts")
+    texts = [(name, {k: v if k in named else typed(v, rng) for k, v in values.items()})
+             for name, values in cases]  # fmt: skip
     accepted = 0
     with open_offline(chromium, path) as opened:
         for (name, values), said in zip(cases, fill(opened, *texts), strict=True):
