@@ -765,18 +765,21 @@ def test_a_notebook_keeps_its_address_in_the_widget(chromium: Browser, path: Pat
         set: (name, value) => { values[name] = value; } };
       const el = document.createElement('div');
       document.body.replaceChildren(el);
-      const close = widget.default.render({ model, el }), wait = () =>
-        new Promise(done => setTimeout(done, 450));
-      const { explorer } = el.querySelector('.tl-explorer');
-      await wait();
+      const close = widget.default.render({ model, el });
+      const pause = time => new Promise(done => setTimeout(done, time));
+      const until = async (met) => { for (let n = 0; n < 200 && !met(); n++) await pause(50); };
+      const { explorer } = el.querySelector('.tl-explorer'), at = values.address;
+      const places = () => explorer.app.state.c.join(' '), stood = places();
+      await pause(450);
       found.push(values.address);
       explorer.app.update({ d: 900 });
-      await wait();
+      await until(() => values.address !== at);
       found.push(values.address);
       values.address = 's=beam&m=2&t=2c-16';
       handlers['change:address']();
-      await wait();
-      found.push(values.address, explorer.app.state.c.join(' '));
+      await until(() => places() !== stood);
+      await pause(450);
+      found.push(values.address, places());
       close();
       return found; }"""
     with open_offline(chromium, path, query="s=beam&m=1&t=4b-2") as opened:
