@@ -43,6 +43,7 @@ def panels(drawing: Figure) -> str:
 def _panel(axes: Axes) -> str:
     """One panel, or a scale of colours; empty if it has no words."""
     title = "".join(axes.get_title(place) for place in ("left", "center", "right"))
+    title = title.replace("\n", " ")
     scale = "colours" if axes.get_label() == "<colorbar>" else ""
     drawn = " over ".join(filter(None, (axes.get_ylabel(), axes.get_xlabel())))
     words = ", ".join(filter(None, (title or scale, drawn)))

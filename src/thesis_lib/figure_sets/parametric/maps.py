@@ -48,7 +48,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 
 def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """Setup, bars of both planes, ideal, best and worst field on both planes."""
+    """Setup, bars of both planes; on both the ideal field, the best error and the worst."""
     part = select(cube, case, mode)
     drawing, axes = mosaic(
         "abb;cde;fgh", figsize=(8.2, 7.4), layout="constrained", height_ratios=[1.2, 1, 1]
@@ -67,26 +67,27 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     )
     words, nodal = ranking(part), part["independent_ratio"].isnull()
     ideal = part["pressure_reference_real"]
-    limits = {
-        plane: max(
-            float(abs(ideal.sel(plane=plane)).max()), float(abs(measured.sel(plane=plane)).max())
-        )
-        for plane in ("XZ", "YZ")
-    }
+    loudest = float(abs(ideal).max())
     for row, plane in zip(("cde", "fgh"), ("XZ", "YZ"), strict=True):
         silent = bool(nodal.sel(plane=plane))
-        limit = max(limits.values()) if silent else limits[plane]
+        true = ideal.sel(plane=plane)
+        wrong = measured.sel(plane=plane) - true
+        of_true = loudest if silent else float(abs(true).max())
         fields = (
-            (f"(b) {plane}, ideal{' (nodal)' if silent else ''}", ideal.sel(plane=plane).values),
-            (f"{words[0]}: {best}", measured.sel(plane=plane, extreme="best").values),
-            (f"{words[1]}: {worst}", measured.sel(plane=plane, extreme="worst").values),
+            (f"(b) {plane}, ideal{' (nodal)' if silent else ''}", true, of_true),
+            (f"error, {words[0]}:\n{best}", wrong.sel(extreme="best"), float(abs(wrong).max())),
+            (f"error, {words[1]}:\n{worst}", wrong.sel(extreme="worst"), float(abs(wrong).max())),
         )
-        picture: Any = None
-        for name, (title, values) in zip(row, fields, strict=True):
-            picture = draw_map(axes[name], values.T, u, z, limit)
+        pictures = []
+        for name, (title, values, limit) in zip(row, fields, strict=True):
+            pictures.append(draw_map(axes[name], values.values.T, u, z, limit))
             axes[name].set(title=title, xlabel=f"{plane[0]} in mm")
         axes[row[0]].set_ylabel("Z in mm")
-        drawing.colorbar(
-            picture, ax=[axes[name] for name in row], shrink=0.85, label="Re p in Pa", pad=0.01
-        )
+        for picture, beside, label in (
+            (pictures[0], row[0], "Re p in Pa"),
+            (pictures[2], row[1:], "error in Pa"),
+        ):
+            drawing.colorbar(
+                picture, ax=[axes[n] for n in beside], shrink=0.85, label=label, pad=0.01
+            )
     return drawing
