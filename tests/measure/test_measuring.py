@@ -10,12 +10,12 @@ import xarray as xr
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.film import frames
 from thesis_lib.laboratory.rig import default_rig
+from thesis_lib.measure.exchange import uff
 from thesis_lib.measure.fitting.frequency import FrequencyError, advance, look_for
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, sums_of
 from thesis_lib.measure.fitting.models import candidates, scaled
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Structure
-from thesis_lib.measure.report import uff
 from thesis_lib.measure.tracking import tracks as recording_module
 from thesis_lib.measure.tracking.tracks import Recording, record
 from thesis_lib.studies.cache import kept, key_of
@@ -135,13 +135,18 @@ def test_the_universal_file_holds_nodes_shape_and_motion(conforms, tmp_path):
             "amplitude_real": ("marker", amplitude.real),
             "amplitude_imag": ("marker", amplitude.imag),
             "rest_position": (("axis", "marker"), places),
+            "x": ("marker", [0.0, 0.1, 0.2, 0.0, 0.1, 0.2]),
+            "y": ("marker", [0.0, 0.0, 0.0, 0.1, 0.1, 0.1]),
         },
         attrs={"title": "a beam"},
     )
     uff.write(tmp_path / "shapes.uff", data)
     file = pyuff.UFF(str(tmp_path / "shapes.uff"))
-    assert list(file.get_set_types()) == [164, 15, 55] + 5 * [58]
-    units, nodes, shape, *responses = file.read_sets()
+    assert list(file.get_set_types()) == [151, 164, 15, 82, 55] + 5 * [58]
+    header, units, nodes, lines, shape, *responses = file.read_sets()
+    assert header["model_name"].strip() == "a beam"
+    joined = [tuple(part) for part in np.append(lines["nodes"], 0).reshape(-1, 3)[:, :2]]
+    assert sorted(joined) == [(1, 2), (1, 4), (2, 3), (2, 5), (3, 6), (4, 5), (5, 6)]
     assert units["length"] == 1
     conforms.closed_form([nodes["x"], nodes["y"], nodes["z"]], places, rtol=1e-5)
     known = [0, 1, 3, 4, 5]

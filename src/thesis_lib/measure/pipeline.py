@@ -15,6 +15,7 @@ from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration.alignment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
+from thesis_lib.measure.exchange import files, history
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.fitting.result import result
@@ -27,8 +28,8 @@ from thesis_lib.measure.recordings.manifest import (
     shot_paths,
 )
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.report import moving
 from thesis_lib.measure.report import page as report
-from thesis_lib.measure.report import uff
 from thesis_lib.measure.synchronisation.listen import listen
 from thesis_lib.measure.tracking.tracks import Recording, record
 from thesis_lib.studies import storage
@@ -77,8 +78,9 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     path : Path
         The manifest.
     out : Path
-        Folder for the results: ``report.html``, ``measured.nc``, ``shapes.csv``, ``shapes.uff``,
-        ``figures``; beside them steps that a second run need not repeat.
+        Folder for the results: ``report.html``, ``figures``, ``measured.nc``, ``shapes.csv`` and
+        what :mod:`~thesis_lib.measure.exchange.files` and :mod:`~thesis_lib.measure.report.moving`
+        write; beside them steps that a second run need not repeat.
     say : callable
         Told, line by line, how far the measurement is.
 
@@ -119,7 +121,10 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
             notes=calibration.attrs["notes"],
             synchronisation=sound.attrs["synchronisation"],
         )
-        pictures = report.figures(data, manifest, recordings, folder)
+        moved = with_origin(
+            history.motion(data, recordings, manifest.excitation.rest_s), data.attrs["source"]
+        )
+        pictures = report.figures(data, moved, manifest, recordings, folder)
         page = report.page(data, manifest, assessment, pictures)
     with staging(out) as part:
         (part / "figures").mkdir()
@@ -127,7 +132,8 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         for name, (kind, content) in pictures.items():
             (part / "figures" / f"{name}.{kind}").write_bytes(content)
         report.table(data).to_csv(part / "shapes.csv", index=False)
-        uff.write(part / "shapes.uff", data)
+        files.write(part, data, moved)
+        moving.write(part, data, recordings[0], folder / manifest.cameras[0].video)
         (part / "report.html").write_text(page, encoding="utf-8")
         move(part, out)
     for line in report.summary(data):

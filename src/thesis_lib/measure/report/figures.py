@@ -173,6 +173,17 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording]) -> Figure:
     return figure
 
 
+def residuals(moved: xr.Dataset) -> Figure:
+    """How far each camera's centres are, frame by frame, from what all cameras agree on."""
+    with in_style():
+        figure, axes = subplots(figsize=(WIDE, 2.8), layout="constrained")
+        for k, name in enumerate(moved["camera"].values):
+            axes.plot(moved["time"], moved["residual"][k], color=color(k), label=str(name))
+        axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
+        axes.legend(ncols=4)
+    return figure
+
+
 def photograph(own: Recording, video: Path, manifest: Manifest, outline: Array) -> Figure:
     """The first frame of a camera, with the markers found in it."""
     image = next(media.read_frames(video, 0, 1))

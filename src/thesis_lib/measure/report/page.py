@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from thesis_lib.measure.exchange import files
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.feasibility.limits import Assessment
 from thesis_lib.measure.fitting.result import rms
@@ -17,7 +18,8 @@ from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.measure.report import figures as draw
-from thesis_lib.measure.report import html
+from thesis_lib.measure.report import html, tables
+from thesis_lib.measure.report.view import shape_view
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import saved
 from thesis_lib.vision.lens import project
@@ -30,7 +32,11 @@ DRIFT = 0.05  # change of the amplitude from which on the vibration is not calle
 
 
 def figures(
-    data: xr.Dataset, manifest: Manifest, recordings: Sequence[Recording], folder: Path
+    data: xr.Dataset,
+    moved: xr.Dataset,
+    manifest: Manifest,
+    recordings: Sequence[Recording],
+    folder: Path,
 ) -> Pictures:
     """All pictures of the report, by name."""
     made = {
@@ -38,11 +44,12 @@ def figures(
         "cameras": draw.cameras(data, manifest),
         "corners": draw.corners(data),
         "motion": draw.motion(data, recordings),
+        "residuals": draw.residuals(moved),
     }
     pictures = {name: ("svg", saved(figure, "svg")) for name, figure in made.items()}
-    for i, (own, files) in enumerate(zip(recordings, manifest.cameras, strict=True)):
+    for i, (own, filmed) in enumerate(zip(recordings, manifest.cameras, strict=True)):
         outline = _outline(data, manifest, own)
-        photo = draw.photograph(own, folder / files.video, manifest, outline)
+        photo = draw.photograph(own, folder / filmed.video, manifest, outline)
         pictures[f"camera-{i:02d}"] = ("png", saved(photo, "png", dpi=140))
     return pictures
 
@@ -129,11 +136,12 @@ def page(data: xr.Dataset, manifest: Manifest, assessment: Assessment, pictures:
         f"<h1>{escape(data.attrs['title'])}</h1>",
         html.items(summary(data)),
         html.warned(warnings(data)),
+        shape_view(data, (manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3)),
         html.figure(pictures, "shape", "Deflection of the markers at the instant of its maximum."),
         html.details("The numbers, marker by marker", html.frame(table(data))),
         "<h2>Model</h2>" + _model(data),
         "<h2>Cameras and calibration</h2>",
-        html.frame(_cameras(data)),
+        html.frame(tables.cameras(data)),
         html.figure(pictures, "cameras", "Where the calibration puts the cameras."),
         html.figure(
             pictures,
@@ -145,7 +153,7 @@ def page(data: xr.Dataset, manifest: Manifest, assessment: Assessment, pictures:
         html.details("Pictures of the board that were not used", html.items(_lines(data, "notes"))),
         "<h2>Synchronisation</h2>" + html.items(_lines(data, "synchronisation")),
         "<h2>Markers</h2>",
-        html.frame(_tracking(data)),
+        html.frame(tables.tracking(data)),
         *(
             html.figure(
                 pictures,
@@ -163,6 +171,13 @@ def page(data: xr.Dataset, manifest: Manifest, assessment: Assessment, pictures:
             "frequency found. A thin line is a steady vibration that the cameras' clocks "
             "agree on.",
         ),
+        html.figure(
+            pictures,
+            "residuals",
+            "Distance of the centres in each frame from what the cameras agree on. A step tells of "
+            "a camera that was touched, a slow rise of clocks that drift apart.",
+        ),
+        "<h2>Files</h2>" + html.items(files.MEANINGS),
         "<h2>Feasibility, from the manifest alone</h2>",
         f"<pre>{escape(chr(10).join(describe(assessment)))}</pre>",
         "<h2>What was assumed</h2>" + html.items(_assumed(data, manifest)),
@@ -230,38 +245,6 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
         )
 
 
-def _cameras(data: xr.Dataset) -> pd.DataFrame:
-    centre = 1e3 * data["camera_centre"].values
-    distance = np.linalg.norm(centre, axis=1)
-    return pd.DataFrame(
-        {
-            "camera": data["camera"].values,
-            "focal length in px": _texts(data["K"].values[:, 0, 0], ".2f"),
-            "± px": _texts(data["focal_deviation"].values, ".2g"),
-            "k₁": _texts(data["distortion"].values[:, 0], ".4f"),
-            "board pictures": data["shots_used"].values,
-            "rms alone in px": _texts(data["single_rms"].values, ".3f"),
-            "distance in mm": _texts(distance, ".1f"),
-            "± mm": _texts(1e3 * data["centre_deviation"].values, ".2g"),
-            "azimuth in °": _texts(np.degrees(np.arctan2(centre[:, 0], centre[:, 1])), ".1f"),
-            "elevation in °": _texts(np.degrees(np.arcsin(centre[:, 2] / distance)), ".1f"),
-        }
-    )
-
-
-def _tracking(data: xr.Dataset) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "camera": data["camera"].values,
-            "frames": data["frames"].values,
-            "lost in %": _texts(100 * data["missing"].mean("marker").values, ".2f"),
-            "markers never found": (data["missing"].values > 0.999).sum(axis=1),
-            "scatter of centres in px": _texts(map(rms, data["centre_scatter"].values), ".3f"),
-            "start in ms": _texts(1e3 * data["delay"].values, "+.3f"),
-        }
-    )
-
-
 def _model(data: xr.Dataset) -> str:
     if not data.sizes["candidate"]:
         return "<p>The manifest gives no model to compare with.</p>"
@@ -270,8 +253,8 @@ def _model(data: xr.Dataset) -> str:
     frame = pd.DataFrame(
         {
             "mode of the model": part["candidate"].values,
-            "MAC": _texts(part["mac"].values, ".5f"),
-            "its frequency in Hz": _texts(part["model_frequency"].values, ".4g"),
+            "MAC": tables.texts(part["mac"].values, ".5f"),
+            "its frequency in Hz": tables.texts(part["model_frequency"].values, ".4g"),
         }
     )
     return f"<p>Found at {_frequency(data)}.</p>" + html.frame(frame)
@@ -290,7 +273,3 @@ def _spread(data: xr.Dataset) -> float:
     change = data["without_camera"].values - data["deflection"].values
     with np.errstate(invalid="ignore", divide="ignore"):
         return rms(change / data["without_deviation"].values)
-
-
-def _texts(values: Iterable[float], form: str) -> list[str]:
-    return ["—" if np.isnan(value) else format(float(value), form) for value in values]

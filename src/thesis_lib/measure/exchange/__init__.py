@@ -1,0 +1,1 @@
+"""Measurements and calibrations as files that other programs open."""

@@ -1,0 +1,70 @@
+"""All files of a measurement that other programs open, in one go."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+import xarray as xr
+
+from thesis_lib.measure.exchange import uff, vtk
+from thesis_lib.studies import storage
+
+MEANINGS = (
+    "measured.nc, shapes.csv: the result, marker by marker, and all that it rests on (xarray, "
+    "any spreadsheet)",
+    "motion.nc, motion.csv: every marker from frame to frame in mm, with time, ± and flags",
+    "shapes.uff, motion.uff: the shape, and the measured motion, in the universal file format "
+    "(modal software)",
+    "measured.mat: both for MATLAB and Octave",
+    "vtk/period.pvd: one period for ParaView",
+    "shape.mp4, shape.gif: the shape in motion",
+    "tracked.mp4: frames of the first camera, slowed, with the markers as they were followed",
+)
+
+
+def write(folder: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
+    """Write motion, shape and period into a folder, in each format.
+
+    Parameters
+    ----------
+    folder : Path
+        It must be there.
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.fitting.result.result` returns.
+    moved : xarray.Dataset
+        What :func:`~thesis_lib.measure.exchange.history.motion` returns.
+    """
+    storage.write(moved, folder / "motion.nc")
+    header = ["time_s", *(f"marker_{number}_mm" for number in moved["marker"].values)]
+    deflection = moved["displacement"].sel(axis="z").values
+    rows = np.column_stack([moved["time"].values, deflection])
+    form = ["%.6f", *["%.6g"] * deflection.shape[1]]
+    np.savetxt(folder / "motion.csv", rows, form, ",", header=",".join(header), comments="")
+    uff.write(folder / "shapes.uff", data)
+    uff.write_motion(folder / "motion.uff", data, moved)
+    matlab(folder / "measured.mat", data, moved)
+    (folder / "vtk").mkdir(exist_ok=True)
+    vtk.write(folder / "vtk", data)
+
+
+def matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
+    """Write shapes and motion as two structures, ``shape`` in SI units and ``motion`` in mm.
+
+    Fields have the names of ``measured.nc`` and ``motion.nc``, and dimensions in the same order;
+    ``shape.amplitude`` is complex, ``units`` has the unit of every field.
+    """
+    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    values = {"shape": _structure(data) | {"amplitude": amplitude}, "motion": _structure(moved)}
+    scipy.io.savemat(path, values, do_compression=True, long_field_names=True, oned_as="column")
+
+
+def _structure(data: xr.Dataset) -> dict[str, object]:
+    """Variables by name, with what MATLAB keeps: numbers, and texts as cells."""
+    fields: dict[str, object] = {}
+    for name, variable in data.variables.items():
+        texts = variable.dtype.kind in "OSU"
+        fields[str(name)] = np.array(variable.values, dtype=object) if texts else variable.values
+    units = {str(name): str(v.attrs.get("units", "")) for name, v in data.variables.items()}
+    return fields | {"units": units}

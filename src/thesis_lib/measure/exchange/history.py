@@ -1,0 +1,241 @@
+"""The motion of every marker from frame to frame, in mm.
+
+Cameras take their frames at times of their own. The instants are those of the first camera's
+frames. Every other track is interpolated there by Lagrange's polynomial through the six nearest
+frames. In the steady part only what the fitted harmonic leaves is interpolated, so that neither a
+frequency near or above half of the frame rate nor an exposure's blur takes anything from the
+amplitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.arrays import Array, IntArray, Mask
+from thesis_lib.measure.fitting.harmonics import mean_of
+from thesis_lib.measure.fitting.reconstruction import triangulate_seen
+from thesis_lib.measure.recordings.check import ChainError
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.vision.lens import distorted, projection_matrices
+from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.triangulation import gain
+
+ALWAYS = 1e6  # s, before and after all recordings
+NEAR = 6  # frames that an interpolation rests on
+SLOW = 0.25  # of the frame rate; faster motion cannot be interpolated, only fitted
+STEADY, UNSTEADY, LOST, FAST = range(4)
+FLAGS = "steady_part outside_the_steady_part fewer_than_two_cameras too_fast_to_be_interpolated"
+VARIABLES = declared("""
+    displacement(axis, time, marker) [mm] displacement from the place at rest
+    standard_error(axis, time, marker) [mm] its standard error by the scatter of the centres
+    flag(time, marker) [1] what a value rests on
+    cameras_seen(time, marker) [1] cameras that see the marker
+    residual(camera, time) [px] rms distance of the centres in a frame from what the cameras agree
+        on
+    x(marker) [mm] place along the structure, from its first corner
+    y(marker) [mm] place across the structure, from its first corner
+    rest(axis, marker) [mm] place at rest, from the structure's centre
+""")
+
+
+def motion(data: xr.Dataset, recordings: Sequence[Recording], rest_s: float) -> xr.Dataset:
+    """Time histories of all markers, while all cameras recorded.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.fitting.result.result` returns, with ``steady``.
+    recordings : sequence of Recording
+        The cameras and their tracks.
+    rest_s : float
+        How long every camera sees the structure at rest at its start, s.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``displacement`` along x, y and z of the structure in mm at ``time`` in s on the first
+        camera's clock, ``standard_error``, ``flag``, ``cameras_seen``, ``residual`` of each camera.
+    """
+    cameras = [own.camera for own in recordings]
+    P, R = projection_matrices(cameras), data["frame_rotation"].values
+    rest = R.T @ data["rest_position"].values + data["frame_origin"].values[:, None]
+    sigma = data["centre_scatter"].values
+    spans = [_span(own) for own in recordings]
+    begin, end = max(first for first, _ in spans), min(last for _, last in spans)
+    off = np.array(
+        [_still(own, first + rest_s) for own, (first, _) in zip(recordings, spans, strict=True)]
+    )
+    off -= project(P, rest)  # what the cameras disagree by at rest, which no motion changes
+    parts = []
+    for times, _ in recordings[0].parts(begin, end):
+        steady = _within(times, data["steady"].values)
+        uv = np.array(
+            [
+                _at(own, matrix, data, rest, times, steady)
+                for own, matrix in zip(recordings, P, strict=True)
+            ]
+        )
+        parts.append(_part(P, R, rest, off, sigma, times, uv, steady))
+    rate = min(own.rate for own in recordings)
+    if not parts:
+        raise ChainError("the cameras did not record at one time: no frame of one lies within all")
+    whole = xr.concat(parts, "time")
+    whole = whole.assign(labelled(_places(data), VARIABLES)).assign_coords(
+        camera=data["camera"], axis=data["axis"], marker=_numbers(rest.shape[1])
+    )
+    whole["time"].attrs = {
+        "units": "s",
+        "long_name": "time on the first camera's clock",
+        "axis": "T",
+    }
+    return _flagged(whole, data, rate)
+
+
+def _places(data: xr.Dataset) -> dict[str, Array]:
+    return {
+        "x": 1e3 * data["x"].values,
+        "y": 1e3 * data["y"].values,
+        "rest": 1e3 * data["rest_position"].values,
+    }
+
+
+def _numbers(count: int) -> tuple[str, IntArray, dict[str, str]]:
+    return "marker", np.arange(1, count + 1), {"long_name": "number of the marker"}
+
+
+def _span(own: Recording) -> tuple[float, float]:
+    """Times of a camera's first and last frame."""
+    ends = [times[[0, -1]] for times, _ in own.parts(-ALWAYS, ALWAYS)]
+    return float(ends[0][0]), float(ends[-1][1])
+
+
+def _still(own: Recording, end: float) -> Array:
+    """Mean centres before a time, (2, markers), px."""
+    last = end - 1 / own.rate
+    return mean_of(np.concatenate([uv for _, uv in own.parts(-ALWAYS, last)]))
+
+
+def _within(times: Array, span: Array) -> Mask:
+    inside: Mask = (times >= span[0] - 1e-9) & (times <= span[1] + 1e-9)
+    return inside
+
+
+def _at(
+    own: Recording, P: Array, data: xr.Dataset, rest: Array, times: Array, steady: Mask
+) -> Array:
+    """Images of the markers in a camera at other times, (2, times, markers), px."""
+    pad = (NEAR + 1) / own.rate + abs(own.readout)
+    found = [*own.parts(times[0] - pad, times[-1] + pad)]
+    s, uv = (np.concatenate([part[k] for part in found]) for k in (0, 1))
+    rows = distorted(own.camera, project(P[None], rest)[0])[1] / own.camera.size[1]
+    late = own.readout * (rows - 0.5)  # of a marker's row after the middle one's
+    plain = _lagrange(s, uv, times, late)
+    if not steady.any():
+        return np.moveaxis(plain, 1, 0)
+    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    amplitude = np.where(np.isfinite(amplitude), amplitude, 0)
+    normal, omega = data["frame_rotation"].values[2], 2 * np.pi * float(data["frequency"])
+
+    def image(at: Array, loss: float) -> Array:  # at (n, markers) or (n, 1)
+        height = loss * np.real(amplitude * np.exp(1j * omega * at))
+        points = rest[:, None] + normal[:, None, None] * height
+        return np.moveaxis(project(P[None], points)[0], 0, 1)
+
+    blurred = image(s[:, None] + late, float(np.sinc(omega * own.exposure / (2 * np.pi))))
+    whole = _lagrange(s, uv - blurred, times, late) + image(times[:, None], 1.0)
+    return np.moveaxis(np.where(steady[:, None, None], whole, plain), 1, 0)
+
+
+def _lagrange(s: Array, values: Array, times: Array, late: Array) -> Array:
+    """Values (n, 2, markers), taken at s (n,) + late (markers,), at times (m,): (m, 2, markers).
+
+    NaN where a frame that counts is missing, or there are not frames enough around.
+    """
+    if len(s) < NEAR:
+        return np.full((len(times),) + values.shape[1:], np.nan)
+    at = times[:, None] - late
+    first = np.clip(np.searchsorted(s, at + 1e-9) - NEAR // 2, 0, len(s) - NEAR)
+    index = first + np.arange(NEAR)[:, None, None]  # (6, m, markers)
+    nodes = s[index]
+    weights = np.ones_like(nodes)
+    for i in range(NEAR):
+        for j in range(NEAR):
+            if i != j:
+                weights[i] *= (at - nodes[j]) / (nodes[i] - nodes[j])
+    weights[np.abs(weights) < 1e-6] = 0.0  # at a frame's own time the others do not count
+    markers = np.arange(values.shape[2])
+    result = np.zeros((len(times), 2, values.shape[2]))
+    for w, k in zip(weights, index, strict=True):
+        taken = np.moveaxis(values[k, :, markers], 2, 1)  # (m, 2, markers)
+        result += np.where(w[:, None] == 0, 0.0, w[:, None] * taken)
+    outside = (at < s[0] - 1e-6) | (at > s[-1] + 1e-6)
+    result[np.broadcast_to(outside[:, None], result.shape)] = np.nan
+    return result
+
+
+def _part(
+    P: Array,
+    R: Array,
+    rest: Array,
+    off: Array,
+    sigma: Array,
+    times: Array,
+    uv: Array,
+    steady: Mask,
+) -> xr.Dataset:
+    """Some instants: triangulated, in the structure's axes."""
+    points, seen = triangulate_seen(P, uv - off[:, :, None])
+    away = np.square(project(P, points) - uv).mean(axis=1)  # (cameras, times, markers)
+    counts = np.isfinite(away).sum(axis=2)
+    residual = np.sqrt(np.nansum(away, axis=2) / np.where(counts, counts, np.nan))
+    moved = np.tensordot(R, points - rest[:, None], axes=1)
+    values = {
+        "displacement": 1e3 * moved.astype(np.float32),
+        "standard_error": 1e3 * _errors(P, R, rest, sigma, uv).astype(np.float32),
+        "flag": np.where(seen < 2, LOST, np.where(steady[:, None], STEADY, UNSTEADY)).astype(
+            np.int8
+        ),
+        "cameras_seen": seen.astype(np.int8),
+        "residual": residual.astype(np.float32),
+    }
+    return xr.Dataset(labelled(values, VARIABLES), {"time": times})
+
+
+def _errors(P: Array, R: Array, rest: Array, sigma: Array, uv: Array) -> Array:
+    """Standard errors along the structure's axes, (3, times, markers), by which cameras see."""
+    visible = np.isfinite(uv).all(axis=1)
+    errors = np.full((3,) + visible.shape[1:], np.nan)
+    for pattern in np.unique(visible.reshape(len(P), -1), axis=1).T:
+        if np.count_nonzero(pattern) < 2:
+            continue
+        where = (visible == pattern[:, None, None]).all(axis=0)
+        response = np.einsum("ai,icuk->acuk", R, gain(P[pattern], rest))
+        noise = np.square(response).sum(axis=2) * np.square(sigma[pattern])
+        each = np.broadcast_to(np.sqrt(noise.sum(axis=1))[:, None], errors.shape)
+        errors = np.where(where, each, errors)
+    return errors
+
+
+def _flagged(whole: xr.Dataset, data: xr.Dataset, rate: float) -> xr.Dataset:
+    """The same with flags explained, and without what cannot be interpolated."""
+    flag = whole["flag"].values
+    if float(data["frequency"]) > SLOW * rate:
+        flag[flag == UNSTEADY] = FAST
+        for name in ("displacement", "standard_error"):
+            whole[name].values[:, flag == FAST] = np.nan
+    whole["flag"].attrs |= {
+        "standard_name": "quality_flag",
+        "flag_values": np.arange(4, dtype=np.int8),
+        "flag_meanings": FLAGS,
+    }
+    whole["flag"].encoding = {"_FillValue": None}
+    whole["displacement"].attrs |= {"ancillary_variables": "standard_error flag cameras_seen"}
+    return whole.assign_attrs(
+        title=f"{data.attrs['title']}: motion of every marker",
+        comment="What the harmonic fit explains is free of the exposures' blur; in the rest, and "
+        "outside the steady part, it is left in.",
+    )

@@ -1,0 +1,124 @@
+"""Measured shapes and motions in the universal file format, for modal software."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyuff
+import xarray as xr
+
+from thesis_lib.arrays import Array, IntArray
+from thesis_lib.measure.exchange.mesh import edges
+
+RESPONSE, TRANSLATION_Z = 1, 3  # UFF's numbers of a time response and of a direction
+SAMPLES = 64  # of the period that is written
+LINES = 40  # in one dataset 82, which some programs read to its 125th node only
+EVEN = 1e-6  # of a step, within which times are even
+
+
+def write(path: Path, data: xr.Dataset) -> None:
+    """Write the markers and their motion as universal datasets 151, 164, 15, 82, 55 and 58.
+
+    Markers are nodes 1, 2, … at their places on the structure (dataset 15, SI units by 164), lines
+    join neighbours (82). The complex amplitude of the deflection at the frequency of the vibration
+    is dataset 55, a shape along Z; and once more, node by node, one period of the fitted motion as
+    a time response, dataset 58, which programs animate that know no shapes. Markers without a
+    result are left out of both.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is overwritten.
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.fitting.result.result` returns.
+    """
+    frequency = float(data["frequency"])
+    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    nodes = np.arange(1, len(amplitude) + 1)
+    known = np.isfinite(amplitude)
+    name = _name(data)
+    shape = amplitude[known]
+    mode = pyuff.prepare_55(
+        id1=name, model_type=1, analysis_type=5, data_ch=2, spec_data_type=8, data_type=5,
+        n_data_per_node=3, load_case=1, freq_step_n=1, freq=frequency, node_nums=nodes[known],
+        r1=0 * shape, r2=0 * shape, r3=shape)  # fmt: skip
+    times = np.arange(SAMPLES) / (SAMPLES * frequency)
+    period = np.real(shape[:, None] * np.exp(2j * np.pi * frequency * times))
+    responses = _responses(name, nodes[known], times, period)
+    _write(path, [*_geometry(name, data), mode, *responses])
+
+
+def write_motion(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
+    """Write the measured time history of every marker: datasets 151, 164, 15, 82 and 58.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is overwritten.
+    data : xarray.Dataset
+        As for :func:`write`.
+    moved : xarray.Dataset
+        What :func:`~thesis_lib.measure.exchange.history.motion` returns. Deflections along Z are
+        written, in m; 0 stands for what is missing, since the format has no sign for that, and a
+        marker that is never seen is left out.
+    """
+    deflection = moved["displacement"].sel(axis="z").values.T / 1e3
+    seen = np.isfinite(deflection).any(axis=1)
+    nodes = np.flatnonzero(seen) + 1
+    name = _name(moved)
+    rows = np.nan_to_num(deflection[seen].astype(float))
+    responses = _responses(name, nodes, moved["time"].values, rows)
+    _write(path, [*_geometry(name, data), *responses])
+
+
+def _name(data: xr.Dataset) -> str:
+    return str(data.attrs.get("title", "deflection"))[:80]
+
+
+def _write(path: Path, sets: Iterable[dict[str, Any]]) -> None:
+    file = pyuff.UFF(str(path))
+    for k, one in enumerate(sets):
+        file.write_sets(one, "add" if k else "overwrite")
+
+
+def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
+    """Header, units, nodes and the lines between them."""
+    places = data["rest_position"].values
+    x, y, z = np.where(np.isfinite(places), places, 0.0)
+    nodes = np.arange(1, len(x) + 1)
+    when = datetime.fromisoformat(str(data.attrs.get("created", "1970-01-01T00:00:00")))
+    date, time = f"{when:%d-%b-%y}", f"{when:%H:%M:%S}"
+    yield pyuff.prepare_151(
+        model_name=name, description=name, db_app="thesis_lib", program="thesis_lib",
+        date_db_created=date, time_db_created=time, date_db_saved=date, time_db_saved=time,
+    ) | {"date_file_written": date, "time_file_written": time}  # fmt: skip
+    yield pyuff.prepare_164(
+        units_code=1, units_description="SI: m, N, s", temp_mode=1, length=1.0, force=1.0,
+        temp=1.0, temp_offset=0.0)  # fmt: skip
+    yield pyuff.prepare_15(
+        node_nums=nodes, def_cs=0 * nodes, disp_cs=0 * nodes, color=0 * nodes + 1, x=x, y=y, z=z
+    )
+    pairs = edges(data["x"].values, data["y"].values) + 1
+    for k, start in enumerate(range(0, len(pairs), LINES)):
+        part = pairs[start : start + LINES]
+        pen = np.column_stack([np.zeros(len(part), int), part]).ravel()[1:]  # 0 lifts it
+        yield pyuff.prepare_82(
+            trace_num=k + 1, n_nodes=len(pen), color=1, id="neighbouring markers", nodes=pen
+        )
+
+
+def _responses(name: str, nodes: IntArray, times: Array, rows: Array) -> Iterator[dict[str, Any]]:
+    """A time response along Z of every node, in m; uneven times are written one by one."""
+    step = float(times[-1] - times[0]) / (len(times) - 1)
+    even = bool(np.all(np.abs(np.diff(times) - step) < EVEN * step))
+    for node, row in zip(nodes, rows, strict=True):
+        yield pyuff.prepare_58(
+            binary=0, id1=name, func_type=RESPONSE, rsp_node=int(node), rsp_dir=TRANSLATION_Z,
+            ref_node=0, ref_dir=0, abscissa_spacing=int(even), abscissa_min=float(times[0]),
+            abscissa_inc=step if even else 0.0, abscissa_spec_data_type=17,
+            ordinate_spec_data_type=8, ordinate_axis_units_lab="m", abscissa_axis_units_lab="s",
+            orddenom_spec_data_type=0, z_axis_spec_data_type=0, data=row, x=times)  # fmt: skip

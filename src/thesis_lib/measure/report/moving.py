@@ -1,0 +1,173 @@
+"""The measured shape and the tracked markers as moving pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import xarray as xr
+from av.video.stream import VideoStream
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from numpy.typing import NDArray
+from PIL import Image as Pictures
+
+from thesis_lib.arrays import Array
+from thesis_lib.files import whole_file
+from thesis_lib.measure.exchange.mesh import edges, faces
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.plotting.style import in_style
+
+Frame = NDArray[np.uint8]  # (height, width, 3), RGB
+PERIOD, RATE = 24, 12  # frames of a period of the shape, and frames per second that show it
+PERIODS = 3  # in the video
+SIZE = 720, 480  # px of the shape's pictures
+RISE = 0.12  # of the structure's length as which the largest deflection is drawn
+COLORMAP = "PuOr"
+SECONDS, WIDTH = 4.0, 960  # of the video with markers at most: its length, and its width in px
+FOUND, LOST = (255, 92, 0), (255, 0, 190)  # colours of a marker that was found, that was lost
+
+
+def write(folder: Path, data: xr.Dataset, own: Recording, video: Path) -> None:
+    """Write ``shape.mp4``, ``shape.gif`` and, of one camera's video, ``tracked.mp4``.
+
+    The last is slowed so that a period of the vibration takes two seconds at least.
+    """
+    frames = shape(data)
+    write_gif(folder / "shape.gif", frames, RATE)
+    write_mp4(folder / "shape.mp4", PERIODS * frames, RATE)
+    slow = min(1.0, 1 / (2 * float(data["frequency"])))
+    rings = overlay(own, video, float(data["steady"][0]))
+    write_mp4(folder / "tracked.mp4", rings, max(slow * own.rate, 1.0))
+
+
+def shape(data: xr.Dataset) -> list[Frame]:
+    """One period of the fitted motion, seen obliquely, in colours by deflection."""
+    amplitude = 1e3 * (data["amplitude_real"].values + 1j * data["amplitude_imag"].values)
+    known = np.isfinite(amplitude)
+    amplitude, x, y = amplitude[known], data["x"].values[known], data["y"].values[known]
+    x, y = 1e3 * (x - x.mean()), 1e3 * (y - y.mean())
+    most, length = float(np.abs(amplitude).max()), float(max(np.ptp(x), np.ptp(y)))
+    scale = RISE * length / most
+    corners, lines = faces(x / 1e3, y / 1e3), edges(x / 1e3, y / 1e3)
+    norm = Normalize(-most, most)
+    with in_style():
+        figure = Figure(figsize=(SIZE[0] / 100, SIZE[1] / 100), dpi=100)
+        canvas = FigureCanvasAgg(figure)
+        axes: Any = figure.add_axes((0, -0.2, 1, 1.5), projection="3d")
+        sides = [max(np.ptp(values), length / 20) for values in (x, y)]
+        axes.set_box_aspect([*sides, 2 * scale * most], zoom=1.15)
+        axes.set(xlim=_around(x), ylim=_around(y), zlim=(-scale * most, scale * most))
+        axes.view_init(28, -60)
+        axes.set_axis_off()
+        bar = figure.add_axes((0.25, 0.1, 0.5, 0.025))
+        figure.colorbar(
+            ScalarMappable(norm, COLORMAP),
+            cax=bar,
+            orientation="horizontal",
+            label="deflection in mm",
+        )
+        painted = ScalarMappable(norm, COLORMAP)
+        frames = []
+        for k in range(PERIOD):
+            w = np.real(amplitude * np.exp(2j * np.pi * k / PERIOD))
+            points = np.column_stack([x, y, scale * w])
+            tints = painted.to_rgba(w)
+            drawn = [
+                axes.add_collection3d(
+                    Line3DCollection(points[lines], colors="#555c69", linewidths=0.7)
+                ),
+                axes.scatter(*points.T, c=tints, s=16, edgecolors="#333", linewidths=0.4),
+            ]
+            if len(corners):
+                mean = painted.to_rgba(w[corners].mean(axis=1))
+                drawn.append(
+                    axes.add_collection3d(Poly3DCollection(points[corners], facecolors=mean))
+                )
+            canvas.draw()
+            frames.append(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+            for artist in drawn:
+                artist.remove()
+    return frames
+
+
+def _around(values: Array) -> tuple[float, float]:
+    """Ends of an axis, which some programs cannot draw without length."""
+    half = max(float(np.ptp(values)), 1e-9) / 2
+    middle = (values.min() + values.max()) / 2
+    return float(middle - half), float(middle + half)
+
+
+def overlay(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
+    """Frames of a camera from a time on, with a ring around each tracked marker.
+
+    A marker that was lost has its last place crossed out.
+    """
+    first, _ = own.between(begin, begin)
+    count = min(len(own.centres) - first, int(SECONDS * own.rate) + 1)
+    last = np.array(own.centres[first])
+    scale = min(1.0, WIDTH / own.camera.size[0])
+    size = [2 * round(scale * side / 2) for side in own.camera.size]
+    pictures = media.read_frames(video, first)
+    for image, centres in zip(islice(pictures, count), own.centres[first:], strict=False):
+        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        colour = cv2.cvtColor(small, cv2.COLOR_GRAY2RGB)
+        seen = np.isfinite(centres).all(axis=0)
+        last = np.where(seen, centres, last)
+        for place, there in zip(last.T, seen, strict=True):
+            if np.isfinite(place).all():
+                at = [round(16 * (scale * value - 0.5)) for value in place]  # in 1/16 px
+                if there:
+                    cv2.circle(colour, at, 16 * 6, FOUND, 1, cv2.LINE_AA, 4)
+                else:
+                    centre = [value // 16 for value in at]
+                    cv2.drawMarker(colour, centre, LOST, cv2.MARKER_TILTED_CROSS, 9, 1)
+        yield colour.astype(np.uint8)
+
+
+def write_gif(path: Path, frames: list[Frame], rate: float) -> None:
+    """Write frames as a GIF that goes on for ever."""
+    pictures = [
+        Pictures.fromarray(frame).quantize(128, dither=Pictures.Dither.NONE) for frame in frames
+    ]
+    whole_file(
+        path,
+        lambda part: pictures[0].save(
+            part,
+            "GIF",
+            save_all=True,
+            append_images=pictures[1:],
+            duration=round(1000 / rate),
+            loop=0,
+            optimize=False,
+        ),
+    )
+
+
+def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:
+    """Write frames of even size as H.264 in an MP4 file that every player and browser shows."""
+    remaining = iter(frames)
+    first = next(remaining)
+
+    def write(part: Path) -> None:
+        with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as file:
+            stream = file.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
+            assert isinstance(stream, VideoStream)
+            stream.height, stream.width = first.shape[:2]
+            stream.pix_fmt, stream.options = "yuv420p", {"crf": "20", "preset": "fast"}
+            for frame in chain([first], remaining):
+                picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24")
+                file.mux(stream.encode(picture))
+            file.mux(stream.encode(None))
+
+    whole_file(path, write)

@@ -1,0 +1,365 @@
+"""Files that other programs open, each read back by its own reader; and the motion in them."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import av
+import meshio
+import numpy as np
+import pytest
+import pyuff
+import scipy.io
+import xarray as xr
+from PIL import Image
+from sdypy_sep005 import Sep005Data
+
+from thesis_lib.facts import setups
+from thesis_lib.laboratory.film import manifest_of
+from thesis_lib.laboratory.rig import default_rig
+from thesis_lib.measure.exchange import files, mesh, sep005, uff
+from thesis_lib.measure.exchange.history import motion
+from thesis_lib.measure.fitting.result import result
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.report import moving
+from thesis_lib.measure.report.view import shape_view
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.vibration.motion import Component
+from thesis_lib.vision.lens import project
+from thesis_lib.web.shell import shell
+
+BEAM, FREQUENCY = setups.beam(), 4.25
+RIG = default_rig(BEAM, [(15, 30), (-10, 30), (170, 25)], components=(Component(),))
+POINTS = RIG.markers.centres
+SHAPE = 0.003 * (POINTS[0] / BEAM.length) ** 2
+RATES, DELAYS, EXPOSURE, READOUT = (60.0, 50.0, 59.94), (0.0, 0.0131, -0.0712), 0.008, 0.01
+REST, BEGIN, END = 0.8, 1.6, 3.6
+
+
+def height(times, frequency=FREQUENCY):
+    """Still, then growing, then steady."""
+    growth = np.clip((times - 1.0) / (BEGIN - 1.1), 0, 1)
+    growth = growth**3 * (10 - 15 * growth + 6 * growth**2)
+    return growth * np.cos(2 * np.pi * frequency * times + 0.4)
+
+
+def seen(camera, times, frequency):
+    """Images (frames, 2, markers) of an exposure about times (frames, markers)."""
+    loss = np.sinc(frequency * EXPOSURE)
+    world = on_surface(BEAM.extent, POINTS[:, None], loss * SHAPE * height(times, frequency))
+    return project(camera, world).swapaxes(0, 1)
+
+
+def recordings(folder, frequency=FREQUENCY, noise=0.0):
+    """Cameras of unlike rates and starts that roll; a marker is lost in two of them for a while."""
+    rng, made = np.random.default_rng(3), []
+    for k, (station, rate, delay) in enumerate(zip(RIG.stations, RATES, DELAYS, strict=True)):
+        camera = station.camera
+        times = delay + np.arange(int((END + 0.2) * rate)) / rate
+        uv = seen(camera, times[:, None], frequency)
+        for _ in range(3):
+            rows = uv[:, 1] / camera.size[1] - 0.5
+            uv = seen(camera, times[:, None] + READOUT * rows, frequency)
+        uv += noise * rng.standard_normal(uv.shape)
+        if k:
+            uv[(times > 2.5) & (times < 2.7), :, 7] = np.nan
+        np.save(folder / f"{k}.npy", uv)
+        made.append(Recording(camera, rate, delay, EXPOSURE, READOUT, folder / f"{k}.npy"))
+    return made
+
+
+def fitted(tracks, frequency=FREQUENCY):
+    """The result, as the pipeline has it."""
+    given = manifest_of(RIG)
+    driven = given.excitation.model_copy(
+        update={"rest_s": REST, "frequency_hz": frequency, "undersampled": frequency > 20}
+    )
+    sound = xr.Dataset(
+        {
+            "frequency": frequency,
+            "of_sound": np.nan,
+            "of_sound_deviation": np.nan,
+            "steady": ("end", [BEGIN, END]),
+            "force": ("part", [0.0, 0.0]),
+        }
+    )
+    data = result(given.model_copy(update={"excitation": driven}), sound, tracks)
+    return data.assign(steady=sound["steady"]).assign_attrs(title="a beam", source="a test")
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """What exact tracks give, and all files of it."""
+    folder = tmp_path_factory.mktemp("exchange")
+    tracks = recordings(folder)
+    data = fitted(tracks)
+    moved = motion(data, tracks, REST)
+    files.write(folder, data, moved)
+    return folder, data, moved
+
+
+def test_the_motion_is_the_true_one_on_the_first_cameras_clock(conforms, measured):
+    moved = measured[2]
+    times = moved["time"].values
+    conforms.closed_form(np.diff(times), 1 / RATES[0], rtol=1e-9)
+    z = moved["displacement"].sel(axis="z").values
+    known = np.isfinite(z)
+    true = 1e3 * SHAPE * height(times)[:, None]
+    steady = (times >= BEGIN) & (times <= END)
+    # The row that a marker is in moves with it by a hundredth of the picture: 3 mm · ωT / 200.
+    conforms.closed_form(np.abs(z - true)[steady & (times < 2.4)].max(), below=4e-3)
+    off = np.where(known, z - true, 0.0)
+    # Before the steady part the exposure's blur is left in, too: 1 − sinc, of 3 mm.
+    blur = 3 * (1 - np.sinc(FREQUENCY * EXPOSURE))
+    conforms.closed_form(np.abs(off).max(), below=blur + 4e-3)
+    conforms.closed_form(
+        np.nanmax(np.abs(moved["displacement"].sel(axis=["x", "y"]).values)), below=2e-3
+    )
+    flag = moved["flag"].values
+    assert set(np.unique(flag[steady])) == {0, 2}
+    assert set(np.unique(flag[~steady])) == {1}
+    gone = flag[:, 7] == 2
+    assert times[gone].min() == pytest.approx(2.5, abs=0.1)
+    assert times[gone].max() == pytest.approx(2.7, abs=0.1)
+    assert not known[gone, 7].any()
+    assert known[flag != 2].all()
+    assert np.isnan(moved["standard_error"].values[:, gone, 7]).all()
+
+
+def test_standard_errors_of_the_motion_are_its_scatter(conforms, tmp_path):
+    tracks = recordings(tmp_path, noise=0.1)
+    data = fitted(tracks)
+    moved = motion(data, tracks, REST)
+    steady = moved.sel(time=slice(BEGIN, 2.4))
+    true = 1e3 * SHAPE * height(steady["time"].values)[:, None]
+    off = steady["displacement"].sel(axis="z").values - true
+    # Between frames interpolation averages: the second and third camera's noise shrinks a little.
+    ratio = np.sqrt(np.mean(off**2)) / float(steady["standard_error"].sel(axis="z").mean())
+    conforms.sampled(ratio, 0.95, atol=0.1)
+    conforms.sampled(float(moved["residual"].mean()), 0.07, atol=0.03)
+
+
+def test_motion_faster_than_the_frames_is_told_where_it_is_fitted_only(conforms, tmp_path):
+    tracks = recordings(tmp_path, frequency=26.3)
+    moved = motion(fitted(tracks, 26.3), tracks, REST)
+    times, z = moved["time"].values, moved["displacement"].sel(axis="z").values
+    steady = (times >= BEGIN) & (times < 2.4)
+    true = 1e3 * SHAPE * height(times, 26.3)[:, None]
+    conforms.closed_form(np.abs(z - true)[steady].max(), below=0.02)
+    outside = (times < BEGIN) | (times > END)
+    assert (moved["flag"].values[outside] == 3).all()
+    assert np.isnan(z[outside]).all()
+
+
+def test_a_bumped_camera_is_a_step_in_its_residuals(tmp_path):
+    tracks = recordings(tmp_path)
+    bumped = np.load(tracks[2].path)
+    bumped[150:] += 2.5
+    np.save(tracks[2].path, bumped)
+    moved = motion(fitted(tracks), tracks, REST)
+    when = DELAYS[2] + 150 / RATES[2]
+    before = moved["residual"].sel(time=slice(0, when - 0.1)).max()
+    after = moved["residual"].sel(time=slice(when + 0.1, None)).min()
+    assert float(after) > 5 * float(before)
+
+
+# Each file by its own reader.
+
+
+def test_netcdf_and_csv(conforms, measured):
+    folder, _, moved = measured
+    with xr.open_dataset(folder / "motion.nc") as file:
+        xr.testing.assert_equal(file.load(), moved)
+        assert file["flag"].attrs["flag_meanings"].split()[2] == "fewer_than_two_cameras"
+        assert file["displacement"].attrs["units"] == "mm"
+    header, *rows = (folder / "motion.csv").read_text(encoding="utf-8").splitlines()
+    assert header.split(",")[:2] == ["time_s", "marker_1_mm"]
+    values = np.array([[float(text) for text in row.split(",")] for row in rows])
+    conforms.closed_form(values[:, 0], moved["time"], atol=1e-6)
+    z = moved["displacement"].sel(axis="z").values
+    np.testing.assert_array_equal(np.isnan(values[:, 1:]), np.isnan(z))
+    conforms.closed_form(np.nan_to_num(values[:, 1:]), np.nan_to_num(z), rtol=1e-5, atol=1e-9)
+
+
+def test_universal_files(conforms, measured):
+    folder, data, moved = measured
+    sets = pyuff.UFF(str(folder / "motion.uff")).read_sets()
+    kinds = [one["type"] for one in sets]
+    assert kinds[:3] == [151, 164, 15]
+    assert set(kinds[3:]) == {82, 58}
+    assert sets[0]["model_name"].strip() == "a beam: motion of every marker"
+    nodes = next(one for one in sets if one["type"] == 15)
+    conforms.closed_form(nodes["x"], data["rest_position"].sel(axis="x"), atol=1e-5)
+    lines = [one for one in sets if one["type"] == 82]
+    assert all(one["n_nodes"] <= 125 for one in lines)
+    drawn = [(int(a), int(b)) for one in lines for a, b in pairwise([*one["nodes"]]) if a and b]
+    assert sorted(drawn) == sorted(map(tuple, mesh.edges(data["x"], data["y"]) + 1))
+    z = moved["displacement"].sel(axis="z").values
+    for one in (one for one in sets if one["type"] == 58):
+        conforms.closed_form(one["x"], moved["time"], atol=1e-5)
+        whole = np.nan_to_num(z[:, int(one["rsp_node"]) - 1])
+        conforms.closed_form(1e3 * one["data"], whole, rtol=1e-4, atol=1e-7)
+
+
+def test_uneven_times_are_written_one_by_one(conforms, measured, tmp_path):
+    _, data, moved = measured
+    times = moved["time"].values.copy()
+    times[1::2] += 0.004
+    uneven = moved.assign_coords(time=times)
+    uff.write_motion(tmp_path / "motion.uff", data, uneven)
+    response = pyuff.UFF(str(tmp_path / "motion.uff")).read_sets()[-1]
+    conforms.closed_form(response["x"], times, atol=1e-4)
+    channel = sep005.channels(uneven)[0]
+    assert "fs" not in channel
+    np.testing.assert_array_equal(channel["time"], times)
+
+
+def test_paraview(conforms, measured):
+    folder, data, _ = measured
+    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    listed = (folder / "vtk" / "period.pvd").read_text(encoding="utf-8")
+    assert listed.count("<DataSet ") == 32
+    for k in (0, 5, 31):
+        assert f'file="period-{k:02d}.vtu"' in listed
+        grid = meshio.read(folder / "vtk" / f"period-{k:02d}.vtu")
+        conforms.closed_form(grid.points, data["rest_position"].values.T, atol=1e-9)
+        turned = np.real(amplitude * np.exp(2j * np.pi * k / 32))
+        conforms.closed_form(grid.point_data["displacement"][:, 2], turned, atol=1e-9)
+        conforms.closed_form(grid.point_data["deflection"], turned, atol=1e-9)
+        (cells,) = grid.cells
+        assert cells.type == "quad"
+        np.testing.assert_array_equal(cells.data, mesh.faces(data["x"], data["y"]))
+
+
+def test_matlab(conforms, measured):
+    folder, data, moved = measured
+    read = scipy.io.loadmat(folder / "measured.mat", simplify_cells=True)
+    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    conforms.closed_form(read["shape"]["amplitude"], amplitude, rtol=1e-12)
+    np.testing.assert_array_equal(read["motion"]["displacement"], moved["displacement"])
+    assert read["motion"]["units"]["displacement"] == "mm"
+    assert read["shape"]["camera"].tolist() == data["camera"].values.tolist()
+
+
+def test_sep_5(conforms, measured):
+    folder, _, moved = measured
+    channels = sep005.channels(folder / "motion.nc")
+    assert len(channels) == moved.sizes["marker"]
+    for channel in channels[:3]:
+        checked = Sep005Data.model_validate(channel)
+        assert (checked.unit_str, checked.quantity) == ("m", "d")
+        conforms.closed_form(checked.fs, RATES[0], rtol=1e-6)
+    z = moved["displacement"].sel(axis="z").values
+    conforms.closed_form(1e3 * channels[0]["data"], z[:, 0], rtol=1e-12)
+
+
+# Neighbours.
+
+
+def test_a_grid_has_rectangles_whatever_its_order():
+    x, y = (part.ravel() for part in np.meshgrid([0.0, 0.1, 0.3], [0.0, 0.2]))
+    order = np.random.default_rng(0).permutation(6)
+    faces = mesh.faces(x[order], y[order])
+    assert faces.shape == (2, 4)
+    for face in faces:
+        u, v = x[order][face], y[order][face]
+        area = 0.5 * np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v)
+        assert area == pytest.approx(np.ptp(u) * np.ptp(v))  # one sense of rotation
+    assert len(mesh.edges(x[order], y[order])) == 7
+
+
+def test_scattered_markers_have_triangles_but_none_across_a_gap():
+    rng = np.random.default_rng(1)
+    left, right = rng.uniform(0, 1, (2, 40)), rng.uniform(0, 1, (2, 40)) + [[4.0], [0.0]]
+    points = np.column_stack([left, right])
+    faces = mesh.faces(*points)
+    assert faces.shape[1] == 3
+    sides = (faces < 40).sum(axis=1)
+    assert set(sides) == {0, 3}
+
+
+def test_markers_on_one_line_are_joined_along_it():
+    assert mesh.faces([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).shape == (0, 3)
+    assert mesh.edges([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).tolist() == [[0, 2], [2, 1]]
+
+
+# Moving pictures.
+
+
+def test_the_shape_is_a_film_of_one_period(measured, tmp_path):
+    _, data, _ = measured
+    frames = moving.shape(data)
+    assert len(frames) == moving.PERIOD
+    half = moving.PERIOD // 2
+    assert not np.array_equal(frames[0], frames[half])
+    moving.write_gif(tmp_path / "shape.gif", frames, 12)
+    with Image.open(tmp_path / "shape.gif") as picture:
+        assert (picture.n_frames, picture.info["loop"]) == (moving.PERIOD, 0)
+        assert picture.size == moving.SIZE
+    moving.write_mp4(tmp_path / "shape.mp4", frames, 12)
+    with av.open(str(tmp_path / "shape.mp4")) as file:
+        (stream,) = file.streams.video
+        assert stream.codec_context.name == "h264"
+        found = [frame.to_ndarray(format="rgb24") for frame in file.decode(stream)]
+    assert len(found) == moving.PERIOD
+    assert np.abs(found[3].astype(int) - frames[3]).mean() < 3
+
+
+def test_rings_are_drawn_where_the_markers_are_and_crosses_where_they_were(tmp_path):
+    count = 30
+    places = np.array([[100.0, 300.0], [60.0, 200.0]])  # u, v of two markers
+    tracks = np.repeat(places[None], count, axis=0)
+    tracks[10:, :, 1] = np.nan
+    np.save(tmp_path / "0.npy", tracks)
+    frames = np.full((count, 240, 400), 90, np.uint8)
+    media.write_video(tmp_path / "a.mkv", frames, 30.0, np.zeros(48000))
+    camera = replace(RIG.stations[0].camera, size=(400, 240))
+    own = Recording(camera, 30.0, 0.0, 1e-6, 0.0, tmp_path / "0.npy")
+    shown = list(moving.overlay(own, tmp_path / "a.mkv", 0.2))
+    assert len(shown) == count - 6
+    coloured = [np.argwhere(np.ptp(frame.astype(int), axis=2) > 60) for frame in shown]
+    for k, found in enumerate(coloured):
+        near = np.linalg.norm(found[:, None] - places[::-1].T, axis=2)
+        assert near.min(axis=1).max() < 9
+        ring = found[near[:, 0] < 20]
+        np.testing.assert_allclose(ring.mean(axis=0), [59.5, 99.5], atol=0.6)
+        assert (near[:, 1] < 20).any()
+        lost = shown[k][tuple(found[near[:, 1] < 20].T)].mean(axis=0)
+        assert (lost[2] > 120) == (k + 6 >= 10)  # the colour of what was lost has much blue
+
+
+def test_the_report_s_shape_moves_with_two_standard_errors(conforms, measured, chromium):
+    _, data, _ = measured
+    known = int(np.isfinite(data["deflection"]).sum())
+    wide = data.assign(standard_error=data["deflection"] / 20)
+    page = chromium.new_page(viewport={"width": 700, "height": 700}, reduced_motion="reduce")
+    said = []
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.set_content(shell("a beam", shape_view(wide, BEAM.extent)))
+    page.wait_for_selector(".tl-dot")
+    dots = page.locator(".tl-dot")
+    assert dots.count() == known
+    assert page.locator(".tl-face").count() == len(mesh.faces(data["x"], data["y"]))
+
+    def heights():
+        return np.array(dots.evaluate_all("nodes => nodes.map(node => +node.getAttribute('cy'))"))
+
+    def at(phase):
+        page.get_by_test_id("phase").evaluate(
+            "(node, value) => { node.value = value; node.dispatchEvent(new Event('input')); }",
+            phase,
+        )
+        return heights()
+
+    up, rest, down = at(0), at(90), at(180)
+    drawn, shape = rest - up, data["deflection"].values
+    conforms.closed_form(drawn / drawn.max(), shape / shape.max(), atol=0.01)
+    conforms.closed_form(down - rest, drawn, atol=0.2)
+    tip = int(np.argmax(shape))
+    path = page.locator(".tl-whisker").nth(tip).get_attribute("d")
+    low, high = (float(part) for part in path[1:].split("M")[0].split()[1].split("V"))
+    conforms.closed_form(abs(high - low) / drawn.max(), 4 / 20, atol=0.01)
+    page.get_by_test_id("whiskers").uncheck()
+    assert page.locator(".tl-whisker").nth(tip).get_attribute("d") == ""
+    assert said == []
+    page.close()
