@@ -7,6 +7,8 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from itertools import cycle, islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import av
 import numpy as np
@@ -29,9 +31,10 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.recordings.media_info import MediaError, probe
+from thesis_lib.measure.steps import calibrated
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
-from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking.homography import TrackingError
+from thesis_lib.measure.tracking.tracks import record
 from thesis_lib.vibration.motion import Component, Motion, amplitudes
 from thesis_lib.vision import lens
 
@@ -85,18 +88,23 @@ def corners_once():
 
 
 @pytest.fixture(scope="module")
-def measured(recordings):
+def steps(tmp_path_factory):
+    return tmp_path_factory.mktemp("steps")
+
+
+@pytest.fixture(scope="module")
+def measured(recordings, steps):
     before = contents(recordings)
-    data = chain.measure(read_manifest(recordings / "manifest.yaml"), recordings)
+    data = chain.measure(read_manifest(recordings / "manifest.yaml"), recordings, steps)
     assert contents(recordings) == before
     return data
 
 
 @pytest.fixture(scope="module")
-def truth(measured, recordings, rig):
+def truth(measured, recordings, steps, rig):
     manifest = read_manifest(recordings / "manifest.yaml")
     data = measured.copy()
-    filmed._add_truth(data, rig, chain.calibrate(manifest, recordings))
+    filmed._add_truth(data, rig, calibrated(manifest, recordings, steps))
     return data
 
 
@@ -351,8 +359,8 @@ def change(folder, place, value):
 def refusal(folder, kind):
     """The one line by which recordings are refused; nothing in their folder changes."""
     before = contents(folder)
-    with pytest.raises(kind) as error:
-        chain.measure(read_manifest(folder / "manifest.yaml"), folder)
+    with pytest.raises(kind) as error, TemporaryDirectory() as steps:
+        chain.measure(read_manifest(folder / "manifest.yaml"), folder, Path(steps))
     assert contents(folder) == before
     message = str(error.value)
     assert "\n" not in message
@@ -467,13 +475,14 @@ def test_shots_without_a_board_are_left_out_and_said(conforms, folder, rig):
     # Not refused: six others are enough.
     for k in (3, 6):
         media.write_png(folder / "B" / f"{k:02d}.png", gray()[0])
-    found = chain.calibrate(read_manifest(folder / "manifest.yaml"), folder)
-    assert len(found.lost) == 2
-    assert all("B, " in line and "\n" not in line for line in found.lost)
-    seen = np.isfinite(found.corners[:, :, 0, 0])
+    manifest = read_manifest(folder / "manifest.yaml")
+    corners, lost, _, full = calibration_rig.adjusted(manifest, folder)
+    assert len(lost) == 2
+    assert all("B, " in line and "\n" not in line for line in lost)
+    seen = np.isfinite(corners[:, :, 0, 0])
     assert seen.tolist() == [[True] * 8, [k not in (3, 6) for k in range(8)]]
-    focal = [c.K[0, 0] / true.K[0, 0] for c, true in zip(found.full.cameras, rig.cameras,
-                                                         strict=True)]  # fmt: skip
+    pairs = zip(full.cameras, rig.cameras, strict=True)
+    focal = [c.K[0, 0] / true.K[0, 0] for c, true in pairs]
     conforms.closed_form(focal, 1, atol=3e-4)
 
 
@@ -550,10 +559,10 @@ def test_markers_that_are_not_where_the_manifest_has_them_are_refused(folder):
 
 def test_the_memory_of_following_is_independent_of_length(tmp_path, rig, monkeypatch):
     image = next(laboratory_film.frames(rig, 0))
-    read, peaks = media.read_frames, []
+    read, peaks, files = media.read_frames, [], manifest_of(rig).cameras[0]
 
-    def watched(path):
-        for k, frame in enumerate(read(path)):
+    def watched(path, *between):
+        for k, frame in enumerate(read(path, *between)):
             if k == 1:  # finding the beam takes more than following it
                 tracemalloc.reset_peak()
             yield frame
@@ -564,9 +573,11 @@ def test_the_memory_of_following_is_independent_of_length(tmp_path, rig, monkeyp
         media.write_video(path, (image for _ in range(n)), 60, np.zeros(n * 800))
         tracemalloc.start()
         try:
-            found, *_ = following.follow(path, rig.cameras[0], rig.markers, [960])
+            out = path.with_suffix(".npy")
+            own = files.model_copy(update={"video": path.name})
+            record(own, tmp_path, n, rig.cameras[0], rig.markers, 0.0, out, "", lambda _: None, [1])
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
-        assert found.shape == (1, n, 2, 75)
+        assert np.load(out, mmap_mode="r").shape == (n, 2, 2, 75)
     assert peaks[1] - peaks[0] < image.nbytes

@@ -17,11 +17,13 @@ from scenes.foreign import photographs
 from scenes.foreign.rays import Optics, Sensor, airy, gaussian, looking, sharp
 from scenes.foreign.recording import FREQUENCY, RATE, SOUND_RATE, TIP, Scene, Take
 
+from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.experiment import chain
 from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.measure.calibration.alignment import align, camera_deviations
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
 from thesis_lib.measure.calibration.corners import find_corners
+from thesis_lib.measure.calibration.rig import adjusted
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import Calibration, zhang
 from thesis_lib.measure.pipeline import measure
@@ -155,7 +157,9 @@ class Measured:
     """A take, calibrated and measured."""
 
     manifest: Manifest
-    calibrations: chain.Calibrations
+    corners: Array
+    lost: list[str]
+    full: Adjustment
     data: xr.Dataset
 
     @property
@@ -183,13 +187,15 @@ def takes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Take]:
 
 
 @pytest.fixture(scope="module")
-def measured(takes: dict[str, Take]) -> dict[str, Measured]:
+def measured(
+    takes: dict[str, Take], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Measured]:
     found = {}
     for name, take in takes.items():
         manifest = SCENE.manifest(take)
-        calibrations = chain.calibrate(manifest, take.folder)
-        data = chain.measure(manifest, take.folder, calibrations=calibrations)
-        found[name] = Measured(manifest, calibrations, data)
+        corners, lost, _, full = adjusted(manifest, take.folder)
+        data = chain.measure(manifest, take.folder, tmp_path_factory.mktemp("steps"))
+        found[name] = Measured(manifest, corners, lost, full, data)
     return found
 
 
@@ -206,17 +212,17 @@ def rms(values):
 
 @pytest.mark.parametrize("take", TAKES)
 def test_corners_are_found_to_what_the_adjustment_says_of_them(conforms, measured, take):
-    calibrations = measured[take].calibrations
-    assert calibrations.lost == []
+    one = measured[take]
+    assert one.lost == []
     errors = []
-    for camera, found in enumerate(calibrations.corners):
+    for camera, found in enumerate(one.corners):
         for uv, true in zip(found, SCENE.corners(camera), strict=True):
             apart = uv[:, :, None] - true[:, None]
             nearest = np.argmin(np.sum(apart**2, axis=0), axis=1)
             assert len(np.unique(nearest)) == len(nearest)
             errors.append(apart[:, np.arange(len(nearest)), nearest])
     errors = np.array(errors)
-    conforms.sampled(rms(errors), calibrations.full.sigma, rtol=0.1)
+    conforms.sampled(rms(errors), one.full.sigma, rtol=0.1)
     conforms.independent(rms(errors), below=0.01)
     conforms.independent(
         np.abs(errors.mean(axis=(0, 2))).max(), below=0.002
@@ -225,7 +231,7 @@ def test_corners_are_found_to_what_the_adjustment_says_of_them(conforms, measure
 
 @pytest.mark.parametrize("take", TAKES)
 def test_calibration_is_right_to_its_standard_deviations(conforms, measured, take):
-    full = measured[take].calibrations.full
+    full = measured[take].full
     lenses = np.array([lens_of(c.K, c.distortion) for c in full.cameras])
     true = np.array([lens_of(c.K, c.distortion) for c in truth()])
     pulls = (lenses - true) / full.deviations

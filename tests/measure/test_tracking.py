@@ -10,7 +10,9 @@ from scenes.discs import camera, disc_centroids
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.manifest_model import CameraFiles
 from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.recordings.media_info import check_frame_times
 from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking import tracker as tracking
 from thesis_lib.measure.tracking.centres import refine
@@ -23,6 +25,7 @@ from thesis_lib.measure.tracking.homography import (
     view_of,
 )
 from thesis_lib.measure.tracking.tracker import Tracker, assign, sharpen
+from thesis_lib.measure.tracking.tracks import record
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens
 
@@ -35,6 +38,18 @@ FULL, HALF = (1920, 1080), (960, 540)
 def tracked(frames, tracker):
     """Centres of all frames, (frames, 2, markers)."""
     return np.array([tracker.centres(frame) for frame in frames])
+
+
+def followed(video, at, markers, shares=(), corners=None):
+    """What a video's file of tracks holds, and the notes."""
+    files = CameraFiles(
+        name="A", video=video.name, width_px=at.size[0], height_px=at.size[1], exposure_s=0.004,
+        shots="shots", corners_px=corners
+    )  # fmt: skip
+    count, out = len(check_frame_times(video, 60)), video.with_name(f"{len(shares)}.npy")
+    folder = video.parent
+    notes = record(files, folder, count, at, markers, 0.0, out, "", lambda _: None, shares)
+    return np.load(out), notes
 
 
 def filmed(at, times, motion=MOTION, markers=MARKERS, seed=None):
@@ -455,17 +470,18 @@ def test_given_corners_are_those_in_the_picture(conforms, video):
     px = lens.project(at, world * np.array([[length], [width], [1]]))
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
-    given, *_ = following.follow(path, at, markers, [1920], [tuple(p) for p in px.T])
+    given, _ = followed(path, at, markers, corners=[tuple(p) for p in px.T])
     conforms.closed_form(
-        off(given[0].swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max(), below=0.1
+        off(given.swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max(), below=0.1
     )
 
 
 def test_a_video_is_followed_at_several_widths_at_once(video):
     path, at, times = video
     widths = [320, 640, 1280, 1920]
-    found, _, notes = following.follow(path, at, MARKERS, widths)
-    assert found.shape == (4, len(times), 2, 75)
+    found, notes = followed(path, at, MARKERS, [width / 1920 for width in widths])
+    assert found.shape == (len(times), 8, 2, 75)  # fitted, then by the template match alone
+    found = found.swapaxes(0, 1)[:4]
     exact = truth(at, times)
     share, wrong = [], []
     for width, own in zip(widths, found, strict=True):

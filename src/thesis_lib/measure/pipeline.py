@@ -2,72 +2,36 @@
 
 from __future__ import annotations
 
-import threading
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from tqdm import tqdm
 
 from thesis_lib import __version__
 from thesis_lib.files import staging
-from thesis_lib.measure.calibration.alignment import camera_deviations
-from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
 from thesis_lib.measure.exchange import files, history
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import check as recordings_check
-from thesis_lib.measure.recordings.check import ChainError, markers_of
+from thesis_lib.measure.recordings.check import ChainError
 from thesis_lib.measure.recordings.manifest import (
-    ManifestError,
     on_one_line,
     read_manifest,
-    shot_paths,
 )
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import moving
 from thesis_lib.measure.report import page as report
-from thesis_lib.measure.synchronisation.listen import listen
-from thesis_lib.measure.tracking.tracks import Recording, record
+from thesis_lib.measure.steps import CALIBRATION, SOUND, calibrated, heard, tracked
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
-from thesis_lib.studies.cache import kept, key_of
-from thesis_lib.studies.parallel import abreast
 from thesis_lib.studies.variables import declared, labelled
 
 STEPS = ".steps"  # folder of what is kept between runs
-CALIBRATION = declared("""
-    reprojection_rms() [px] rms residual of a coordinate of the board's corners
-    single_rms(camera) [px] the same of each camera calibrated alone
-    focal_deviation(camera) [px] standard deviation of the focal length
-    centre_deviation(camera) [m] standard deviation of the centre of projection
-    K(camera, i, j) [px] intrinsic matrix
-    distortion(camera, coefficient) [1] k1, k2, p1, p2, k3
-    size(camera, side) [px] width and height of the pictures
-    residuals(camera, shot, side, corner) [px] corners seen minus computed
-    corners(camera, shot, side, corner) [px] corners of the board as they were found
-    R_camera_world(camera, i, j) [1] rotation from the first board to the camera
-    centre(camera, i) [m] centre of projection in the first board's frame
-""")
-SOUND = declared("""
-    delay(camera) [s] start after the first camera's
-    steady(end) [s] steady part on the first camera's clock
-    ambiguous() [1] whether the delays are in doubt by whole periods
-    signal_to_noise() [1] signal over noise of the sound, power
-    force(part) [1] amplitude of the force's signal over full scale, real and imaginary part
-    frequency() [Hz] frequency of the force
-    of_sound() [Hz] frequency of the force's signal
-    of_sound_deviation() [Hz] its standard error
-""")
 SHOTS = declared("shots_used(camera) [1] pictures of the board that were used")
-UNKEPT = {"R_camera_world", "centre", "frequency", "of_sound", "of_sound_deviation"}
-
-
-class StoppedError(RuntimeError):
-    """What tells the thread of one camera that another has failed, or the user wants to stop."""
+UNKEPT = {"single_focal", "R_camera_world", "centre", "frequency", "of_sound", "of_sound_deviation"}
 
 
 def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path:
@@ -160,118 +124,6 @@ def move(part: Path, out: Path) -> None:
         (out / folder).mkdir(parents=True, exist_ok=True)
     for file in files:
         (part / file).replace(out / file)
-
-
-def calibrated(
-    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
-) -> xr.Dataset:
-    """The cameras, adjusted together from all pictures of the board."""
-    rows = [shot_paths(camera, folder) for camera in manifest.cameras]
-    shots = [shot for row in rows for shot in row if shot]
-    what = [manifest.board.model_dump(mode="json")] + [
-        [c.name, c.size, [shot and shot.name for shot in row]]
-        for c, row in zip(manifest.cameras, rows, strict=True)
-    ]
-
-    def compute() -> xr.Dataset:
-        say(f"calibrating from {len(shots)} pictures of the board")
-        with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
-            corners, lost, single, full = adjusted(manifest, folder, lambda: bar.update())
-        poses = ("K", "distortion", "R_camera_world", "centre", "size")
-        values = {name: [getattr(c, name) for c in full.cameras] for name in poses} | {
-            "reprojection_rms": full.rms,
-            "single_rms": [c.rms for c in single],
-            "focal_deviation": full.deviations[:, 0],
-            "centre_deviation": np.linalg.norm(camera_deviations(full)[0], axis=1),
-            "corners": corners,
-            "residuals": full.residuals,
-        }
-        names = {"camera": [c.name for c in manifest.cameras]}
-        return xr.Dataset(labelled(values, CALIBRATION), names, {"notes": "\n".join(lost)})
-
-    return kept(steps, "calibration", key_of(what, shots), compute)
-
-
-def heard(
-    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
-) -> xr.Dataset:
-    """When the cameras started, and what the sound tells of the vibration."""
-    videos = [folder / c.video for c in manifest.cameras]
-    what = [
-        manifest.excitation.model_dump(mode="json"),
-        [c.name for c in manifest.cameras],
-        [c.frame_rate_hz for c in manifest.cameras],
-    ]
-
-    def compute() -> xr.Dataset:
-        say(f"listening to {len(videos)} sound tracks")
-        sound = listen(manifest, folder)
-        found, rest = sound.synchronisation, manifest.excitation.rest_s
-        most = max(sound.steady[0] - max(float(found.delays.max()), 0.0), 0.0)
-        if manifest.excitation.steady_s is None and rest > most + 1e-6:
-            raise ManifestError(
-                f"excitation.rest_s: given {rest:.6g}, allowed: at most the {most:.3f} s after "
-                "which the vibration is steady"
-            )
-        force = sound.force or 0j
-        values = {
-            "delay": found.delays,
-            "frequency": sound.frequency or np.nan,
-            "of_sound": sound.found_frequency or np.nan,
-            "of_sound_deviation": sound.frequency_deviation or np.nan,
-            "force": [force.real, force.imag],
-            "steady": sound.steady,
-            "ambiguous": int(found.ambiguous),
-            "signal_to_noise": found.snr,
-        }
-        data = xr.Dataset(labelled(values, SOUND))
-        return data.assign_attrs(
-            synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
-        )
-
-    return kept(steps, "sound", key_of(what, videos), compute)
-
-
-def tracked(
-    manifest: Manifest,
-    folder: Path,
-    steps: Path,
-    calibration: xr.Dataset,
-    sound: xr.Dataset,
-    counts: list[int],
-) -> list[Recording]:
-    """The markers followed through all videos of so many frames, two cameras at a time."""
-    markers, cameras = markers_of(manifest), cameras_in(calibration)
-    frequency = float(np.nan_to_num(sound["frequency"]))
-    visible = manifest.structure.model_dump(
-        mode="json", include={"length_mm", "width_mm", "markers"}
-    )
-    stop = threading.Event()
-    with tqdm(total=sum(counts), unit="frame", desc="tracking", disable=None, leave=False) as bar:
-
-        def tick(frames: int) -> None:
-            if stop.is_set():
-                raise StoppedError
-            bar.update(frames)
-
-        def one(index: int) -> Recording:
-            files = manifest.cameras[index]
-            path = steps / f"tracks-{index:02d}.npy"
-            turn = round(2 * np.pi * frequency / files.frame_rate_hz, 3)  # to look near the place
-            what = [files.corners_px, turn, visible, index, calibration.attrs["key"]]
-            key = key_of(what, [folder / files.video])
-            record(files, folder, counts[index], cameras[index], markers, turn, path, key, tick)
-            return Recording(
-                cameras[index],
-                files.frame_rate_hz,
-                float(sound["delay"][index]),
-                files.exposure_s,
-                files.readout_s,
-                path,
-            )
-
-        with alike():
-            return abreast(one, range(len(cameras)), stop.set)
 
 
 def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:

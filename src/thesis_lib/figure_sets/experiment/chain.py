@@ -1,14 +1,13 @@
-"""The whole chain on a folder of recordings: calibrate, synchronise, track.
+"""Chapter 5's way through the steps of :mod:`thesis_lib.measure.steps`.
 
-What comes out is one dataset that the reconstruction works on; nothing here knows the truth.
+Beside the full calibration stands the thesis's own, and markers are followed at several widths.
+What comes out is one dataset that the methods work on; nothing here knows the truth.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,20 +15,20 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
-from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
-from thesis_lib.measure.calibration.zhang import Calibration, central, zhang
+from thesis_lib.measure.calibration.rig import alike, cameras_in
+from thesis_lib.measure.calibration.zhang import central, zhang
 from thesis_lib.measure.fitting.reconstruction import checked_frame
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.check import check, markers_of
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.markers import Markers
-from thesis_lib.measure.synchronisation.listen import Sound, listen
-from thesis_lib.measure.tracking.follow import follow
+from thesis_lib.measure.steps import calibrated, heard, tracked
+from thesis_lib.measure.synchronisation.synchronise import whole_frames
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vision.lens import Camera, resized, undistorted
 
-Followed = tuple[Array, Array, list[str]]
 CALIBRATIONS = ("literal", "full")
 VARIABLES = declared("""
     tracks(camera, width, frame, axis, marker) [px] marker centres, lens distortion included
@@ -53,42 +52,15 @@ VARIABLES = declared("""
 """)
 
 
-@dataclass(frozen=True)
-class Calibrations:
-    """The cameras, calibrated alone, as in the thesis, and all together."""
+@alike()
+def literal(corners: Array, manifest: Manifest) -> Adjustment:
+    """The thesis's calibration (Appendices D and E), from corners (cameras, shots, 2, corners), px.
 
-    #: Corners in px in one order, NaN where the board was not found, shape
-    #: (cameras, shots, 2, corners)
-    corners: Array
-    lost: list[str]  #: Which shots were not used, and why
-    single: list[Calibration]  #: Zhang's method, camera by camera, with all corners
-    #: The thesis's way: Zhang's method on the central 5 × 7 squares, whose intrinsics and
-    #: distortion are kept, and all poses refined in common, in the frame of the first shot
-    literal: Adjustment
-    full: Adjustment  #: All corners, intrinsics and distortion adjusted too
-
-
-def calibrate(manifest: Manifest, folder: Path) -> Calibrations:
-    """All cameras from the pictures of the board, in full and as the thesis did.
-
-    Raises
-    ------
-    CalibrationError
-        If the shots do not determine the cameras.
-    MediaError
-        If a picture cannot be read.
+    Zhang's method on the central 5 × 7 squares, whose intrinsics and distortion are kept, and all
+    poses refined in common, in the frame of the first shot.
     """
     board = manifest.board.board
-    corners, lost, single, full = adjusted(manifest, folder)
-    with alike():
-        literal = _literal(corners, board, manifest)
-    return Calibrations(corners, lost, single, literal, full)
-
-
-def _literal(corners: Array, board: Board, manifest: Manifest) -> Adjustment:
-    """The thesis's calibration (Appendices D and E)."""
-    part = central(board)
-    used = corners[..., part]
+    used = corners[..., central(board)]
     small = Board(7, 9, board.tile, board.margin)
     cameras = [
         zhang(list(own), small, camera.size, True, camera.name).camera()
@@ -98,10 +70,7 @@ def _literal(corners: Array, board: Board, manifest: Manifest) -> Adjustment:
 
 
 def measure(
-    manifest: Manifest,
-    folder: Path,
-    widths: Sequence[int] = (),
-    calibrations: Calibrations | None = None,
+    manifest: Manifest, folder: Path, steps: Path, widths: Sequence[int] = ()
 ) -> xr.Dataset:
     """Calibrate, listen and track.
 
@@ -111,10 +80,10 @@ def measure(
         What the folder holds.
     folder : Path
         The folder.
+    steps : Path
+        Folder for the steps (:mod:`thesis_lib.measure.steps`).
     widths : sequence of int
         Widths in px at which the frames are tracked; by default the first camera's own.
-    calibrations : Calibrations, optional
-        What :func:`calibrate` returned for this folder, if that has been done.
 
     Returns
     -------
@@ -131,24 +100,16 @@ def measure(
     ChainError
         If what the cameras see does not fit together.
     """
-    check(manifest, folder)
-    widths = list(widths) or [manifest.cameras[0].width_px]
-    markers = markers_of(manifest)
-    calibrations = calibrations or calibrate(manifest, folder)
-    sound = listen(manifest, folder)
-    frequency, full = sound.frequency, calibrations.full.cameras
-    if sound.force is None or frequency is None:
+    counts = check(manifest, folder)
+    full = manifest.cameras[0].width_px
+    widths = list(widths) or [full]
+    calibration, sound = calibrated(manifest, folder, steps), heard(manifest, folder, steps)
+    if not sound["force"].values.any():
         raise ManifestError('excitation.sound: given "room", allowed here: "force"')
-
-    def one(index: int) -> Followed:
-        files = manifest.cameras[index]
-        turn = 2 * np.pi * frequency / files.frame_rate_hz
-        return follow(folder / files.video, full[index], markers, widths, files.corners_px, turn)
-
-    with alike(), ThreadPoolExecutor(2) as pool:
-        followed = list(pool.map(one, range(len(manifest.cameras))))
-    data = dataset_of(manifest, widths, calibrations, sound, followed)
-    check_grid(data, markers)
+    shares = [width / full for width in widths]
+    followed = tracked(manifest, folder, steps, calibration, sound, counts, shares)
+    data = dataset_of(manifest, widths, calibration, sound, followed)
+    check_grid(data, markers_of(manifest))
     return data
 
 
@@ -173,41 +134,37 @@ def check_grid(data: xr.Dataset, markers: Markers) -> None:
 def dataset_of(
     manifest: Manifest,
     widths: Sequence[int],
-    calibrations: Calibrations,
-    sound: Sound,
-    followed: Sequence[Followed],
+    calibration: xr.Dataset,
+    sound: xr.Dataset,
+    followed: Sequence[Recording],
 ) -> xr.Dataset:
     """What :func:`measure` returns, from what its steps have found."""
     names = [camera.name for camera in manifest.cameras]
-    longest = max(centres.shape[1] for centres, *_ in followed)
-    shape = (len(names), len(widths), longest, *followed[0][0].shape[2:])
-    tracks, matches = np.full((2, *shape), np.nan)
-    for i, (centres, matched, _) in enumerate(followed):
-        tracks[i, :, : centres.shape[1]] = centres
-        matches[i, :, : centres.shape[1]] = matched
-    both = [getattr(calibrations, name) for name in CALIBRATIONS]
-    found = sound.synchronisation
-    force = sound.force or 0j
-    cameras = [adjusted.cameras for adjusted in both]
+    every = [np.load(own.path).swapaxes(0, 1) for own in followed]
+    longest = max(own.shape[1] for own in every)
+    both = np.full((len(names), 2 * len(widths), longest, *every[0].shape[2:]), np.nan)
+    for padded, own in zip(both, every, strict=True):
+        padded[:, : own.shape[1]] = own
+    tracks, matches = np.split(both, 2, axis=1)
+    thesis = literal(calibration["corners"].values, manifest)
+    cameras = [thesis.cameras, cameras_in(calibration)]
+    rates = [c.frame_rate_hz for c in manifest.cameras]
     values = {
         "tracks": tracks,
         "matches": matches.astype(np.float32),
         "exposure": [c.exposure_s for c in manifest.cameras],
         "rest": manifest.excitation.rest_s,
         "full_scale": manifest.excitation.force_per_full_scale_n or np.nan,
-        "frame_rate": [c.frame_rate_hz for c in manifest.cameras],
-        "delay": found.delays,
-        "delay_frames": found.frames,
-        "frequency": sound.frequency,
-        "force": [force.real, force.imag],
-        "steady": sound.steady,
+        "frame_rate": rates,
+        "delay_frames": whole_frames(sound["delay"].values, rates[0]),
+        **{name: sound[name].values for name in ("delay", "frequency", "force", "steady")},
         **{
             name: [[getattr(c, name) for c in row] for row in cameras]
             for name in ("K", "distortion", "R_camera_world", "centre")
         },
-        "size": [c.size for c in cameras[1]],
-        "reprojection_rms": [adjusted.rms for adjusted in both],
-        "single_rms": [c.rms for c in calibrations.single],
+        "size": calibration["size"].values,
+        "reprojection_rms": [thesis.rms, float(calibration["reprojection_rms"])],
+        "single_rms": calibration["single_rms"].values,
     }
     coords = {
         "camera": ("camera", names, {"long_name": "camera"}),
@@ -215,13 +172,12 @@ def dataset_of(
         "axis": ("axis", ["u", "v"], {"long_name": "image coordinate"}),
         "calibration": ("calibration", list(CALIBRATIONS), {"long_name": "calibration"}),
     }
-    data = xr.Dataset(labelled(values, VARIABLES), coords)
-    data.attrs["notes"] = "\n".join(
-        calibrations.lost
-        + [f"{name}: {note}" for name, own in zip(names, followed, strict=True) for note in own[2]]
-    )
-    data.attrs["synchronisation"] = "\n".join(found.describe())
-    return data
+    notes = [f"{own.camera.name}: {note}" for own in followed for note in own.notes]
+    told = {
+        "notes": "\n".join(filter(None, [calibration.attrs["notes"], *notes])),
+        "synchronisation": sound.attrs["synchronisation"],
+    }
+    return xr.Dataset(labelled({name: values[name] for name in VARIABLES}, VARIABLES), coords, told)
 
 
 def cameras_of(data: xr.Dataset, calibration: str, width: int | None = None) -> list[Camera]:

@@ -25,9 +25,8 @@ from thesis_lib.laboratory.rig import Rig
 from thesis_lib.measure.calibration.rig import alike
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.markers import rows_on
-from thesis_lib.measure.synchronisation.listen import listen
-from thesis_lib.measure.tracking.follow import follow
-from thesis_lib.vision.lens import Camera
+from thesis_lib.measure.steps import calibrated, heard
+from thesis_lib.measure.steps import tracked as tracked_in
 
 WHOLE = 12  # px: sides of a window at all widths that the thesis reduces frames to are whole
 
@@ -63,25 +62,20 @@ def _measured(rig: Rig, request: Laboratory, manifest: Manifest, folder: Path) -
     for index in range(len(windows)):
         filming.write_video(seen, index, folder, codec_of(request))
         filming.write_shots(rig, index, folder)
-    calibrations, sound = chain.calibrate(manifest, folder), listen(manifest, folder)
-    turn = 2 * np.pi * request.frequency_hz / request.frame_rate_hz
-    widths, full = [way for way in request.widths_px if way != TRIED_PX], rig.cameras[0].size[0]
-    followed: list[chain.Followed] = []
-    for files, camera, (station, corner) in zip(
-        manifest.cameras, calibrations.full.cameras, windows, strict=True
-    ):
-        own = _part(camera, corner.astype(int), station.camera.size)
-        narrow = [width * own.size[0] // full for width in widths]
-        centres, matched, notes = follow(folder / files.video, own, rig.markers, narrow, None, turn)
-        shift = np.array(widths)[:, None, None, None] / full * corner[:, None]
-        followed.append((centres + shift, matched + shift, notes))
-    data = chain.dataset_of(manifest, widths, calibrations, sound, followed)
+    steps = folder / "steps"
+    calibration, sound = calibrated(manifest, folder, steps), heard(manifest, folder, steps)
+    full = rig.cameras[0].size[0]
+    widths = [width for width in request.widths_px if width != TRIED_PX]
+    shares = np.array(widths) / full
+    corners = np.array([corner for _, corner in windows])
+    part = calibration.copy(deep=True)  # the cameras with these parts of their sensors
+    part["K"].values[:, :2, 2] -= corners
+    part["size"].values[:] = [station.camera.size for station, _ in windows]
+    counts = [int(rig.duration * request.frame_rate_hz)] * len(windows)
+    followed = tracked_in(manifest, folder, steps, part, sound, counts, shares.tolist())
+    data = chain.dataset_of(manifest, widths, calibration, sound, followed)
+    shift = np.multiply.outer(corners, shares).transpose(0, 2, 1)[:, :, None, :, None]
+    for name in ("tracks", "matches"):
+        data[name].values[:] += shift
     chain.check_grid(data, rig.markers)
     return data
-
-
-def _part(camera: Camera, corner: np.ndarray, size: tuple[int, int]) -> Camera:
-    """The camera with a part of its sensor, from a corner in px on."""
-    K = camera.K.copy()
-    K[:2, 2] -= corner
-    return replace(camera, K=K, size=size)

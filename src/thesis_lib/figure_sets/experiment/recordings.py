@@ -6,7 +6,6 @@ is kept are the tracks, the calibrations, a few pictures, and how far each step 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -22,10 +21,11 @@ from thesis_lib.laboratory.direct import WRONG, true_centres
 from thesis_lib.laboratory.film import film
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_rig
-from thesis_lib.measure.calibration.alignment import align, camera_deviations
+from thesis_lib.measure.calibration.alignment import align
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import read_manifest
+from thesis_lib.measure.steps import calibrated
 from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking.homography import find_view
 from thesis_lib.measure.tracking.tracker import Tracker, assign, sharpen
@@ -89,12 +89,12 @@ def run(request: Laboratory) -> xr.Dataset:
     with staging(workplace() / "build" / "cache") as folder:
         path = film(rig, folder, codec_of(request))
         manifest = read_manifest(path)
-        calibrations = chain.calibrate(manifest, folder)
-        data = chain.measure(manifest, folder, request.widths_px, calibrations)
-        pictures = _pictures(rig, calibrations.full.cameras[0], folder)
+        data = chain.measure(manifest, folder, folder / "steps", request.widths_px)
+        calibration = calibrated(manifest, folder, folder / "steps").load()
+        pictures = _pictures(rig, chain.cameras_of(data, "full")[0], folder)
         data = data.merge(pictures, combine_attrs="override")
         data.attrs.update(pictures.attrs)
-    _add_truth(data, rig, calibrations)
+    _add_truth(data, rig, calibration)
     return data
 
 
@@ -107,7 +107,7 @@ def true_tracks(rig: Rig, frames: int, width: int) -> Array:
     return np.array(tracks) * width / rig.stations[0].camera.size[0]
 
 
-def _add_truth(data: xr.Dataset, rig: Rig, calibrations: chain.Calibrations) -> None:
+def _add_truth(data: xr.Dataset, rig: Rig, calibration: xr.Dataset) -> None:
     """The errors of every step against the truth, as variables of the dataset."""
     starts = np.array([station.start for station in rig.stations])
     missing, wrong, rms = [], [], []
@@ -121,31 +121,24 @@ def _add_truth(data: xr.Dataset, rig: Rig, calibrations: chain.Calibrations) -> 
         right = off[seen & (np.nan_to_num(off, nan=np.inf) <= WRONG)]
         rms.append(np.sqrt(np.mean(right**2) / 2) if right.size else np.nan)
     focal = np.array([[c.K[0, 0], c.K[1, 1]] for c in rig.cameras])
-    full, literal = calibrations.full, calibrations.literal
-    single = [one.camera() for one in calibrations.single]
-
-    def focal_error(cameras: Sequence[lens.Camera]) -> Array:
-        return 100 * (np.array([[c.K[0, 0], c.K[1, 1]] for c in cameras]) / focal - 1)
-
-    def centre_error(cameras: Sequence[lens.Camera]) -> Array:
-        return np.linalg.norm(align(cameras, rig.cameras)[1], axis=1)
-
+    corners = calibration["corners"].values
     values = {
         "true_delay": starts - starts[0],
         "missing_share": missing,
         "wrong_share": wrong,
         "centre_error": rms,
-        "focal_error_single": focal_error(single),
-        "focal_error_literal": focal_error(literal.cameras),
-        "centre_error_literal": centre_error(literal.cameras),
-        "focal_error_full": focal_error(full.cameras),
-        "centre_error_full": centre_error(full.cameras),
-        "centre_deviation": np.linalg.norm(camera_deviations(full)[0], axis=1),
-        "shots_used": np.isfinite(calibrations.corners[:, :, 0, 0]).sum(axis=1, dtype=float),
-        "adjusted_corners": calibrations.corners,
-        "corner_residuals": full.residuals,
+        "focal_error_single": 100 * (calibration["single_focal"].values / focal - 1),
+        "centre_deviation": calibration["centre_deviation"].values,
+        "shots_used": np.isfinite(corners[:, :, 0, 0]).sum(axis=1, dtype=float),
+        "adjusted_corners": corners,
+        "corner_residuals": calibration["residuals"].values,
     }
-    data.update(labelled(values, TRUTH))
+    for kind in chain.CALIBRATIONS:
+        cameras = chain.cameras_of(data, kind)
+        found = np.array([[c.K[0, 0], c.K[1, 1]] for c in cameras])
+        values[f"focal_error_{kind}"] = 100 * (found / focal - 1)
+        values[f"centre_error_{kind}"] = np.linalg.norm(align(cameras, rig.cameras)[1], axis=1)
+    data.update(labelled({name: values[name] for name in TRUTH}, TRUTH))
 
 
 def _pictures(rig: Rig, camera: lens.Camera, folder: Path) -> xr.Dataset:

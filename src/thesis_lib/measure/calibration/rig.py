@@ -40,8 +40,21 @@ def adjusted(
 
     Returns
     -------
-    corners, lost, single, full
-        As in :class:`~thesis_lib.figure_sets.experiment.chain.Calibrations`.
+    corners : ndarray, shape (cameras, shots, 2, corners)
+        In px, in one order; NaN where the board was not found.
+    lost : list of str
+        Which shots were not used, and why.
+    single : list of Calibration
+        Zhang's method, camera by camera, with all corners.
+    full : Adjustment
+        All corners, intrinsics and distortion adjusted, too.
+
+    Raises
+    ------
+    CalibrationError
+        If the shots do not determine the cameras.
+    MediaError
+        If a picture cannot be read.
     """
     board = manifest.board.board
 

@@ -1,21 +1,18 @@
-"""Markers followed through a video, frame by frame, at several widths at once."""
+"""How a video's markers are followed: from its first frame on, in full or at several widths."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-from thesis_lib.arrays import Array, Image
-from thesis_lib.measure.recordings import media
+from thesis_lib.arrays import Image
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
     View,
-    as_dark,
     find_view,
     view_of,
 )
@@ -23,72 +20,62 @@ from thesis_lib.measure.tracking.tracker import Tracker, sharpen
 from thesis_lib.vision.lens import Camera, resized, undistorted
 
 
-def follow(
-    video: Path,
+def trackers_of(
+    image: Image,
     camera: Camera,
     markers: Markers,
-    widths: Sequence[int],
-    corners_px: Sequence[tuple[float, float]] | None = None,
-    turn: float = 0.0,
-) -> tuple[Array, Array, list[str]]:
-    """Centres of the markers in every frame of a video, reduced to several widths.
-
-    The video is read once, frame by frame. At each width the markers are looked for anew, but the
-    four corners are those of the full frames.
+    corners_px: Sequence[tuple[float, float]] | None,
+    turn: float,
+    shares: Sequence[float] = (),
+) -> tuple[list[Tracker], list[str]]:
+    """What follows the markers of a video, from its first frame.
 
     Parameters
     ----------
-    video : Path
-        The video.
+    image : ndarray, shape (height, width)
+        The frame, with dark markers.
     camera : Camera
         Its intrinsics and distortion at full size.
     markers : Markers
-        What is printed on the structure; bright ones are tracked in the negative.
-    widths : sequence of int
-        Widths in px; heights follow.
+        What is printed on the structure.
     corners_px : sequence of tuple, optional
-        The beam's corners in the picture, lens distortion included, in the order of
+        The structure's corners in the picture, lens distortion included, in the order of
         :func:`~thesis_lib.measure.tracking.homography.view_of`.
     turn : float
-        Angle of the vibration from frame to frame in rad, as
-        :class:`~thesis_lib.measure.tracking.tracker.Tracker` takes it.
+        Angle of the vibration from frame to frame in rad; 0 if it is not known.
+    shares : sequence of float
+        Of the frames' width, to which they are reduced. At each the markers are looked for anew,
+        but the corners are those of the full frames. Without any the full frames serve.
 
     Returns
     -------
-    centres : ndarray, shape (widths, frames, 2, markers)
-        In px of each width, lens distortion included; NaN where missing.
-    matched : ndarray, shape (widths, frames, 2, markers)
-        The same as the template match alone has them, where Appendix F stops.
+    trackers : list of Tracker
+        One for each share.
     notes : list of str
-        What went wrong on the way.
+        At which width the markers are not found as they should be, and why.
 
     Raises
     ------
-    MediaError
-        If the video cannot be read.
     TrackingError
-        If the beam is not found in the first frame.
+        If the structure or its markers are not found in the full frame.
     """
-    trackers: list[Tracker] = []
-    rows, matched, notes = [], [], []
-    for picture in media.read_frames(video):
-        image = as_dark(picture, markers)
-        pictures = [reduced(image, width) for width in widths]
-        if not trackers:
-            try:
-                view = first_view(image, camera, markers, corners_px)
-            except TrackingError as error:
-                raise TrackingError(f"{video}: frame 0: {error}") from None
-            for picture in pictures:
-                own = _resized(view, picture.shape[1], picture.shape[0])
-                try:
-                    own = sharpen(picture, own)
-                except TrackingError as error:
-                    notes.append(f"{picture.shape[1]} px: {error}")
-                trackers.append(Tracker(own, turn))
-        rows.append([t.centres(p) for t, p in zip(trackers, pictures, strict=True)])
-        matched.append([t.matched for t in trackers])
-    return np.array(rows).swapaxes(0, 1), np.array(matched).swapaxes(0, 1), notes
+    view, notes = first_view(image, camera, markers, corners_px), []
+    if not shares:
+        return [Tracker(view, turn)], []
+    trackers = []
+    for picture in pictures_of(image, shares):
+        own = _resized(view, picture.shape[1], picture.shape[0])
+        try:
+            own = sharpen(picture, own)
+        except TrackingError as error:
+            notes.append(f"{picture.shape[1]} px: {error}")
+        trackers.append(Tracker(own, turn))
+    return trackers, notes
+
+
+def pictures_of(image: Image, shares: Sequence[float]) -> list[Image]:
+    """A frame as each tracker takes it: reduced to shares of its width, or as it is."""
+    return [reduced(image, round(share * image.shape[1])) for share in shares] or [image]
 
 
 def reduced(image: Image, width: int) -> Image:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -23,9 +24,8 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest_model import CameraFiles
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.recordings.media_info import MediaError
-from thesis_lib.measure.tracking.follow import first_view
+from thesis_lib.measure.tracking.follow import pictures_of, trackers_of
 from thesis_lib.measure.tracking.homography import TrackingError, as_dark
-from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.vision.lens import Camera, undistorted_tracks
 
 OFTEN = 100  # frames after which the state is written
@@ -44,6 +44,7 @@ class Recording:
     readout: float
     #: File of the centres (frames, 2, markers) in px, lens distortion included, NaN where missing
     path: Path
+    notes: Sequence[str] = ()  #: What went wrong on the way
 
     @property
     def centres(self) -> Array:
@@ -77,7 +78,8 @@ def record(
     path: Path,
     key: str,
     tick: Callable[[int], object],
-) -> None:
+    shares: Sequence[float] = (),
+) -> list[str]:
     """Follow the markers through a camera's video into a file, from where an earlier run stopped.
 
     Parameters
@@ -100,6 +102,15 @@ def record(
         Key of all that they depend on; what a run with another key has left is not used.
     tick : callable
         Called with the number of frames done since the last call.
+    shares : sequence of float
+        Shares of their width to which frames are reduced. The file then holds
+        (frames, 2 shares, 2, markers): the centres at each width, then those by the template match
+        alone, where Appendix F stops.
+
+    Returns
+    -------
+    list of str
+        At which widths markers are not found as they should be, and why.
 
     Raises
     ------
@@ -110,29 +121,34 @@ def record(
     """
     video = folder / files.video
     note = path.with_suffix(".json")
-    frame = 2 * markers.count * 8  # bytes
+    shape = (*([2 * len(shares)] if shares else []), 2, markers.count)
+    frame = 8 * math.prod(shape)  # bytes
     state = _state(note, path, key, count, frame)
     done = state["done"] if state else 0
     tick(done)
     if done == count:
-        return
+        return list(state["notes"]) if state else []
     first = as_dark(next(media.read_frames(video, 0, 1)), markers)
     try:
-        tracker = Tracker(first_view(first, camera, markers, files.corners_px), turn)
+        trackers, notes = trackers_of(first, camera, markers, files.corners_px, turn, shares)
     except TrackingError as error:
         given = "structure.markers and corners_px" if files.corners_px else "structure.markers"
         raise TrackingError(f"{video}: frame 0: {error}; are {given} as filmed?") from None
     if state:
-        tracker.moved, tracker.before = np.array(state["moved"]), np.array(state["before"])
+        for tracker, moved, before in zip(trackers, state["moved"], state["before"], strict=True):
+            tracker.moved, tracker.before = np.array(moved), np.array(before)
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
         note.unlink(missing_ok=True)
-        np.lib.format.open_memmap(path, "w+", np.float64, shape=(count, 2, markers.count))
+        np.lib.format.open_memmap(path, "w+", np.float64, shape=(count, *shape))
     written = _digest(path, (count - done) * frame)
     with path.open("r+b") as file:  # not mapped: a full disk would kill the process
         file.seek((done - count) * frame, os.SEEK_END)
         for image in islice(media.read_frames(video, done), count - done):
-            centres = tracker.centres(as_dark(image, markers)).tobytes()
+            pictures = pictures_of(as_dark(image, markers), shares)
+            found = [own.centres(picture) for own, picture in zip(trackers, pictures, strict=True)]
+            found += [tracker.matched for tracker in trackers] if shares else []
+            centres = np.array(found).tobytes()
             file.write(centres)
             written.update(centres)
             done += 1
@@ -143,13 +159,15 @@ def record(
                 so_far = {
                     "key": key,
                     "done": done,
-                    "moved": tracker.moved.tolist(),
-                    "before": tracker.before.tolist(),
+                    "notes": notes,
+                    "moved": [tracker.moved.tolist() for tracker in trackers],
+                    "before": [tracker.before.tolist() for tracker in trackers],
                     "digest": written.hexdigest(),
                 }
                 whole_text(note, json.dumps(so_far))
     if done < count:
         raise MediaError(f"{video}: ends before frame {done}, the file lists {count}")
+    return notes
 
 
 def lost_share(recording: Recording) -> Array:

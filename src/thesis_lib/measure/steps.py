@@ -1,0 +1,175 @@
+"""The steps from recordings to tracks, each kept in a folder: calibrate, listen, track."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from thesis_lib.measure.calibration.alignment import camera_deviations
+from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
+from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.synchronisation.listen import listen
+from thesis_lib.measure.tracking.tracks import Recording, record
+from thesis_lib.studies.cache import kept, key_of
+from thesis_lib.studies.parallel import abreast
+from thesis_lib.studies.variables import declared, labelled
+
+CALIBRATION = declared("""
+    reprojection_rms() [px] rms residual of a coordinate of the board's corners
+    single_rms(camera) [px] the same of each camera calibrated alone
+    single_focal(camera, side) [px] its focal lengths then
+    focal_deviation(camera) [px] standard deviation of the focal length
+    centre_deviation(camera) [m] standard deviation of the centre of projection
+    K(camera, i, j) [px] intrinsic matrix
+    distortion(camera, coefficient) [1] k1, k2, p1, p2, k3
+    size(camera, side) [px] width and height of the pictures
+    residuals(camera, shot, side, corner) [px] corners seen minus computed
+    corners(camera, shot, side, corner) [px] corners of the board as they were found
+    R_camera_world(camera, i, j) [1] rotation from the first board to the camera
+    centre(camera, i) [m] centre of projection in the first board's frame
+""")
+SOUND = declared("""
+    delay(camera) [s] start after the first camera's
+    steady(end) [s] steady part on the first camera's clock
+    ambiguous() [1] whether the delays are in doubt by whole periods
+    signal_to_noise() [1] signal over noise of the sound, power
+    force(part) [1] amplitude of the force's signal over full scale, real and imaginary part
+    frequency() [Hz] frequency of the force
+    of_sound() [Hz] frequency of the force's signal
+    of_sound_deviation() [Hz] its standard error
+""")
+
+
+class StoppedError(RuntimeError):
+    """What tells the thread of one camera that another has failed, or the user wants to stop."""
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+def calibrated(
+    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object] = _silent
+) -> xr.Dataset:
+    """The cameras, adjusted together from all pictures of the board."""
+    rows = [shot_paths(camera, folder) for camera in manifest.cameras]
+    shots = [shot for row in rows for shot in row if shot]
+    what = [manifest.board.model_dump(mode="json")] + [
+        [c.name, c.size, [shot and shot.name for shot in row]]
+        for c, row in zip(manifest.cameras, rows, strict=True)
+    ]
+
+    def compute() -> xr.Dataset:
+        say(f"calibrating from {len(shots)} pictures of the board")
+        with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
+            corners, lost, single, full = adjusted(manifest, folder, lambda: bar.update())
+        poses = ("K", "distortion", "R_camera_world", "centre", "size")
+        values = {name: [getattr(c, name) for c in full.cameras] for name in poses} | {
+            "reprojection_rms": full.rms,
+            "single_rms": [c.rms for c in single],
+            "single_focal": [c.K[[0, 1], [0, 1]] for c in single],
+            "focal_deviation": full.deviations[:, 0],
+            "centre_deviation": np.linalg.norm(camera_deviations(full)[0], axis=1),
+            "corners": corners,
+            "residuals": full.residuals,
+        }
+        names = {"camera": [c.name for c in manifest.cameras]}
+        return xr.Dataset(labelled(values, CALIBRATION), names, {"notes": "\n".join(lost)})
+
+    return kept(steps, "calibration", key_of(what, shots), compute)
+
+
+def heard(
+    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object] = _silent
+) -> xr.Dataset:
+    """When the cameras started, and what the sound tells of the vibration."""
+    videos = [folder / c.video for c in manifest.cameras]
+    what = [
+        manifest.excitation.model_dump(mode="json"),
+        [c.name for c in manifest.cameras],
+        [c.frame_rate_hz for c in manifest.cameras],
+    ]
+
+    def compute() -> xr.Dataset:
+        say(f"listening to {len(videos)} sound tracks")
+        sound = listen(manifest, folder)
+        found, rest = sound.synchronisation, manifest.excitation.rest_s
+        most = max(sound.steady[0] - max(float(found.delays.max()), 0.0), 0.0)
+        if manifest.excitation.steady_s is None and rest > most + 1e-6:
+            raise ManifestError(
+                f"excitation.rest_s: given {rest:.6g}, allowed: at most the {most:.3f} s after "
+                "which the vibration is steady"
+            )
+        force = sound.force or 0j
+        values = {
+            "delay": found.delays,
+            "frequency": sound.frequency or np.nan,
+            "of_sound": sound.found_frequency or np.nan,
+            "of_sound_deviation": sound.frequency_deviation or np.nan,
+            "force": [force.real, force.imag],
+            "steady": sound.steady,
+            "ambiguous": int(found.ambiguous),
+            "signal_to_noise": found.snr,
+        }
+        data = xr.Dataset(labelled(values, SOUND))
+        return data.assign_attrs(
+            synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
+        )
+
+    return kept(steps, "sound", key_of(what, videos), compute)
+
+
+def tracked(
+    manifest: Manifest,
+    folder: Path,
+    steps: Path,
+    calibration: xr.Dataset,
+    sound: xr.Dataset,
+    counts: Sequence[int],
+    shares: Sequence[float] = (),
+) -> list[Recording]:
+    """The markers followed through all videos of so many frames, two cameras at a time.
+
+    With `shares` in frames reduced to these shares of their width, see :func:`.record`.
+    """
+    markers, cameras = markers_of(manifest), cameras_in(calibration)
+    frequency = float(np.nan_to_num(sound["frequency"]))
+    visible = manifest.structure.model_dump(
+        mode="json", include={"length_mm", "width_mm", "markers"}
+    )
+    stop = threading.Event()
+    with tqdm(total=sum(counts), unit="frame", desc="tracking", disable=None, leave=False) as bar:
+
+        def tick(frames: int) -> None:
+            if stop.is_set():
+                raise StoppedError
+            bar.update(frames)
+
+        def one(index: int) -> Recording:
+            files = manifest.cameras[index]
+            path = steps / f"tracks-{index:02d}.npy"
+            turn = round(2 * np.pi * frequency / files.frame_rate_hz, 3)  # to look near the place
+            what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
+            key = key_of(what, [folder / files.video])
+            notes = record(
+                files, folder, counts[index], cameras[index], markers, turn, path, key, tick, shares
+            )
+            return Recording(
+                cameras[index],
+                files.frame_rate_hz,
+                float(sound["delay"][index]),
+                files.exposure_s,
+                files.readout_s,
+                path,
+                notes,
+            )
+
+        with alike():
+            return abreast(one, range(len(cameras)), stop.set)
