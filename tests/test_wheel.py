@@ -148,7 +148,7 @@ def test_the_library_and_its_recordings_are_those_of_the_clone(reader):
     code = (
         "import json; from thesis_lib import files; from thesis_lib.figure_sets import recorded; "
         "print(json.dumps([files.library_digest(), "
-        "*(one.made_from for one in recorded.every() if recorded._kept(one) is not None)]))"
+        "*(one.made_from for one in recorded.every() if one.kept() is not None)]))"
     )
     done = reader.python("-c", code)
     here = [files.library_digest(), *(one.made_from for one in recorded.every())]

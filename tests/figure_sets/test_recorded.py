@@ -23,7 +23,7 @@ EVERY = {of.request.name: of for of in recorded.every()}
 @pytest.mark.parametrize("name", EVERY)
 def test_the_data_are_of_this_code(name):
     """If not, `thesis record` makes them anew."""
-    assert recorded._kept(EVERY[name]) is not None
+    assert EVERY[name].kept() is not None
 
 
 def test_they_are_small_and_no_file_is_left_over():

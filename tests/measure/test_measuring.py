@@ -173,15 +173,15 @@ def test_a_step_is_computed_once_for_its_key(tmp_path):
     file = tmp_path / "video"
     file.write_text("1")
     first = key_of({"b": 2}, [file])
-    assert float(kept(tmp_path, "step", first, compute)["a"]) == 1
-    kept(tmp_path, "step", first, compute)
+    assert float(kept(tmp_path / "step.nc", compute, first)["a"]) == 1
+    kept(tmp_path / "step.nc", compute, first)
     assert len(calls) == 1
     file.write_text("12")  # another recording
     second = key_of({"b": 2}, [file])
     assert second != first != key_of({"b": 3}, [file])
-    kept(tmp_path, "step", second, compute)
+    kept(tmp_path / "step.nc", compute, second)
     (tmp_path / "step.nc").write_bytes(b"damaged")
-    assert float(kept(tmp_path, "step", second, compute)["a"]) == 1
+    assert float(kept(tmp_path / "step.nc", compute, second)["a"]) == 1
     assert len(calls) == 3
 
 

@@ -54,6 +54,11 @@ class Recordings:
         """Digests of the request and of the code, in which comments do not count."""
         return f"{self.request.digest} {keys.digest(self.sources)}"
 
+    def kept(self) -> xr.Dataset | None:
+        """The data, if they are of this request and code."""
+        otherwise = "rendered anew, which takes minutes"
+        return trusted(self.path, self.request, self.made_from, otherwise)
+
 
 def folder() -> Path:
     """Where all of the data are."""
@@ -85,7 +90,7 @@ def every() -> list[Recordings]:
 
 def measured(of: Recordings) -> xr.Dataset:
     """What was measured on recordings: from the data, the cache, or rendered now."""
-    data = _kept(of)
+    data = of.kept()
     return cached(of.request, partial(_filmed, of.film), of.made_from) if data is None else data
 
 
@@ -95,7 +100,7 @@ def record(of: Recordings) -> Path:
     made = _filmed(of.film, of.request)
     made = with_provenance(made, of.request, seconds())
     write(made, of.path, compact=True, steps=dict.fromkeys(_coordinates(made), STEP))
-    records.write(_record(of.path), of.made_from, [of.path])
+    records.write(of.path.with_suffix(".json"), of.made_from, [of.path])
     return of.path
 
 
@@ -116,19 +121,19 @@ def _coordinates(data: xr.Dataset) -> list[str]:
     return [str(name) for name, values in pixels.items() if "frame" in values.dims]
 
 
-def _record(path: Path) -> Path:
-    return path.with_suffix(".json")
+def trusted(path: Path, request: Study, made_from: str, otherwise: str) -> xr.Dataset | None:
+    """The data in a file, if they are of this request and code.
 
-
-def _kept(of: Recordings) -> xr.Dataset | None:
-    """The data, if they are of this request and code; what is wrong with them is said."""
-    record = records.read(_record(of.path))
-    if record is None or not record.made_from.startswith(of.request.digest):
+    What is wrong with those of the request is said, and what becomes of them `otherwise`.
+    """
+    beside = path.with_suffix(".json")
+    record = records.read(beside)
+    if record is None or not record.made_from.startswith(request.digest):
         return None
-    problem = records.damage(_record(of.path), [of.path])
-    if not problem and record.made_from != of.made_from:
-        problem = f"{of.path} was measured by other code"
+    problem = records.damage(beside, [path])
+    if not problem and record.made_from != made_from:
+        problem = f"{path} was measured by other code"
     if problem:
-        aside(f"{problem}; it is rendered anew, which takes minutes")
+        aside(f"{problem}; it is {otherwise}")
         return None
-    return opened(of.path)
+    return opened(path)

@@ -26,7 +26,7 @@ from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
 from thesis_lib.files import workplace
 from thesis_lib.studies.attributes import with_origin
 from thesis_lib.studies.request import Study
-from thesis_lib.studies.storage import opened, write
+from thesis_lib.studies.storage import write
 
 FEW = 8
 """Others that say how an error scatters at least; of fewer, a figure set draws trials instead."""
@@ -54,16 +54,8 @@ class Others:
 
     def kept(self) -> xr.Dataset | None:
         """What there is of this request and code; of other code, or damaged, it is told."""
-        record = records.read(self.path.with_suffix(".json"))
-        if record is None or not record.made_from.startswith(self.request.digest):
-            return None
-        problem = records.damage(self.path.with_suffix(".json"), [self.path])
-        if not problem and record.made_from != self.made_from:
-            problem = f"{self.path} was measured by other code"
-        if problem:
-            aside(f"{problem}; it is left out until `thesis record` has rendered it anew")
-            return None
-        return opened(self.path)
+        otherwise = "left out until `thesis record` has rendered it anew"
+        return recorded.trusted(self.path, self.request, self.made_from, otherwise)
 
     @property
     def count(self) -> int:

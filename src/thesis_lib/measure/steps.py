@@ -83,7 +83,7 @@ def calibrated(
         names = {"camera": [c.name for c in manifest.cameras]}
         return xr.Dataset(labelled(values, CALIBRATION), names, {"notes": "\n".join(lost)})
 
-    return kept(steps, "calibration", key_of(what, shots), compute)
+    return kept(steps / "calibration.nc", compute, key_of(what, shots))
 
 
 def heard(
@@ -123,7 +123,7 @@ def heard(
             synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
         )
 
-    return kept(steps, "sound", key_of(what, videos), compute)
+    return kept(steps / "sound.nc", compute, key_of(what, videos))
 
 
 def tracked(

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from thesis_lib.files import (
     whole_text,
     workplace,
 )
-from thesis_lib.studies import effort, storage
+from thesis_lib.studies import effort
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.blocks import Outline
 from thesis_lib.studies.request import Study
@@ -53,6 +52,27 @@ def keep(path: Path) -> None:
     whole_text(_digest(path), f"{sha256(path)}\n")
 
 
+def kept(path: Path, compute: Callable[[], xr.Dataset | Outline], key: str = "") -> xr.Dataset:
+    """What a file keeps, if it has the key; else computed, written and read from there.
+
+    Its attributes `run_time_s` and `peak_memory_mb` tell what it took. An outline that is too large
+    to be held is filled in on disk, and read from there as it is needed.
+    """
+    data = read(path)
+    if data is not None and data.attrs.get("key", "") == key:
+        effort.note_loaded(*(float(data.attrs[name]) for name in ("run_time_s", "peak_memory_mb")))
+        return data
+    seconds, made = effort.stopwatch(), compute()
+    if isinstance(made, Outline) and not made.is_held:
+        fill_in(made, path, seconds)
+    else:
+        cube = made.in_memory() if isinstance(made, Outline) else made
+        spent = {"run_time_s": seconds(), "peak_memory_mb": effort.peak_memory_mb()}
+        write(cube.assign_attrs(spent, **({"key": key} if key else {})), path)
+    keep(path)
+    return opened(path)
+
+
 def cached(
     study: Study,
     compute: Callable[[Any], xr.Dataset | Outline],
@@ -61,8 +81,7 @@ def cached(
 ) -> xr.Dataset:
     """A study's cube, computed once for its parameters and the code that it rests on.
 
-    Notebooks that need the same cube share it through ``build/cache``. An outline that is too large
-    to be held is filled in on disk, and read from there as it is needed.
+    Notebooks that need the same cube share it through ``build/cache``.
 
     Parameters
     ----------
@@ -77,21 +96,9 @@ def cached(
     key = key or digest_of(library_files())
     name = hashlib.sha256(f"{study.name} {study.digest} {key}".encode()).hexdigest()[:16]
     path = workplace() / "build" / "cache" / f"{study.name}-{name}.nc"
-    if (cube := read(path)) is not None:
-        spared = float(cube.attrs["run_time_s"])
-        effort.note_loaded(spared, float(cube.attrs.get("peak_memory_mb", 0)))
-        return with_provenance(cube, study, spared, library)  # of today's commit
-    seconds = effort.stopwatch()
-    made = compute(study)
-    if isinstance(made, Outline) and not made.is_held:
-        frame = replace(made, cube=with_provenance(made.cube, study, 0.0, library))
-        fill_in(frame, path, seconds)
-    else:
-        cube = made.in_memory() if isinstance(made, Outline) else made
-        write(with_provenance(cube, study, seconds(), library), path)
-    keep(path)
-    cube = opened(path)
-    return with_provenance(cube, study, float(cube.attrs["run_time_s"]), library)
+    cube = kept(path, lambda: compute(study))
+    spent = {name: cube.attrs.pop(name) for name in ("run_time_s", "peak_memory_mb")}
+    return with_provenance(cube, study, float(spent["run_time_s"]), library)
 
 
 def key_of(values: Any, files: Iterable[Path] = ()) -> str:
@@ -102,14 +109,3 @@ def key_of(values: Any, files: Iterable[Path] = ()) -> str:
     stamps = [[file.name, file.stat().st_size, file.stat().st_mtime_ns] for file in files]
     text = json.dumps([values, stamps, library_digest()])
     return hashlib.sha256(text.encode()).hexdigest()[:32]
-
-
-def kept(folder: Path, name: str, key: str, compute: Callable[[], xr.Dataset]) -> xr.Dataset:
-    """The step's result: from its file if that has the key, else computed and written."""
-    path = folder / f"{name}.nc"
-    data = read(path)
-    if data is None or data.attrs.get("key") != key:
-        data = compute().assign_attrs(key=key)
-        storage.write(data, path)
-        keep(path)
-    return data

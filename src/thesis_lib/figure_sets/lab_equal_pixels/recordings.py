@@ -202,10 +202,8 @@ def made(film: EqualPixels, kind: Kind, recording: int) -> xr.Dataset:
     """What :func:`measured` finds, kept in ``build/cache`` so that a run can go on after a stop."""
     rests_on = b"".join(code(file) for file in sorted(reach.reached(Path(__file__))))
     folder = workplace() / "build" / "cache" / f"{film.name}-{film.digest}"
-    name = f"{film.filmed_kinds.index(kind)}-{recording}"
-    return kept(
-        folder, name, sha256(rests_on).hexdigest(), partial(measured, film, kind, recording)
-    )
+    path = folder / f"{film.filmed_kinds.index(kind)}-{recording}.nc"
+    return kept(path, partial(measured, film, kind, recording), sha256(rests_on).hexdigest())
 
 
 def run(film: EqualPixels) -> xr.Dataset:
