@@ -20,7 +20,8 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
 from thesis_lib.runs.requested import Refused, assigned_values, requests_of
 from thesis_lib.studies.commands import command
-from thesis_lib.studies.request import ParameterError, describe, permitted
+from thesis_lib.studies.refusals import permitted
+from thesis_lib.studies.request import ParameterError, describe
 from thesis_lib.web.fragment import static_html
 
 if TYPE_CHECKING:

@@ -470,7 +470,7 @@ def test_given_corners_are_those_in_the_picture(conforms, video):
     px = lens.project(at, world * np.array([[length], [width], [1]]))
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
-    given, _ = followed(path, at, markers, corners=[tuple(p) for p in px.T])
+    given, _ = followed(path, at, markers, corners=tuple(map(tuple, px.T.tolist())))
     conforms.closed_form(
         off(given.swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max(), below=0.1
     )

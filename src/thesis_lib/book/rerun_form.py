@@ -12,7 +12,8 @@ from typing import Any
 
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, TITLES
 from thesis_lib.studies import effort
-from thesis_lib.studies.request import Study, describe, permitted, whole_numbers
+from thesis_lib.studies.refusals import permitted
+from thesis_lib.studies.request import Study, describe, whole_numbers
 from thesis_lib.web.fragment import asset, static_html
 
 _ESM = asset("rerun.js")

@@ -18,7 +18,8 @@ from thesis_lib.plotting import captions
 from thesis_lib.plotting.captions import Caption
 from thesis_lib.plotting.style import in_style, svg
 from thesis_lib.studies.attributes import described
-from thesis_lib.studies.request import Study, suggestion
+from thesis_lib.studies.refusals import suggestion
+from thesis_lib.studies.request import Study
 
 _PICTURE = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.studies.request import ParameterError, Study, suggestion, validated
+from thesis_lib.studies.refusals import suggestion
+from thesis_lib.studies.request import ParameterError, Study, validated
 from thesis_lib.text import listed, one_line
 
 TITLES = {

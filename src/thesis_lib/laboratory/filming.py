@@ -18,7 +18,8 @@ from pydantic import BaseModel
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.measure.fitting.aliasing import clearance
-from thesis_lib.studies.request import Study, permitted, refuse
+from thesis_lib.studies.refusals import permitted, refuse
+from thesis_lib.studies.request import Study
 from thesis_lib.studies.vocabulary import (
     BriefExposure,
     Distortion,

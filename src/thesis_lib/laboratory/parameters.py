@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.laboratory.filming import EDGE, IN_VIEW, off_centre
-from thesis_lib.studies.request import beyond, permitted, refuse
+from thesis_lib.studies.refusals import permitted, refuse
+from thesis_lib.studies.request import beyond
 from thesis_lib.studies.vocabulary import (
     BeamDistance,
     Distortion,

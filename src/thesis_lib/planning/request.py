@@ -15,7 +15,8 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.places import Rules, Scene
-from thesis_lib.studies.request import Study, beyond, refuse, validated
+from thesis_lib.studies.refusals import refuse
+from thesis_lib.studies.request import Study, beyond, validated
 from thesis_lib.studies.vocabulary import (
     Azimuth,
     Estimator,

@@ -20,7 +20,7 @@ from thesis_lib.planning import lattice
 from thesis_lib.planning.lattice import TIE, first_least
 from thesis_lib.planning.places import Scene, apart, at, cameras
 from thesis_lib.planning.search import Surroundings
-from thesis_lib.studies.request import refuse
+from thesis_lib.studies.refusals import refuse
 from thesis_lib.studies.shared_fields import SoundPlanes
 from thesis_lib.vibration.structure import deflection_shape, resonance
 from thesis_lib.vision import rounding

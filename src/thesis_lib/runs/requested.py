@@ -98,7 +98,7 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
 def check_chapter(name: str, option: str) -> None:
     """Refuse what is no chapter, or is given with an option for the whole book."""
     from thesis_lib.figure_sets.registry import CHAPTERS
-    from thesis_lib.studies.request import suggestion
+    from thesis_lib.studies.refusals import suggestion
 
     if name not in CHAPTERS:
         near = suggestion(name, CHAPTERS)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ValidationError, model_validator
-from pydantic_core import PydanticCustomError, from_json
+from pydantic import ValidationError, model_validator
+from pydantic_core import from_json
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
+from thesis_lib.studies.refusals import permitted, refuse, shown, suggestion
 from thesis_lib.studies.vocabulary import (
     SHARED,
     Fields,
@@ -106,25 +106,6 @@ class Study(Fields):
         refuse(field, getattr(self, field), permitted(type(self), field))
 
 
-def permitted(model: type[BaseModel], field: str) -> str:
-    """What a field allows, with its unit, as it stands in a refusal."""
-    return f"allowed: {allowed_text(model, field)}" + (f", in {unit(field)}" if unit(field) else "")
-
-
-def shown(value: Any) -> str:
-    """A value as it stands in a refusal."""
-    try:
-        return one_line(json.dumps(value, ensure_ascii=False, default=repr))
-    except (TypeError, ValueError, RecursionError):
-        return f"a {type(value).__name__} that is not JSON"
-
-
-def refuse(field: str, given: Any, why: str) -> None:
-    """Refuse a value in one line, from inside a validator."""
-    message = f"{field}: given {shown(given)}, {why}"
-    raise PydanticCustomError("refused", "{message}", {"message": message})
-
-
 def beyond(reach: float) -> str:
     """What a distance from a structure allows, as it stands in a refusal; `reach` is in mm."""
     return f"allowed: more than {reach:.4g} mm, the reach of the structure and its deflection"
@@ -173,17 +154,6 @@ def describe(model: type[Study]) -> list[dict[str, str]]:
             key=lambda item: (item[0] in Study.model_fields, item[0] in SHARED),
         )
     ]
-
-
-def nearest(name: str, names: Iterable[str]) -> str:
-    """The name most like `name`, or empty if none is."""
-    return next(iter(difflib.get_close_matches(name, list(names), 1, 0.6)), "")
-
-
-def suggestion(name: str, names: Iterable[str]) -> str:
-    """Words for the name that was probably meant, if there is one."""
-    meant = nearest(name, names)
-    return f" (did you mean {meant}?)" if meant else ""
 
 
 def _first_problem(model: type[Study], values: Mapping[str, Any], error: ValidationError) -> str:

@@ -11,7 +11,7 @@ from thesis_lib.acoustics.planes import Plane, pistons
 from thesis_lib.acoustics.sources import Medium, check_pistons
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
-from thesis_lib.studies.request import permitted, refuse
+from thesis_lib.studies.refusals import permitted, refuse
 from thesis_lib.studies.vocabulary import Fields, Positive, field, means
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure, resonance

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pydantic import model_validator
 
 from thesis_lib.facts.readings import ADOPTED, READINGS
-from thesis_lib.studies.request import Study, refuse
+from thesis_lib.studies.refusals import refuse
+from thesis_lib.studies.request import Study
 from thesis_lib.studies.vocabulary import Seed, Shifts, field
 
 

@@ -13,7 +13,8 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
-from thesis_lib.studies.request import Study, refuse
+from thesis_lib.studies.refusals import refuse
+from thesis_lib.studies.request import Study
 from thesis_lib.studies.vocabulary import (
     Angle,
     FocalLength,

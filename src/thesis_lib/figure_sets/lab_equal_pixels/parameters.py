@@ -12,7 +12,7 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
 from thesis_lib.laboratory.filming import LabStudy, check_place
-from thesis_lib.studies.request import permitted, refuse
+from thesis_lib.studies.refusals import permitted, refuse
 from thesis_lib.studies.shared_fields import Grid
 from thesis_lib.studies.vocabulary import (
     Angle,

@@ -17,7 +17,8 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.laboratory.filming import EDGE, IN_VIEW, Repeated, off_centre
 from thesis_lib.laboratory.parameters import RIG
-from thesis_lib.studies.request import Study, beyond, permitted, refuse
+from thesis_lib.studies.refusals import permitted, refuse
+from thesis_lib.studies.request import Study, beyond
 from thesis_lib.studies.vocabulary import (
     Angle,
     Azimuth,

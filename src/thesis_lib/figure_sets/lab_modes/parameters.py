@@ -19,7 +19,7 @@ from thesis_lib.laboratory.filming import (
     check_rates,
     peaks_m,
 )
-from thesis_lib.studies.request import permitted, refuse
+from thesis_lib.studies.refusals import permitted, refuse
 from thesis_lib.studies.vocabulary import (
     Azimuth,
     BeamDistance,

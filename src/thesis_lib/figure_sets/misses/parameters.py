@@ -7,7 +7,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from thesis_lib.figure_sets.misses.changes import CHANGES, TOPICS, Change
-from thesis_lib.studies.request import Study, refuse
+from thesis_lib.studies.refusals import refuse
+from thesis_lib.studies.request import Study
 from thesis_lib.studies.vocabulary import Shifts, field
 
 

@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
-from thesis_lib.studies.request import Study, beyond, refuse, shown
+from thesis_lib.studies.refusals import refuse, shown
+from thesis_lib.studies.request import Study, beyond
 from thesis_lib.studies.vocabulary import (
     Estimator,
     FocalLength,

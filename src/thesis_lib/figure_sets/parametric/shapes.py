@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from thesis_lib.facts import setups
-from thesis_lib.studies.request import refuse
+from thesis_lib.studies.refusals import refuse
 from thesis_lib.studies.shared_fields import PlateMarkers
 from thesis_lib.studies.vocabulary import Positive, field
 from thesis_lib.vibration.finite_elements import SIMPLY_SUPPORTED

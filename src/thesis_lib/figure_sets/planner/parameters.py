@@ -13,7 +13,8 @@ from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.places import at
 from thesis_lib.planning.request import Count, PlanRequest, Tilt
-from thesis_lib.studies.request import Study, refuse
+from thesis_lib.studies.refusals import refuse
+from thesis_lib.studies.request import Study
 from thesis_lib.studies.vocabulary import (
     FocalLength,
     Positive,

@@ -13,11 +13,9 @@ import yaml
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ValidationError
 
-from thesis_lib.files import whole_text
 from thesis_lib.measure.recordings.manifest_model import INSIDE, CameraFiles, Manifest, Structure
-from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, probe
-from thesis_lib.studies.request import nearest, permitted, shown
+from thesis_lib.studies.refusals import nearest, permitted, shown
 from thesis_lib.text import first_hidden, one_line
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
@@ -121,6 +119,8 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
 
 def write_manifest(manifest: Manifest, path: Path) -> None:
     """Write a manifest as YAML, whole or not at all."""
+    from thesis_lib.files import whole_text
+
     values = manifest.model_dump(mode="json")
     text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
     whole_text(path, text)
@@ -185,6 +185,8 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
     The excitation, the markers' places, every video's size, frame rate, length and sound, and the
     size of every picture of the board.
     """
+    from thesis_lib.measure.recordings.media import read_png
+
     lines = check_excitation(manifest) + _check_plane(manifest.structure)
     for i, camera in enumerate(manifest.cameras):
         path = folder / camera.video

@@ -7,15 +7,14 @@ their suffix here and nowhere else: properties without a suffix are in SI units.
 from __future__ import annotations
 
 from itertools import combinations
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
-from thesis_lib.facts import setups
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.studies.request import permitted, refuse
+from thesis_lib.studies.refusals import permitted, refuse
 from thesis_lib.studies.vocabulary import (
     Azimuth,
     Elevation,
@@ -26,8 +25,10 @@ from thesis_lib.studies.vocabulary import (
     allowed_text,
     field,
 )
-from thesis_lib.vibration.beam import Beam
-from thesis_lib.vibration.plate import Plate
+
+if TYPE_CHECKING:
+    from thesis_lib.vibration.beam import Beam
+    from thesis_lib.vibration.plate import Plate
 
 Place = tuple[float, float]
 Count = Annotated[int, Field(ge=1, le=200)]
@@ -44,9 +45,16 @@ class Part(Fields):
         refuse(name, getattr(self, name), why or permitted(type(self), name))
 
 
-def _beam(name: str, scale: float = 1.0) -> Any:
-    """A property of the thesis's beam (Table 3.1) as a default."""
-    return lambda: round(scale * getattr(setups.beam(), name), 9)
+def _beam(name: str) -> Any:
+    """A property of the thesis's beam (Table 3.1)."""
+    from thesis_lib.facts import setups
+
+    return getattr(setups.beam(), name)
+
+
+def _default(name: str, scale: float = 1.0) -> Any:
+    """A property of the thesis's beam as a default, read where a manifest leaves it out."""
+    return lambda: round(scale * _beam(name), 9)
 
 
 def _thesis_layout(given: dict[str, Any]) -> bool:
@@ -61,9 +69,9 @@ class Markers(Part):
     """Round markers on the structure: rows along it, or any given places."""
 
     rows: Count = field(3, "rows of markers, side by side")
-    columns: Count = field(lambda: setups.beam().n_markers, "markers in each row")
+    columns: Count = field(lambda: _beam("n_markers"), "markers in each row")
     spacing_mm: Positive = field(
-        _beam("marker_spacing", 1000), "distance between centres along a row"
+        _default("marker_spacing", 1000), "distance between centres along a row"
     )
     row_spacing_mm: Positive = field(10.0, "distance between rows")
     diameter_mm: Positive = field(5.0, "diameter of the markers")
@@ -92,15 +100,15 @@ class Structure(Part):
         "what it is, which gives the model that shapes are compared with",
         '"beam", clamped at x = 0, "plate", simply supported, or "flat", without a model',
     )
-    length_mm: Positive = field(_beam("length", 1000), "length along x")
-    width_mm: Positive = field(_beam("width", 1000), "width along y")
-    thickness_mm: Positive = field(_beam("thickness", 1000), "thickness")
-    density_kg_m3: Positive = field(_beam("density"), "density")
-    youngs_modulus_pa: float = field(_beam("youngs_modulus"), "Young's modulus", gt=0, le=1e13)
+    length_mm: Positive = field(_default("length", 1000), "length along x")
+    width_mm: Positive = field(_default("width", 1000), "width along y")
+    thickness_mm: Positive = field(_default("thickness", 1000), "thickness")
+    density_kg_m3: Positive = field(_default("density"), "density")
+    youngs_modulus_pa: float = field(_default("youngs_modulus"), "Young's modulus", gt=0, le=1e13)
     poissons_ratio: float = field(0.3, "Poisson's ratio, which a plate's model needs", ge=0, le=0.5)
-    damping: float = field(_beam("damping"), "modal damping ratio", gt=0, lt=0.7)
+    damping: float = field(_default("damping"), "modal damping ratio", gt=0, lt=0.7)
     force_position_mm: Positive = field(
-        _beam("force_position", 1000),
+        _default("force_position", 1000),
         "distance of the force from x = 0, a beam's clamp",
         "a number above 0, at most length_mm",
     )
@@ -153,6 +161,8 @@ class Structure(Part):
     @property
     def plate(self) -> Plate:
         """The simply supported plate whose model the measurement is compared with."""
+        from thesis_lib.vibration.plate import Plate
+
         return Plate(
             length=self.length_mm / 1000,
             width=self.width_mm / 1000,
@@ -171,6 +181,8 @@ class Structure(Part):
     @property
     def beam(self) -> Beam:
         """The beam whose model the measurement is compared with."""
+        from thesis_lib.vibration.beam import Beam
+
         return Beam(
             length=self.length_mm / 1000,
             width=self.width_mm / 1000,
