@@ -240,7 +240,7 @@ def test_renders_with_other_noise_scatter_as_the_trials_do(conforms, name):
         study = validate(name, {**values, "seed": seed})
         recording = study.filmed_settings()[0]
         data = film.run(study)
-        rec = fits.measured(study, recording, data["noisy"].values[0], data["quiet"].values[0])
+        rec = fits.measured(study, recording, data["tracks"].values[0], data["quiet"].values[0])
         row = rec.rig.markers.middle_row
         phase = np.angle(amplitudes(rec.rig.motion, rec.rig.markers.centres, 4.25)[row][-1])
         shapes = [np.real(amplitude(fit, OMEGA, 1e-3)[row] * np.exp(-1j * phase))
@@ -313,7 +313,7 @@ def test_trials_keep_the_bias_and_have_the_noise_once(conforms):
     study = elevation(elevations_deg=[30.0], cases=["three-rows"], trials=300)
     data = layouts(study, SIGMA)
     at_rest = data["quiet"].isel(frame=0)
-    for name in ("noisy", "quiet"):  # every camera sees the motion larger by a hundredth
+    for name in ("tracks", "quiet"):  # every camera sees the motion larger by a hundredth
         data[name] = data[name] + 0.01 * (data[name] - at_rest)
     cube = ls.run(study, data)
     reference = cube["reference_deflection"].values[0]
@@ -331,10 +331,10 @@ def test_markers_that_lean_and_shrink_have_noise_of_their_own(conforms):
     row = rig.markers.middle_row
     rng = np.random.default_rng(1)
     root = np.array([[0.03, 0.0], [0.02, 0.01]])
-    white = rng.standard_normal(data["noisy"].values[0, :, :, :, row].shape)
-    data["noisy"].values[0, :, :, :, row] += np.einsum("ij,cfjm->cfim", root, white)
+    white = rng.standard_normal(data["tracks"].values[0, :, :, :, row].shape)
+    data["tracks"].values[0, :, :, :, row] += np.einsum("ij,cfjm->cfim", root, white)
     rec = fits.measured(
-        study, study.filmed_settings()[0], data["noisy"].values[0], data["quiet"].values[0]
+        study, study.filmed_settings()[0], data["tracks"].values[0], data["quiet"].values[0]
     )
     covariance = np.einsum("cijm,ckjm->ik", rec.roots, rec.roots) / (4 * 25)
     conforms.sampled(covariance, root @ root.T, rtol=0.1)
@@ -345,8 +345,8 @@ def test_centres_of_other_markers_count_as_wrong_and_not_as_scatter(conforms):
     study = elevation(elevations_deg=[30.0], cases=["three-rows"])
     data = layouts(study, 0.01)
     row = film.rig_of(study, study.filmed_settings()[0]).markers.middle_row
-    data["noisy"].values[0, 0, 10:20, 0, row.start] += 5.0  # one marker of one camera
-    data["noisy"].values[0, 1, 3:7, :, row.start + 1] = np.nan
+    data["tracks"].values[0, 0, 10:20, 0, row.start] += 5.0  # one marker of one camera
+    data["tracks"].values[0, 1, 3:7, :, row.start + 1] = np.nan
     frames = data.sizes["frame"]
     cube = ls.run(study, data)
     conforms.closed_form(cube["wrong"].item(), 10 / (4 * 25 * frames), rtol=0.01)

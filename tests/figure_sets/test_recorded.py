@@ -56,13 +56,13 @@ def test_a_sample_filmed_now_is_the_data():
     data = recorded.measured(of)
     rig = lab_layout_film.rig_of(of.request, of.request.filmed_settings()[1])
     for index in (0, 1):
-        for name, now in zip(("noisy", "quiet"), lab_layout_film.tracks(rig, index), strict=True):
+        for name, now in zip(("tracks", "quiet"), lab_layout_film.tracks(rig, index), strict=True):
             kept = data[name].values[1, index]
             assert_same_tracks(kept[: len(now)], now)
     of = EVERY["lab-modes-recordings"]
     rig = beam_rigs(of.request, of.request.seed)[0]
     now, kept = lab_films.record([rig], of.request.frames), recorded.measured(of)
-    assert_same_tracks(kept["centres"].values[0], now["centres"].values[0])
+    assert_same_tracks(kept["tracks"].values[0], now["tracks"].values[0])
 
 
 @pytest.mark.parametrize("name", EVERY)

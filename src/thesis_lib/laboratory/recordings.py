@@ -19,12 +19,19 @@ from thesis_lib.laboratory.filming import Film
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.studies.parallel import abreast
+from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.structure import Structure
 
 REST = 4  # frames at rest
 RAMP = 0.5  # periods in which the vibration takes up
 SAMPLES = 3  # of the motion within an exposure
+TRACKS = declared("""
+    tracks(camera, frame, axis, marker) [px] marker centres, lens distortion included
+    truth(camera, frame, axis, marker) [px] where they were at the middle of the exposure
+    quiet(camera, frame, axis, marker) [px] centres in frames without noise
+    time(camera, frame) [s] middle of the exposure
+""")
 
 
 def sensor(film: Film) -> Sensor:
@@ -95,22 +102,16 @@ def record(
     Returns
     -------
     xarray.Dataset
-        ``centres`` and ``truth`` along ``rig``, ``camera``, ``frame``, ``axis`` and ``marker`` in
-        px, lens distortion included, and ``time`` of each frame in s.
+        ``tracks``, ``truth`` and ``time`` of :data:`TRACKS`, along ``rig``, too.
     """
     every = abreast(look, rigs)
     every = [[kept(own, frames) for own in found] for found in every]
-    data = xr.Dataset()
-    dims = ("rig", "camera", "frame", "axis", "marker")
-    for name, units, text in (
-        ("centres", "px", "marker centres as they were found"),
-        ("truth", "px", "where the markers were at the middle of the exposure"),
-    ):
-        values = np.array([[getattr(own, name) for own in found] for found in every])
-        data[name] = (dims, values, {"units": units, "long_name": text})
-    times = np.array([[own.times for own in found] for found in every])
-    data["time"] = (dims[:3], times, {"units": "s", "long_name": "middle of the exposure"})
-    return data
+    of = {"tracks": "centres", "truth": "truth", "time": "times"}
+    values = {
+        name: [[getattr(own, field) for own in found] for found in every]
+        for name, field in of.items()
+    }
+    return xr.Dataset(labelled(values, TRACKS, ["rig"]))
 
 
 def kept(own: Seen, frames: int) -> Seen:
@@ -125,6 +126,6 @@ def found_in(data: xr.Dataset, rig: int) -> list[Seen]:
     return [
         Seen(times, centres, truth)
         for times, centres, truth in zip(
-            part["time"].values, part["centres"].values, part["truth"].values, strict=True
+            part["time"].values, part["tracks"].values, part["truth"].values, strict=True
         )
     ]

@@ -61,7 +61,7 @@ def run(study: Layouts, data: xr.Dataset, others: xr.Dataset | None = None) -> x
     films = [
         measured(study, recording, noisy, quiet)
         for recording, noisy, quiet in zip(
-            recordings, data["noisy"].values, data["quiet"].values, strict=True
+            recordings, data["tracks"].values, data["quiet"].values, strict=True
         )
     ]
     exact = _constant_noise(recordings, films)

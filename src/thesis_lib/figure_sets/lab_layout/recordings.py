@@ -19,6 +19,7 @@ from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.lab_layout.parameters import Layouts
 from thesis_lib.laboratory.another import window_of
 from thesis_lib.laboratory.direct import brief, times_of, true_view
+from thesis_lib.laboratory.recordings import TRACKS
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.recordings.markers import Markers, rows_on
@@ -26,6 +27,7 @@ from thesis_lib.measure.tracking.centres import refine
 from thesis_lib.measure.tracking.homography import TrackingError
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
 from thesis_lib.studies.parallel import abreast
+from thesis_lib.studies.variables import labelled
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
 
@@ -110,8 +112,8 @@ def run(study: Layouts) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        ``noisy`` and ``quiet`` (recording, camera, frame, axis, marker) in px, NaN where there is
-        no such camera or marker, or where it was not found.
+        ``tracks`` and ``quiet`` of :data:`.TRACKS`, along ``recording``, too; NaN where there is no
+        such camera or marker, or where it was not found.
     """
     rigs = [rig_of(study, recording) for recording in study.filmed_settings()]
     jobs = [(r, c) for r, rig in enumerate(rigs) for c in range(len(rig.stations))]
@@ -137,11 +139,5 @@ def dataset(rigs: list[Rig], of: Callable[[tuple[int, int]], tuple[Array, Array]
         for c in range(len(rig.stations)):
             for kind, values in zip(both, of((r, c)), strict=True):
                 kind[r, c, : len(values), :, : rig.markers.count] = values
-    dims = ("recording", "camera", "frame", "axis", "marker")
-    texts = {"noisy": "centres of the markers", "quiet": "centres in frames without noise"}
-    return xr.Dataset(
-        {
-            name: (dims, values, {"units": "px", "long_name": texts[name]})
-            for name, values in zip(texts, both, strict=True)
-        }
-    )
+    values = dict(zip(("tracks", "quiet"), both, strict=True))
+    return xr.Dataset(labelled(values, TRACKS, ["recording"]))
