@@ -9,7 +9,8 @@ import pytest
 from thesis_lib.facts import setups
 from thesis_lib.laboratory import film as laboratory_film
 from thesis_lib.laboratory import rig as laboratory
-from thesis_lib.measure.recordings.manifest import ManifestError, check_excitation
+from thesis_lib.measure.recordings.check import check_excitation
+from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Excitation, Manifest
 from thesis_lib.measure.recordings.media import opened_audio, read_audio, write_video
 from thesis_lib.measure.synchronisation import audio as hearing

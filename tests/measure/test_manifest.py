@@ -10,10 +10,9 @@ import pytest
 import yaml
 
 from thesis_lib.facts import setups
+from thesis_lib.measure.recordings.check import check_excitation, check_recordings
 from thesis_lib.measure.recordings.manifest import (
     ManifestError,
-    check_excitation,
-    check_recordings,
     read_manifest,
     shot_paths,
     write_manifest,

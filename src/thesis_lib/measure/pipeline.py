@@ -16,11 +16,8 @@ from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import check as recordings_check
-from thesis_lib.measure.recordings.check import ChainError
-from thesis_lib.measure.recordings.manifest import (
-    on_one_line,
-    read_manifest,
-)
+from thesis_lib.measure.recordings.check import ChainError, on_one_line
+from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import moving
 from thesis_lib.measure.report import page as report

@@ -1,26 +1,20 @@
-"""Manifests on disk: read and written, checked against the files they name."""
+"""Manifests on disk: read and written, and the files that they name."""
 
 from __future__ import annotations
 
 import json
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
-from numpy.typing import ArrayLike
 from pydantic import BaseModel, ValidationError
 
-from thesis_lib.measure.recordings.manifest_model import INSIDE, CameraFiles, Manifest, Structure
-from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, probe
+from thesis_lib.measure.recordings.manifest_model import INSIDE, CameraFiles, Manifest
 from thesis_lib.studies.refusals import nearest, permitted, shown
 from thesis_lib.text import first_hidden, one_line
 
-STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
-RATE_TOLERANCE = 5e-4  # relative; 60 and 59.94 Hz are 0.1 % apart
-APART = 0.5  # s that a video's pictures and its sound may end apart
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}  # sought in folders
 DEEPEST = 20  # levels of a YAML text; a manifest has six
 
@@ -146,116 +140,6 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
         return [*sorted(pictures, key=lambda file: _by_number(file.name))]
     except (ValueError, NotImplementedError):  # no pattern that pathlib knows
         return []
-
-
-def check_excitation(manifest: Manifest) -> list[str]:
-    """What of the excitation these cameras cannot film, one line each; empty if nothing.
-
-    Above half of the frame rate the motion is sampled too rarely, which is refused unless it is
-    declared; and near multiples of that half it seems to stand still or to flip from frame to
-    frame, from which its phase cannot be told.
-    """
-    lines = []
-    slowest = min(camera.frame_rate_hz for camera in manifest.cameras)
-    frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_s
-    given = f"excitation.frequency_hz: given {frequency:.6g}, allowed" if frequency else ""
-    if frequency is not None and manifest.excitation.undersampled:
-        for i, camera in enumerate(manifest.cameras):
-            half = camera.frame_rate_hz / 2
-            multiple = max(1, round(frequency / half)) * half
-            if abs(frequency - multiple) < STANDS_STILL * half:
-                lines.append(
-                    f"{given}: at least {STANDS_STILL * half:.4g} Hz from {multiple:.6g} Hz, a "
-                    f"multiple of half the frame rate of cameras[{i}]"
-                )
-                break
-    elif frequency is not None and frequency >= slowest / 2:
-        lines.append(f"{given}: below half of the frame rate, {slowest / 2:g} Hz")
-    if rest * slowest < 3 - 1e-9:
-        lines.append(
-            f"excitation.rest_s: given {rest:.6g}, allowed: at least {3 / slowest:.4g} s, three "
-            "frames"
-        )
-    return lines
-
-
-def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
-    """What in the recordings is other than the manifest says, one line each; empty if nothing.
-
-    The excitation, the markers' places, every video's size, frame rate, length and sound, and the
-    size of every picture of the board.
-    """
-    from thesis_lib.measure.recordings.media import read_png
-
-    lines = check_excitation(manifest) + _check_plane(manifest.structure)
-    for i, camera in enumerate(manifest.cameras):
-        path = folder / camera.video
-        where, says = f"cameras[{i}].video: {path}", "as the manifest says"
-        try:
-            info = probe(path)
-            rate = info.frame_rate
-            if info.size != camera.size:
-                lines.append(f"{where}: {_px(info.size)}, allowed: {_px(camera.size)} {says}")
-            if abs(rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
-                lines.append(
-                    f"{where}: {rate:.6g} frames per second, allowed: {camera.frame_rate_hz:.6g} "
-                    f"{says}"
-                )
-            lines += [f"{where}: {line}" for line in _lengths(info, manifest.excitation.rest_s)]
-        except MediaError as error:
-            lines.append(f"cameras[{i}].video: {error}")
-        for shot in filter(None, shot_paths(camera, folder)):
-            try:
-                height, width = read_png(shot).shape
-                if (width, height) != camera.size:
-                    lines.append(
-                        f"cameras[{i}].shots: {shot}: {_px((width, height))}, allowed: "
-                        f"{_px(camera.size)} {says}"
-                    )
-            except MediaError as error:
-                lines.append(f"cameras[{i}].shots: {error}")
-    return lines
-
-
-def on_one_line(points: ArrayLike, diameter: float) -> bool:
-    """Whether markers at points (2, n) do not tell how the structure is turned about their line.
-
-    Nor which way is up then. Across the line their scatter must be more than a part of the
-    diameter, so that it is more than what they are off their places.
-    """
-    places = np.asarray(points, float)
-    off = places - places.mean(axis=1, keepdims=True)
-    across = np.linalg.eigvalsh(off @ off.T / places.shape[1])[0]
-    return bool(across < (diameter / 4) ** 2)
-
-
-def _check_plane(structure: Structure) -> list[str]:
-    """Whether the markers tell the structure's plane, one line if not."""
-    markers = structure.markers
-    if not on_one_line(1000 * structure.marker_points, markers.diameter_mm):
-        return []
-    name = "points_mm" if markers.points_mm else "rows" if markers.rows == 1 else "columns"
-    given = shown(getattr(markers, name))
-    return [f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"]
-
-
-def _lengths(info: VideoInfo, rest: float) -> Iterator[str]:
-    """What is wrong with the lengths of a video's pictures and sound, as far as it says them."""
-    if not info.has_audio:
-        yield "no audio track; it is needed to synchronise the cameras"
-    if info.duration is None:
-        return
-    if info.duration <= rest:
-        yield f"{info.duration:.3f} s of pictures, allowed: more than rest_s, {rest:g} s"
-    if info.sound_end is not None and abs(info.sound_end - info.duration) > APART:
-        yield (
-            f"its pictures end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
-            f"allowed: at most {APART:g} s apart"
-        )
-
-
-def _px(size: Sequence[int]) -> str:
-    return f"{size[0]} × {size[1]} px"
 
 
 def _by_number(name: str) -> list[tuple[int, str]]:

@@ -17,7 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from thesis_lib.measure.recordings.manifest import ManifestError, check_excitation
+from thesis_lib.measure.recordings.check import check_excitation
+from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.synchronisation.audio import (
     Heard,
