@@ -139,5 +139,5 @@ def dataset(rigs: list[Rig], of: Callable[[tuple[int, int]], tuple[Array, Array]
         for c in range(len(rig.stations)):
             for kind, values in zip(both, of((r, c)), strict=True):
                 kind[r, c, : len(values), :, : rig.markers.count] = values
-    values = dict(zip(("tracks", "quiet"), both, strict=True))
-    return xr.Dataset(labelled(values, TRACKS, ["recording"]))
+    named = dict(zip(("tracks", "quiet"), both, strict=True))
+    return xr.Dataset(labelled(named, TRACKS, ["recording"]))
