@@ -29,7 +29,9 @@ class Clock:
         ({"a": 10}, {}, {}, 1, 2, 10),
         ({"a": 10, "b": 10}, {}, {}, 1, 2, 10),  # two at once
         ({"a": 10, "b": 10}, {}, {}, 1, 1, 20),
-        ({"a": 10, "b": 4, "c": 5}, {}, {}, 1, 2, 10),  # c after b
+        ({"a": 10, "b": 4, "c": 5}, {}, {}, 1, 2, 10),  # b after c
+        ({"b": 4, "c": 4, "a": 10}, {}, {}, 1, 2, 10),  # the longest first
+        ({"b": 4, "c": 4, "a": 1, "d": 9}, {}, {"d": ["a"]}, 1, 2, 10),  # so does what waits
         ({"a": 10, "b": 4, "c": 7}, {}, {}, 1, 2, 11),
         ({"a": 10, "b": 4, "c": 7, "pages": 30}, {}, LAST, 1, 2, 41),  # alone at the end
         ({"c": 7, "pages": 30}, {}, LAST, 1, 2, 37),  # what is done is waited for no more
@@ -68,14 +70,22 @@ def test_time_left_follows_the_pace_of_what_has_ended(clock):
     assert told.left() == "at least 2 min"  # a and b are late, and no pace is known
     assert told.end("a", measured=True) == 150
     assert told.end("b", measured=True) == 150
-    assert told.left() == "about 5 min"  # 2.5 times as slow: 150 + 150 s
+    assert told.left() == "about 4 min"  # twice as slow, with a minute as known: 120 + 120 s
     told.begin("c")
     clock.now = 152.0
     assert told.end("c", measured=False) == 2  # failed, or up to date after all
     assert told.left() == "about 2 min"
     told.begin("pages")
-    clock.now = 290.0
+    clock.now = 260.0
     assert told.left() == "about 20 s"
+
+
+def test_one_short_step_tells_little_of_the_pace(clock):
+    told = of({"a": 1, "b": 200, "c": 200, "pages": 100}, clock)
+    told.begin("a")
+    clock.now = 3.0
+    told.end("a", measured=True)
+    assert told.left() == "about 5 min"  # and not three times as long
 
 
 def test_nothing_is_said_where_nothing_is_known(clock):
@@ -94,7 +104,7 @@ def test_lines_are_plain_where_there_is_no_screen(clock, capsys):
     told.end("a", measured=False)
     of({"a": 0}, clock).foretell()
     assert capsys.readouterr().err.splitlines() == [
-        "[0/9]   0.0 s  3 of 9 steps to do: about 1 min on the machine that published them",
+        "[0/9]   0.0 s  3 of 9 steps to do: about 1 min",
         "[0/9]  12.0 s  about 50 s left; at work: a 12 s, b 12 s",
     ]
 
@@ -129,6 +139,23 @@ def test_what_is_made_of_what_is_stale_is_to_do(tmp_path, monkeypatch):
     assert tasks._to_do(all_of("two")) == {"b": 2, "a": 1}
 
 
+def test_what_most_waits_for_begins_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(tasks, "workplace", lambda: tmp_path)
+    began = list[str]()
+
+    def one(name: str, seconds: float, *needs: str) -> tasks.Task:
+        def act() -> None:
+            began.append(name)
+            (tmp_path / name).touch()
+
+        files = [tmp_path / each for each in needs]
+        return tasks.task(name, act, files, [tmp_path / name], seconds=seconds)
+
+    made = [one("a", 1), one("b", 2), one("unknown", 0), one("c", 1), one("d", 5, "c")]
+    tasks.run(made, workers=1)
+    assert began == ["c", "d", "b", "a", "unknown"]
+
+
 def test_a_run_foretells_and_tells_what_is_left(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(tasks, "workplace", lambda: tmp_path)
     first, second = tmp_path / "first", tmp_path / "second"
@@ -138,11 +165,9 @@ def test_a_run_foretells_and_tells_what_is_left(tmp_path, monkeypatch, capsys):
     ]
     tasks.run(made)
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0].endswith(
-        "s  2 of 2 steps to do: about 17 min on the machine that published them"
-    )
+    assert lines[0].endswith("s  2 of 2 steps to do: about 17 min")
     assert lines[1].endswith("s  a: running")
-    assert re.search(r"a: done in [\d.]+ s; about \d+ s left$", lines[2])
+    assert re.search(r"a: done in [\d.]+ s; about \d+ min left$", lines[2])
     assert re.search(r"b: done in [\d.]+ s$", lines[-1])
     tasks.run(made)
     again = capsys.readouterr().err.splitlines()

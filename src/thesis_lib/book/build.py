@@ -121,7 +121,7 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         lambda: book.install_assets(root),
         [root / "package-lock.json", root / "package.json"],
         [root / "build" / "assets" / name for name in PACKAGES],
-        seconds=2,
+        seconds=plan.seconds.get("MathJax and MiniSearch", 0.0),
     )
     pieces = _pieces(plan, made, frozenset(one.name for one in published))
     numbers = tasks.task(
@@ -130,7 +130,7 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         made,
         [plan.tables],
         keys.made_by(downloads.__name__),
-        seconds=plan.share * 10,
+        seconds=plan.takes("numbers to download"),
     )
     needs = [path for one in (*pieces, scripts, numbers) for path in one.makes]
     needs += [*plan.pages, *(job.notebook for job in plan.jobs), *made, *library]
@@ -141,7 +141,7 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         lambda: _render(plan),
         needs,
         [plan.index.parent, *plan.archives],
-        seconds=plan.share * 75,
+        seconds=plan.takes("pages"),
     )
     steps = [*runs.job_tasks(plan.ran, plan.seconds), scripts, *published, *pieces, numbers, pages]
     return [step for step in steps if step.name not in plan.failed]
@@ -167,10 +167,9 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
         by: Iterable[ModuleType],
         needs: Sequence[Path],
         makes: Iterable[str],
-        seconds: float,
     ) -> tasks.Task:
         key, files = keys.made_by(*(one.__name__ for one in by)), [executed / one for one in makes]
-        return tasks.task(plan.step(name), act, needs, files, key, seconds=seconds)
+        return tasks.task(plan.step(name), act, needs, files, key, seconds=plan.takes(name))
 
     steps = [
         replace(_conformance(plan), after=after),
@@ -180,7 +179,6 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             [pieces_write],
             [*made, *costs],
             texts(numbers),
-            30 * plan.share,
         ),
         step(
             "figures of notebooks",
@@ -188,16 +186,14 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             [shown],
             [*plan.pages, *notebooks],
             [f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
-            2,
         ),
-        step("sketches", lambda: sketches.write(executed), [sketches], [], sketches.NAMES, 2),
+        step("sketches", lambda: sketches.write(executed), [sketches], [], sketches.NAMES),
         step(
             "figures of chapters",
             lambda: illustrations.write(made, executed, drawn),
             [illustrations],
             made,
             drawn,
-            12 * plan.share,
         ),
         step(
             "figure of the conclusions",
@@ -205,7 +201,6 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             [conclusions_figure],
             made,
             [conclusions_figure.NAME],
-            8,
         ),
         step(
             "walk through chapter 5",
@@ -213,7 +208,6 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             [pictures, walk_numbers, recorded],
             [one.path for one in recorded.behind(ExperimentResolution())],
             [*map(pictures.file_name, pictures.PICTURES), *texts(walk_numbers.PIECES)],
-            11,
         ),
         step(
             "reference of own recordings",
@@ -221,7 +215,6 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             [reference],
             [],
             texts(reference.PIECES),
-            1,
         ),
         step(
             "index, assumptions, explorer, form",
@@ -232,7 +225,6 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
                 *texts([*thesis_index.PIECES, *assumptions.PIECES]),
                 *(f"{name}.html" for name in PAGES),
             ],
-            1,
         ),
     ]
     if not figures:
@@ -250,7 +242,7 @@ def _conformance(plan: Plan) -> tasks.Task:
         lambda: conformance.write(plan.executed),
         [*there, *library, *conformance.test_files()],
         conformance.pieces(plan.executed),
-        seconds=1,
+        seconds=plan.seconds.get("conformance", 0.0),
     )
 
 

@@ -21,7 +21,7 @@ class Plan:
 
     root: Path  #: The project
     jobs: Sequence[Job]  #: Its figure sets, in the order in which they begin
-    #: What these and other steps take where they were published, by name
+    #: What these and other steps of a whole book will take, by name, as far as it is known
     seconds: Mapping[str, float] = field(default_factory=dict)
     publish: bool = False  #: Whether these results become the published ones
     chapter: str = ""  #: The chapter that is made; empty for all
@@ -67,10 +67,9 @@ class Plan:
         there = [path for path in there if self.executed not in path.parents]
         return sorted({*there, self.root / "book" / "assets" / "overview.svg"})
 
-    @property
-    def share(self) -> float:
-        """How much of the whole book this is, by its figure sets."""
-        return len(self.jobs) / len(STUDIES)
+    def takes(self, name: str) -> float:
+        """Seconds of a step that takes the longer, the more figure sets this book has."""
+        return self.seconds.get(name, 0.0) * len(self.jobs) / len(STUDIES)
 
     def step(self, name: str) -> str:
         """The name of a step that makes something for this book alone."""
@@ -90,9 +89,7 @@ def planned(chapter: str = "", publish: bool = False) -> Plan:
     root = project_root()
     executed, results = root / "book" / "executed", root / "data" / "results"
     seconds = {name: cost.seconds for name, cost in effort.read().items()}
-    seconds |= {
-        name: took for name, (took, _) in times.read(times.published_path())["book"].items()
-    }
+    seconds |= times.expected(times.read(times.published_path())["book"])
     names = sorted(CHAPTERS.get(chapter, STUDIES), key=lambda name: -seconds.get(name, 0.0))
     jobs = [Job(STUDIES[n](), executed / f"{n}.ipynb", results / f"{n}.nc") for n in names]
     return Plan(root, jobs, seconds, publish, chapter)

@@ -13,6 +13,27 @@ from heapq import heappop, heappush
 from thesis_lib import asides
 from thesis_lib.text import duration, message
 
+_TRUSTED = 60.0  # s, as if that much had gone as known: one short step tells little of the pace
+
+
+def urgency(known: Mapping[str, float], waits: Mapping[str, Iterable[str]]) -> dict[str, float]:
+    """Seconds from the beginning of each task to the end of the longest chain that waits for it.
+
+    `known` are the seconds that each takes, `waits` what comes before each. What has most behind it
+    begins first, so that as little as can be is left for one worker alone.
+
+    Examples
+    --------
+    >>> urgency({"a": 10, "b": 12, "pages": 5}, {"pages": ["a"]})
+    {'a': 15, 'b': 12, 'pages': 5}
+    """
+    before = {name: [w for w in waits.get(name, ()) if w in known] for name in known}
+    found = dict(known)
+    for name in reversed([*TopologicalSorter(before).static_order()]):
+        for each in before[name]:
+            found[each] = max(found[each], known[each] + found[name])
+    return found
+
 
 def seconds_left(
     known: Mapping[str, float],
@@ -21,7 +42,7 @@ def seconds_left(
     pace: float = 1.0,
     workers: int = 2,
 ) -> float:
-    """How long tasks will take, begun in their order, so many at a time.
+    """How long tasks will take, the most urgent first, so many at a time.
 
     `known` are the seconds that each has taken elsewhere, here `pace` times as long; `at_work`
     those since some of them began; `waits` what comes before each, done if it is not `known`.
@@ -32,12 +53,13 @@ def seconds_left(
     12.0
     """
     left = {name: max(pace * known[name] - at_work.get(name, 0.0), 0.0) for name in known}
-    first = sorted(known, key=lambda name: name not in at_work)
+    most = urgency(known, waits)
+    first = sorted(known, key=lambda name: (name not in at_work, -most[name]))
     order = TopologicalSorter({n: [w for w in waits.get(n, ()) if w in known] for n in first})
     order.prepare()
     now, ready, ends = 0.0, list[str](), list[tuple[float, str]]()
     while order.is_active():
-        ready += order.get_ready()
+        ready = sorted([*ready, *order.get_ready()], key=first.index)
         while ready and len(ends) < workers:
             name = ready.pop(0)
             heappush(ends, (now + left[name], name))
@@ -83,7 +105,8 @@ class Progress:
         """How long the rest will take, in words: at least, if not all is known; else empty."""
         now, known, ended = self.clock(), dict(self.known), list(self.ended)
         at_work = {name: now - began for name, began in dict(self.at_work).items()}
-        pace = sum(took for took, _ in ended) / sum(known for _, known in ended) if ended else 1.0
+        took = _TRUSTED + sum(each for each, _ in ended)
+        pace = took / (_TRUSTED + sum(each for _, each in ended))
         late = any(took > pace * known.get(name, took) for name, took in at_work.items())
         seconds = seconds_left(known, at_work, self.waits, pace, self.workers)
         sure = all(known.values()) and not late
@@ -93,8 +116,7 @@ class Progress:
     def foretell(self) -> None:
         """Say what is to do, if it is known how long that takes."""
         if left := self.left():
-            where = "on the machine that published them"
-            self.say(f"{len(self.known)} of {self.total} steps to do: {left} {where}")
+            self.say(f"{len(self.known)} of {self.total} steps to do: {left}")
 
     def tell(self, passing: bool) -> None:
         """Say what is at work."""

@@ -19,7 +19,7 @@ from pathlib import Path
 from thesis_lib import records
 from thesis_lib.asides import live, say
 from thesis_lib.files import digest_of, sweep, workplace
-from thesis_lib.runs.progress import Progress
+from thesis_lib.runs.progress import Progress, urgency
 from thesis_lib.text import message, of_error
 from thesis_lib.web.page import BookError
 
@@ -53,7 +53,7 @@ class Task:
     key: str = ""  #: What else it depends on
     after: frozenset[str] = frozenset()  #: Names of tasks that come before, if they are there
     always: bool = False  #: Whether to do it even if it is up to date
-    seconds: float = 0.0  #: How long it took where it was published; 0 if that is not known
+    seconds: float = 0.0  #: How long it will take; 0 if that is not known
 
     def made_from(self) -> str:
         """Digest of all that it depends on, as it is now."""
@@ -95,7 +95,7 @@ def task(
 
 
 def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
-    """Run what is stale of some tasks, so many at a time, those at the beginning first.
+    """Run what is stale of some tasks, so many at a time, those first that most waits for.
 
     Returns the seconds of each task that was not up to date, by its name.
 
@@ -118,17 +118,23 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
         order.add(name, *others)
     order.prepare()
     pool = ThreadPoolExecutor(workers)
+    most = urgency(dict.fromkeys(named, 0.0) | progress.known, waits)
     at_work: dict[Future[str], str] = {}
+    ready: list[str] = []
     try:
         while order.is_active():
-            for name in order.get_ready():
-                if without := sorted(waits[name] & failed.keys()):
-                    failed[name] = f"not run, since {', '.join(without)} failed"
-                    unmet.add(name)
-                    progress.end(name, measured=False)
-                    order.done(name)
-                else:
-                    at_work[pool.submit(_one, named[name], progress)] = name
+            ready = sorted([*ready, *order.get_ready()], key=lambda name: -most[name])
+            for name in [one for one in ready if waits[one] & failed.keys()]:
+                failed[name] = (
+                    f"not run, since {', '.join(sorted(waits[name] & failed.keys()))} failed"
+                )
+                unmet.add(name)
+                progress.end(name, measured=False)
+                order.done(name)
+                ready.remove(name)
+            while ready and len(at_work) < workers:
+                name = ready.pop(0)
+                at_work[pool.submit(_one, named[name], progress)] = name
             passing = live()
             ended = wait(at_work, 1 if passing else _SILENCE, FIRST_COMPLETED).done
             if at_work and not ended:

@@ -63,6 +63,12 @@ def note(kind: str, seconds: Mapping[str, float]) -> None:
     write(measured_path(), known)
 
 
+def expected(known: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    """Seconds that things will take here: as many loops as they took elsewhere."""
+    loop = calibration()
+    return {name: loop * seconds / other for name, (seconds, other) in known.items()}
+
+
 def write(path: Path, known: Times) -> None:
     """Write times, the longest first."""
     ordered = {k: dict(sorted(known[k].items(), key=lambda one: -one[1][0])) for k in KINDS}
