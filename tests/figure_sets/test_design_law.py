@@ -437,13 +437,18 @@ def test_drawn_frames_and_films_are_the_law(conforms, cube):
     conforms.sampled(abs(float(films.mean()) - 1), below=0.1)
 
 
+def amplitude_error(rig, filmed, seed):
+    images, number = design_shares.seen(rig, filmed, seed)
+    return design_shares.fitted(filmed, triangulate(rig.P, images)[2][number])
+
+
 @pytest.mark.parametrize(("count", "rate"), [(2, 60.0), (8, 480.0)])
 def test_law_of_a_film_is_its_simulation(conforms, count, rate):
     study = validate("design-law", {"trials": 600, "counts": [count], "frame_rates_hz": [rate]})
     rig = study.settings()[0].cameras(24, 36)
     filmed = design_shares.film(float(study.shared[2][0, 0]), study)
     law = design_shares.fitted_by_law(rig, filmed)
-    drawn = [design_shares.filmed_amplitude(rig, filmed, seed, triangulate) for seed in range(4)]
+    drawn = [amplitude_error(rig, filmed, seed) for seed in range(4)]
     conforms.sampled(np.sqrt(np.mean(np.square(drawn))), law, rtol=0.1)
 
 
@@ -510,10 +515,24 @@ def test_film_is_fitted_exactly_without_rounding(conforms, study):
 def test_films_in_parts_are_films_at_once(conforms, study, monkeypatch):
     rig = study.settings()[0].cameras(24, 36)
     filmed = design_shares.film(60.0, study)
-    whole = design_shares.filmed_amplitude(rig, filmed, 0, triangulate)
+    whole = amplitude_error(rig, filmed, 0)
     monkeypatch.setattr(design_shares, "_FILM_VALUES", 500)
-    parts = design_shares.filmed_amplitude(rig, filmed, 0, triangulate)
-    conforms.invariance(parts, whole, rtol=1e-9)
+    conforms.invariance(amplitude_error(rig, filmed, 0), whole, rtol=1e-9)
+
+
+def test_frames_that_show_the_same_pixels_are_taken_once(conforms, study):
+    rig = study.settings()[0].cameras(24, 36)
+    filmed = design_shares.film(480.0, study)
+    images, number = design_shares.seen(rig, filmed, 3)
+    shifts = rounding.grid_shifts(3, len(filmed.peaks), len(rig))[1:]
+    shift = np.moveaxis(shifts, 0, 2)[..., None]
+    every = pixelate(project(rig.P, filmed.points) + shift) - shift
+    np.testing.assert_array_equal(images[:, :, number], every)
+    assert images.shape[2] < number.size / 2
+    height = triangulate(rig.P, every)[2]
+    conforms.invariance(
+        design_shares.fitted(filmed, height), amplitude_error(rig, filmed, 3), rtol=1e-9
+    )
 
 
 def test_settings_are_the_cone_of_the_closed_form(conforms, study):

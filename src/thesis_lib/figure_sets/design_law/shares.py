@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.design_law.sweeps import exact, shapes
@@ -48,17 +48,18 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
     angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
     peak, beam = study.amplitude_mm / 1000, setups.beam()
     points = shapes(beam, peak)
-    law, view, fitted = (np.empty(widths.shape) for _ in range(3))
+    law, view, fit = (np.empty(widths.shape) for _ in range(3))
     drawn, drawn_fit = (np.empty((len(ESTIMATORS), *widths.shape)) for _ in range(2))
     for at, setting in zip(np.ndindex(widths.shape), study.settings(), strict=True):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         filmed = film(float(frame_rate[at]), study)
+        images, number = seen(rig, filmed, study.seed)
         law[at] = exact(rig, points)
-        fitted[at] = fitted_by_law(rig, filmed)
+        fit[at] = fitted_by_law(rig, filmed)
         view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), rig.size))
         for e, estimate in enumerate(ESTIMATORS.values()):
             drawn[e, *at] = one_frame(rig, points, study, estimate)
-            drawn_fit[e, *at] = filmed_amplitude(rig, filmed, study.seed, estimate)
+            drawn_fit[e, *at] = fitted(filmed, estimate(rig.P, images)[2][number])
     percent = 100 / peak
     counts = np.array(study.counts)[:, None]
     centre = percent * cone_law.cone_deflection_error(distance, focal, counts, angle)
@@ -78,7 +79,7 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.
         "independent_fit_error": centre / np.sqrt(frame_rate * study.duration_s),
         "useful_frames": cone_law.useful_frames(motion[..., None] * spread(FITTED)),
-        "fit_error": percent * fitted,
+        "fit_error": percent * fit,
         "drawn_fit_error": percent * drawn_fit,
     }
 
@@ -123,19 +124,37 @@ def film(frame_rate: float, study: DesignLaw) -> Film:
     return Film(points, peaks, np.linalg.pinv(basis))
 
 
-def filmed_amplitude(rig: CameraArray, filmed: Film, seed: int, estimate: Estimator) -> float:
-    """Rms error in m of the fitted amplitude: all frames of a camera share one pixel grid."""
+def seen(rig: CameraArray, filmed: Film, seed: int) -> tuple[Array, IntArray]:
+    """Rounded images (cameras, 2, m) of a film, those alike once, and which of them is whose.
+
+    The latter has the shape (trials, frames). All frames of a camera share one pixel grid, so that
+    those of a trial show the same pixels wherever the point moves less than it takes to tell. In
+    the order of its height such frames are neighbours.
+    """
     trials, n_frames = filmed.points.shape[1:]
     shifts = np.moveaxis(rounding.grid_shifts(seed, trials, len(rig))[1:], 0, 2)[..., None]
-    found = np.empty(trials)
+    order = np.argsort(filmed.points[2], axis=1)
+    points = np.take_along_axis(filmed.points, order[None], axis=2)
+    images, number = [], np.empty(order.shape, np.int64)
     at_once = max(1, _FILM_VALUES // (len(rig) * n_frames))
+    before = 0
     for first in range(0, trials, at_once):
         part = slice(first, first + at_once)
-        shift, points = shifts[:, :, part], filmed.points[:, part]
-        height = estimate(rig.P, pixelate(project(rig.P, points) + shift) - shift)[2]
-        waves = (filmed.fit[part, :2] @ height[..., None])[..., 0]
-        found[part] = np.linalg.norm(waves, axis=1)
-    return float(np.sqrt(np.mean((found - filmed.peaks) ** 2)))
+        shift = shifts[:, :, part]
+        pixels = pixelate(project(rig.P, points[:, part]) + shift) - shift
+        other = np.ones(pixels.shape[2:], bool)
+        other[:, 1:] = (pixels[..., 1:] != pixels[..., :-1]).any(axis=(0, 1))
+        counted = before + np.cumsum(other).reshape(other.shape) - 1
+        np.put_along_axis(number[part], order[part], counted, axis=1)
+        images.append(pixels[..., other])
+        before += images[-1].shape[2]
+    return np.concatenate(images, axis=2), number
+
+
+def fitted(filmed: Film, height: Array) -> float:
+    """Rms error in m of the fitted amplitude, of heights (trials, frames)."""
+    waves = (filmed.fit[:, :2] @ height[..., None])[..., 0]
+    return float(np.sqrt(np.mean((np.linalg.norm(waves, axis=1) - filmed.peaks) ** 2)))
 
 
 def fitted_by_law(rig: CameraArray, filmed: Film) -> float:
