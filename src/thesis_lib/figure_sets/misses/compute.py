@@ -59,11 +59,31 @@ class _Search:
 
     def __init__(self, asked: Misses) -> None:
         self.asked = asked
-        self._images = lru_cache(maxsize=len(asked.changes) + 2)(self._simulated)
+        self._simulated = lru_cache(maxsize=8)(self._simulate)  # the amplitudes of one model
 
-    def _simulated(self, model: Model, trials: int, first: int) -> tuple[Array, Array]:
+    def _simulate(self, model: Model, trials: int, first: int) -> tuple[Array, Array]:
         reference, measured = chapter.simulate(model, self.asked.seed, trials, first)
         return reference, measured.astype("float32")
+
+    def _images(self, model: Model, trials: int, first: int) -> tuple[Array, Array]:
+        """Those of a model; modes know nothing of each other, so each has its amplitude's."""
+        peaks = model.peaks_mm
+        if isinstance(peaks, str) or len(set(peaks)) == 1:
+            return self._simulated(model, trials, first)
+        each = [model.changed({"peaks_mm": (peak,) * len(peaks)}) for peak in peaks]
+        made = [self._simulated(one, trials, first) for one in each]
+        reference = np.stack([own[mode] for mode, (own, _) in enumerate(made)])
+        return reference, np.stack([own[:, :, mode] for mode, (_, own) in enumerate(made)], axis=2)
+
+    def of_all(self, models: Sequence[Model]) -> Ends:
+        """What claims speak of under some models, (models, ...)."""
+
+        def but_for_amplitudes(number: int) -> str:
+            return repr(models[number].simulated.changed({"peaks_mm": ()}))
+
+        order = sorted(range(len(models)), key=but_for_amplitudes)
+        found = {number: self.ends(models[number]) for number in order}
+        return scores.together([found[number] for number in range(len(models))])
 
     def ends(self, model: Model) -> Ends:
         """What claims speak of, in the literal run and the trials."""
@@ -92,7 +112,7 @@ def run(asked: Misses) -> xr.Dataset:
     ]
     single = [own.changed(change.values) for change in changes]
     models = [own, *single, *(own.changed(one.values, other.values) for one, other in pairs)]
-    every = scores.together([search.ends(model) for model in models])
+    every = search.of_all(models)
     literal, drawn = every.of(slice(1)), every.of(slice(1, None))
     stated = scores.bounds(chapter.claims())
     reached, met = scores.score(drawn, stated), scores.met(literal, stated).sum((-2, -1))

@@ -148,9 +148,16 @@ def rounded(how: str | float, uv: Array, shift: Array, middle: Array) -> Array:
 _shifts = lru_cache(maxsize=32)(grid_shifts)  # the same for all models
 
 
-def _phases(frames: int) -> Array:
-    """Deflection over its largest in the frames of a period that are measured."""
-    return np.cos(2 * np.pi * np.arange(frames) / frames)
+def _phases(frames: int) -> tuple[Array, Array]:
+    """Deflection over its largest in the frames of a period that are measured; weights of its fit.
+
+    Frames of one deflection show the same pixels, and are taken once; the fit leaves out those
+    without any.
+    """
+    numbers = np.arange(frames // 2 + 1)
+    phases, alike = np.cos(2 * np.pi * numbers / frames), 2 - (2 * numbers % frames == 0)
+    kept = np.abs(phases) > WHOLE
+    return phases[kept], (alike * phases)[kept] / np.sum(alike * phases**2)
 
 
 def simulate(model: Model, seed: int, trials: int, first: int = 0) -> tuple[Array, Array]:
@@ -170,19 +177,22 @@ def simulate(model: Model, seed: int, trials: int, first: int = 0) -> tuple[Arra
             for mode, peak in zip(MODES, _peaks(model), strict=True)
         ]
     )
-    phases = _phases(model.frames)
-    moved = (phases[:, None, None] * reference).reshape(-1, reference.shape[1])
-    points = world_points(beam, np.concatenate([0 * reference[:1], moved]))
+    phases, weights = _phases(model.frames)
+    shapes = (phases[:, None, None] * reference).reshape(-1, reference.shape[1])
+    fitted = model.frames > 1  # which needs no rest position
+    if not fitted:
+        shapes = np.concatenate([0 * reference[:1], shapes])
+    points = world_points(beam, shapes)
     found = []
     for _, setting in settings():
         rig = cameras(model, setting)
         shift = np.moveaxis(_shifts(seed, trials, len(rig), first), 0, 2)[:, :, None, :, None]
         middle = np.array(setting.resolution_px).reshape(1, 2, 1, 1, 1) / 2
-        images = project(rig.P, points)[:, :, :, None] + 0 * shift
+        images = project(rig.P, points)[:, :, :, None]
         place = triangulate(rig.P, rounded(model.rounding, images, shift, middle), model.steps)
-        if model.frames > 1:
-            place = place[:, 1:].reshape(3, len(phases), len(MODES), *place.shape[2:])
-            found.append(np.einsum("f,cf...->c...", phases, place) / np.sum(phases**2))
+        if fitted:
+            place = place.reshape(3, len(phases), len(MODES), *place.shape[2:])
+            found.append(np.einsum("f,cf...->c...", weights, place))
         else:
             rest = points[:, :1, None] if model.rest == "known" else place[:, :1]
             found.append(place[:, 1:] - rest)
