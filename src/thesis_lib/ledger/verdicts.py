@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts.claims import Claim
 from thesis_lib.studies import cubes
 from thesis_lib.studies.blocks import runs_of_trials
@@ -44,15 +44,20 @@ class Check:
         return self.median / (nearest if most is None else min(nearest, most))
 
 
+def _settings(cube: xr.Dataset, claim: Claim) -> IntArray:
+    """Numbers of the settings that a claim speaks of."""
+    columns = (cube.variables[n].values.tolist() for n in ("case", "value", "pair_order"))
+    return np.flatnonzero([claim.speaks_of(*one) for one in zip(*columns, strict=True)])
+
+
 def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
     """The quantity that a claim speaks of, over its settings and all trials, in %."""
-    settings = zip(*(cube[n].values.tolist() for n in ("case", "value", "pair_order")), strict=True)
     here = {
-        "setting": np.flatnonzero([claim.speaks_of(*one) for one in settings]),
-        "mode": cube["mode"].values.tolist().index(claim.mode),
+        "setting": _settings(cube, claim),
+        "mode": cube.variables["mode"].values.tolist().index(claim.mode),
     }
     if not claim.excepted:
-        return cubes.errors(cube)[claim.quantity].isel(here)
+        return cubes.error(cube, claim.quantity).isel(here)
     part = cube.isel(here)
     trial_bytes = 24 * part.sizes["setting"] * part.sizes["point"]
     runs = [
@@ -119,7 +124,8 @@ def _gap(claim: Claim, low: float, high: float) -> float:
 
 def check(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
     """Hold claims against a cube; those whose settings or modes it lacks are left out."""
-    return [found for claim in claims if isinstance(found := judge(cube, claim), Check)]
+    plain = cube.reset_coords()  # each coordinate of errors costs as much as judging them
+    return [found for claim in claims if isinstance(found := judge(plain, claim), Check)]
 
 
 def undefined(cube: xr.Dataset, claim: Claim) -> str:
@@ -130,16 +136,15 @@ def undefined(cube: xr.Dataset, claim: Claim) -> str:
 
 def judge(cube: xr.Dataset, claim: Claim) -> Check | str:
     """Hold one claim against a cube, or say in a few words why that cannot be done."""
-    if claim.mode not in cube["mode"]:
+    if claim.mode not in cube.variables["mode"].values:
         return f"mode {claim.mode} was not run"
-    here = errors(cube, claim)
-    found = set(here["value"].values.tolist())
+    found = set(cube.variables["value"].values[_settings(cube, claim)].tolist())
     missing = [f"{value:g}" for value in claim.values if value not in found]
     if missing or not found:
         return f"case {claim.case} was not run" + (f" at {', '.join(missing)}" if missing else "")
     if cube.sizes["trial"] < 2:
         return "the cube has no random trials"
-    values = here.transpose("setting", "trial").values
+    values = errors(cube, claim).transpose("setting", "trial").values
     first, drawn = values[:, 0], values[:, 1:]
     band = np.quantile(drawn, cubes.BAND[::2], axis=1)
     if not (np.isfinite(first).all() and np.isfinite(band).all()):

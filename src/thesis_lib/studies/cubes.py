@@ -40,11 +40,13 @@ def listed_by(cube: xr.Dataset) -> str:
 
 def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
     """The errors that a cube holds in %, by their names in the tables."""
-    return {
-        name: cube[variable] if plane is None else cube[variable].sel(plane=plane)
-        for name, (variable, plane) in ERRORS.items()
-        if variable in cube
-    }
+    return {name: error(cube, name) for name, (variable, _) in ERRORS.items() if variable in cube}
+
+
+def error(cube: xr.Dataset, name: str) -> xr.DataArray:
+    """One of them."""
+    variable, plane = ERRORS[name]
+    return cube[variable] if plane is None else cube[variable].sel(plane=plane)
 
 
 def predicted(cube: xr.Dataset, error: str) -> xr.DataArray:

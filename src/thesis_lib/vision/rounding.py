@@ -14,6 +14,7 @@ exp(−4π²k²σ²).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +41,12 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
     ndarray, shape (trials + 1 - first, n_cameras, 2)
         Shifts in px, uniform in ±½; trial 0 is the literal run and has none.
     """
+    return _grid_shifts(seed, trials, n_cameras, first).copy()
+
+
+@lru_cache(maxsize=32)
+def _grid_shifts(seed: int, trials: int, n_cameras: int, first: int) -> Array:
+    """The same, which settings with as many cameras share; a stream takes longer than its use."""
     shifts = np.zeros((trials + 1 - first, n_cameras, 2))
     for trial in range(max(first, 1), trials + 1):
         # Philox is counter-based: the trial is its own stream, the camera the place in it.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -145,9 +145,6 @@ def rounded(how: str | float, uv: Array, shift: Array, middle: Array) -> Array:
     return whole
 
 
-_shifts = lru_cache(maxsize=32)(grid_shifts)  # the same for all models
-
-
 def _phases(frames: int) -> tuple[Array, Array]:
     """Deflection over its largest in the frames of a period that are measured; weights of its fit.
 
@@ -186,7 +183,7 @@ def simulate(model: Model, seed: int, trials: int, first: int = 0) -> tuple[Arra
     found = []
     for _, setting in settings():
         rig = cameras(model, setting)
-        shift = np.moveaxis(_shifts(seed, trials, len(rig), first), 0, 2)[:, :, None, :, None]
+        shift = np.moveaxis(grid_shifts(seed, trials, len(rig), first), 0, 2)[:, :, None, :, None]
         middle = np.array(setting.resolution_px).reshape(1, 2, 1, 1, 1) / 2
         images = project(rig.P, points)[:, :, :, None]
         place = triangulate(rig.P, rounded(model.rounding, images, shift, middle), model.steps)
