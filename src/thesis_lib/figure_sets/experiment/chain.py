@@ -137,15 +137,22 @@ def dataset_of(
     calibration: xr.Dataset,
     sound: xr.Dataset,
     followed: Sequence[Recording],
+    corners: Array | None = None,
 ) -> xr.Dataset:
-    """What :func:`measure` returns, from what its steps have found."""
+    """What :func:`measure` returns, from what its steps have found.
+
+    `corners`, shape (cameras, 2), are where the frames begin on the sensors, in px of full size.
+    """
     names = [camera.name for camera in manifest.cameras]
     every = [np.load(own.path).swapaxes(0, 1) for own in followed]
     longest = max(own.shape[1] for own in every)
     both = np.full((len(names), 2 * len(widths), longest, *every[0].shape[2:]), np.nan)
     for padded, own in zip(both, every, strict=True):
         padded[:, : own.shape[1]] = own
-    tracks, matches = np.split(both, 2, axis=1)
+    tracks, matches = np.moveaxis(both.reshape(len(names), 2, len(widths), *both.shape[2:]), 1, 0)
+    if corners is not None:
+        shift = np.array(widths)[:, None] / manifest.cameras[0].width_px * corners[:, None]
+        tracks, matches = (own + shift[:, :, None, :, None] for own in (tracks, matches))
     thesis = literal(calibration["corners"].values, manifest)
     cameras = [thesis.cameras, cameras_in(calibration)]
     rates = [c.frame_rate_hz for c in manifest.cameras]

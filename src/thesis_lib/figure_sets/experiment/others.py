@@ -68,14 +68,13 @@ def _measured(rig: Rig, request: Laboratory, manifest: Manifest, folder: Path) -
     widths = [width for width in request.widths_px if width != TRIED_PX]
     shares = np.array(widths) / full
     corners = np.array([corner for _, corner in windows])
-    part = calibration.copy(deep=True)  # the cameras with these parts of their sensors
-    part["K"].values[:, :2, 2] -= corners
-    part["size"].values[:] = [station.camera.size for station, _ in windows]
+    K, sizes = calibration["K"].values.copy(), [station.camera.size for station, _ in windows]
+    K[:, :2, 2] -= corners
+    part = calibration.assign(  # the cameras with these parts of their sensors
+        K=calibration["K"].copy(data=K), size=calibration["size"].copy(data=sizes)
+    )
     counts = [int(rig.duration * request.frame_rate_hz)] * len(windows)
     followed = tracked_in(manifest, folder, steps, part, sound, counts, shares.tolist())
-    data = chain.dataset_of(manifest, widths, calibration, sound, followed)
-    shift = np.multiply.outer(corners, shares).transpose(0, 2, 1)[:, :, None, :, None]
-    for name in ("tracks", "matches"):
-        data[name].values[:] += shift
+    data = chain.dataset_of(manifest, widths, calibration, sound, followed, corners)
     chain.check_grid(data, rig.markers)
     return data
