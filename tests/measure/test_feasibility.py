@@ -12,6 +12,7 @@ from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, assess
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.feasibility.limits import THRESHOLDS
 from thesis_lib.measure.feasibility.predictions import alias, noise_errors, rounding_errors
+from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.vision.optics import depth_of_field
 from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras, pixelate, project
@@ -390,7 +391,7 @@ def test_corners_that_are_given_need_not_be_in_the_picture():
 def test_a_folded_mode_is_named_by_its_frequency():
     values = change(rig(), **{f"cameras__{i}__frame_rate_hz": 75.0 for i in range(4)})
     assert codes(values) == set()  # 39.6 Hz is the second, the driven one's own is 6.3 Hz
-    own = manifest(values).structure.beam.angular_frequencies(3)[2] / (2 * np.pi)
+    own = model_of(manifest(values).structure).angular_frequencies(3)[2] / (2 * np.pi)
     values = change(values, **{f"cameras__{i}__frame_rate_hz": own - 4.5 for i in range(4)})
     (text,) = {one.text for one in assessed(values).warnings}
     assert f"{own:.4g} Hz is seen at 4.5 Hz" in text

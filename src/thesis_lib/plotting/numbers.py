@@ -25,7 +25,7 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
     per claim, with all that the cube says of it; of a cube of single quantities: each with its
     value and unit.
     """
-    if cube.attrs["figure_set"] == "claims":
+    if cubes.listed_by(cube) == "claim":
         return pd.DataFrame(
             {str(n): v.values for n, v in cube.variables.items() if v.dims == ("claim",)}
         )
@@ -149,7 +149,7 @@ def figure_names(cube: xr.Dataset) -> dict[tuple[str, int], str]:
     cases has no such files: all that its figures draw is in its one table.
     """
     names: dict[tuple[str, int], str] = {}
-    if "case" not in cube or cube.attrs["figure_set"] == "claims":
+    if "case" not in cube or cubes.listed_by(cube) == "claim":
         return names
     for case in dict.fromkeys(cube["case"].values.tolist()):
         plain = re.sub(r"[^A-Za-z0-9]+", "-", case.replace("'", "-prime")).strip("-") or "case"

@@ -24,6 +24,7 @@ from thesis_lib.measure.feasibility.outlook import (
 )
 from thesis_lib.measure.feasibility.predictions import alias
 from thesis_lib.measure.feasibility.unchecked import unchecked
+from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 
 CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 px in H.264
@@ -145,9 +146,9 @@ def _of_rate(manifest: Manifest, rate: float, where: str) -> list[Warning]:
         and f"{given}; allowed: {LIMIT['few-samples'] * f:.6g} Hz or more",
     }
     found = _those(where, texts)
-    if s.kind == "flat":
+    model = model_of(s)
+    if model is None:
         return found
-    model = s.beam if s.kind == "beam" else s.plate
     many = model.angular_frequencies(MANY) / (2 * np.pi)
     others = many[many > OTHER_MODE * f][:MODES]
     for k, own in enumerate(others):

@@ -8,7 +8,9 @@ import numpy as np
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.manifest_model import Structure
+from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
+from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import resonance
 
 BENDING, TORSION, PLATE = 6, 3, 12  # modes of each kind that are tried
@@ -24,34 +26,55 @@ class Candidate:
     shape: Array  #: Its deflection at the markers, of any size, shape (markers,)
 
 
-def candidates(structure: Structure) -> list[Candidate]:
-    """The modes that a measured shape is compared with; none for a flat structure without model."""
-    points = structure.marker_points
+def model_of(structure: Structure) -> Beam | Plate | None:
+    """The clamped beam or simply supported plate that a structure is; None if it has no model."""
+    own = {
+        "length": structure.length_mm / 1000,
+        "width": structure.width_mm / 1000,
+        "thickness": structure.thickness_mm / 1000,
+        "density": structure.density_kg_m3,
+        "youngs_modulus": structure.youngs_modulus_pa,
+        "damping": structure.damping,
+    }
+    along, markers = structure.force_position_mm / 1000, structure.markers
     if structure.kind == "beam":
-        beam = structure.beam
+        spacing = markers.spacing_mm / 1000
+        return Beam(**own, force_position=along, n_markers=markers.columns, marker_spacing=spacing)
+    if structure.kind == "plate":
+        across = (structure.force_across_mm or structure.width_mm / 2) / 1000
+        return Plate(
+            **own,
+            poisson=structure.poissons_ratio,
+            force_position=(along, across),
+            grid=(markers.columns, markers.rows),
+        )
+    return None
+
+
+def candidates(structure: Structure) -> list[Candidate]:
+    """The modes that a measured shape is compared with; none for a structure without model."""
+    points, model = structure.marker_points, model_of(structure)
+    found = []
+    if isinstance(model, Beam):
         kinds = [("bending", n) for n in range(1, BENDING + 1)]
         kinds += [("torsion", n) for n in range(1, TORSION + 1)]
         found = [
             Candidate(
                 f"{kind} {n}",
-                resonance(beam, n) / (2 * np.pi) if kind == "bending" else np.nan,
-                Component(kind, n).shape(beam, points),
+                resonance(model, n) / (2 * np.pi) if kind == "bending" else np.nan,
+                Component(kind, n).shape(model, points),
             )
             for kind, n in kinds
         ]
-    elif structure.kind == "plate":
-        plate = structure.plate
-        pairs = plate.mode_indices(PLATE)
+    elif model is not None:
         found = [
             Candidate(
                 f"mode ({pair[0]}, {pair[1]})",
-                resonance(plate, n) / (2 * np.pi),
-                Component("bending", n).shape(plate, points),
+                resonance(model, n) / (2 * np.pi),
+                Component("bending", n).shape(model, points),
             )
-            for n, pair in enumerate(pairs, 1)
+            for n, pair in enumerate(model.mode_indices(PLATE), 1)
         ]
-    else:
-        found = []
     # Markers on a line of no motion, as those of one row in torsion, see nothing of a mode.
     return [one for one in found if np.abs(one.shape).max() > 1e-9]
 

@@ -7,7 +7,7 @@ their suffix here and nowhere else: properties without a suffix are in SI units.
 from __future__ import annotations
 
 from itertools import combinations
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -25,10 +25,6 @@ from thesis_lib.studies.vocabulary import (
     allowed_text,
     field,
 )
-
-if TYPE_CHECKING:
-    from thesis_lib.vibration.beam import Beam
-    from thesis_lib.vibration.plate import Plate
 
 Place = tuple[float, float]
 Count = Annotated[int, Field(ge=1, le=200)]
@@ -157,43 +153,6 @@ class Structure(Part):
     def hole(self) -> Array | None:
         """Centre of the hole, shape (2,), in m."""
         return None if self.markers.hole_mm is None else np.array(self.markers.hole_mm) / 1000
-
-    @property
-    def plate(self) -> Plate:
-        """The simply supported plate whose model the measurement is compared with."""
-        from thesis_lib.vibration.plate import Plate
-
-        return Plate(
-            length=self.length_mm / 1000,
-            width=self.width_mm / 1000,
-            thickness=self.thickness_mm / 1000,
-            density=self.density_kg_m3,
-            youngs_modulus=self.youngs_modulus_pa,
-            poisson=self.poissons_ratio,
-            damping=self.damping,
-            force_position=(
-                self.force_position_mm / 1000,
-                (self.force_across_mm or self.width_mm / 2) / 1000,
-            ),
-            grid=(self.markers.columns, self.markers.rows),
-        )
-
-    @property
-    def beam(self) -> Beam:
-        """The beam whose model the measurement is compared with."""
-        from thesis_lib.vibration.beam import Beam
-
-        return Beam(
-            length=self.length_mm / 1000,
-            width=self.width_mm / 1000,
-            thickness=self.thickness_mm / 1000,
-            density=self.density_kg_m3,
-            youngs_modulus=self.youngs_modulus_pa,
-            damping=self.damping,
-            force_position=self.force_position_mm / 1000,
-            n_markers=self.markers.columns,
-            marker_spacing=self.markers.spacing_mm / 1000,
-        )
 
 
 class CameraFiles(Part):
