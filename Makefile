@@ -12,7 +12,9 @@ LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --genera
 	--no-emit-index-url --no-emit-find-links
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --nbval tests notebooks
 
-.PHONY: book pdf test test-all test-nightly test-cpus quick check bench picture photographs platforms lock clean
+BROWSED := $(shell grep -rl --include='test_*.py' open_offline tests)
+
+.PHONY: book pdf test test-all test-nightly test-javascript test-cpus quick check bench picture photographs platforms lock clean
 
 book: $(BOOK)  ## the executed book, in build/html
 	$(BIN)/thesis book
@@ -31,6 +33,9 @@ quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the
 
 test-nightly: book $(ALL)  ## what takes an hour: thousands of inputs, kills at every step
 	$(PYTEST) -m nightly
+
+test-javascript: book $(ALL)  ## whether tests execute 95 % of our JavaScript, as Chromium counts
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(BROWSED) --javascript 95
 
 test-cpus: $(ALL)  ## tests, notebooks and all cubes as on other processors; takes hours
 	$(BIN)/python tests/cpus.py

@@ -16,7 +16,6 @@ from thesis_lib.web.page import BookError
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "build" / "axe"
-WORST = ("serious", "critical")
 # What folds is opened at once; of many rows, entries and words of code that are alike, some stand
 # for all.
 PREPARE = """() => {
@@ -73,7 +72,7 @@ def absent() -> str:
 
 
 def findings(page: Page, *rules: str, without: tuple[str, ...] = ()) -> list[str]:
-    """What is seriously wrong with a page, one line per element.
+    """What is wrong with a page, minor or not, one line per element.
 
     Parameters
     ----------
@@ -95,13 +94,12 @@ def findings(page: Page, *rules: str, without: tuple[str, ...] = ()) -> list[str
     return [
         f"{rule['id']}: {' '.join(map(str, node['target']))}: {node['html'][:200]}"
         for rule in found["violations"]
-        if rule["impact"] in WORST
         for node in rule["nodes"]
     ]
 
 
 def light_and_dark(page: Page, *, theme: bool = False, without: tuple[str, ...] = ()) -> list[str]:
-    """What is seriously wrong with an open page, by any rule in the light, by contrast in the dark.
+    """What is wrong with an open page, by any rule in the light, by contrast in the dark.
 
     Parameters
     ----------

@@ -163,6 +163,10 @@ def _window(running: Browser, touch: bool, server: str) -> Opened:
     if server:
         context.route(lambda url: not url.startswith(local), lambda route: route.abort())
     opened = Opened(context.new_page())
+    import javascript  # a plugin of pytest, which wants to import it first
+
+    for watcher in javascript.WATCHER:
+        watcher.watch(opened.page)
     opened.page.on(
         "request",
         lambda request: (
@@ -177,9 +181,7 @@ def _window(running: Browser, touch: bool, server: str) -> Opened:
     )
     opened.page.on(
         "console",
-        lambda message: (
-            opened.console.append(f"console: {message.text}") if message.type == "error" else None
-        ),
+        lambda message: opened.console.append(f"console: {message.text}"),
     )
     opened.page.on(
         "response",

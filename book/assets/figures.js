@@ -72,4 +72,36 @@
     (link ?? image).before(frame);
     frame.append(link ?? image, grow);
   }
+
+  // Once nothing else is to be done the rest of the figures is loaded, so that a page that is saved has them.
+  const rest = [...document.querySelectorAll(".bd-article img[loading=lazy]")];
+  const idle = window.requestIdleCallback ?? ((act) => setTimeout(act, 200));
+  const load = () => {
+    const image = rest.shift();
+    if (!image) return;
+    image.loading = "eager";
+    image.decode().catch(() => null).then(() => idle(load));
+  };
+  addEventListener("load", () => idle(load));
+
+  // On a phone the panels of a figure stand one below the other, each as wide as the page.
+  const apart = (image) => {
+    const [width, height] = [image.getAttribute("width"), image.getAttribute("height")];
+    const parts = image.dataset.panels.split(";").map((box) => {
+      const [x, y, w, h] = box.split(" ").map(Number), copy = element("img", ""), part = element("span", "tl-panel", copy);
+      Object.assign(copy, { src: image.src, alt: "", loading: "lazy" });
+      Object.assign(part.style, { width: `min(100%, ${1.2 * w * width / 100}px)`, aspectRatio: `${w * width} / ${h * height}` });
+      Object.assign(copy.style, { width: `${10000 / w}%`, left: `${-100 * x / w}%`, top: `${-100 * y / h}%` });
+      part.addEventListener("click", () => show(image));
+      return part;
+    });
+    image.closest(".tl-frame").append(element("span", "tl-panels", ...parts));
+  };
+  const phone = matchMedia("screen and (max-width: 600px)");
+  const divide = () => {
+    if (!phone.matches) return;
+    for (const image of document.querySelectorAll(".tl-frame:not(:has(.tl-panels)) img[data-panels][width]")) apart(image);
+  };
+  phone.addEventListener("change", divide);
+  divide();
 })();

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -44,13 +45,13 @@ def needs_book(test: T) -> T:
 
 
 T = TypeVar("T")
-PAINT_MS = 1000
+PAINT_MS = 500
 PICTURES = """() => [...document.querySelectorAll('.cell_output svg, .cell_output canvas')]
     .map(one => one.tagName === 'CANVAS' ? one.toDataURL() : one.innerHTML).join()
     + (document.querySelector('.tl-ledger-count')?.textContent ?? '')"""
 FACTS = """async () => {
     const all = (css, of) => [...document.querySelectorAll(css)].map(of);
-    const images = [...document.querySelectorAll('.bd-article img')];
+    const images = [...document.querySelectorAll('.bd-article img:not(.tl-panel img)')];
     images.forEach(image => { image.loading = 'eager'; });
     await Promise.allSettled(images.map(image => image.decode()));
     return {
@@ -60,6 +61,30 @@ FACTS = """async () => {
         mistakes: all('mjx-merror, [data-mjx-error]', one => one.textContent),
         text: document.body.innerText,
         paint_ms: performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN,
+    };
+}"""
+FITS = """async () => {
+    const seen = { opacityProperty: true, visibilityProperty: true };
+    const all = (css) => [...document.querySelectorAll(css)]
+      .filter((one) => one.checkVisibility(seen));
+    for (const one of document.querySelectorAll('.bd-article details')) one.open = true;
+    for (let i = 0; i < 3; i++) await new Promise((done) => requestAnimationFrame(done));
+    const boxes = all('.bd-article :is(pre, table):not(.tl-fragment table)')
+      .map((one) => (one.tagName === 'PRE' ? one : one.parentElement))
+      .filter((one) => one.scrollWidth > one.clientWidth + 1);
+    const told = (one) => `${one.closest('section[id]')?.id} ${one.tagName} ${one.className} `
+      + (one.ariaLabel ?? one.innerText).slice(0, 40);
+    const box = (one) => one.getBoundingClientRect();
+    const targets = all(`a[href], button, select, summary, textarea, [role=button],
+      input:not([type=hidden], label input), label:has(input)`)
+      .filter((one) => getComputedStyle(one).display !== 'inline')
+      .map((one) => [one, Math.min(box(one).width, box(one).height)])
+      .filter(([, least]) => least > 1 && least < 23.9) // else it is its parts that are tapped
+      .map(([one]) => one);
+    return {
+      cut: boxes.filter((one) => !one.matches('.tl-scrolls')).map(told),
+      scrolling: boxes.filter((one) => one.matches('.tl-scrolls')).map(told),
+      small: targets.map(told),
     };
 }"""
 SAME = (".bd-sidebar-primary", ".bd-header-article", ".bd-footer")  # on every page
@@ -77,6 +102,9 @@ class Visit:
     mistakes: list[str]
     text: str
     paint_ms: float
+    cut: list[str]  # tables and code that do not fit and do not say so
+    scrolling: list[str]  # tables that say that they scroll
+    small: list[str]  # what is to be clicked or tapped, too small for a finger
     answers: bool | None = None  # whether a choice changes a picture; None without a choice
     inaccessible: tuple[str, ...] = ()
 
@@ -87,6 +115,7 @@ def look(opened: Opened) -> Visit:
         sideways_px=opened.sideways_px(),
         trouble=opened.trouble,
         **opened.page.evaluate(FACTS),
+        **opened.page.evaluate(FITS),
     )
 
 
@@ -144,7 +173,11 @@ def visit(running: Browser, address: str) -> Callable[[str, bool], Visit]:
         if phone:
             where = {"width": 390, "dark": True, "served": f"{address}/{name}"}
             with open_offline(running, BOOK / name, **where) as opened:
-                return look(opened)
+                seen = look(opened)
+                opened.page.set_viewport_size({"width": 320, "height": 700})
+                opened.page.wait_for_timeout(50)
+                seen.sideways_px = max(seen.sideways_px, opened.sideways_px())
+                return seen
         with open_offline(running, BOOK / name, fresh=True) as opened:  # as at first
             return use(opened, name)
 
@@ -164,6 +197,17 @@ class TestPage:
         self, visit: Callable[[str, bool], Visit], name: str, phone: bool
     ) -> None:
         assert visit(name, phone).sideways_px <= 0
+
+    def test_tables_and_code_fit_or_say_that_they_scroll(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        assert visit(name, phone).cut == []
+        assert phone or visit(name, phone).scrolling == []
+
+    def test_what_is_tapped_is_large_enough(
+        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
+    ) -> None:
+        assert visit(name, phone).small == []
 
     def test_equations_are_typeset(
         self, visit: Callable[[str, bool], Visit], name: str, phone: bool
@@ -193,14 +237,15 @@ def test_a_long_path_in_prose_breaks_on_a_phone(running: Browser) -> None:
 
 @needs_book
 @pytest.mark.parametrize("name", PAGES)
-def test_first_paint_within_a_second(
+def test_first_paint_within_half_a_second(
     running: Browser, visit: Callable[[str, bool], Visit], name: str
 ) -> None:
     tried = [visit(name, False).paint_ms]
-    while min(tried) > PAINT_MS and len(tried) < 4:  # the machine may have been busy
+    waiting = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))  # jobs for each processor
+    while min(tried) > PAINT_MS * waiting and len(tried) < 8:  # the machine may have been busy
         with open_offline(running, BOOK / name, fresh=True) as opened:
             tried.append(look(opened).paint_ms)
-    assert min(tried) <= PAINT_MS, tried
+    assert min(tried) <= PAINT_MS * waiting, tried
 
 
 @needs_book
@@ -245,7 +290,7 @@ def test_a_choice_in_a_widget_changes_its_picture(
 
 @needs_book
 @pytest.mark.parametrize("name", [name for name in PAGES if name != "index.html"])
-def test_nothing_serious_for_those_who_cannot_see_well(
+def test_nothing_amiss_for_those_who_cannot_see_well(
     visit: Callable[[str, bool], Visit], name: str
 ) -> None:
     if axe.absent():

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -12,7 +14,7 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 
 import axe
 from book.test_book_pages import BOOK, PAGES, needs_book
-from browser import browser, find_browser, open_offline
+from browser import browser, find_browser, open_offline, server
 from PIL import Image
 from playwright.sync_api import Browser
 
@@ -105,6 +107,74 @@ def test_a_first_tap_shows_and_a_second_goes(running: Browser) -> None:
         link.tap()
         page.wait_for_url("**/beam-aperture.html#fig-3-8")
         assert opened.trouble == []
+
+
+PANELS = """() => [...document.querySelectorAll('#fig-3-7 .tl-panel')].map((one) => {
+    const { left, top, right, bottom } = one.getBoundingClientRect();
+    return [left, top, right, bottom];
+})"""
+
+
+@needs_book
+def test_on_a_phone_panels_stand_one_below_the_other(running: Browser) -> None:
+    with open_offline(running, RESULTS, width=390) as opened:
+        page = opened.page
+        boxes = page.evaluate(PANELS)
+        assert len(boxes) == 4
+        for (_, _, _, bottom), (_, top, _, _) in pairwise(boxes):
+            assert top >= bottom
+        assert all(right - left > 240 for left, _, right, _ in boxes)
+        whole = page.locator("#fig-3-7 .tl-grows").bounding_box()
+        assert whole is not None
+        assert whole["width"] <= 1
+        page.locator("#fig-3-7 .tl-panel").nth(1).tap()
+        assert page.locator(".tl-zoom").is_visible()
+        page.keyboard.press("Escape")
+        page.set_viewport_size({"width": 1000, "height": 800})
+        assert page.locator("#fig-3-7 .tl-panel").first.is_hidden()
+        whole = page.locator("#fig-3-7 .tl-grows").bounding_box()
+        assert whole is not None
+        assert whole["width"] > 500
+        assert opened.trouble == []
+
+
+@needs_book
+def test_a_page_that_is_saved_alone_has_its_text_and_figures(
+    running: Browser, tmp_path: Path
+) -> None:
+    """Saved by the browser as one file from where it is served, and opened when that is gone."""
+    loaded = """() => [...document.querySelectorAll('.bd-article img')]
+        .every((one) => one.complete && one.naturalWidth)"""
+    with (
+        server(BOOK) as address,
+        open_offline(running, RESULTS, served=f"{address}/executed/beam-aperture.html") as opened,
+    ):
+        opened.page.wait_for_function(loaded, timeout=120_000)
+        text = opened.page.locator(".bd-article p").all_text_contents()
+        session = opened.page.context.new_cdp_session(opened.page)
+        saved = session.send("Page.captureSnapshot", {"format": "mhtml"})["data"]
+        session.detach()
+    file = tmp_path / "saved.mhtml"
+    file.write_bytes(saved.encode())
+    with open_offline(running, file, fresh=True) as opened:
+        opened.page.wait_for_function(loaded)
+        assert opened.page.locator(".bd-article img").count() > 10
+        assert opened.page.locator(".bd-article p").all_text_contents() == text
+
+
+@needs_book
+def test_a_page_that_is_copied_alone_has_its_text(running: Browser, tmp_path: Path) -> None:
+    """Without styles, scripts and pictures: what figures show is told in words."""
+    file = tmp_path / "copied.html"
+    file.write_bytes(RESULTS.read_bytes())
+    with open_offline(running, file, fresh=True) as opened:
+        said = opened.page.locator(".bd-article").inner_text()
+        assert "Mean error" in said
+        assert "Figure 3.7 of the thesis" in said
+        assert opened.page.locator(".tl-viewer svg").count() > 3
+        alt = opened.page.locator("#fig-3-7 img").get_attribute("alt")
+        assert alt is not None
+        assert "deflection shape" in alt
 
 
 @needs_book

@@ -243,15 +243,16 @@ RUBBISH = [
 def test_rubbish_in_the_address_gives_the_default_view(show: Show, kind: str) -> None:
     said = "() => document.querySelector('.tl-viewer [role=status], .tl-summary').textContent"
     state = "() => [...document.querySelectorAll('select')].map(one => one.value)"
+    settled = "() => !document.querySelector('[aria-busy=true]')"
     with show(kind, still=True) as opened:
-        opened.page.wait_for_timeout(600)
+        opened.page.wait_for_function(settled)
         address = opened.page.url.partition("?")[0]
         words, chosen = opened.page.evaluate(said), opened.page.evaluate(state)
         for query in RUBBISH:
             for mark in "?#":
                 opened.page.goto("about:blank")
                 opened.page.goto(f"{address}{mark}{query}")
-                opened.page.wait_for_timeout(600 if kind == "explorer" else 50)
+                opened.page.wait_for_function(settled)
                 assert opened.page.evaluate(state) == chosen, query
                 assert opened.page.evaluate(said) == words, query
                 assert opened.trouble == []

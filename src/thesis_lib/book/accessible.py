@@ -26,6 +26,8 @@ _MENDS = [
         r'(<div id="pst-primary-sidebar") (class=)',
         r'\1 role="region" aria-label="Title and contents" \2',
     ),
+    # A head without words is no head.
+    (r"<th\b([^>]*)>(?:<p>)?\s*(?:</p>)?</th>", r"<td\1></td>"),
     # A list holds items. Their own role, of bibliographies, is no longer used.
     (r'(<div class="citation"[^>]*) role="doc-biblioentry"', r'\1 role="listitem"'),
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from html import escape, unescape
+from urllib.parse import quote
 
 import yaml
 
@@ -15,6 +16,9 @@ FILE = "_static/edition.js"
 _TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 _FIRST = re.compile(r'<article class="bd-article">.*?<h1>.*?</h1>.*?<p>(.*?)</p>', re.DOTALL)
 _MARKUP = re.compile(r"<[^>]*>|\\[()]")
+_NAME = re.compile(r'<details class="tl-provenance" id="provenance-([\w-]+)"')
+_BUTTONS = re.compile(r'<div class="article-header-buttons">')
+_BINDER = "https://mybinder.org/v2"
 _KEY = {"og:": "property"}
 _LONGEST = 200  # letters that are shown
 
@@ -31,6 +35,29 @@ def script() -> str:
         "commit": attributes._commit(),
     }
     return f"window.thesisEdition={json.dumps(edition, ensure_ascii=False)};\n"
+
+
+def launched(html: str) -> str:
+    """The same page with a button that runs its notebook on Binder.
+
+    Only where ``_config.yml`` names a repository, and only on pages of figure sets.
+    """
+    file, name = project_root() / "_config.yml", _NAME.search(html)
+    configured = yaml.safe_load(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    repository = configured.get("repository") or {}
+    address = str(repository.get("url") or "").rstrip("/").removesuffix(".git")
+    if not address or name is None:
+        return html
+    branch = repository.get("branch") or "main"
+    _, github, place = address.partition("https://github.com/")
+    where = f"gh/{place}" if github else f"git/{quote(address, safe='')}"
+    href = f"{_BINDER}/{where}/{branch}?urlpath=lab/tree/notebooks/{name[1]}.ipynb"
+    button = (
+        f'<a class="btn btn-sm pst-navbar-icon tl-binder" href="{escape(href)}" '
+        'aria-label="Run on Binder" title="Run on Binder">'
+        '<i class="fa-solid fa-rocket" aria-hidden="true"></i></a>'
+    )
+    return _BUTTONS.sub(lambda found: found[0] + button, html, count=1)
 
 
 def described(html: str, root: str) -> str:

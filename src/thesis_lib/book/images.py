@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
+from thesis_lib.book.panels import panels
+
 _IMAGE = re.compile(r'<img (?P<rest>[^>]*?src="(?P<source>[^":]+)"[^>]*?)(?P<end>\s*/?>)')
 _INLINE = re.compile(r'src="data:image/svg\+xml;base64,(?P<drawing>[A-Za-z0-9+/=\s]{20000,})"')
 _SVG = re.compile(r"<svg\b[^>]*>")
@@ -70,9 +72,18 @@ def lazy(html: str, folder: Path) -> str:
         if size is None or "loading=" in match["rest"]:
             return match[0]
         told = "" if "width=" in match["rest"] else f' width="{size[0]}" height="{size[1]}"'
+        told += _panels(folder / unquote(match["source"]))
         return f'<img {match["rest"]}{told} loading="lazy"{match["end"]}'
 
     return _IMAGE.sub(mend, html)
+
+
+def _panels(picture: Path) -> str:
+    """Where a drawing's panels are, as an attribute of its image."""
+    if picture.suffix != ".svg":
+        return ""
+    found = panels(picture.read_text(encoding="utf-8"))
+    return f' data-panels="{found}"' if found else ""
 
 
 def size_px(picture: Path) -> tuple[int, int] | None:

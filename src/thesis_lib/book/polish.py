@@ -12,8 +12,10 @@ from urllib.parse import quote
 
 from thesis_lib.book.accessible import mend
 from thesis_lib.book.contents import fold
-from thesis_lib.book.edition import described
+from thesis_lib.book.edition import described, launched
 from thesis_lib.book.images import classed, in_files, lazy, relative, squeeze, themed
+from thesis_lib.book.intervals import drawn
+from thesis_lib.book.panels import with_panels
 
 # nor icons of firms, nor those drawn by a script, nor Sphinx's search
 _UNUSED = ("fa-brands-*", "fontawesome.js", "searchtools.js", "language_data.js")
@@ -33,6 +35,10 @@ _BETWEEN = re.compile(
 _VIEWPORT = re.compile(r'<meta (?:content="[^"]*" )?name="viewport"[^>]*>\s*')
 _HEAD = re.compile(r"(?<=<head>).*?(?=</head>)", re.DOTALL)
 _SHOWN = re.compile(rb"_images/([^\"]+)")
+# What theme and extensions write into the console of every page.
+_CHATTER = re.compile(
+    r"""console\.(?:log|info|debug)\(\s*(?:"\[PST\][^"]*"|`\[(?:PST|togglebutton)\][^`]*`),?\s*\)"""
+)
 
 
 def polish(book: Path, files: Iterable[Path]) -> None:
@@ -44,8 +50,8 @@ def polish(book: Path, files: Iterable[Path]) -> None:
         text = file.read_text(encoding="utf-8")
         if file.suffix == ".html":
             text = in_files(_SPARE.sub(r"\g<text>", text), file.parent, book / "_images")
-            text = _plain(lazy(mend(fold(text)), file.parent))
-            text = described(text, "../" * (len(file.relative_to(book).parts) - 1))
+            text = _plain(lazy(drawn(mend(fold(text))), file.parent))
+            text = described(launched(text), "../" * (len(file.relative_to(book).parts) - 1))
         else:
             text = _drawing(text) if file.suffix == ".svg" else _slim(text)
         file.write_text(text, encoding="utf-8")
@@ -53,7 +59,7 @@ def polish(book: Path, files: Iterable[Path]) -> None:
 
 def _drawing(text: str) -> str:
     """A drawing in fewer letters, in colours that follow the page."""
-    return themed(classed(relative(squeeze(text))))
+    return themed(classed(relative(squeeze(with_panels(text)))))
 
 
 def _plain(text: str) -> str:
@@ -83,7 +89,7 @@ def _slim(text: str) -> str:
 
 
 def tidy(book: Path) -> None:
-    """Remove what no page needs: sources of styles, and pictures that are no longer shown."""
+    """Remove what no page needs: sources of styles, pictures no longer shown, idle messages."""
     shown = {name for page in book.rglob("*.html") for name in _SHOWN.findall(page.read_bytes())}
     pictures = [file for file in book.glob("_images/*") if quote(file.name).encode() not in shown]
     unread = [
@@ -92,3 +98,6 @@ def tidy(book: Path) -> None:
     ]
     for file in chain(pictures, *unread):
         file.unlink()
+    for name in ("scripts/pydata-sphinx-theme.js", "togglebutton.js"):
+        script = book / "_static" / name
+        script.write_text(_CHATTER.sub("0", script.read_text(encoding="utf-8")), encoding="utf-8")

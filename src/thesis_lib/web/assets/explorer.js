@@ -13,7 +13,9 @@ export default (() => {
   const { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, refused, setupOf, sixteenToNine,
     toAddress, toCommand, within } = states;
   const WIDTHS = [320, 640, 1280, 1920], ERRORS = [["mean_error", "Mean error"], ["max_point_error", "Largest error"]];
-  const HINT = "Drag a camera, or empty space to turn; or arrow keys, Delete. After a click the wheel changes the distance.";
+  const HINT = matchMedia("(pointer: coarse)").matches
+    ? "Drag a camera with a finger, or empty space sideways to turn."
+    : "Drag a camera, or empty space to turn; or arrow keys, Delete. After a click the wheel changes the distance.";
   const percent = (value) => (isNumber(value) ? `${show(value)}\u00a0%` : "–");
   const bandText = ([median, low, high]) =>
     (isNumber(median) ? `${show(median)} (${show(low)}–${show(high)})\u00a0%` : "–");
@@ -50,7 +52,7 @@ export default (() => {
     const row = (words, ...those) => html("tr", {}, html("th", { scope: "row" }, words), ...those);
     const table = html("table", {}, html("caption", {}, "Errors of the markers in % of their largest deflection"),
       html("thead", {}, html("tr", {}, ...head.map(([words, more]) =>
-        html("th", { scope: "col" }, words, html("small", {}, ` ${more}`))))),
+        html(words ? "th" : "td", words ? { scope: "col" } : {}, words, html("small", {}, ` ${more}`))))),
       ...ERRORS.map(([, words], i) => html("tbody", {}, row(words, ...cells[i].slice(0, 3)),
         row("published", ...cells[i].slice(3, 5), html("td")), row("thesis states", cells[i][5]))));
     const root = html("section", { class: "tl-viewer tl-explorer", "aria-label": "Explorer of camera layouts" }, controls,

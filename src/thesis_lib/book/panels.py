@@ -1,0 +1,135 @@
+"""Where the panels of a drawing are, so that a phone can show one below the other.
+
+A drawing of several panels side by side is too small there to be read. Matplotlib writes each panel
+as a group; its box is that of what is drawn in it, labels included.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+
+Box = tuple[float, float, float, float]  # left, top, right, bottom
+
+_TOLD = re.compile(r'<svg\b[^>]* data-panels="([^"]*)"')
+_VIEW = re.compile(r'<svg\b[^>]* viewBox="0 0 ([\d.]+) ([\d.]+)"')
+_DEFS = re.compile(r"<defs>.*?</defs>", re.DOTALL)
+_CLIP = re.compile(
+    r'<clipPath id="([^"]+)">\s*<rect x="(\S+)" y="(\S+)" width="(\S+)" height="(\S+)"'
+)
+_TOKEN = re.compile(r"<(/?)(g|path|use|image)\b([^>]*?)(/?)>", re.DOTALL)
+_ATTRIBUTE = re.compile(r'(\S+?)="([^"]*)"', re.DOTALL)
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+_PLACED = re.compile(r"translate\(([-\d.]+)[ ,]([-\d.]+)\)( rotate\(-90\))?.*?scale\(([\d.]+)")
+_AWAY = re.compile(r"translate\(([-\d.]+)")
+_LETTER, _ABOVE, _BELOW = 62.0, 76.0, 22.0  # of a text, in hundredths of its size
+_MARGIN = 3.0
+_NARROW = 0.13  # of the drawing's width
+
+
+def panels(svg: str) -> str:
+    """The boxes of a drawing's panels, ``left top width height`` in % of it, from top to bottom.
+
+    Empty if it has but one column of them, or is not of Matplotlib.
+    """
+    told, view = _TOLD.search(svg), _VIEW.search(svg)
+    if told or not view:
+        return told[1] if told else ""
+    width, height = float(view[1]), float(view[2])
+    boxes = _columns([*_boxes(svg, width, height)], width)
+    if not any(_abreast(*two) for two in pairwise(boxes)):
+        return ""
+    return ";".join(
+        f"{100 * left / width:.1f} {100 * top / height:.1f} "
+        f"{100 * (right - left) / width:.1f} {100 * (bottom - top) / height:.1f}"
+        for left, top, right, bottom in boxes
+    )
+
+
+def with_panels(svg: str) -> str:
+    """The drawing, saying itself where its panels are."""
+    found = panels(svg)
+    return svg.replace("<svg ", f'<svg data-panels="{found}" ', 1) if found else svg
+
+
+def _boxes(svg: str, width: float, height: float) -> Iterator[Box]:
+    """The box of each panel, and of what stands beside them."""
+    clips = {
+        name: (x, y, x + w, y + h)
+        for name, *told in _CLIP.findall(svg)
+        for x, y, w, h in [map(float, told)]
+    }
+    panel: list[Box] = []
+    depth, begun, text, reach = 0, 0, None, 0.0
+    for ends, tag, attributes, alone in _TOKEN.findall(_DEFS.sub("", svg)):
+        given = dict(_ATTRIBUTE.findall(attributes))
+        name = given.get("id", "")
+        if tag == "g" and ends:
+            if text and depth == text[0]:
+                panel.append(_text(text[1], reach))
+                text = None
+            if begun and depth == begun:
+                yield from [_around(panel, width, height)] if panel else []
+                panel, begun = [], 0
+            depth -= 1
+        elif tag == "g" and not alone:
+            depth += 1
+            if depth == 2 and not name.startswith("patch_"):
+                begun = depth
+            placed = _PLACED.match(given.get("transform", ""))
+            if placed and begun:
+                text, reach = (depth, placed), 0.0
+        elif begun and text:
+            away = _AWAY.search(given.get("transform", ""))
+            reach = max(reach, float(away[1]) if away else float(given.get("x", 0)))
+        elif begun and tag == "path" and given.get("d") != "none":
+            numbers = [float(one) for one in _NUMBER.findall(given.get("d", ""))]
+            clip = clips.get(given.get("clip-path", "")[5:-1], (0.0, 0.0, width, height))
+            if len(numbers) >= 4:
+                panel.append(_within(numbers, clip))
+
+
+def _text(placed: re.Match[str], reach: float) -> Box:
+    x, y, size = float(placed[1]), float(placed[2]), float(placed[4])
+    long, above, below = ((reach + _LETTER) * size, _ABOVE * size, _BELOW * size)
+    return (x - above, y - long, x + below, y) if placed[3] else (x, y - above, x + long, y + below)
+
+
+def _within(numbers: list[float], clip: Box) -> Box:
+    xs, ys = numbers[::2], numbers[1::2]
+    return (
+        max(min(xs), clip[0]), max(min(ys), clip[1]), min(max(xs), clip[2]), min(max(ys), clip[3])
+    )  # fmt: skip
+
+
+def _around(boxes: list[Box], width: float, height: float) -> Box:
+    kept = [one for one in boxes if one[0] <= one[2] and one[1] <= one[3]]
+    left, top = (min(one[i] for one in kept) - _MARGIN for i in (0, 1))
+    right, bottom = (max(one[i] for one in kept) + _MARGIN for i in (2, 3))
+    return max(left, 0.0), max(top, 0.0), min(right, width), min(bottom, height)
+
+
+def _columns(boxes: list[Box], width: float) -> list[Box]:
+    """The boxes in the order of reading; a narrow one is the scale of the one on its left."""
+    wide = [one for one in boxes if one[2] - one[0] > _NARROW * width]
+    for narrow in (one for one in boxes if one not in wide):
+        beside = [one for one in wide if one[0] < narrow[0] and _abreast(one, narrow)]
+        if beside:
+            left = max(beside)
+            wide[wide.index(left)] = _around([left, narrow], narrow[2], max(left[3], narrow[3]))
+        else:
+            wide.append(narrow)
+    rows: list[list[Box]] = []
+    for one in sorted(wide, key=lambda one: one[1]):
+        if rows and _abreast(rows[-1][0], one):
+            rows[-1].append(one)
+        else:
+            rows.append([one])
+    return [one for row in rows for one in sorted(row)]
+
+
+def _abreast(one: Box, other: Box) -> bool:
+    """Whether one is beside the other by more than half of the lower one's height."""
+    common = min(one[3], other[3]) - max(one[1], other[1])
+    return common > 0.5 * min(one[3] - one[1], other[3] - other[1])
