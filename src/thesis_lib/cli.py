@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from thesis_lib import files
+from thesis_lib.measure.commands import one_line, print_
 from thesis_lib.runs.requested import (
     FAILED,
     INTERRUPTED,
@@ -309,7 +309,7 @@ def measure(manifest: Path | None, out: Path | None, check: bool, example: Path 
     from thesis_lib.measure.recordings.manifest import read_manifest
 
     out = manifest.parent / "measured" if out is None else out
-    with _one_line(out):
+    with one_line(out):
         wanted = read_manifest(manifest, check_files=not check)
         if check:  # before anything is filmed
             click.echo("\n".join(describe(assess(wanted))))
@@ -326,32 +326,12 @@ def _example(folder: Path) -> None:
     from thesis_lib.laboratory.example import write_example
 
     folder = new_folder(folder, "--example")
-    with _one_line(folder):
+    with one_line(folder):
         try:
             manifest = write_example(folder, click.echo)
         except FileExistsError as error:
             raise Refused(f"--example: {error}") from None
     click.echo(f"Now run: thesis measure {shlex.quote(str(manifest))}")
-
-
-@contextlib.contextmanager
-def _one_line(place: Path) -> Iterator[None]:
-    """Every failure as one line, also what the system or another library raises."""
-    from thesis_lib.measure.recordings.manifest import ManifestError
-
-    try:
-        yield
-    except click.ClickException:
-        raise
-    except ManifestError as error:
-        raise Refused(str(error)) from None
-    except OSError as error:  # a full disk, a folder that may not be written to
-        raise click.ClickException(
-            f"{error.filename or place}: {error.strerror or error}; put that right, and the same "
-            "command goes on where this one stopped"
-        ) from None
-    except Exception as error:
-        raise click.ClickException(str(error) or type(error).__name__) from None
 
 
 @cli.command()
@@ -372,6 +352,9 @@ def compare(new: Path, old: Path | None) -> None:
         click.echo("\n".join(comparison.all_difference_lines(first, *earlier)))
     except storage.CubeError as error:  # the published run's, too
         raise Refused(str(error)) from None
+
+
+cli.add_command(print_)
 
 
 def _lacking(error: ModuleNotFoundError) -> str:

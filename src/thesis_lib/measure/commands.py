@@ -1,0 +1,117 @@
+"""Commands beside ``thesis measure``: what is needed on paper."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+_FILE = click.Path(path_type=Path, dir_okay=False)
+_PAPERS = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid")
+_LENGTH = click.FloatRange(0.5, 5000)
+_COUNT = click.IntRange(1, 200)
+_TILES = click.IntRange(4, 100)
+_PAPER = click.option(
+    "--paper", type=click.Choice(_PAPERS), default="A4", show_default=True, help="Size of a page."
+)
+
+
+@contextlib.contextmanager
+def one_line(place: Path) -> Iterator[None]:
+    """Every failure as one line, also what the system or another library raises."""
+    from thesis_lib.measure.paper.page import PaperError
+    from thesis_lib.measure.recordings.manifest import ManifestError
+
+    try:
+        yield
+    except click.ClickException:
+        raise
+    except (ManifestError, PaperError) as error:
+        raise click.UsageError(str(error)) from None  # exit status 2
+    except OSError as error:  # a full disk, a folder that may not be written to
+        raise click.ClickException(
+            f"{error.filename or place}: {error.strerror or error}; put that right, and the same "
+            "command goes on where this one stopped"
+        ) from None
+    except Exception as error:
+        raise click.ClickException(str(error) or type(error).__name__) from None
+
+
+@click.group("print")
+def print_() -> None:
+    """Make what is needed on paper, as PDF to true scale."""
+
+
+@print_.command()
+@click.argument("file", type=_FILE, default=Path("board.pdf"), required=False)
+@click.option("--columns", type=_TILES, default=7, show_default=True, help="Tiles along.")
+@click.option("--rows", type=_TILES, default=5, show_default=True, help="Tiles across.")
+@click.option("--tile-mm", type=_LENGTH, default=25.0, show_default=True, help="Side of a tile.")
+@click.option("--charuco", is_flag=True, help="With ArUco marks, for other programs.")
+@click.option("--two-sided", is_flag=True, help="With the mirror image, for the back.")
+@_PAPER
+def board(
+    file: Path,
+    columns: int,
+    rows: int,
+    tile_mm: float,
+    charuco: bool,
+    two_sided: bool,
+    paper: str,
+) -> None:
+    """Draw a calibration board into FILE, board.pdf if not given."""
+    from thesis_lib.measure.paper.board import write_board
+
+    with one_line(file):
+        said = write_board(file, columns, rows, tile_mm, paper, charuco, two_sided)
+    click.echo(
+        f"{file}: print at 100 %, measure the line of 100 mm, glue the sheet on a flat plate"
+    )
+    click.echo(said)
+
+
+@print_.command()
+@click.argument("file", type=_FILE, default=Path("markers.pdf"), required=False)
+@click.option("--columns", type=_COUNT, default=10, show_default=True, help="Markers along.")
+@click.option("--rows", type=_COUNT, default=6, show_default=True, help="Markers across.")
+@click.option(
+    "--spacing-mm", type=_LENGTH, default=25.0, show_default=True, help="Distance of centres along."
+)
+@click.option("--row-spacing-mm", type=_LENGTH, help="Distance across.  [default: as along]")
+@click.option("--diameter-mm", type=_LENGTH, default=8.0, show_default=True, help="Of a marker.")
+@click.option("--bright", is_flag=True, help="White on black.")
+@_PAPER
+def markers(
+    file: Path,
+    columns: int,
+    rows: int,
+    spacing_mm: float,
+    row_spacing_mm: float | None,
+    diameter_mm: float,
+    bright: bool,
+    paper: str,
+) -> None:
+    """Draw markers into FILE, markers.pdf if not given, on as many pages as they need."""
+    from thesis_lib.measure.paper.markers import write_markers
+
+    with one_line(file):
+        count = write_markers(
+            file, columns, rows, spacing_mm, row_spacing_mm, diameter_mm, paper, bright
+        )
+    click.echo(f"{file}: {count} pages to be printed at 100 %, cut at the corner marks, and joined")
+
+
+@print_.command()
+@click.argument("manifest", type=click.Path(path_type=Path), metavar="MANIFEST.yaml")
+@click.argument("file", type=_FILE, default=Path("stand.pdf"), required=False)
+@_PAPER
+def stand(manifest: Path, file: Path, paper: str) -> None:
+    """Draw where the cameras of MANIFEST.yaml stand into FILE, stand.pdf if not given."""
+    from thesis_lib.measure.paper.stand import write_stand
+    from thesis_lib.measure.recordings.manifest import read_manifest
+
+    with one_line(file):
+        write_stand(file, read_manifest(manifest, check_files=False).cameras, paper)
+    click.echo(f"{file}: print it at 100 %, and lay it under the structure's centre")

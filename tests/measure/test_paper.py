@@ -1,0 +1,135 @@
+"""Boards, markers and places of cameras on paper, read back from the PDF by other programs."""
+
+import cv2
+import numpy as np
+import pypdfium2
+import pytest
+from command import thesis
+
+from thesis_lib.laboratory.example import example_manifest, example_rig
+from thesis_lib.measure.calibration.corners import find_corners
+from thesis_lib.measure.paper.board import DICTIONARY, MARK
+from thesis_lib.measure.paper.page import SIZES
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.manifest import write_manifest
+
+DPI = 200
+PX = DPI / 25.4  # of a mm
+
+
+def pages(path):
+    """Grey pictures of all pages, and their texts."""
+    document = pypdfium2.PdfDocument(str(path))
+    pictures = [page.render(scale=DPI / 72, grayscale=True).to_numpy() for page in document]
+    return pictures, [page.get_textpage().get_text_range() for page in document]
+
+
+def made(tmp_path, *options):
+    done = thesis("print", *options[:1], tmp_path / "sheet.pdf", *options[1:])
+    assert (done.status, done.err) == (0, "")
+    return tmp_path / "sheet.pdf", done.out
+
+
+@pytest.mark.parametrize("options", [[], ["--columns", "6", "--rows", "8", "--tile-mm", "30",
+                                          "--paper", "A3"]])  # fmt: skip
+def test_a_checkerboard_has_its_true_size(conforms, tmp_path, options):
+    path, said = made(tmp_path, "board", *options)
+    given = dict(zip(options[::2], options[1::2], strict=True))
+    columns, rows = int(given.get("--columns", 7)), int(given.get("--rows", 5))
+    tile = float(given.get("--tile-mm", 25))
+    (picture,), (text,) = pages(path)
+    size = sorted(SIZES[given.get("--paper", "A4")], reverse=columns >= rows)
+    conforms.closed_form([*picture.shape[::-1]], np.multiply(size, PX), atol=2)
+    corners = find_corners(picture, Board(columns, rows)).reshape(2, rows - 1, columns - 1)
+    # To a pixel or so, 0.15 mm, since edges are drawn at whole ones.
+    along, up = tile * PX * np.arange(columns - 1), tile * PX * np.arange(rows - 1)
+    conforms.closed_form(corners[0] - corners[0, :, :1], np.tile(along, (rows - 1, 1)), atol=1.3)
+    conforms.closed_form(corners[1, 0] - corners[1], np.tile(up, (columns - 1, 1)).T, atol=1.3)
+    line = f"board: {{columns: {columns}, rows: {rows}, tile_mm: {tile:g}, "
+    assert line in said
+    assert line in " ".join(text.split())
+
+
+def test_the_line_that_is_measured_is_100_mm_long(conforms, tmp_path):
+    path, _ = made(tmp_path, "board")
+    (picture,), (text,) = pages(path)
+    assert "This line is 100 mm long" in text
+    foot = picture[-round(22 * PX) :] < 128
+    runs = [np.diff(np.flatnonzero(np.diff(np.pad(row.astype(int), 1)))) for row in foot]
+    lengths = [run[::2].max() for run in runs if run.size]  # of dark pixels side by side
+    conforms.closed_form(float(max(lengths)), 100 * PX, atol=0.4 * PX)
+
+
+def test_a_charuco_board_is_opencvs(conforms, tmp_path):
+    path, said = made(tmp_path, "board", "--charuco", "--rows", "6", "--tile-mm", "24")
+    assert "CharucoBoard((7, 6), 24, 16.8, DICT_5X5_1000)" in said
+    (picture,), _ = pages(path)
+    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
+    board = cv2.aruco.CharucoBoard((7, 6), 24.0, 24.0 * MARK, dictionary)
+    found, numbers, marks, _ = cv2.aruco.CharucoDetector(board).detectBoard(picture)
+    assert len(marks) == 21
+    np.testing.assert_array_equal(numbers.ravel(), np.arange(6 * 5))
+    places = board.getChessboardCorners()[:, :2] - [24.0, 24.0]
+    conforms.closed_form(found.reshape(-1, 2) - found.reshape(-1, 2)[0], places * PX, atol=1.3)
+
+
+def test_the_back_of_a_board_has_tile_behind_tile(tmp_path):
+    path, _ = made(tmp_path, "board", "--two-sided", "--columns", "6")
+    (front, back), _ = pages(path)
+    rows = slice(0, round(175 * PX))  # without the foot and its words
+    assert np.mean(np.abs(front[rows, ::-1].astype(int) - back[rows]) > 60) < 2e-3
+    assert np.mean(front[rows] != back[rows]) > 0.2  # six columns are no mirror image of themselves
+
+
+@pytest.mark.parametrize("bright", [False, True])
+def test_markers_are_at_their_places_on_all_pages(conforms, tmp_path, bright):
+    options = ["--columns", "16", "--rows", "8", "--spacing-mm", "30", "--diameter-mm", "9"]
+    path, said = made(tmp_path, "markers", *options, *["--bright"] * bright)
+    pictures, texts = pages(path)
+    assert len(pictures) == 4
+    assert "4 pages" in said
+    assert "columns 10 to 16, rows 7 to 8" in " ".join(texts[3].split())
+    counts = []
+    for picture in pictures:
+        dark = (picture > 128 if bright else picture < 128).astype(np.uint8)
+        _, _, stats, centres = cv2.connectedComponentsWithStats(dark)
+        area = np.pi / 4 * (9 * PX) ** 2
+        discs = np.abs(stats[:, cv2.CC_STAT_AREA] / area - 1) < 0.03
+        counts.append(discs.sum())
+        u, v = centres[discs].T
+        for values in (u, v):
+            steps = np.diff(np.sort(values))
+            conforms.closed_form(steps[steps > 5], 30 * PX, atol=0.3)
+    assert sum(counts) == 16 * 8
+
+
+def test_a_stand_tells_where_each_camera_is(tmp_path):
+    write_manifest(example_manifest(example_rig()), tmp_path / "manifest.yaml")
+    done = thesis("print", "stand", tmp_path / "manifest.yaml", tmp_path / "stand.pdf")
+    assert (done.status, done.err) == (0, "")
+    _, (text,) = pages(tmp_path / "stand.pdf")
+    text = " ".join(text.split())
+    away, above = 570 * np.cos(np.radians(26)), 570 * np.sin(np.radians(26))
+    assert f"A: azimuth 12°, elevation 26°; {away:.0f} mm along its ray, {above:.0f} mm" in text
+    assert "C: azimuth 175°" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["board", "x.pdf", "--tile-mm", "45"], ["--tile-mm", "at most 30.33", "or --paper A2"]),
+        (["board", "x.pdf", "--columns", "2"], ["--columns", "2", "4"]),
+        (["board", "x.pdf", "--paper", "A9"], ["--paper", "A9", "A4"]),
+        (["markers", "x.pdf", "--diameter-mm", "30"], ["--diameter-mm", "30", "below 25"]),
+        (["markers", "x.pdf", "--spacing-mm", "400"], ["--spacing-mm", "400", "at most 285"]),
+        (["stand", "none.yaml", "x.pdf"], ["none.yaml", "no such file"]),
+    ],
+)
+def test_what_cannot_be_printed_is_refused_in_one_line(tmp_path, monkeypatch, options, words):
+    monkeypatch.chdir(tmp_path)
+    done = thesis("print", *options)
+    assert done.status == 2
+    assert done.out == ""
+    assert len(done.err.splitlines()) == 1
+    assert all(word in done.err for word in words)
+    assert not [*tmp_path.iterdir()]
