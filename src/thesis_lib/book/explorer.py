@@ -11,20 +11,18 @@ from collections.abc import Mapping
 from typing import Any
 
 import anywidget
-import numpy as np
 import traitlets
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.claims import Claim, claims_of
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.figure_sets.parametric.in_page import model
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.maps import DIVERGING
 from thesis_lib.plotting.style import COLORS
 from thesis_lib.studies import cubes
 from thesis_lib.studies.published import read_published
-from thesis_lib.vibration.beam import Beam, cantilever_roots
-from thesis_lib.vibration.plate import Plate
 from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, plain, static_html
 
 __all__ = ["Explorer", "explorer_data", "explorer_html"]
@@ -61,32 +59,11 @@ def explorer_data() -> dict[str, Any]:
 def _structure(subject: str) -> dict[str, Any]:
     studies = [one() for one in CAMERA_STUDIES.values() if one.subject == subject]
     arrays = next(one for one in studies if one.study == "arrays")
-    structure = arrays.structure
-    length, width = structure.extent
-    hertz = structure.angular_frequencies(max(MODES)) / (2 * np.pi)
     return {
-        "kind": subject,
-        "length": length,
-        "width": width,
-        "hertz": hertz.tolist(),
+        **model(arrays.structure, max(MODES)),
         "reading": {"f": arrays.focal_length_mm, "a": arrays.amplitude_mm, "r": arrays.rest},
         "setups": [one for study in studies for one in _setups(study)],
-        **_shapes(structure),
     }
-
-
-def _shapes(structure: object) -> dict[str, Any]:
-    """What markers and mode shapes of a structure are made from."""
-    if isinstance(structure, Beam):
-        row = {
-            "count": structure.n_markers,
-            "spacing": structure.marker_spacing,
-            "first": structure.first_marker,
-        }
-        # As text: a widget's numbers travel with 6 digits, these need all.
-        return {"row": row, "roots": [repr(float(b)) for b in cantilever_roots(max(MODES))]}
-    assert isinstance(structure, Plate)
-    return {"grid": list(structure.grid), "indices": structure.mode_indices(max(MODES)).tolist()}
 
 
 def _setups(study: CameraStudy) -> list[dict[str, Any]]:

@@ -1,117 +1,15 @@
-"""The form of the rerun page: every parameter of every figure set, and the commands they make.
-
-All that the page knows comes from the models of :mod:`thesis_lib.figure_sets.registry`, so that it
-asks, refuses and writes what the ``thesis`` command takes.
-"""
+"""The form of the rerun page: every parameter of every figure set, and the commands they make."""
 
 from __future__ import annotations
 
-import json
-from collections import Counter
-from typing import Any
+from thesis_lib.notebook.form import form_data
+from thesis_lib.web.fragment import static_html
+from thesis_lib.web.viewer import FORM_CSS, form_esm
 
-from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, TITLES
-from thesis_lib.studies import effort
-from thesis_lib.studies.refusals import permitted
-from thesis_lib.studies.request import Study, describe, whole_numbers
-from thesis_lib.web.fragment import asset, static_html
-
-_ESM = asset("rerun.js")
-_CSS = asset("rerun.css")
 WITHOUT = "This form needs JavaScript; `thesis list NAME` tells the same of a figure set."
-_TOLD = {"title", "description", "default", "allowed"}  # of a schema, told apart from it
-
-
-def form_data() -> dict[str, Any]:
-    """What the form shows and checks, as JSON values.
-
-    Returns
-    -------
-    dict
-        ``fields``, a list of parameters that differ in anything: name, meaning, unit, what is
-        allowed in words and as JSON schema, how a refusal ends, the default as it would be typed,
-        and the choices of a list of names. ``sets`` and ``chapters``, by name: title, and numbers
-        of fields in the order to show, and a sentence on what the published run takes; a set also
-        numbers in the order in which they are checked, a chapter its sets and the names of the
-        parameters in which they differ.
-    """
-    fields: list[dict[str, Any]] = []
-    sets: dict[str, dict[str, Any]] = {}
-    for name, study in STUDIES.items():
-        numbers = {}
-        schema = study.model_json_schema()["properties"]
-        for row in describe(study):
-            if row["name"] == "cube":  # where a notebook writes: not of the command
-                continue
-            field = _field(study, row, schema[row["name"]])
-            if field not in fields:
-                fields.append(field)
-            numbers[row["name"]] = fields.index(field)
-        checked = [numbers[key] for key in study.model_fields if key in numbers]
-        sets[name] = {
-            "title": study.title,
-            "shown": list(numbers.values()),
-            "checked": checked,
-            "takes": _takes([name]),
-        }
-    chapters = {name: _chapter(name, fields, sets) for name in CHAPTERS}
-    return {"fields": fields, "sets": sets, "chapters": chapters}
-
-
-def _field(study: type[Study], row: dict[str, str], schema: dict[str, Any]) -> dict[str, Any]:
-    """One parameter; a list of names that only the command knows offers those of its default."""
-    default = json.loads(row["default"])
-    plain = {key: value for key, value in schema.items() if key not in _TOLD}
-    named = plain.get("items") == {"type": "string"}
-    return {
-        **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
-        "schema": plain | ({"items": {"type": "string", "enum": default}} if named else {}),
-        "permitted": permitted(study, row["name"]),
-        "typed": _typed(default),
-    }
-
-
-def _typed(value: Any) -> str:
-    """A value as one would type it.
-
-    Examples
-    --------
-    >>> _typed(24.0), _typed("known"), _typed([500.0, 750.5]), _typed([[10.0, 22.0]])
-    ('24', 'known', '500, 750.5', '[[10, 22]]')
-    """
-    if isinstance(value, str):
-        return value
-    text = json.dumps(whole_numbers(value), ensure_ascii=False)
-    flat = isinstance(value, list) and not any(isinstance(one, list) for one in value)
-    return text[1:-1] if flat else text
-
-
-def _chapter(
-    name: str, fields: list[dict[str, Any]], sets: dict[str, dict[str, Any]]
-) -> dict[str, Any]:
-    """Parameters that mean the same in all sets of a chapter that have them, common ones first."""
-    members = CHAPTERS[name]
-    held = Counter(number for one in members for number in sets[one]["shown"])
-    numbers = sorted(held, key=lambda number: held[number] < len(members))
-    names = [fields[number]["name"] for number in numbers]
-    return {
-        "title": TITLES[name],
-        "sets": members,
-        "shown": [n for n in numbers if names.count(fields[n]["name"]) == 1],
-        "differ": [one for one in dict.fromkeys(names) if names.count(one) > 1],
-        "takes": _takes(members),
-    }
-
-
-def _takes(names: list[str]) -> str:
-    """What running figure sets one after another takes, as measured; "" if that is not known."""
-    known = effort.read()
-    if not set(names) <= set(known):
-        return ""
-    total = effort.together(known[name] for name in names)
-    return f"With the defaults it takes {total.time} and {total.memory}, from nothing on two cores."
 
 
 def page() -> str:
     """The form as a piece of HTML that needs no kernel, server or network."""
-    return static_html(_ESM, _CSS, {"data": form_data(), "page": True}, WITHOUT)
+    state = {"form": form_data(), "page": True}
+    return static_html(form_esm("beam", "plate"), FORM_CSS, state, WITHOUT)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import base64
 import html
+import json
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -17,7 +18,9 @@ from matplotlib.figure import Figure
 from thesis_lib import files
 from thesis_lib.figure_sets import display as figure_sets
 from thesis_lib.figure_sets import outside, run
+from thesis_lib.figure_sets.parametric.in_page import COMPUTED
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
+from thesis_lib.notebook.form import form_of
 from thesis_lib.plotting import captions
 from thesis_lib.plotting.captions import Caption
 from thesis_lib.plotting.style import svg
@@ -87,7 +90,14 @@ def _scheduler(request: Study) -> str:
 def viewer(cube: xr.Dataset) -> Viewer:
     """The interactive viewer, in a live notebook and in the static page alike."""
     data = viewer_data(cube)
-    return Viewer(data=data, case=data["cases"][0]["name"], mode=data["modes"][0]["mode"])
+    first = {"case": data["cases"][0]["name"], "mode": data["modes"][0]["mode"]}
+    return Viewer(data=data, form=_form(cube), **first)
+
+
+def _form(cube: xr.Dataset) -> dict[str, Any]:
+    """Parameters that its page can change, if that is one of the sets that pages compute."""
+    name = str(cube.attrs["figure_set"])
+    return form_of(validate(name, json.loads(cube.attrs["parameters"]))) if name in COMPUTED else {}
 
 
 @dataclass(frozen=True)

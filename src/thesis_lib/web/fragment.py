@@ -57,11 +57,19 @@ for (const el of document.querySelectorAll('[data-tl-fragment="%(id)s"]:not([dat
 
 
 def joined(front: str, *kinds: str) -> str:
-    """Write a front end and what it imports as one module, without the panels of other kinds."""
+    """Write a front end and what it imports as one module, without the panels of other kinds.
+
+    What is called a worker is written as text: a page opened from a folder may load no other file,
+    but can start one from what it holds.
+    """
     modules = {kind: "" for kind in KINDS if kind not in kinds}
 
     def add(name: str, wanted: str = "") -> None:
         if name in modules:
+            return
+        if name.endswith("_worker") and wanted:
+            program = _INDENT.sub("", joined(name))
+            modules[name] = f"const {wanted} = {json.dumps(program)};\n"
             return
         modules[name] = ""  # a part stands behind those it needs, also if they need each other
         text = asset(f"{name}.js")

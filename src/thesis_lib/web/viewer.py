@@ -8,9 +8,15 @@ from typing import Any
 import anywidget
 import traitlets
 
-from thesis_lib.web.fragment import KINDS, VIEWER_CSS, joined, plain, static_html
+from thesis_lib.web.fragment import KINDS, VIEWER_CSS, asset, joined, plain, static_html
 
 _ESM = joined("viewer", *KINDS)
+FORM_CSS = VIEWER_CSS + asset("rerun.css")
+
+
+def form_esm(*kinds: str) -> str:
+    """Front end of a form of parameters, with the viewer of some kinds of structures below it."""
+    return joined("rerun", *kinds)
 
 
 class Viewer(anywidget.AnyWidget):
@@ -82,6 +88,9 @@ class Viewer(anywidget.AnyWidget):
     mode : int, optional
         What to show first; the first case or mode of the data if unknown. In a page the address
         may say otherwise, ``?case=2a&mode=3&compare=all&setting=2``, and follows what is chosen.
+    form : dict, optional
+        Where no kernel runs, parameters to change and to compute anew stand above it: those of
+        :func:`thesis_lib.notebook.form.form_of`.
     """
 
     _esm = _ESM
@@ -89,6 +98,7 @@ class Viewer(anywidget.AnyWidget):
     data = traitlets.Dict().tag(sync=True)
     case = traitlets.Unicode().tag(sync=True)
     mode = traitlets.Int(1).tag(sync=True)
+    form = traitlets.Dict()
 
     @traitlets.validate("data")
     def _plain_data(self, proposal: Mapping[str, Any]) -> Any:
@@ -105,4 +115,6 @@ class Viewer(anywidget.AnyWidget):
         esm = joined("viewer", kind) if kind in KINDS else _ESM
         state = {"data": self.data, "case": self.case, "mode": self.mode, "page": True}
         page = static_html(esm, VIEWER_CSS, state)
+        if self.form and kind in KINDS:
+            page = static_html(form_esm(kind), FORM_CSS, {**state, "form": self.form})
         return {**data, "text/plain": repr(self), "text/html": page}, metadata

@@ -10,7 +10,7 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
     const every = settings.map((_, i) => study.errors(i)), count = every[0].length;
     const errors = every.flat(), axis = `error (% of the largest ${data.planes ? "pressure" : "deflection"})`;
     const [least, most] = spread(errors.map(
-      (r) => [r.mean, r.low, r.high, r.median, r.predicted, ...(r.stated ?? []).filter(Boolean)]));
+      (r) => [r.mean, r.low, r.high, r.median, r.predicted, ...(r.stated ?? []).filter(Boolean), r.published?.high]));
     const had = panel.canvas.contains(document.activeElement) ? study.focused : null;
     const slotWidth = (width - MARGIN.left - MARGIN.right) / every.length;
     const staggered = settings.some((one) => one.label.length * 7.5 + 2 > slotWidth), room = staggered ? 15 : 0;
@@ -29,7 +29,9 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
       if (!isNumber(r.mean) && r.name) return [svg("g", { class: "tl-nodal" },
         svg("title", {}, `${r.name}: ${data.nodal_note}`), path("tl-band", `M${middle - 5} ${y(0) - 6}h10`))];
       const box = { x: left, y: y(r.mean ?? 0), width: wide, height: y(0) - y(r.mean ?? 0) };
-      const parts = [svg("rect", { class: `tl-box${n ? " tl-second" : ""}`, ...box })];
+      const parts = [svg("rect", { class: `tl-box${n ? " tl-second" : ""}`, ...box })], was = r.published;
+      if (was) parts.unshift(path("tl-published", `M${left - 7} ${y(0)}V${y(was.mean)}h${wide + 14}V${y(0)}Z` +
+        `M${left - 7} ${y(was.low)}v${y(was.high) - y(was.low)}m-3 0h6m-6 ${y(was.low) - y(was.high)}h6${mark(0, left - 7, y(was.median), 3)}`));
       if (setting.in_view < 1) parts.push(hatched(box));
       const add = (values, cls, line) => {
         if (values.every(isNumber)) parts.push(path(cls, line(...values.map(y))));
@@ -91,6 +93,7 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
     entry(`5–95 % over ${study.data.words.draws}`, path("tl-band", "M9 1V13M5 1h8M5 13h8"));
     entry("their median", path("tl-median", mark(0, 9, 7, 3)));
     entry(study.data.words.predicts, path("tl-predicted", "M2 7h14"));
+    if (errors.some((r) => r.published)) entry("as published", path("tl-published", "M2 13V4h14V13Z"));
     const stated = path("tl-stated", mark(3, 5, 7, 4) + "M17 2h-4V12h4");
     if (errors.some((r) => r.stated)) entry("stated in the thesis", stated);
     if (errors.some((r) => r.name && !isNumber(r.mean))) entry(note, path("tl-band", "M4 7h10"));

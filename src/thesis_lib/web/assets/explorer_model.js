@@ -44,21 +44,16 @@ export default (() => {
   }
 
   // --- triangulation.py
-  // Solution of a symmetric 3×3 system [xx, xy, xz, yy, yz, zz] by LDLᵀ.
-  function solve([xx, xy, xz, yy, yz, zz], [x, y, z]) {
+  // Solution of a symmetric 3×3 system by LDLᵀ, into `into`.
+  function solve(xx, xy, xz, yy, yz, zz, x, y, z, into) {
     const yx = xy / xx, zx = xz / xx, dy = yy - yx * xy, rest = yz - yx * xz, zy = rest / dy;
     const dz = zz - zx * xz - zy * rest, y1 = y - yx * x, z1 = (z - zx * x - zy * y1) / dz, y2 = y1 / dy - zy * z1;
-    return [x / xx - yx * y2 - zx * z1, y2, z1];
-  }
-
-  function addSquare(A, x, y, z) {
-    A[0] += x * x; A[1] += x * y; A[2] += x * z; A[3] += y * y; A[4] += y * z; A[5] += z * z;
+    into[0] = x / xx - yx * y2 - zx * z1; into[1] = y2; into[2] = z1;
   }
 
   // Points that fit their images best: a linear start, then Gauss–Newton steps on the reprojection error (eq. 3.19).
   function triangulate(P, uv, steps = 3) {
-    const n = P.length / 12, count = uv.length / (2 * n), points = new Float64Array(3 * count);
-    const A = new Float64Array(6), b = new Float64Array(3); // normal equations
+    const n = P.length / 12, count = uv.length / (2 * n), points = new Float64Array(3 * count), d = new Float64Array(3);
     const middle = new Float64Array(2 * n), Q = P.slice(); // pixels are counted from the principal point
     for (let i = 0; i < n; i += 1) {
       const k = 12 * i, norm = hypot(P[k + 8], P[k + 9], P[k + 10]);
@@ -72,25 +67,21 @@ export default (() => {
     for (let p = 0; p < count; p += 1) {
       let X = 0, Y = 0, Z = 0;
       for (let step = 0; step <= steps; step += 1) {
-        A.fill(0);
-        b.fill(0);
-        for (let i = 0; i < n; i += 1) {
-          const k = 12 * i;
-          const w = step ? 1 / (Q[k + 8] * X + Q[k + 9] * Y + Q[k + 10] * Z + Q[k + 11]) : 1;
-          for (let j = 0; j < 2; j += 1) {
-            const a = k + 4 * j, m = uv[(2 * i + j) * count + p] - middle[2 * i + j];
-            // Start: (a − m a₃)·X = m b₃ − b. Step: J ΔX = m − h with the reprojection h and J = w (a − h a₃).
-            const h = step ? w * (Q[a] * X + Q[a + 1] * Y + Q[a + 2] * Z + Q[a + 3]) : m;
-            const r = step ? m - h : m * Q[k + 11] - Q[a + 3];
-            const x = w * (Q[a] - h * Q[k + 8]), y = w * (Q[a + 1] - h * Q[k + 9]), z = w * (Q[a + 2] - h * Q[k + 10]);
-            addSquare(A, x, y, z);
-            b[0] += x * r; b[1] += y * r; b[2] += z * r;
-          }
+        let xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, bx = 0, by = 0, bz = 0; // normal equations
+        for (let row = 0; row < 2 * n; row += 1) {
+          const k = 12 * (row >> 1) + 8, a = k - 8 + 4 * (row & 1), m = uv[row * count + p] - middle[row];
+          const w = step ? 1 / (Q[k] * X + Q[k + 1] * Y + Q[k + 2] * Z + Q[k + 3]) : 1;
+          // Start: (a − m a₃)·X = m b₃ − b. Step: J ΔX = m − h with the reprojection h and J = w (a − h a₃).
+          const h = step ? w * (Q[a] * X + Q[a + 1] * Y + Q[a + 2] * Z + Q[a + 3]) : m;
+          const r = step ? m - h : m * Q[k + 3] - Q[a + 3];
+          const x = w * (Q[a] - h * Q[k]), y = w * (Q[a + 1] - h * Q[k + 1]), z = w * (Q[a + 2] - h * Q[k + 2]);
+          xx += x * x; xy += x * y; xz += x * z; yy += y * y; yz += y * z; zz += z * z;
+          bx += x * r; by += y * r; bz += z * r;
         }
-        const [dx, dy, dz] = solve(A, b);
-        X += dx; Y += dy; Z += dz;
+        solve(xx, xy, xz, yy, yz, zz, bx, by, bz, d);
+        X += d[0]; Y += d[1]; Z += d[2];
       }
-      points.set([X, Y, Z], 3 * p);
+      points[3 * p] = X; points[3 * p + 1] = Y; points[3 * p + 2] = Z;
     }
     return points;
   }
@@ -98,18 +89,19 @@ export default (() => {
   // ∂Z/∂(u, v) in m/px of the refined points, the last row of (JᵀJ)⁻¹Jᵀ, in the order of the images.
   function gainZ(P, points) {
     const n = P.length / 12, count = points.length / 3, uv = project(P, points), g = new Float64Array(uv.length);
-    const J = new Float64Array(6 * n), A = new Float64Array(6);
+    const J = new Float64Array(6 * n), d = new Float64Array(3);
     for (let p = 0; p < count; p += 1) {
-      A.fill(0);
+      let xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
       for (let row = 0; row < 2 * n; row += 1) {
         const k = 12 * (row >> 1) + 8, a = k - 8 + 4 * (row & 1), h = uv[row * count + p];
         const w = 1 / (P[k] * points[3 * p] + P[k + 1] * points[3 * p + 1] + P[k + 2] * points[3 * p + 2] + P[k + 3]);
-        for (let c = 0; c < 3; c += 1) J[3 * row + c] = w * (P[a + c] - h * P[k + c]);
-        addSquare(A, J[3 * row], J[3 * row + 1], J[3 * row + 2]);
+        const x = w * (P[a] - h * P[k]), y = w * (P[a + 1] - h * P[k + 1]), z = w * (P[a + 2] - h * P[k + 2]);
+        xx += x * x; xy += x * y; xz += x * z; yy += y * y; yz += y * z; zz += z * z;
+        J[3 * row] = x; J[3 * row + 1] = y; J[3 * row + 2] = z;
       }
-      const [x, y, z] = solve(A, [0, 0, 1]);
+      solve(xx, xy, xz, yy, yz, zz, 0, 0, 1, d);
       for (let row = 0; row < 2 * n; row += 1)
-        g[row * count + p] = x * J[3 * row] + y * J[3 * row + 1] + z * J[3 * row + 2];
+        g[row * count + p] = d[0] * J[3 * row] + d[1] * J[3 * row + 1] + d[2] * J[3 * row + 2];
     }
     return g;
   }
@@ -127,14 +119,16 @@ export default (() => {
   }
 
   // --- vision/simulation.py
-  // Deflections that cameras with whole pixels measure, with their pixel grids shifted (null: the literal run).
+  // Deflections that cameras with whole pixels measure, with their pixel grids shifted (null: the literal run). `deflected` may
+  // hold the markers several times, once for each mode.
   function measure(P, rest, deflected, shifts = null, restIsKnown = false) {
-    const rebuilt = (points) => {
+    const heights = (points) => {
       const uv = pixelate(project(P, points, shifts)), count = points.length / 3;
-      return triangulate(P, shifts ? uv.map((value, i) => value - shifts[Math.floor(i / count)]) : uv);
+      if (shifts) for (let i = 0; i < uv.length; i += 1) uv[i] -= shifts[Math.floor(i / count)];
+      return triangulate(P, uv);
     };
-    const high = rebuilt(deflected), low = restIsKnown ? rest : rebuilt(rest);
-    return Float64Array.from({ length: rest.length / 3 }, (_, p) => high[3 * p + 2] - low[3 * p + 2]);
+    const high = heights(deflected), low = restIsKnown ? rest : heights(rest);
+    return new Float64Array(deflected.length / 3).map((_, p) => high[3 * p + 2] - low[(3 * p) % low.length + 2]);
   }
 
   // Point, mean (rms) and largest error in % of the largest reference deflection (eq. 3.22, 3.23).

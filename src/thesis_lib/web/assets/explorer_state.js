@@ -1,10 +1,10 @@
 // What the explorer shows, as a state: s structure, m mode, w [width, height] in px, f focal length, d distance and a
 // amplitude in mm, r rest position, c [azimuth, elevation] of each camera in degrees, t the thesis's setup last chosen.
 import model from "./explorer_model.js";
+import simulation from "./simulation.js";
 
 export default (() => {
-  const FIRST = "4a-4", MOST = 24, TRIALS = 100;
-  const radians = (pair) => pair.map((angle) => (angle * Math.PI) / 180);
+  const FIRST = "4a-4", TRIALS = 100, { MOST, band, radians } = simulation;
   const toward = (pair) => model.hemisphereDirection(...radians(pair)); // unit vector from the origin to a camera
   const apart = (one, two) => Math.hypot(...toward(one).map((c, i) => c - toward(two)[i]));
   const within = (value, [low, high]) => Math.max(low, Math.min(high, value));
@@ -64,40 +64,11 @@ export default (() => {
     return `thesis run ${s}-arrays ${words.map((one) => `-p ${/^[\w=.]+$/.test(one) ? one : `'${one}'`}`).join(" ")}`;
   }
 
-  // --- what the cameras measure: the literal run and the prediction, then one trial after the other
-  // Shifts of the pixel grids in ±½ px, by trial and camera alone, so that results follow a drag smoothly (mulberry32).
-  const SHIFTS = Array.from({ length: TRIALS }, (_, trial) => Float64Array.from({ length: 2 * MOST }, (__, i) => {
-    let z = Math.imul(trial * 2 * MOST + i + 1, 0x6d2b79f5);
-    z = Math.imul(z ^ (z >>> 15), z | 1);
-    z ^= z + Math.imul(z ^ (z >>> 7), z | 61);
-    return ((z ^ (z >>> 14)) >>> 0) / 2 ** 32 - 0.5;
-  }));
+  // What the cameras measure: the literal run and the prediction, then one trial after the other.
   function compute({ m, w, f, d, a, r, c }, structure, sensorWidth) {
-    const focalPx = (f * w[0]) / sensorWidth, P = model.hemisphereCameras(d / 1000, c.map(radians), focalPx, w);
-    const reference = model.deflectionShape(structure, m, a / 1000), known = r === "known", means = [], peaks = [];
-    const rest = model.worldPoints(structure, reference.map(() => 0)), before = model.project(P, rest);
-    const deflected = model.worldPoints(structure, reference), images = model.project(P, deflected);
-    const variance = model.deflectionVariance(P, rest, deflected, known);
-    const measured = model.measure(P, rest, deflected, null, known), largest = Math.max(...reference.map(Math.abs));
-    return {
-      P, rest, deflected, reference, measured, variance, means, peaks, errors: model.percentErrors(measured, reference),
-      predicted: (100 / largest) * Math.sqrt(variance.reduce((sum, v) => sum + v, 0) / variance.length),
-      inView: model.inView(images, w, c.length), groundSampleDistance: d / 1000 / focalPx,
-      moved: images.reduce((most, value, i) => Math.max(most, Math.abs(value - before[i])), 0),
-      tryOne() {
-        const shifts = SHIFTS[means.length].subarray(0, 2 * c.length);
-        const errors = model.percentErrors(model.measure(P, rest, deflected, shifts, known), reference);
-        means.push(errors.mean);
-        peaks.push(errors.largest);
-      },
-    };
-  }
-  function band(values) { // median, 5 % and 95 %
-    const sorted = [...values].sort((a, b) => a - b);
-    return [0.5, 0.05, 0.95].map((q) => {
-      const at = q * (sorted.length - 1), low = Math.floor(at), next = sorted[low + 1] ?? sorted[low];
-      return sorted[low] + (at - low) * (next - sorted[low]);
-    });
+    const focal = (f * w[0]) / sensorWidth, setting = { distance: d, cameras: c, focal, size: w, known: r === "known" };
+    const { P, rest, modes: [one], draw } = simulation.simulate(setting, structure, [{ mode: m, peak: a / 1000 }]);
+    return { P, rest, ...one, groundSampleDistance: d / 1000 / focal, tryOne: draw };
   }
 
   return { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, radians, refused, setupOf, sixteenToNine,

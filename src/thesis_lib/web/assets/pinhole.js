@@ -2,7 +2,7 @@
 // of a camera. Lengths in m, angles in rad, images in px; points are flat lists X Y Z X Y Z …, images flat lists by camera,
 // coordinate (u, v) and point, as (cameras, 2, points) there. tests/book/test_explorer.py holds each function against them.
 export default (() => {
-  const { abs, sin, cos, round } = Math;
+  const { abs, sin, cos } = Math;
 
   const hemisphereDirection = (azimuth, elevation) =>
     [cos(elevation) * sin(azimuth), cos(elevation) * cos(azimuth), sin(elevation)];
@@ -39,10 +39,8 @@ export default (() => {
     return uv;
   }
 
-  function rint(value) { // halves to even, as numpy.rint
-    const whole = round(value);
-    return abs(value % 1) === 0.5 && whole % 2 ? whole - 1 : whole;
-  }
+  const WHOLE = 1.5 * 2 ** 52; // beside it a double has no fraction
+  const rint = (value) => value + WHOLE - WHOLE; // halves to even, as numpy.rint
   function pixelate(uv) { // within 1e-9 px of a half counts as that half
     return uv.map((value) => {
       const doubled = rint(2 * value);

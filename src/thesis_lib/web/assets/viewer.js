@@ -130,9 +130,18 @@ function render({ model, el }) {
         curves ? sample(i) : swatch(i), html("span", {}, label, html("em")))));
     update();
   }
+  const outline = ({ structure, grid: cells, modes, cases }) => JSON.stringify([structure, cells, modes?.map(({ mode }) => mode),
+    cases?.map(({ name, title: words, settings }) => [name, words, settings.map(({ label }) => label)])]);
   function changeData() {
-    study.data = model.get("data");
+    const before = study.data, data = model.get("data") ?? {};
+    study.data = data;
+    imaged = "";
+    if (panels && outline(before) === outline(data)) { // other numbers alone
+      update();
+      return;
+    }
     panels?.stop();
+    panels = null;
     const { cases, structure } = study.data, kind = structure?.kind, known = cases?.length && KINDS[kind];
     root.replaceChildren(...(known ? [controls, title, key, summary, grid] : ["No results to show."]));
     if (!known) return;

@@ -1,0 +1,104 @@
+"""What a page needs to compute a study of chapter 3 or 4 by itself, as plain JSON values.
+
+The model stands in ``web/assets/explorer_model.js``; structures, camera setups, and the published
+errors that a new run is held against come from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.readings import reading
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES
+from thesis_lib.plotting.maps import DIVERGING
+from thesis_lib.plotting.style import COLORS
+from thesis_lib.plotting.viewer_data import LENS
+from thesis_lib.studies import cubes
+from thesis_lib.studies.published import read_published
+from thesis_lib.studies.vocabulary import unit
+from thesis_lib.vibration.beam import Beam, cantilever_roots
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import Structure, peak_deflection
+
+COMPUTED = tuple(one for one in CAMERA_STUDIES if not one.startswith("sound"))
+"""Figure sets that a page computes."""
+MODES = 30  # the highest mode that a request may have
+
+
+def model(structure: Structure, modes: int) -> dict[str, Any]:
+    """What markers, mode shapes and frequencies of a structure are made from, up to a mode."""
+    length, width = structure.extent
+    hertz = structure.angular_frequencies(modes) / (2 * np.pi)
+    common = {"length": length, "width": width, "hertz": hertz.tolist()}
+    if isinstance(structure, Beam):
+        row = {
+            "count": structure.n_markers,
+            "spacing": structure.marker_spacing,
+            "first": structure.first_marker,
+        }
+        # As text: a widget's numbers travel with 6 digits, these need all.
+        roots = [repr(float(root)) for root in cantilever_roots(modes)]
+        return {"kind": "beam", **common, "row": row, "roots": roots}
+    assert isinstance(structure, Plate)
+    indices = structure.mode_indices(modes).tolist()
+    return {"kind": "plate", **common, "grid": list(structure.grid), "indices": indices}
+
+
+def facts(names: Iterable[str] = COMPUTED) -> dict[str, Any]:
+    """All that some figure sets of :data:`COMPUTED` need beside the values of their parameters.
+
+    Returns
+    -------
+    dict
+        ``structures`` as :func:`model` tells them, with ``peaks``, the deflection of each mode by
+        a force of 1 N in m; the cases' ``pairs``, ``order``, ``centres`` and ``opposite``; what a
+        viewer draws with; and ``sets``: what is varied, titles of cases, and ``published`` rows of
+        case, value, order of pairs, mode, literal mean error, median, 5 and 95 % in percent.
+    """
+    studies = {name: CAMERA_STUDIES[name]() for name in names}
+    structures = {one.subject: one.structure for one in studies.values()}
+    return {
+        "structures": {
+            subject: model(one, MODES)
+            | {"peaks": [repr(peak_deflection(one, mode + 1)) for mode in range(MODES)]}
+            for subject, one in structures.items()
+        },
+        "pairs": setups.pairs(),
+        "order": reading("beam")["pair_order"],
+        "centres": setups.CENTRES_DEG,
+        "opposite": {case: list(pair) for case, pair in setups.OPPOSITE_DEG.items()},
+        "colors": list(COLORS),
+        "colormap": list(DIVERGING),
+        "lens": list(LENS),
+        "sets": {
+            name: {
+                "subject": one.subject,
+                "study": one.study,
+                "parameter": {
+                    "name": one.varied,
+                    "label": one.varied_label,
+                    "unit": unit(one.varied),
+                },
+                "titles": {
+                    case: setups.case_title(one.subject, one.study, case)
+                    for case in dict.fromkeys(setting.case for setting in one.settings())
+                },
+                "published": _published(name),
+            }
+            for name, one in studies.items()
+        },
+    }
+
+
+def _published(name: str) -> list[list[Any]]:
+    table = read_published(name)
+    if table is None:
+        return []
+    of_mean = table[table["error"] == "mean_error"]
+    columns = ["case", "value", "pair_order", "mode", *cubes.STATISTICS]
+    rows: list[list[Any]] = of_mean[columns].values.tolist()
+    return rows

@@ -1,0 +1,496 @@
+"""Rerun in the page: beam and plate, computed by the page, are what the library computes."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from browser import Opened, open_offline
+from refused import refusal
+
+from thesis_lib.book import rerun_form
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets import run
+from thesis_lib.figure_sets.parametric import compute
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.figure_sets.parametric.in_page import COMPUTED
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.notebook import show
+from thesis_lib.runs.requested import assigned_values
+from thesis_lib.studies.published import read_published
+from thesis_lib.vision.pinhole import hemisphere_directions
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+HEAD = (
+    '<!doctype html><html lang="en"><meta charset="utf-8"><title>Rerun</title>'
+    '<meta name="viewport" content="width=device-width">'
+)
+FORM = ".tl-rerun"
+PUT = """([set, texts]) => {
+  const root = document.querySelector('.tl-rerun');
+  const chooser = root.querySelector('.tl-rerun-head select');
+  const happen = (node, ...names) => names.forEach(
+    name => node.dispatchEvent(new Event(name, { bubbles: true })));
+  if (chooser) {
+    root.querySelector('.tl-rerun-head button').click();
+    chooser.value = set;
+    happen(chooser, 'input', 'change');
+  }
+  for (const [name, text] of Object.entries(texts)) {
+    const row = root.querySelector(`[data-parameter="${name}"]`);
+    const boxes = [...row.querySelectorAll('[type=checkbox]')];
+    const box = row.querySelector('input, select, textarea');
+    const held = boxes.length ? JSON.parse(text) : [];
+    boxes.forEach(one => { one.checked = held.includes(JSON.parse(one.value)); });
+    if (!boxes.length) box.value = text;
+    happen(box, 'input', 'change');
+  } }"""
+STATUS, SENTENCE, CODE = ".tl-rerun-status", ".tl-rerun-sentence", ".tl-rerun pre code"
+
+
+def atlas(name: str, **values: Any) -> str:
+    """What the page of a figure set shows, its viewer with the parameters above it."""
+    cube = run.cube_of(validate(name, values))
+    return str(show.viewer(cube)._repr_mimebundle_()[0]["text/html"])
+
+
+@pytest.fixture(scope="module")
+def form(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("recompute") / "a form.html"
+    file.write_text(HEAD + rerun_form.page(), encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="module")
+def distance(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("recompute") / "beam distance.html"
+    file.write_text(HEAD + "<h1 id='top'>x</h1>" + atlas("beam-distance"), encoding="utf-8")
+    return file
+
+
+def until(opened: Opened, what: str) -> None:
+    """Until the worker has said what was asked last: `literal`, `looked` or `drawn`."""
+    script = f"() => document.querySelector('{FORM}').recompute.times.{what} > 0"
+    opened.page.wait_for_function(script, timeout=120_000)
+
+
+def shown(opened: Opened) -> Any:
+    """What the viewer of the page draws."""
+    data = f"document.querySelector('{FORM}').recompute.model.get('data')"
+    return opened.page.evaluate(f"() => JSON.parse(JSON.stringify({data}))")
+
+
+def asked(opened: Opened, name: str, values: dict[str, Any], what: str = "literal") -> Any:
+    """A request typed into the form, and what the page makes of it."""
+    texts = {key: one if isinstance(one, str) else json.dumps(one) for key, one in values.items()}
+    opened.page.evaluate(PUT, [name, texts])
+    until(opened, what)
+    return shown(opened)
+
+
+def said(opened: Opened, css: str) -> str:
+    return opened.page.locator(css).first.inner_text()
+
+
+# --- equal to the library
+
+
+def apart(directions: list[list[float]], least_deg: float = 4) -> bool:
+    away = hemisphere_directions(*np.radians(directions).T)
+    cosines = (away @ away.T)[np.triu_indices(len(away), 1)]
+    return bool(np.all(np.abs(cosines) < np.cos(np.radians(least_deg))))
+
+
+def drawn_request(rng: random.Random, name: str) -> CameraStudy:
+    """A random request that the library takes, with cameras well apart."""
+    subject, study = name.split("-")
+    near = 420 if subject == "beam" else 700
+
+    def some(low: float, high: float, digits: int = 1) -> float:
+        return round(rng.uniform(low, high), digits)
+
+    def directions(count: int) -> list[list[float]]:
+        while True:
+            found = [[some(-180, 180), some(5, 88)] for _ in range(count)]
+            if apart(found):
+                return found
+
+    size = rng.choice([[320, 180], [640, 360], [333, 201], [1920, 1080]])
+    pair = {"azimuth_deg": some(8, 80), "elevation_deg": some(5, 75)}
+    far = some(near, 2000)
+    halves, elevations = ([some(5, 40), some(41, 80)] for _ in range(2))
+    layout = [directions(2), directions(24 if rng.random() < 0.2 else 3)]
+    own: dict[str, Any] = {
+        "distance": {
+            "distances_mm": sorted({some(near, 2500) for _ in range(3)}),
+            "resolution_px": size,
+            **pair,
+        },
+        "aperture": {
+            "cases": sorted(rng.sample(["2a", "2b", "2c", "2d"], 2)),
+            "half_apertures_deg": halves,
+            "elevations_deg": elevations,
+            "elevation_deg": some(5, 75),
+            "distance_mm": far,
+            "resolution_px": size,
+        },
+        "resolution": {
+            "widths_px": rng.sample([123, 320, 321, 1001, 1920, 4000], 3),
+            "distance_mm": far,
+            **pair,
+        },
+        "arrays": {
+            "cases": sorted(rng.sample(["4a", "4a'", "4b", "4c", "4d", "4e"], 2)),
+            "pair_order": {"4b": "reversed"} if rng.random() < 0.5 else {},
+            "layouts": {"mine": layout},
+            "distance_mm": far,
+            "resolution_px": size,
+        },
+    }[study]
+    force, highest = rng.random() < 0.15, 30 if rng.random() < 0.3 else 4
+    modes = sorted(rng.sample(range(1, 5 if force else 1 + highest), 2))
+    peak = [some(0.5, 12) for _ in modes] if rng.random() < 0.4 else some(0.5, 12)
+    shared = {
+        "focal_length_mm": some(12, 60), "sensor_width_mm": rng.choice([36, 23.5]), "modes": modes,
+        "amplitude_mm": "force" if force else peak, "azimuth_zero": rng.choice("YX"),
+        "rest": rng.choice(["rebuilt", "known"]),
+        "principal_offset_px": rng.choice([0, 0.5, -0.125, 0.31]),
+    }  # fmt: skip
+    markers = {"first_marker_mm": some(0, 23)} if subject == "beam" else {
+        "grid": rng.choice([[15, 10], [6, 5], [9, 17]])}  # fmt: skip
+    request = validate(name, {**own, **shared, **markers, "trials": 0})
+    assert isinstance(request, CameraStudy)
+    return request
+
+
+def held(conforms: Any, request: CameraStudy, there: Any) -> None:
+    """What the page shows of a request against the library's cube."""
+    cube, settings = compute.run(request), request.settings()
+    # 1e-9 of the peak (in %), and the last digits of coordinates, more where a peak is nanometres
+    peak = min(request.peaks_m)
+    near = {"atol": 1e-7 + 100 * 4e-15 / peak, "rtol": 1e-9 if peak > 1e-5 else 1e-6}
+    found = [one for case in there["cases"] for one in case["settings"]]
+    assert [one["label"] for one in found] == [one.label for one in settings]
+    assert [case["name"] for case in there["cases"]] == list(
+        dict.fromkeys(s.case for s in settings)
+    )
+    for i, (one, setting) in enumerate(zip(found, settings, strict=True)):
+        assert one["value"] == setting.value
+        assert tuple(one["resolution"]) == setting.resolution_px
+        places = [[setting.distance_mm, *map(float, pair)] for pair in setting.directions_deg]
+        np.testing.assert_allclose(one["cameras"], places, rtol=0, atol=1e-12)
+        assert one["in_view"] == pytest.approx(float(cube["in_view"][i]), abs=1e-12)
+        for m, mode in enumerate(one["modes"]):
+            here = cube.isel(setting=i, mode=m)
+            literal = here.isel(trial=0)
+            for key, name in (("mean", "mean_error"), ("largest", "max_point_error")):
+                conforms.independent(mode[key], float(literal[name]), **near)  # in %
+            conforms.independent(mode["point_error"], here["point_error"].values, **near)
+            conforms.independent(mode["predicted"], float(here["predicted_error"]), **near)
+            peak = 1000 * float(np.max(np.abs(here["reference_deflection"])))
+            single = 1000 * literal["measured_deflection"].values  # kept in single precision
+            np.testing.assert_allclose(mode["measured_mm"], single, rtol=2e-7, atol=1e-6 * peak)
+    for m, mode in enumerate(there["modes"]):
+        reference = 1000 * cube["reference_deflection"].isel(mode=m).values
+        np.testing.assert_allclose(mode["reference_mm"], reference, rtol=1e-9, atol=1e-12)
+        assert mode["frequency_hz"] == pytest.approx(float(cube["frequency"][m]), rel=1e-5)
+
+
+def typed(request: CameraStudy) -> dict[str, Any]:
+    left = {"trials", "seed", "estimator", "noise_px"}
+    return {key: one for key, one in request.request.items() if key not in left}
+
+
+@pytest.mark.parametrize("name", ["beam-distance", "plate-arrays"])
+def test_a_request_is_what_the_library_makes_of_it(
+    conforms: Any, chromium: Browser, form: Path, name: str
+) -> None:
+    rng = random.Random(name)
+    with open_offline(chromium, form, query=f"set={name}") as opened:
+        for _ in range(2):
+            request = drawn_request(rng, name)
+            held(conforms, request, asked(opened, name, typed(request)))
+            words = shlex.split(said(opened, CODE))
+            again = validate(name, {**assigned_values(words[4::2]), "trials": 0})
+            assert again == request
+        assert opened.trouble == []
+
+
+@pytest.mark.slow
+def test_a_hundred_random_requests_are_what_the_library_makes_of_them(
+    conforms: Any, chromium: Browser, form: Path
+) -> None:
+    rng, times = random.Random(22), []
+    with open_offline(chromium, form) as opened:
+        for number in range(100):
+            name = COMPUTED[number % len(COMPUTED)]
+            request = drawn_request(rng, name)
+            held(conforms, request, asked(opened, name, typed(request)))
+            times.append(opened.page.evaluate(f"document.querySelector('{FORM}').recompute.times"))
+        assert opened.trouble == []
+    print("ms to the literal run and the law:", sorted(round(one["literal"]) for one in times))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMPUTED)
+def test_the_published_run_comes_out_and_stands_behind(
+    conforms: Any, chromium: Browser, form: Path, name: str
+) -> None:
+    """All settings and modes as they are, with their ties; draws of its own, the same spread."""
+    table = read_published(name)
+    assert table is not None
+    table = table[table["error"] == "mean_error"]
+    with open_offline(chromium, form, query=f"set={name}") as opened:
+        until(opened, "drawn")
+        modes = [mode for one in shown(opened)["all"] for mode in one["modes"]]
+        print(name, opened.page.evaluate(f"document.querySelector('{FORM}').recompute.times"))
+        words = said(opened, SENTENCE)
+        assert opened.trouble == []
+    for key, name in (("mean", "trial_0"), ("median",) * 2, ("low",) * 2, ("high",) * 2):
+        known, found = table[name].values, np.array([mode[key] for mode in modes])
+        assert [mode["published"][key] for mode in modes] == known.tolist()
+        if key == "mean":
+            conforms.independent(found, known, rtol=6e-6)
+        else:
+            conforms.sampled(found, known, rtol=0.35)
+            conforms.sampled(np.mean(found / known), 1, rtol=0.03)
+    start = "With the published parameters the median error over 200 pixel grids is "
+    assert re.match(rf"{start}(0\.9[7-9]|1\.0) times the published one \(", words), words
+
+
+# --- refused, and left to the command
+
+PAIR, FAR = [[0, 20], [90, 20]], [[0, 20], [90, 20], [180, 20]]
+REFUSED: list[tuple[str, dict[str, Any]]] = [
+    ("beam-distance", {"distances_mm": [500, 317]}),
+    ("beam-distance", {"distances_mm": [320], "amplitude_mm": [5, 8.5, 9]}),
+    ("beam-distance", {"azimuth_deg": 0}),
+    ("beam-distance", {"azimuth_deg": 360}),
+    ("beam-distance", {"elevation_deg": 90}),
+    ("beam-distance", {"amplitude_mm": [1, 2]}),
+    ("beam-distance", {"amplitude_mm": [1, 1, 2], "modes": [2]}),
+    ("beam-aperture", {"distance_mm": 1.5}),
+    ("beam-aperture", {"elevation_deg": 90}),
+    ("plate-aperture", {"half_apertures_deg": [10, 179.99999999]}),
+    ("plate-resolution", {"distance_mm": 400}),
+    ("plate-resolution", {"azimuth_deg": 180, "elevation_deg": 12.5}),
+    ("beam-arrays", {"cases": []}),
+    ("beam-arrays", {"layouts": {"4a": [PAIR]}}),
+    ("beam-arrays", {"layouts": {"mine": [FAR, PAIR]}}),
+    ("plate-arrays", {"layouts": {"mine": [PAIR, [[0, 20], [360, 20], [7, 8]]]}}),
+    ("plate-arrays", {"layouts": {"toString": [[[0, 90], [12, 90]]]}, "distance_mm": 900}),
+]
+
+
+def test_what_the_library_refuses_the_page_refuses_in_its_words(
+    chromium: Browser, form: Path
+) -> None:
+    with open_offline(chromium, form) as opened:
+        for name, values in REFUSED:
+            texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in values.items()}
+            opened.page.evaluate(PUT, [name, texts])
+            assert said(opened, STATUS) == f"thesis: {refusal(name, **values)}"
+            assert not opened.page.locator(".tl-rerun-output").is_visible()
+            assert not opened.page.locator(SENTENCE).is_visible()
+        asked(opened, "beam-distance", {"azimuth_deg": 31})
+        assert said(opened, CODE) == "thesis run beam-distance -p azimuth_deg=31.0"
+        assert opened.trouble == []
+
+
+LEFT: list[tuple[str, dict[str, Any], str]] = [
+    ("beam-distance", {"estimator": "interval"}, "the estimator interval"),
+    ("plate-aperture", {"noise_px": 0.1}, "noise in the images"),
+    ("beam-arrays", {"layouts": {"mine": [[[i, 20 + i % 3] for i in range(0, 300, 12)]]}},
+     "25 cameras (a page takes 24)"),
+    ("plate-arrays", {"grid": [60, 60], "modes": list(range(1, 31))},
+     "23212800 images of markers (a page takes 1000000)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "values", "words"), LEFT)
+def test_what_a_page_cannot_do_is_left_to_the_command(
+    chromium: Browser, form: Path, name: str, values: dict[str, Any], words: str
+) -> None:
+    with open_offline(chromium, form) as opened:
+        texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in values.items()}
+        opened.page.evaluate(PUT, [name, texts])
+        assert said(opened, SENTENCE) == f"Not in the page: {words}. The command runs it."
+        line = shlex.split(said(opened, CODE))
+        assert validate(name, assigned_values(line[4::2])) == validate(name, values)
+        stale = opened.page.locator(".tl-rerun-figure[data-stale]")
+        assert stale.count() == 1
+        opened.page.get_by_role("button", name="Reset").click()
+        until(opened, "literal")
+        assert stale.count() == 0
+        assert opened.trouble == []
+
+
+def test_other_sets_and_chapters_have_their_command_alone(chromium: Browser, form: Path) -> None:
+    with open_offline(chromium, form, query="set=sound-distance&focal_length_mm=35") as opened:
+        assert said(opened, CODE) == "thesis run sound-distance -p focal_length_mm=35.0"
+        assert not opened.page.locator(".tl-rerun-figure").is_visible()
+        opened.page.get_by_label("Figure set or chapter").select_option("ch4")
+        assert not opened.page.locator(".tl-rerun-figure").is_visible()
+        opened.page.get_by_label("Figure set or chapter").select_option("plate-distance")
+        until(opened, "looked")
+        assert "focal_length_mm 35 in place of 24" in said(opened, SENTENCE)
+        assert opened.page.locator(".tl-rerun-figure .tl-viewer").is_visible()
+        assert opened.trouble == []
+
+
+# --- on the page of a figure set
+
+
+def test_a_parameter_is_changed_on_the_page_of_its_set(chromium: Browser, distance: Path) -> None:
+    with open_offline(chromium, distance) as opened:
+        page, first = opened.page, shown(opened)
+        assert said(opened, STATUS) == "As published, no parameter changed:"
+        assert "published" not in first["cases"][0]["settings"][0]["modes"][0]
+        page.get_by_test_id("mode-2").click()
+        page.get_by_label("focal_length_mm").fill("12")
+        until(opened, "drawn")
+        mode = shown(opened)["cases"][0]["settings"][1]["modes"][1]
+        assert mode["low"] < mode["median"] < mode["high"]
+        table = read_published("beam-distance")
+        assert table is not None
+        row = table.query("value == 750 and mode == 2 and error == 'mean_error'").iloc[0]
+        assert mode["published"]["median"] == row["median"]
+        page.wait_for_function("() => document.querySelectorAll('.tl-published').length === 5")
+        assert "Mode 2" in said(opened, ".tl-summary")
+        page.wait_for_function(
+            "() => /median error over 200 pixel grids is 1\\.\\d times/.test("
+            "document.querySelector('.tl-rerun-sentence').textContent)"
+        )
+        assert said(opened, SENTENCE).startswith("With focal_length_mm 12 in place of 24 the")
+        page.get_by_label("focal_length_mm").fill("0")
+        problem = page.locator("[data-parameter=focal_length_mm] .tl-rerun-problem")
+        assert problem.inner_text().startswith("focal_length_mm: given 0, allowed: ")
+        assert page.locator(".tl-rerun-figure[data-stale]").count() == 1
+        page.get_by_role("button", name="Reset").click()
+        assert shown(opened) == first
+        assert page.locator(".tl-rerun-figure[data-stale]").count() == 0
+        assert opened.trouble == []
+
+
+def test_a_page_of_other_parameters_begins_with_them(chromium: Browser, tmp_path: Path) -> None:
+    file = tmp_path / "run.html"
+    file.write_text(
+        HEAD + atlas("beam-resolution", widths_px=[640], rest="known", trials=20), "utf-8"
+    )
+    with open_offline(chromium, file) as opened:
+        words = shlex.split(said(opened, CODE))
+        assert words[:3] == ["thesis", "run", "beam-resolution"]
+        assert assigned_values(words[4::2]) == {"widths_px": [640], "rest": "known", "trials": 20}
+        opened.page.get_by_label("widths_px").fill("640, 1280")
+        until(opened, "literal")
+        assert [one["label"] for one in shown(opened)["cases"][0]["settings"]] == [
+            "640×360", "1280×720",
+        ]  # fmt: skip
+        opened.page.get_by_label("widths_px").fill("640")
+        assert len(shown(opened)["cases"][0]["settings"]) == 1
+        assert opened.trouble == []
+
+
+def test_a_link_shows_what_it_says(chromium: Browser, distance: Path) -> None:
+    with open_offline(chromium, distance, query="other=1#top") as opened:
+        page = opened.page
+        page.get_by_label("distances_mm").fill("600, 900")
+        page.get_by_label("elevation_deg").fill("40")
+        page.keyboard.press("Tab")
+        until(opened, "drawn")
+        page.get_by_test_id("mode-3").click()
+        page.locator(".tl-bar").nth(1).press("Enter")
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        page.get_by_role("button", name="Copy link").click()
+        link = page.evaluate("navigator.clipboard.readText()")
+        assert link == page.url
+        for part in ("distances_mm=600", "elevation_deg=40", "mode=3", "setting=2", "other=1"):
+            assert part in link
+        before = shown(opened)
+        page.goto(link)
+        until(opened, "drawn")
+        page.wait_for_timeout(50)
+        assert shown(opened) == before
+        assert page.locator(".tl-bar[aria-pressed=true]").get_attribute("data-setting") == "1"
+        assert "Mode 3" in said(opened, ".tl-summary")
+        assert opened.trouble == []
+
+
+RUBBISH = (
+    "distances_mm=%00&azimuth_deg=%FF&mode=9&case=%3Cb%3E&setting=-1&compare=__proto__",
+    "focal_length_mm=" + "9" * 5000 + "&modes=[[[[",
+    "set=constructor&__proto__=1&resolution_px=1e999,2#%E0%A4%A",
+    "#" + "focal_length_mm=35&" * 500,
+    "rest=maybe&azimuth_zero=Z&first_marker_mm=NaN#<script>alert(1)</script>",
+)
+
+
+@pytest.mark.parametrize("query", RUBBISH)
+def test_rubbish_in_the_address_shows_the_published_run(
+    chromium: Browser, distance: Path, query: str
+) -> None:
+    with open_offline(chromium, distance) as opened:
+        usual = shown(opened)
+        opened.page.goto(f"{distance.as_uri()}{'' if query[0] == '#' else '?'}{query}")
+        opened.page.reload()
+        assert shown(opened) == usual
+        assert said(opened, STATUS) == "As published, no parameter changed:"
+        assert opened.trouble == []
+
+
+@pytest.mark.parametrize(("width", "dark"), [(390, False), (320, True), (1280, True)])
+def test_it_fits_and_is_read(chromium: Browser, distance: Path, width: int, dark: bool) -> None:
+    with open_offline(chromium, distance, width=width, dark=dark) as opened:
+        page = opened.page
+        page.get_by_label("azimuth_deg").fill("45")
+        until(opened, "drawn")
+        page.get_by_text("All parameters").click()
+        assert opened.sideways_px() <= 0
+        controls = f"{FORM} :is(input, select, button, summary)"
+        script = f"""() => [...document.querySelectorAll('{controls}')]
+          .filter(e => e.getClientRects().length).map(e => e.getBoundingClientRect())
+          .filter(box => box.right > innerWidth || (box.height < 16)).length"""
+        assert page.evaluate(script) == 0
+        assert page.locator("[data-parameter=azimuth_deg][data-changed]").count() == 1
+        assert opened.trouble == []
+
+
+def test_everything_by_keyboard(chromium: Browser, distance: Path) -> None:
+    focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
+      if (style.outlineStyle === 'none' || parseFloat(style.outlineWidth) < 2) return 'no outline';
+      return e.closest('[data-parameter]')?.dataset.parameter ?? e.innerText; }"""
+    with open_offline(chromium, distance) as opened:
+        page, seen = opened.page, []
+        for _ in range(11):
+            page.keyboard.press("Tab")
+            seen.append(page.evaluate(focused))
+        assert seen == [
+            "distances_mm", "azimuth_deg", "elevation_deg", "resolution_px", "focal_length_mm",
+            "amplitude_mm", "All parameters", "Copy", "The same with papermill", "Reset",
+            "Copy link",
+        ]  # fmt: skip
+        page.get_by_label("azimuth_deg").focus()
+        assert page.locator("[data-parameter=azimuth_deg] .tl-rerun-hint").is_visible()
+        page.keyboard.press("Control+A")
+        page.keyboard.type("50")
+        until(opened, "drawn")
+        assert page.evaluate(focused) == "azimuth_deg"  # not moved by what is drawn
+        assert "azimuth_deg=50.0" in said(opened, CODE)
+        assert opened.trouble == []
+
+
+def test_the_settings_are_those_of_the_facts() -> None:
+    """What the page's settings are made from, against what the library makes them from."""
+    assert set(COMPUTED) == {f"{s}-{k}" for s in ("beam", "plate") for k in (
+        "distance", "aperture", "resolution", "arrays")}  # fmt: skip
+    facts = rerun_form.form_data()["here"]
+    assert facts["pairs"] == setups.pairs()
+    assert set(facts["sets"]) == set(COMPUTED)
