@@ -155,7 +155,7 @@ def tracked(
         def one(index: int) -> Recording:
             files = manifest.cameras[index]
             path = steps / f"tracks-{index:02d}.npy"
-            turn = round(2 * np.pi * frequency / files.frame_rate_hz, 3)  # to look near the place
+            turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
             what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
             key = key_of(what, [folder / files.video])
             notes = record(

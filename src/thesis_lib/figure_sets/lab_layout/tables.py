@@ -98,9 +98,12 @@ def optima(cube: xr.Dataset) -> str:
 
 def failures(cube: xr.Dataset) -> str:
     """In which settings markers are lost or taken for others, in words."""
-    whole: list[str] = []
-    some: list[str] = []
-    others: list[str] = []
+    found: dict[str, list[str]] = {
+        "In the first frame too few markers are found to go on": [],
+        "Part of the markers' images are lost": [],
+        "Markers are taken for others": [],
+    }
+    whole, some, others = found.values()
     for number in range(cube.sizes["setting"]):
         one = cube.isel(setting=number)
         name = f"{one['case'].item()}, {one['label'].item()}"
@@ -111,15 +114,7 @@ def failures(cube: xr.Dataset) -> str:
             some.append(f"{name} ({lost:.1%})")
         if wrong >= 0.0005:
             others.append(f"{name} ({wrong:.1%} of those found)")
-    said = [
-        f"{text} in: {'; '.join(names)}."
-        for text, names in (
-            ("In the first frame too few markers are found to go on", whole),
-            ("Part of the markers' images are lost", some),
-            ("Markers are taken for others", others),
-        )
-        if names
-    ]
+    said = [f"{text} in: {'; '.join(names)}." for text, names in found.items() if names]
     return " ".join(said) or "No marker is lost or taken for another."
 
 

@@ -12,15 +12,14 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.interpolate import RBFInterpolator
 from scipy.special import j1
 
 from thesis_lib.acoustics import radiation
 from thesis_lib.acoustics.planes import pistons
 from thesis_lib.acoustics.plate_sound import PlateSound
-from thesis_lib.arrays import Array, ComplexArray, Mask
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import Setting
-from thesis_lib.figure_sets.lab_plate.measured import at_maximum
+from thesis_lib.figure_sets.lab_plate.measured import at_maximum, filled, neighbours
 from thesis_lib.figure_sets.lab_plate.parameters import MARKER, LabPlate, stands_of
 from thesis_lib.figure_sets.lab_plate.recordings import plate_rig
 from thesis_lib.laboratory import direct
@@ -193,37 +192,6 @@ def measure(
         motion[k] = truth + np.sum(each * (drawn[0] + 1j * drawn[1]), axis=(0, 1))
     motion[:, np.isnan(noise)] = np.nan
     return at_maximum(study.plate, mode, motion), noise, float(np.sqrt(np.nanmean(fit.sigma**2)))
-
-
-def filling(points: Array, missing: Mask) -> Array:
-    """Matrix (markers, markers) that puts a smooth surface through the others where one is missing.
-
-    To be applied to deflections in which what is missing is 0 or NaN-free.
-    """
-    known = np.flatnonzero(~missing)
-    surface = RBFInterpolator(points[:, known].T, np.eye(len(known)), neighbors=min(24, len(known)))
-    matrix = np.zeros((len(missing),) * 2)
-    matrix[np.ix_(known, known)] = np.eye(len(known))
-    matrix[np.ix_(np.flatnonzero(missing), known)] = surface(points[:, missing].T)
-    return matrix
-
-
-def filled(points: Array, measured: Array) -> Array:
-    """Deflections (trials, markers), the missing ones of each from a surface through its known."""
-    missing = np.isnan(measured)
-    complete = np.nan_to_num(measured)
-    for pattern in np.unique(missing, axis=0):
-        same = (missing == pattern).all(axis=1)
-        complete[same] = complete[same] @ filling(points, pattern).T
-    return complete
-
-
-def neighbours(errors: Array, grid: tuple[int, int]) -> float:
-    """Correlation of errors (n, markers) of mean 0 with those of the next markers, over all."""
-    e = errors.reshape(len(errors), grid[1], grid[0])
-    products = np.sum(e[:, :, 1:] * e[:, :, :-1]) + np.sum(e[:, 1:] * e[:, :-1])
-    pairs = grid[1] * (grid[0] - 1) + (grid[1] - 1) * grid[0]
-    return float(products / pairs / (np.sum(e**2) / (grid[0] * grid[1])))
 
 
 def _coordinates(
