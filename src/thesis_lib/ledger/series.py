@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import xarray as xr
 
+from thesis_lib.facts.trends import read_trends
 from thesis_lib.ledger.trends import Series
 from thesis_lib.ledger.verdicts import point_errors
 from thesis_lib.studies import cubes
+
+SECOND = "second_point_error"  # the largest of the markers' but one
+
+
+@cache
+def _sets_with(quantity: str) -> frozenset[str]:
+    """The figure sets of which some trend states a quantity."""
+    stated = (trend for trend in read_trends() if quantity in trend.quantities)
+    return frozenset(name for trend in stated for name in trend.source)
 
 
 def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series]:
@@ -17,8 +28,8 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
     kinds = dict(cubes.errors(cube))
     if "deflection_error" in cube:
         kinds["deflection_error"] = cube["deflection_error"]
-    if cube.attrs["figure_set"] == "beam-arrays":
-        kinds["second_point_error"] = point_errors(cube).isel(point=-2, drop=True)
+    if cube.attrs["figure_set"] in _sets_with(SECOND):
+        kinds[SECOND] = point_errors(cube).isel(point=-2, drop=True)
     if {"lost", "wrong"} <= set(cube):  # of the laboratory, once for all trials
         failures = 100 * (cube["lost"] + cube["wrong"].fillna(0))
         kinds["tracking_failures"] = failures.expand_dims(mode=cube["mode"], trial=[0, 1])
