@@ -7,7 +7,7 @@ its module, and imported when it is used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -36,6 +36,8 @@ class Product:
     module: str
     # What it is computed from: the request to a product and its request, by parameter of ``run``
     needs: Callable[[Any], Inputs] = field(default=_nothing)
+    #: The requests whose cubes it is made from, as they stand in the book, after all of these
+    reads: Callable[[], Sequence[Study]] = field(default=tuple)
     #: Whether ``build/cache`` keeps it, for what takes long or serves others, too
     kept: bool = False
     #: Whether it is filmed, and kept as data (:mod:`thesis_lib.figure_sets.recorded`)
@@ -67,7 +69,6 @@ class FigureSet(Product):
     #: ``module:function`` that draws one case and mode of its cube, if it has cases
     figure: str = ""
     others: Product | None = None  #: Other recordings of what it is made from, if it is rendered
-    judges: bool = False  #: Whether it is made from the cubes of all others, after them
 
     def draw(self, cube: xr.Dataset, case: str, mode: int) -> Figure:
         """The figure of one case and mode of a cube."""

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from thesis_lib.facts.setups import data_folder
-from thesis_lib.figure_sets.figure_set import FigureSet, Product
+from thesis_lib.figure_sets.figure_set import Product
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import code, shipped
 from thesis_lib.studies import reach
@@ -30,9 +30,7 @@ def library(product: Product, asked: Study) -> str:
 def key(product: Product, asked: Study) -> str:
     """Digest of all that determines a product for a request, of what it needs, too."""
     needed = [key(*each) for each in product.needs(asked).values()]
-    if isinstance(product, FigureSet) and product.judges:
-        others = (one for one in FIGURE_SETS.values() if not one.judges)
-        needed += [key(one, one.request()) for one in others]
+    needed += [key(FIGURE_SETS[one.name], one) for one in product.reads()]
     text = json.dumps([asked.name, asked.digest, library(product, asked), *needed])
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -142,7 +142,7 @@ def _drawn(drawing: Figure, style: Any = None) -> str:
 
 def _about(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dict[str, Any]:
     """The words of a drawing, which tell if it is the thesis's only in kind."""
-    ours = cube.attrs["in_the_thesis"] or FIGURE_SETS[cube.attrs["figure_set"]].judges
+    ours = cube.attrs["in_the_thesis"] or FIGURE_SETS[cube.attrs["figure_set"]].reads()
     after = "" if ours or not caption.text else "With the parameters of this run, after: "
     alt = caption.alt or captions.panels(drawing)
     return {"name": caption.name, "caption": after + caption.text, "alt": alt}

@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -217,17 +217,16 @@ def _stand_alone(notebook: Any, study: Study, result: Any) -> None:
     text = f"## Difference from the published run\n\n```text\n{text}\n```"
     cell = nbformat.v4.new_markdown_cell(text, id=f"{study.name}-difference")
     notebook.cells.insert(-1, cell)
-    if FIGURE_SETS[study.name].judges:
+    if FIGURE_SETS[study.name].reads():
         executed_notebook.cut_links(notebook)
 
 
 def job_tasks(jobs: Sequence[Job], seconds: Mapping[str, float] | None = None) -> list[Task]:
     """The jobs as tasks; what needs another's cube, or the same recordings, waits for it.
 
-    What the ledger needs beside the cubes of others comes first.
+    What a set needs beside the cubes of others that it reads comes first.
     `seconds` are those that figure sets are known to take, by name.
     """
-    names = {job.study.name for job in jobs}
     first = {job.study.digest: job.study.name for job in jobs}  # to make what others need, too
     tasks: list[Task] = []
     for job in jobs:
@@ -235,12 +234,12 @@ def job_tasks(jobs: Sequence[Job], seconds: Mapping[str, float] | None = None) -
         figure_set = FIGURE_SETS[name]
         needed = [asked.digest for _, asked in figure_set.needs(job.study).values()]
         after = {first.setdefault(each, name) for each in needed}
-        if figure_set.judges:
-            files, after = _judged(jobs), names
+        if read := {one.name for one in figure_set.reads()}:
+            files, after = _cubes(read, jobs), read & set(first.values())
             if len(jobs) > 1:
                 early = made_beforehand(job.study, seconds or {})
                 tasks.insert(0, early)
-                after = names | {early.name}
+                after.add(early.name)
         one = Task(
             name,
             partial(execute, job),
@@ -255,9 +254,8 @@ def job_tasks(jobs: Sequence[Job], seconds: Mapping[str, float] | None = None) -
     return tasks
 
 
-def _judged(jobs: Sequence[Job]) -> list[Path]:
-    """Cubes that the ledger is made from: those of this run, else those of the last book."""
-    others = {name for name, one in FIGURE_SETS.items() if not one.judges}
+def _cubes(others: Set[str], jobs: Sequence[Job]) -> list[Path]:
+    """Cubes of figure sets that another reads: those of this run, else those of the last book."""
     made = {job.cube.name: job.cube for job in jobs if job.study.name in others}
     results = workplace() / "data" / "results"
     there = {path.name: path for path in results.glob("*.nc") if path.stem in others}

@@ -2,6 +2,7 @@
 
 from thesis_lib.figure_sets.claims.parameters import Claims
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs, Product
+from thesis_lib.studies.request import Study
 
 OWN_RUNS = Product(module=f"{__package__}.own_runs", kept=True)
 OTHER_READINGS = Product(module=f"{__package__}.readings", kept=True)
@@ -15,6 +16,13 @@ def needs(asked: Claims) -> Inputs:
     }
 
 
+def reads() -> list[Study]:
+    """The cubes that it judges: of all other figure sets, with the thesis's parameters."""
+    from thesis_lib.figure_sets.registry import STUDIES
+
+    return [request() for name, request in STUDIES.items() if name != Claims.name]
+
+
 FIGURE_SETS = [
-    FigureSet(request=Claims, chapter="", module=f"{__package__}.compute", needs=needs, judges=True)
+    FigureSet(request=Claims, chapter="", module=f"{__package__}.compute", needs=needs, reads=reads)
 ]
