@@ -1,4 +1,4 @@
-"""Commands beside ``thesis measure``: what is needed on paper."""
+"""Commands beside ``thesis measure``: synchronisation alone, and what is needed on paper."""
 
 from __future__ import annotations
 
@@ -115,3 +115,29 @@ def stand(manifest: Path, file: Path, paper: str) -> None:
     with one_line(file):
         write_stand(file, read_manifest(manifest, check_files=False).cameras, paper)
     click.echo(f"{file}: print it at 100 %, and lay it under the structure's centre")
+
+
+@click.command()
+@click.argument("videos", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("sync"),
+    show_default=True,
+    help="Folder to write to.",
+)
+def sync(videos: tuple[Path, ...], out: Path) -> None:
+    """Tell by their sound when VIDEOS started and how their clocks drift. None is changed."""
+    if len(videos) < 2:
+        raise click.UsageError("sync: given one video, allowed: two or more of one event")
+    if len({video.absolute() for video in videos}) < len(videos):
+        raise click.UsageError("sync: a video is given twice, allowed: each once")
+    for video in videos:
+        if not video.is_file():
+            raise click.UsageError(f"sync: given {video}, no such file")
+    from thesis_lib.measure.synchronisation.alone import write_synchronisation
+
+    with one_line(out):
+        lines = write_synchronisation(videos, out)
+    click.echo("\n".join(lines))
+    click.echo(f"Wrote {out / 'sync.csv'} and {out / 'sync.png'}")

@@ -1,0 +1,141 @@
+"""Videos of one event, put on one clock by their sound: a table and a picture, nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib.arrays import Array, Signal
+from thesis_lib.files import staging
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.media_info import probe
+from thesis_lib.measure.synchronisation.audio import Recording, hear
+from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
+from thesis_lib.measure.synchronisation.drift import Drift, drift_of, loudness_match
+from thesis_lib.measure.synchronisation.tones import SynchronisationError
+from thesis_lib.plotting.style import color, in_style, saved, subplots
+
+RATE = 16000.0  # Hz at which windows are compared
+SHOWN = 1500  # points of an envelope
+
+
+def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
+    """Starts and clocks of all videos but the first, beside that one's, and the names of all.
+
+    Raises
+    ------
+    MediaError, SynchronisationError
+        If a file has no whole sound, or its sound is unlike the first one's.
+    """
+    names = [video.stem for video in videos]
+    if len(set(names)) < len(names):
+        names = [str(video) for video in videos]
+    hear([Recording(*one) for one in zip(names, videos, strict=True)], None, 0.0)  # it refuses
+    reference, rate, start = _track(videos[0])
+    drifts = []
+    for name, video in zip(names[1:], videos[1:], strict=True):
+        other, _, its_start = _track(video)
+        delay, certain = loudness_match(reference, other, rate)
+        if not certain:
+            raise SynchronisationError(
+                f"{name}: no sound in it matches that of {names[0]} beyond doubt; clap a few times "
+                "where all cameras hear it"
+            )
+        starts = start, its_start
+        drifts.append(drift_of(reference, other, rate, starts, delay + start - its_start))
+    return drifts, names
+
+
+def _track(path: Path) -> tuple[Signal, float, float]:
+    """Sound, its sample rate in Hz, and the time of its first sample in the video, s."""
+    with media.opened_audio(path) as audio:
+        step = step_to(audio.rate, RATE)
+        blocks = [np.asarray(block, np.float32) for block in decimate(audio.blocks, step)]
+        rate = audio.rate / step
+        return np.concatenate(blocks), rate, audio.start + cut_off(audio.rate, rate)
+
+
+def table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
+    """A row for each video: start after the first, in s and its frames, and drift in 10⁻⁶."""
+    nothing = np.array([])
+    rows = [Drift(0.0, 0.0, 0.0, 0.0, nothing, nothing), *drifts]
+    return pd.DataFrame(
+        {
+            "video": list(names),
+            "starts_after_s": [one.delay for one in rows],
+            "standard_error_s": [one.delay_deviation for one in rows],
+            "in_frames": [one.delay * frame_rate for one in rows],
+            "clock_fast_by_ppm": [1e6 * one.drift for one in rows],
+            "ppm_standard_error": [1e6 * one.drift_deviation for one in rows],
+        }
+    )
+
+
+def describe(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> Iterator[str]:
+    """The table in sentences."""
+    for name, one in zip(names[1:], drifts, strict=True):
+        ppm, error = 1e6 * one.drift, 1e6 * one.drift_deviation
+        start = f"{name} starts {one.delay:+.6f} s"
+        frames = f"after {names[0]} ({one.delay * frame_rate:+.3f} frames)"
+        if np.isnan(ppm):
+            yield f"{start} {frames}; too little sound to tell a standard error, and its clock"
+        else:
+            yield (
+                f"{start} ± {1e3 * one.delay_deviation:.3f} ms {frames}; its clock is fast by "
+                f"{ppm:+.2f} ± {error:.2f} ppm"
+            )
+
+
+def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
+    """Synchronise videos, and write ``sync.csv`` and ``sync.png`` into a folder.
+
+    Returns
+    -------
+    list of str
+        What was found.
+    """
+    drifts, names = synchronised(videos)
+    frame_rate = probe(videos[0]).frame_rate
+    picture = saved(_picture(videos, drifts, names), "png", dpi=140)
+    with staging(out) as part:
+        rows = table(drifts, names, frame_rate)
+        rows.to_csv(part / "sync.csv", index=False, float_format="%.9g")
+        (part / "sync.png").write_bytes(picture)
+        for file in ("sync.csv", "sync.png"):
+            (part / file).replace(out / file)
+    return [*describe(drifts, names, frame_rate)]
+
+
+def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[str]) -> Figure:
+    """Loudness on the first video's clock, one above the other, and the delays of the windows."""
+    with in_style():
+        figure, (top, low) = subplots(2, 1, figsize=(7.6, 5.2), layout="constrained")
+        for k, video in enumerate(videos):
+            times, loud = _envelope(video)
+            if k:
+                times = times * (1 - np.nan_to_num(drifts[k - 1].drift)) + drifts[k - 1].delay
+            top.fill_between(times, -k - 0.45 * loud, -k + 0.45 * loud, color=color(k), lw=0)
+        top.set(yticks=-np.arange(len(names)), xlabel=f"time on the clock of {names[0]} in s",
+                title="sound, put on one clock")  # fmt: skip
+        top.set_yticklabels(names)
+        for k, one in enumerate(drifts, 1):
+            low.plot(one.times, 1e3 * (one.delays - one.delay), ".", color=color(k), label=names[k])
+            if np.isfinite(one.drift):
+                ends = np.array([0.0, one.times.max()])
+                low.plot(ends, -1e3 * one.drift * ends, color=color(k), linewidth=0.8)
+        low.set(xlabel="time in s", ylabel="ms", title="windows: delay less that at the start")
+        low.legend()
+    return figure
+
+
+def _envelope(video: Path) -> tuple[Array, Array]:
+    """Times in s and largest sound about them, from 0 to 1."""
+    sound, rate, start = _track(video)
+    step = max(len(sound) // SHOWN, 1)
+    loud = np.abs(sound[: len(sound) // step * step]).reshape(-1, step).max(axis=1)
+    times = np.asarray(start + (np.arange(len(loud)) + 0.5) * step / rate, float)
+    return times, np.asarray(loud / max(float(loud.max()), 1e-12), float)

@@ -1,0 +1,107 @@
+"""``thesis sync``: starts and clocks of made-up recordings of one room, with known truth."""
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from command import thesis
+from scipy.signal import butter, sosfilt
+
+from thesis_lib.measure.recordings.media import write_video
+from thesis_lib.measure.synchronisation.alone import synchronised
+from thesis_lib.measure.synchronisation.drift import drift_of
+
+RATE = 16000
+SECONDS = 24
+
+
+def room(seed=0, seconds=SECONDS + 4):
+    """A room's sound at four times the rate: murmur and claps."""
+    rng = np.random.default_rng(seed)
+    n = 4 * RATE * seconds
+    murmur = sosfilt(butter(2, [200, 3000], "bandpass", fs=4 * RATE, output="sos"),
+                     rng.standard_normal(n))  # fmt: skip
+    sound = 0.05 * murmur / murmur.std()
+    for at in rng.uniform(1, seconds - 1, 12):
+        first = int(at * 4 * RATE)
+        clap = rng.standard_normal(2000) * np.exp(-np.arange(2000) / 300)
+        sound[first : first + 2000] += 0.2 * clap
+    return sound
+
+
+def recorded(sound, start, fast, seed, noise=0.01):
+    """What a recorder hears that starts at a time and whose clock is fast."""
+    times = start + np.arange(SECONDS * RATE) / RATE / (1 + fast)
+    heard = np.interp(times * 4 * RATE, np.arange(len(sound)), sound)
+    return heard + noise * np.random.default_rng(seed).standard_normal(len(heard))
+
+
+@pytest.fixture(scope="module")
+def videos(tmp_path_factory):
+    folder, sound = tmp_path_factory.mktemp("room"), room()
+    clocks = {"A": (0.5, 0.0), "B": (1.7312, 30e-6), "C": (0.1117, -20e-6)}
+    for k, (name, (start, fast)) in enumerate(clocks.items()):
+        track = recorded(sound, start, fast, k)
+        pictures = (np.zeros((16, 16), np.uint8) for _ in range(30 * SECONDS))
+        write_video(folder / f"{name}.mkv", pictures, 30, track, RATE)
+    return [folder / f"{name}.mkv" for name in clocks]
+
+
+def test_starts_and_drifts_are_the_true_ones(conforms, videos):
+    (b, c), names = synchronised(videos)
+    assert names == ["A", "B", "C"]
+    conforms.sampled(b.delay, 1.2312, atol=1e-5)
+    conforms.sampled(c.delay, -0.3883, atol=1e-5)
+    conforms.sampled(1e6 * b.drift, 30, atol=1)
+    conforms.sampled(1e6 * c.drift, -20, atol=1)
+    for one in (b, c):
+        assert 0 < 1e6 * one.drift_deviation < 1
+        assert 0 < one.delay_deviation < 2e-5
+
+
+def test_standard_errors_of_drifts_are_their_scatter(conforms):
+    off = []
+    for seed in range(30):
+        sound = room(seed, 14)[: 4 * RATE * 13]
+        one = recorded(sound, 0.1, 0.0, seed + 100, 0.1)[: 10 * RATE]
+        other = recorded(sound, 0.4, 15e-6, seed + 200, 0.1)[: 10 * RATE]
+        found = drift_of(one, other, RATE, (0.0, 0.0), 0.3)
+        off.append([(found.drift - 15e-6) / found.drift_deviation,
+                    (found.delay - 0.3) / found.delay_deviation])  # fmt: skip
+    conforms.sampled(np.sqrt(np.mean(np.square(off))), 1.0, atol=0.35)
+
+
+def test_the_command_writes_a_table_and_a_picture(conforms, videos, tmp_path):
+    before = {video: video.stat().st_mtime_ns for video in videos}
+    done = thesis("sync", *videos, "--out", tmp_path / "sync")
+    assert (done.status, done.err) == (0, "")
+    assert done.out.startswith("B starts +1.231")
+    table = pd.read_csv(tmp_path / "sync" / "sync.csv")
+    assert table["video"].tolist() == ["A", "B", "C"]
+    conforms.sampled(table["starts_after_s"], [0, 1.2312, -0.3883], atol=1e-5)
+    conforms.sampled(table["in_frames"], [0, 36.936, -11.649], atol=1e-3)
+    conforms.sampled(table["clock_fast_by_ppm"], [0, 30, -20], atol=1)
+    assert cv2.imread(str(tmp_path / "sync" / "sync.png")).shape[1] > 900
+    assert {video: video.stat().st_mtime_ns for video in videos} == before
+
+
+def test_sounds_that_are_unlike_and_files_that_are_none_are_one_line(videos, tmp_path):
+    pictures = np.zeros((30, 16, 16), np.uint8)
+    write_video(tmp_path / "D.mkv", pictures, 30, np.zeros(0), RATE)
+    (tmp_path / "E.mkv").write_text("no video")
+    track = recorded(room(5), 0.2, 0.0, 9)[: 8 * RATE]
+    write_video(tmp_path / "F.mkv", pictures, 30, track, RATE)
+    cases = {
+        (videos[0],): (2, "two or more"),
+        (videos[0], videos[0]): (2, "given twice"),
+        (videos[0], tmp_path / "none.mkv"): (2, "no such file"),
+        (videos[0], tmp_path / "D.mkv"): (1, "D.mkv"),
+        (videos[0], tmp_path / "E.mkv"): (1, "E.mkv"),
+        (videos[0], tmp_path / "F.mkv"): (1, "F: no sound in it matches that of A"),
+    }
+    for given, (status, words) in cases.items():
+        done = thesis("sync", *given, "--out", tmp_path / "out")
+        assert (done.status, done.out) == (status, "")
+        assert len(done.err.splitlines()) == 1
+        assert words in done.err
+        assert not (tmp_path / "out" / "sync.csv").exists()
