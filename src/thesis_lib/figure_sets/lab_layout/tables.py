@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from IPython.display import Markdown
 
+from thesis_lib.arrays import IntArray
 from thesis_lib.figure_sets.lab_layout.optima import (
     cases,
     complete,
@@ -20,6 +21,8 @@ from thesis_lib.figure_sets.lab_layout.optima import (
 )
 from thesis_lib.studies.cubes import trials_are
 from thesis_lib.web.markdown import columns, table
+
+Table = Callable[[xr.Dataset], str]
 
 
 def errors(cube: xr.Dataset) -> str:
@@ -193,6 +196,10 @@ def numbers(cube: xr.Dataset) -> str:
     error, labels = expected(part), part["label"].values
     count, law = part["n_cameras"].values, part["predicted_error"].values
     best_pair = np.nanmin(error[count == 2], initial=np.inf)
+
+    def worse_than_it(own: IntArray, n: int) -> str:
+        return f"{np.count_nonzero(error[own] > best_pair)} of the {len(own)} of {n}"
+
     rows, beaten = [], []
     for n in np.unique(count):
         own = np.flatnonzero((count == n) & np.isfinite(error))
@@ -206,19 +213,15 @@ def numbers(cube: xr.Dataset) -> str:
         median = _percent(float(np.median(error[own])))
         rows.append([str(n), str(len(own)), best, foreseen, median, worst])
         if np.any(error[own] > best_pair) and n > 2:
-            beaten.append(f"{np.count_nonzero(error[own] > best_pair)} of the {len(own)} of {n}")
+            beaten.append(worse_than_it(own, n))
     header = ["cameras", "sets", "best", "best by the law", "median", "worst"]
     quotient = ratios(part)[np.isfinite(error)]
     text = f"\nRms over the {trials_are(cube)} of the rms error, in % of the largest deflection."
     if beaten:
         text += f" The best pair is better than these sets: {', '.join(beaten)} cameras."
     side = one_sided(part) & np.isfinite(error)
-    counts = [(n, np.flatnonzero(side & (count == n))) for n in np.unique(count) if n > 2]
-    worse = [
-        f"{np.count_nonzero(error[own] > best_pair)} of the {len(own)} of {n}"
-        for n, own in counts
-        if len(own)
-    ]
+    counts = [(np.flatnonzero(side & (count == n)), n) for n in np.unique(count) if n > 2]
+    worse = [worse_than_it(own, n) for own, n in counts if len(own)]
     if worse:
         text += f" Of sets that look from one side alone it is better than {', '.join(worse)}."
     if len(quotient):
@@ -227,8 +230,8 @@ def numbers(cube: xr.Dataset) -> str:
         text += (
             f" Over all {len(quotient)} sets the error divided by the law's prediction lies "
             f"between {quotient.min():.2f} and {quotient.max():.2f}, with a median of "
-            f"{np.median(quotient):.2f}. That of one recording "
-            f"alone lies between {rendered.min():.2f} and {rendered.max():.2f}."
+            f"{np.median(quotient):.2f}. That of one recording alone lies between "
+            f"{rendered.min():.2f} and {rendered.max():.2f}."
         )
     return table(header, rows) + text + "\n"
 
@@ -265,17 +268,16 @@ def shares(cube: xr.Dataset) -> str:
 # What pages and notebooks include.
 
 
-def of_case(case: str, make: Callable[[xr.Dataset], str]) -> Callable[[xr.Dataset], str]:
+def of_case(case: str, make: Table) -> Table:
     """A table of one case, or that the case was not asked for."""
 
     def made(cube: xr.Dataset) -> str:
-        asked = case in cases(cube)
-        return make(cube) if asked else f"The case {case} was not asked for.\n"
+        return make(cube) if case in cases(cube) else f"The case {case} was not asked for.\n"
 
     return made
 
 
-TABLES: dict[str, Callable[[xr.Dataset], str]] = {
+TABLES: dict[str, Table] = {
     "errors": errors,
     "optima": optima,
     "localisation": localisation,
@@ -295,7 +297,4 @@ def layout_results(cube: xr.Dataset) -> str:
     return "\n".join(TABLES[name](cube) for name in ("slopes", "numbers", "shares"))
 
 
-RESULTS: dict[str, Callable[[xr.Dataset], str]] = {
-    "lab-elevation": optima,
-    "lab-layout": layout_results,
-}
+RESULTS: dict[str, Table] = {"lab-elevation": optima, "lab-layout": layout_results}
