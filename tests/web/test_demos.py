@@ -143,3 +143,40 @@ def test_a_beam_has_the_law_of_the_library(show: Show) -> None:
         opened.page.wait_for_function(
             "() => document.querySelector('.tl-summary').innerText.includes('400 draws')"
         )
+
+
+STATES = [
+    ("rounding_marker", "Motion", 2.25, "marker-motion=2.25", "marker-motion=9&marker-shift=x"),
+    ("rounding_point", "Elevation", 40, "point-elevation=40", "point-elevation=1e999&point=%FF"),
+    (
+        "rounding_beam",
+        "Cameras",
+        7,
+        "beam-cameras=7",
+        "beam-cameras=-1&beam-mode=&beam-__proto__=1",
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "label", "value", "told", "rubbish"), STATES)
+def test_a_link_shows_the_same_experiment(
+    chromium: Browser, tmp_path: Path, name: str, label: str, value: float, told: str, rubbish: str
+) -> None:
+    file = tmp_path / "page.html"
+    file.write_text(f"{HEAD}{demos.html(name)}", encoding="utf-8")
+    with open_offline(chromium, file, query="other=1#top") as opened:
+        page = opened.page
+        usual = run(opened, "return { ...demo.state }")
+        put(opened, label, value)
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        page.get_by_role("button", name="Copy link").click()
+        link = page.evaluate("navigator.clipboard.readText()")
+        assert link == f"{file.as_uri()}?{told}&other=1#top"
+        there = run(opened, "return { ...demo.state }")
+        assert there != usual
+        page.goto("about:blank")
+        page.goto(link)
+        assert run(opened, "return { ...demo.state }") == there
+        page.goto(f"{file.as_uri()}?{rubbish}#{rubbish}")
+        assert run(opened, "return { ...demo.state }") == usual
+        assert opened.trouble == []

@@ -8,12 +8,12 @@ import anywidget
 import traitlets
 
 from thesis_lib.ledger.verdicts import VERDICTS
-from thesis_lib.web.fragment import ASSETS, plain, static_html
+from thesis_lib.web.fragment import asset, joined, plain, static_html
 
 __all__ = ["LedgerTable"]
 
-_ESM = (ASSETS / "ledger.js").read_text(encoding="utf-8")
-_CSS = (ASSETS / "ledger.css").read_text(encoding="utf-8")
+_ESM = joined("ledger")
+_CSS = asset("ledger.css")
 _TEXTS = (
     "id", "kind", "case", "what", "stated", "got", "verdict", "note", "href", "place", "command",
 )  # fmt: skip

@@ -3,7 +3,7 @@ import { html } from "./parts.js";
 
 // `place` holds the text, or is where it is shown and selected if there is no clipboard, or no permission.
 export function copyButton(words, label, textOf, place) {
-  const node = html("button", { type: "button", "aria-label": label, "aria-live": "polite" }, words);
+  const node = html("button", { type: "button", class: "tl-copy", "aria-label": label, "aria-live": "polite" }, words);
   node.addEventListener("click", async () => {
     const text = textOf();
     try {

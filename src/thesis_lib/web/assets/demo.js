@@ -1,5 +1,7 @@
 // What the small experiments of a page share: controls, panels that are drawn anew when something changes, draws.
+import { asked, keep } from "./address.js";
 import { MARGIN, frame } from "./chart.js";
+import { linkButton } from "./copy.js";
 import { figure, fill, fixed, html, path, svg, text, ticks } from "./parts.js";
 
 export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
@@ -20,7 +22,7 @@ export function slider(words, [low, high], step, digits, unit, read, write) {
   const box = html("input", { type: "range", min: low, max: high, step }), shown = html("b");
   box.addEventListener("input", () => write(Number(box.value)));
   const node = html("label", { class: "tl-field tl-demo-slider" }, html("span", {}, `${words} `, shown), box);
-  return { node, refresh() {
+  return { node, read, write, range: [low, high], key: words.toLowerCase().match(/[a-z]+/)[0], refresh() {
     box.value = read();
     shown.textContent = `${fixed(read(), digits)}${unit}`;
     fill(box, { "aria-valuetext": shown.textContent });
@@ -34,14 +36,24 @@ export function button(words, onClick) {
 
 // An experiment in `el`: `controls` as above, figures by their letters, and `draw(figures, width)`, which returns what is said
 // below and may ask for one more frame by `request`.
-export function experiment(el, label, letters, build) {
+export function experiment(el, name, label, letters, build) {
   const status = html("p", { class: "tl-summary", role: "status" }), panels = {};
   for (const letter of letters) panels[letter] = figure(letter, svg("svg", { role: "img" }));
   let waiting = 0;
   const request = () => { waiting ||= requestAnimationFrame(refresh); };
-  const { controls, draw, model } = build(request, panels);
+  const { controls, draw, model } = build(request, panels), sliders = controls.filter(({ range }) => range);
+  const nameOf = ({ key }) => `${name}-${key}`, usual = sliders.map(({ read }) => read()); // in the address, what is otherwise
+  const link = linkButton(remember);
+  function remember() {
+    const others = sliders.filter(({ read }, i) => read() !== usual[i]);
+    keep(sliders.map(nameOf), new URLSearchParams(others.map((one) => [nameOf(one), one.read()])));
+  }
+  for (const one of sliders) { // what is unknown or makes no sense is ignored
+    const given = asked(nameOf(one)), value = Number(given || NaN);
+    if (value === clamp(value, one.range)) one.write(value);
+  }
   const root = html("section", { class: "tl-viewer tl-demo", "aria-label": label },
-    html("div", { class: "tl-controls" }, ...controls.map(({ node }) => node)),
+    html("div", { class: "tl-controls" }, ...controls.map(({ node }) => node), ...link),
     html("div", { class: "tl-grid" }, ...letters.map((letter) => panels[letter].node)), status);
   function refresh() {
     waiting = 0;
@@ -49,6 +61,7 @@ export function experiment(el, label, letters, build) {
     controls.forEach((one) => one.refresh());
     status.textContent = draw(Object.fromEntries(letters.map((one) => [one, panels[one].canvas.clientWidth || 480])));
   }
+  for (const event of ["change", "click", "pointerup"]) root.addEventListener(event, remember);
   root.demo = model; // for tests
   el.replaceChildren(root);
   refresh();

@@ -6,6 +6,7 @@ import states from "./explorer_state.js";
 import createView from "./explorer_view.js";
 import createShapes from "./explorer_shapes.js";
 import { keep } from "./address.js";
+import { copyButton, linkButton } from "./copy.js";
 import { createImage, createMotion } from "./motion.js";
 import { fill, html, isNumber, show } from "./parts.js";
 
@@ -62,27 +63,13 @@ export default (() => {
             html("p", { class: "tl-ex-legend" }, "Azimuth and elevation of the cameras (°)"), list))),
         html("div", {}, shapes.node, ...(compact ? [image.node] : []), table, facts)), bottom);
     fill(view.node, { "aria-describedby": `${uid}-hint` });
-    function copier(words, what) {
-      const node = button(words, null, async () => {
-        try {
-          await navigator.clipboard.writeText(what());
-          node.textContent = "Copied";
-        } catch { // no permission, or no clipboard on this page
-          code.textContent = what();
-          getSelection().selectAllChildren(code);
-          node.textContent = "Selected: now copy it";
-        }
-        setTimeout(() => { node.textContent = words; }, 2500);
-      });
-      bottom.append(node);
-    }
-    copier("Copy command", () => toCommand(app.state, app.structure));
+    bottom.append(copyButton("Copy command", null, () => toCommand(app.state, app.structure), code));
     if (compact) {
       root.classList.add("tl-ex-compact");
       const whole = html("a", {}, "All its controls and numbers");
       bottom.replaceChildren(whole);
       fields.push(() => { whole.href = `explorer.html?${toAddress(app.state, app.structure)}`; });
-    } else if (onPage) copier("Copy link", () => { settle(); return location.href; });
+    } else if (onPage) bottom.append(...linkButton(settle));
 
     // --- controls
     const field = (label, node, cls = "") =>

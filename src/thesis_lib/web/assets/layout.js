@@ -1,6 +1,7 @@
 // Planned cameras around a structure, to be turned; options of one or more plans to choose from.
 // Front end of thesis_lib.planning.layout_view in the form that static_html runs.
 import { asked, keep } from "./address.js";
+import { linkButton } from "./copy.js";
 import { heightOf, html, figure, fill, lines, path, resize, svg, text } from "./parts.js";
 import { RAD, baseOf, cross, direction, dot, plus, sideways, times, trace, turnable } from "./space.js";
 
@@ -24,7 +25,7 @@ function render({ model, el }) {
     const box = html("select", { "data-testid": testid });
     box.addEventListener("change", () => {
       onChange(Number(box.value));
-      keep(["plan", "option"], new URLSearchParams({ plan: plans.indexOf(plan) + 1, option: plan.options.indexOf(option) + 1 }));
+      remember();
     });
     const field = html("label", { class: "tl-field" }, html("span", {}, label), box);
     controls.append(field);
@@ -37,6 +38,11 @@ function render({ model, el }) {
   const which = select("Plan", "plan", choosePlan), of = select("Cameras", "option", chooseOption);
   which.put(plans.map(({ name }) => name), 0);
   which.field.hidden = plans.length < 2;
+  controls.append(...linkButton(remember));
+
+  function remember() {
+    keep(["plan", "option"], new URLSearchParams({ plan: plans.indexOf(plan) + 1, option: plan.options.indexOf(option) + 1 }));
+  }
 
   function choosePlan(i, first = plans[i].chosen) {
     plan = plans[i];

@@ -1,6 +1,10 @@
 // The ledger: the claims of the thesis with their verdicts, as a table to filter, search and sort.
 // Front end of thesis_lib.figure_sets.claims.widget.LedgerTable in the form anywidget expects; static_html runs it without a
 // kernel. One expression, so that its names stay apart from the viewer's, whose parts share this folder.
+import { asked, keep } from "./address.js";
+import { copyButton, linkButton } from "./copy.js";
+import { fill, html, svg } from "./parts.js";
+
 export default (() => {
   // A mark for each verdict, told apart by shape first; the order is that of sorting and of the count.
   const MARKS = {
@@ -31,15 +35,6 @@ export default (() => {
     ratio: (a, b) => a.ratio - b.ratio,
   };
 
-  // Attributes and text only, never markup: strings of the data cannot become elements.
-  function fill(node, attributes, children) {
-    for (const [name, value] of Object.entries(attributes)) if (value != null) node.setAttribute(name, value);
-    node.append(...children);
-    return node;
-  }
-  const html = (tag, attributes = {}, ...children) => fill(document.createElement(tag), attributes, children);
-  const svg = (tag, attributes, ...children) =>
-    fill(document.createElementNS("http://www.w3.org/2000/svg", tag), attributes, children);
   const button = (attributes, words, onClick) => {
     const node = html("button", { type: "button", ...attributes }, words);
     node.addEventListener("click", onClick);
@@ -50,17 +45,6 @@ export default (() => {
   function link(words, href) {
     const node = html("a", { href }, words);
     return href && node.protocol !== "javascript:" ? node : words;
-  }
-
-  async function copy(node, code) {
-    try {
-      await navigator.clipboard.writeText(code.textContent);
-      node.textContent = "Copied";
-    } catch { // no permission, or no clipboard on this page
-      getSelection().selectAllChildren(code);
-      node.textContent = "Selected: now copy it";
-    }
-    setTimeout(() => { node.textContent = "Copy"; }, 2500);
   }
 
   // --- one claim: a body of its own with a row, and a second row once it is opened. The roles are written out, for
@@ -77,8 +61,7 @@ export default (() => {
     if (row.note) cell.append(html("p", {}, row.note));
     if (row.command) {
       const code = html("code", {}, row.command);
-      const copyButton = button({ "aria-live": "polite" }, "Copy", () => copy(copyButton, code));
-      cell.append(html("p", {}, "Run again: ", code, " ", copyButton));
+      cell.append(html("p", {}, "Run again: ", code, " ", copyButton("Copy", null, () => row.command, code)));
     }
     cell.append(html("p", { class: "tl-ledger-id" }, "Link: ", html("a", { href: `#claim-${row.id}` }, row.id)));
     return html("tr", { class: "tl-ledger-second", id: `claim-${row.id}-more`, role: "row" }, cell);
@@ -158,21 +141,19 @@ export default (() => {
       sorted.column !== name ? [name, 1] : sorted.sign > 0 ? [name, -1] : [null, 1];
 
     // --- the address: ?chapter=3&verdict=differs for the filters, #claim-… for one claim
-    function readAddress() {
-      const query = new URLSearchParams(location.search);
+    function readAddress() { // what is unknown is ignored
       for (const [name, box] of Object.entries(boxes)) {
-        const value = query.get(name) ?? "";
+        const value = asked(name) ?? "";
         if (!box.options || [...box.options].some((option) => option.value === value)) box.value = value;
       }
+      const [, down, column] = /^(-?)(\w+)$/.exec(asked("sort") ?? "") ?? [];
+      if (Object.hasOwn(SORTS, column ?? "")) sort(column, down ? -1 : 1);
     }
     function writeAddress() {
       if (!onPage) return;
-      const url = new URL(location.href);
-      for (const [name, box] of Object.entries(boxes)) {
-        if (box.value) url.searchParams.set(name, box.value); else url.searchParams.delete(name);
-      }
-      if (!linked && url.hash.startsWith("#claim-")) url.hash = "";
-      try { history.replaceState(history.state, "", url); } catch { /* some browsers refuse in a local file */ }
+      const said = new URLSearchParams(Object.entries(boxes).flatMap(([name, { value }]) => (value ? [[name, value]] : [])));
+      if (sorted.column) said.set("sort", `${sorted.sign < 0 ? "-" : ""}${sorted.column}`);
+      keep([...Object.keys(boxes), "sort"], said, !linked && location.hash.startsWith("#claim-") ? "" : location.hash);
     }
     function unlink() {
       linked?.body.removeAttribute("aria-current");
@@ -204,7 +185,7 @@ export default (() => {
     }
     function head([name, label]) {
       const node = html("th", { role: "columnheader", class: `tl-ledger-${name}`, "data-label": label });
-      node.append(SORTS[name] ? button({}, label, () => sort(...nextSort(name))) : html("span", {}, label));
+      node.append(SORTS[name] ? button({}, label, () => { sort(...nextSort(name)); writeAddress(); }) : html("span", {}, label));
       if (SORTS[name]) fill(heads[name] = node, { "aria-sort": "none" }, []);
       return node;
     }
@@ -223,7 +204,7 @@ export default (() => {
           sort(null, 1);
           change();
           writeAddress();
-        }));
+        }), ...(onPage ? linkButton(writeAddress) : []));
       controls.addEventListener("input", change);
       controls.addEventListener("change", writeAddress); // of the search: when it is left
       table = html("table", { role: "table", "aria-label": "Claims and verdicts" },

@@ -80,4 +80,4 @@ function build(request, { a, b, c }, { structure, sensorWidth }) {
 }
 
 export default { render: ({ model: traits, el }) =>
-  experiment(el, "Many cameras and a beam", ["a", "b", "c"], (request, panels) => build(request, panels, traits.get("data"))) };
+  experiment(el, "beam", "Many cameras and a beam", ["a", "b", "c"], (request, panels) => build(request, panels, traits.get("data"))) };

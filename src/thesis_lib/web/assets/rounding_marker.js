@@ -105,4 +105,4 @@ function build(request, { a, b, c }) {
   return { controls, draw, model: { state, found, law, measured, set } };
 }
 
-export default { render: ({ el }) => experiment(el, "One marker on one pixel grid", ["a", "b", "c"], build) };
+export default { render: ({ el }) => experiment(el, "marker", "One marker on one pixel grid", ["a", "b", "c"], build) };

@@ -95,4 +95,4 @@ function build(request, { a, b }) {
   return { controls, draw, model: { state, set, law, errors: () => errors } };
 }
 
-export default { render: ({ el }) => experiment(el, "Two cameras and a point", ["a", "b"], build) };
+export default { render: ({ el }) => experiment(el, "point", "Two cameras and a point", ["a", "b"], build) };

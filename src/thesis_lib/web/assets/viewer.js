@@ -2,6 +2,7 @@
 // Front end of thesis_lib.web.viewer.Viewer in the form anywidget expects; static_html runs it without a kernel.
 import { asked, keep } from "./address.js";
 import { createBars } from "./bars.js";
+import { linkButton } from "./copy.js";
 import { createImage, createMotion } from "./motion.js";
 import { KINDS, figure, fill, html, icon, isNumber, mark, path, show, svg, swatch } from "./parts.js";
 import pinhole from "./pinhole.js";
@@ -28,6 +29,7 @@ function render({ model, el }) {
     sketch.move(phase);
     image.show(phase);
   });
+  const link = model.get("page") && !model.get("form") ? linkButton(remember) : []; // else the form has it
   let panels = null, imaged = ""; // panels of the kind of structure; what the image shows
 
   // --- controls
@@ -54,6 +56,7 @@ function render({ model, el }) {
     controls.append(html("fieldset", { class: "tl-field" }, html("legend", {}, "Mode"), group));
     select("Compare", [["extremes", "best and worst by median"], ["all", "all settings"]], study.compare, "compare",
       (value) => { study.compare = value; highlight(); remember(); });
+    controls.append(...link);
   }
 
   // --- the address of a page: ?case=2a&mode=3, and what is compared or pinned
