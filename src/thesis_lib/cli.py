@@ -292,14 +292,38 @@ def claims(as_json: bool) -> None:
     metavar="DIR",
     help="Instead of measuring, write a small rendered recording into DIR.",
 )
-def measure(manifest: Path | None, out: Path | None, check: bool, example: Path | None) -> None:
+@click.option(
+    "--new",
+    type=_PATH,
+    metavar="FOLDER",
+    help="Instead of measuring, write a manifest for the videos and pictures in FOLDER; -p gives "
+    "what no file shows, as -p board.tile_mm=30.",
+)
+@_ASSIGNMENTS
+def measure(
+    manifest: Path | None,
+    out: Path | None,
+    check: bool,
+    example: Path | None,
+    new: Path | None,
+    assignments: Sequence[str],
+) -> None:
     """Measure the recordings that MANIFEST.yaml names, from calibration to report.
 
     Interrupted, the same command goes on where it stopped.
     """
-    if (manifest is None) == (example is None):
-        given = "neither" if manifest is None else "both"
-        raise Refused(f"measure: given {given}, allowed: MANIFEST.yaml or --example DIR")
+    given = sum(one is not None for one in (manifest, example, new))
+    if given != 1:
+        what = "neither" if not given else "both" if given == 2 else "all"
+        allowed = "MANIFEST.yaml, --new FOLDER or --example DIR"
+        raise Refused(f"measure: given {what}, allowed: {allowed}")
+    if assignments and new is None:
+        raise Refused("measure: -p is given, allowed: with --new FOLDER; else edit the manifest")
+    if new is not None:
+        from thesis_lib.measure.commands import start
+
+        start(new, assigned_values(assignments))
+        return
     if example is not None:
         _example(example)
         return

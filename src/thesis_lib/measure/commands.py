@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -37,6 +39,17 @@ def one_line(place: Path) -> Iterator[None]:
         ) from None
     except Exception as error:
         raise click.ClickException(str(error) or type(error).__name__) from None
+
+
+def start(folder: Path, given: Mapping[str, Any]) -> None:
+    """Write a manifest into a folder of recordings, and say what is missing."""
+    from thesis_lib.measure.recordings.new import new_manifest
+
+    with one_line(folder):
+        manifest, lines = new_manifest(folder, given)
+    click.echo("\n".join(lines))
+    name = shlex.quote(str(manifest))
+    click.echo(f"Now look through {name}, and ask: thesis measure --check {name}")
 
 
 @click.group("print")

@@ -50,7 +50,7 @@ def write(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, s
     path : Path
         The file.
     paper : str
-        One of :data:`SIZES`.
+        One of ``SIZES``.
     landscape : bool
         Whether pages lie.
     pages : iterable of (callable, str)

@@ -103,7 +103,7 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         text = json.dumps(values)
         manifest = Manifest.model_validate_json(text)
     except ValidationError as error:
-        raise ManifestError(f"{path}: {_problem(json.loads(text), error)}") from None
+        raise ManifestError(f"{path}: {first_problem(json.loads(text), error)}") from None
     except (TypeError, ValueError, RecursionError):
         raise ManifestError(f"{path}: holds what is no text, number or list, as a date") from None
     for problem in _file_problems(manifest, path.parent, check_files):
@@ -214,7 +214,7 @@ def _model_at(model: type[BaseModel], name: str) -> type[BaseModel] | None:
     return search(model.model_fields[name].annotation)
 
 
-def _problem(values: Mapping[str, Any], error: ValidationError) -> str:
+def first_problem(values: Mapping[str, Any], error: ValidationError) -> str:
     """The first problem in one line: the field, what was given, what is allowed."""
     problems = error.errors(include_url=False)  # a misspelt field first: it explains a missing one
     problem = min(problems, key=lambda one: one["type"] != "extra_forbidden")

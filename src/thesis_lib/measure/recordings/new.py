@@ -1,0 +1,205 @@
+"""A manifest to start from: what a folder of recordings tells, and what only its owner knows."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from thesis_lib.files import whole_text
+from thesis_lib.measure.recordings.manifest import (
+    PICTURES,
+    ManifestError,
+    first_problem,
+    shot_paths,
+)
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.media_info import VideoInfo, probe
+
+VIDEOS = {".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts"}
+FEWEST, POSES = 3, 12  # pictures of the board that are needed, that are wanted
+ASKED = (  # what no file shows
+    "structure.kind", "structure.length_mm", "structure.width_mm", "structure.thickness_mm",
+    "structure.density_kg_m3", "structure.youngs_modulus_pa", "structure.force_position_mm",
+    "structure.markers.rows", "structure.markers.columns", "structure.markers.spacing_mm",
+    "structure.markers.row_spacing_mm", "structure.markers.diameter_mm", "structure.markers.tone",
+    "board.columns", "board.rows", "board.tile_mm", "board.two_sided",
+    "excitation.frequency_hz", "excitation.sound", "excitation.rest_s", "cameras.exposure_s",
+)  # fmt: skip
+EXPOSURE = 0.25  # of the shortest frame, which stands for an exposure that is not given
+
+
+def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:
+    """Write ``manifest.yaml`` into a folder, with all that its files and their owner tell.
+
+    Parameters
+    ----------
+    folder : Path
+        With two videos or more; pictures of the board lie in folders, or their names begin, with
+        the names of the videos.
+    given : mapping
+        Fields by path, as ``{"board.tile_mm": 30}``; ``cameras.exposure_s`` is every camera's.
+
+    Returns
+    -------
+    Path
+        The manifest.
+    list of str
+        What was found, what is missing, and what was not given and so assumed.
+
+    Raises
+    ------
+    ManifestError
+        If the folder has no videos or a manifest already, or what is given is not allowed.
+    MediaError
+        If a video cannot be read.
+    """
+    path = folder / "manifest.yaml"
+    if not folder.is_dir():
+        raise ManifestError(f"{folder}: no such folder")
+    if path.exists():
+        raise ManifestError(f"{path}: is there already, allowed: a folder without one")
+    videos = sorted(file for file in folder.iterdir() if file.suffix.lower() in VIDEOS)
+    if not 2 <= len(videos) <= 16:
+        kinds = ", ".join(sorted(VIDEOS))
+        raise ManifestError(f"{folder}: {len(videos)} videos, allowed: 2 to 16 of {kinds}")
+    infos = [probe(video) for video in videos]
+    values = _values(folder, videos, infos, given)
+    try:
+        manifest = Manifest.model_validate_json(json.dumps(values))
+    except ValidationError as error:
+        raise ManifestError(f"-p: {first_problem(values, error)}") from None
+    whole_text(path, "\n".join(_text(manifest, given)) + "\n")
+    return path, [*_told(manifest, folder, infos), *_assumed(manifest, given)]
+
+
+def _values(
+    folder: Path, videos: Sequence[Path], infos: Sequence[VideoInfo], given: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The manifest's values, as they are given or seen."""
+    exposure = float(f"{EXPOSURE / max(info.frame_rate for info in infos):.3g}")
+    cameras: list[dict[str, Any]] = [
+        {
+            "name": video.stem[:40],
+            "video": video.name,
+            "width_px": info.size[0],
+            "height_px": info.size[1],
+            "frame_rate_hz": float(f"{info.frame_rate:.6g}"),
+            "exposure_s": exposure,
+            "shots": _shots(folder, video.stem),
+        }
+        for video, info in zip(videos, infos, strict=True)
+    ]
+    values: dict[str, Any] = {"cameras": cameras}
+    for name, value in given.items():
+        *parts, last = name.split(".")
+        if parts[:1] == ["cameras"]:
+            for camera in cameras:
+                camera[last] = copy.copy(value)
+            continue
+        inside = values
+        for part in parts:
+            inside = inside.setdefault(part, {})
+            if not isinstance(inside, dict):
+                raise ManifestError(
+                    f"-p: {name} is inside what is given, too; allowed: one of them"
+                )
+        inside[last] = value
+    return values
+
+
+def _shots(folder: Path, name: str) -> str:
+    """Where a camera's pictures of the board are: a folder or a pattern; where to put them."""
+    inside = [place for place in folder.rglob("*") if place.is_dir()]
+    for place in sorted(inside):
+        if place.name.lower() == name.lower() and _pictures(place.iterdir()):
+            return place.relative_to(folder).as_posix()
+    for place in [folder, *sorted(inside)]:
+        own = _pictures(file for file in place.iterdir() if file.name.startswith(f"{name}-"))
+        kinds = {file.suffix for file in own}
+        if len(kinds) == 1:
+            return (place.relative_to(folder) / f"{name}-*{kinds.pop()}").as_posix()
+    return f"board/{name}"
+
+
+def _pictures(files: Iterator[Path] | Any) -> list[Path]:
+    return [file for file in files if file.suffix.lower() in PICTURES]
+
+
+def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Iterator[str]:
+    """What was found of each camera, and what is missing."""
+    counts = []
+    for camera, info in zip(manifest.cameras, infos, strict=True):
+        shots = [shot for shot in shot_paths(camera, folder) if shot]
+        counts.append(len(shots))
+        seconds = "" if info.duration is None else f", {info.duration:.1f} s"
+        yield (
+            f"{camera.video}: {info.size[0]} × {info.size[1]} px, {info.frame_rate:.6g} frames per "
+            f"second{seconds}; {len(shots)} pictures of the board in {camera.shots}"
+        )
+        if not info.has_audio:
+            yield f"missing: {camera.video} has no sound, which tells when the camera started"
+        if len(shots) < FEWEST:
+            yield (
+                f"missing: pictures of the board by {camera.name}, at least {FEWEST}, better "
+                f"{POSES}, in {camera.shots}"
+            )
+    if len(set(counts)) > 1:
+        yield (
+            f"missing: as many pictures of the board by every camera, not {counts}: the k-th of "
+            "each shows the same pose, null in a list of names stands for none"
+        )
+
+
+def _assumed(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
+    """What no file shows and was not given, with what stands for it."""
+    for name in ASKED:
+        if not _is_given(name, given):
+            value: Any = manifest
+            for part in name.split("."):
+                value = value[0] if isinstance(value, tuple) else value
+                value = getattr(value, part)
+            value = value[0] if isinstance(value, tuple) else value
+            yield f"not given, so assumed: -p {name}={json.dumps(value)}"
+
+
+def _is_given(name: str, given: Mapping[str, Any]) -> bool:
+    """Whether a field is given, or an object that it is in."""
+    return any(name == one or name.startswith(f"{one}.") for one in given)
+
+
+def _text(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
+    """The manifest as commented YAML; what must be checked is marked."""
+    yield "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them."
+    for part in ("structure", "board", "excitation"):
+        yield from _part(getattr(manifest, part), part, 0, given)
+    yield "cameras:"
+    for camera in manifest.cameras:
+        lines = [*_fields(camera, "cameras", 2, given)]
+        yield f"  - {lines[0].lstrip()}"
+        yield from lines[1:]
+
+
+def _part(part: BaseModel, path: str, indent: int, given: Mapping[str, Any]) -> Iterator[str]:
+    yield f"{' ' * indent}{path.rpartition('.')[2]}:"
+    yield from _fields(part, path, indent, given)
+
+
+def _fields(part: BaseModel, path: str, indent: int, given: Mapping[str, Any]) -> Iterator[str]:
+    """A line for each field, with its meaning; those that may be left out are left out."""
+    space = " " * (indent + 2)
+    for name, info in type(part).model_fields.items():
+        value, place = getattr(part, name), f"{path}.{name}"
+        if isinstance(value, BaseModel):
+            yield from _part(value, place, indent + 2, given)
+        elif value is not None or place in ASKED or _is_given(place, given):
+            check = "CHECK: " if place in ASKED and not _is_given(place, given) else ""
+            text = json.dumps(part.model_dump(mode="json")[name], ensure_ascii=False)
+            if isinstance(value, float):  # YAML takes JSON's 5e-05 for text
+                text = yaml.safe_dump(value).splitlines()[0]
+            yield f"{space}{name}: {text}  # {check}{info.description}"

@@ -1,0 +1,106 @@
+"""``thesis measure --new``: a folder is looked at, and a commented manifest is in it."""
+
+import cv2
+import numpy as np
+import pytest
+from command import thesis
+
+from thesis_lib.measure.recordings.manifest import read_manifest
+from thesis_lib.measure.recordings.media import write_video
+from thesis_lib.measure.report.moving import write_mp4
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Two cameras; one has its pictures in a folder, the other by their names; one has no sound."""
+    picture = np.full((48, 64), 90, np.uint8)
+    write_video(tmp_path / "left.mkv", [picture] * 20, 50, np.zeros(48000))
+    write_mp4(tmp_path / "right.MP4", [np.dstack([picture] * 3)] * 20, 59.94)
+    for place in (tmp_path / "board" / "left", tmp_path / "shots"):
+        place.mkdir(parents=True)
+    for k in range(4):
+        cv2.imwrite(str(tmp_path / "board" / "left" / f"{k}.png"), picture)
+    for k in range(2):
+        cv2.imwrite(str(tmp_path / "shots" / f"right-{k}.jpg"), picture)
+    (tmp_path / "notes.txt").write_text("on the day")
+    return tmp_path
+
+
+def test_what_files_show_is_in_the_manifest_and_what_is_missing_is_said(folder):
+    given = ["-p", "structure.kind=plate", "-p", "board.tile_mm=30", "-p", "excitation.sound=room",
+             "-p", "cameras.exposure_s=0.00005"]  # fmt: skip
+    done = thesis("measure", "--new", folder, *given)
+    assert (done.status, done.err) == (0, "")
+    manifest = read_manifest(folder / "manifest.yaml", check_files=False)
+    left, right = manifest.cameras
+    assert (left.name, left.video, left.size, left.frame_rate_hz) == (
+        "left", "left.mkv", (64, 48), 50.0)  # fmt: skip
+    assert right.frame_rate_hz == pytest.approx(59.94, rel=1e-4)
+    assert (left.shots, right.shots) == ("board/left", "shots/right-*.jpg")
+    assert left.exposure_s == right.exposure_s == 5e-5
+    assert manifest.structure.kind == "plate"
+    assert (manifest.board.tile_mm, manifest.excitation.sound) == (30.0, "room")
+    lines = done.out.splitlines()
+    assert lines[0].startswith("left.mkv: 64 × 48 px, 50 frames per second, ")
+    assert lines[0].endswith("4 pictures of the board in board/left")
+    missing = [line for line in lines if line.startswith("missing: ")]
+    assert any("right.MP4 has no sound" in line for line in missing)
+    assert any("pictures of the board by right, at least 3" in line for line in missing)
+    assert any("[4, 2]" in line for line in missing)
+    assumed = [line for line in lines if line.startswith("not given, so assumed: -p ")]
+    assert any("structure.length_mm=623.0" in line for line in assumed)
+    assert not any("tile_mm" in line or "exposure_s" in line for line in assumed)
+    text = (folder / "manifest.yaml").read_text(encoding="utf-8")
+    assert "    tile_mm: 30.0  # side of a tile" not in text  # two blanks deep
+    assert "  tile_mm: 30.0  # side of a tile" in text
+    assert "  length_mm: 623.0  # CHECK: length along x" in text
+
+
+def test_the_assumed_fields_can_be_pasted_as_they_are_said(folder):
+    first = thesis("measure", "--new", folder)
+    one = read_manifest(folder / "manifest.yaml", check_files=False)
+    (folder / "manifest.yaml").unlink()
+    marks = "not given, so assumed: -p "
+    said = [line[len(marks) :] for line in first.out.splitlines() if line.startswith(marks)]
+    assert len(said) > 15
+    given = [part for line in said for part in ("-p", line)]
+    second = thesis("measure", "--new", folder, *given)
+    assert marks not in second.out
+    assert read_manifest(folder / "manifest.yaml", check_files=False) == one
+    assert "CHECK:" not in (folder / "manifest.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["-p", "board.tile=30"], ["board.tile", "no such field"]),
+        (["-p", "board.tile_mm=-1"], ["board.tile_mm", "-1", "above 0"]),
+        (["-p", "structure.kind=disc"], ["structure.kind", "disc", "plate"]),
+        (["-p", "board=5"], ["board", "5"]),
+        (["-p", "cameras.colour=red"], ["colour", "no such field"]),
+        (["-p", "board=5", "-p", "board.tile_mm=3"], ["board.tile_mm", "allowed: one"]),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_nothing_is_written(folder, options, words):
+    done = thesis("measure", "--new", folder, *options)
+    assert (done.status, done.out) == (2, "")
+    assert len(done.err.splitlines()) == 1
+    assert all(word in done.err for word in words)
+    assert not (folder / "manifest.yaml").exists()
+
+
+def test_folders_that_are_none_or_have_no_videos_or_a_manifest(folder, tmp_path):
+    (folder / "manifest.yaml").write_text("mine")
+    (tmp_path / "empty").mkdir()
+    for place, words in {
+        folder: "is there already",
+        tmp_path / "empty": "0 videos, allowed: 2 to 16",
+        tmp_path / "none": "no such folder",
+    }.items():
+        done = thesis("measure", "--new", place)
+        assert (done.status, done.out) == (2, "")
+        assert words in done.err
+    assert (folder / "manifest.yaml").read_text() == "mine"
+    done = thesis("measure", folder / "manifest.yaml", "-p", "a=1")
+    assert done.status == 2
+    assert "-p is given" in done.err
