@@ -46,7 +46,7 @@ def stated(
     return [
         next((c for c in claims if value in c.values), None)
         or next((c for c in claims if not c.values), None)
-        for value in select(cube, case, mode)["value"].values
+        for value in cube["value"].values[cube["case"].values == case]
     ]
 
 
@@ -65,7 +65,7 @@ class Bars:
 def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error") -> Bars:
     """The bars of one error of a case and mode, by the error's name in the tables."""
     part = select(cube, case, mode)
-    values = cubes.errors(part)[quantity]
+    values = cubes.error(part, quantity)
     predicted, plane = cubes.predicted(part, quantity), cubes.ERRORS[quantity][1]
     literal, claims = values.isel(trial=0).values, stated(cube, case, mode, quantity)
     return Bars(literal, predicted.values, cubes.band(values), claims, plane or "")

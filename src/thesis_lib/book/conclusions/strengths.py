@@ -67,27 +67,27 @@ def curves(opened: Cubes, knob: Knob) -> Iterator[Curve]:
     """All errors over one knob; cubes that are missing are left out."""
     for group, name, cases, quantities in knob.sources:
         try:
-            cube = opened[name]
+            cube = opened[name].drop_dims("point", errors="ignore")  # to select from, too
         except KeyError:
             continue
         for case in cases or tuple(dict.fromkeys(cube["case"].values.tolist())):
             for mode in cube["mode"].values.tolist():
+                part = select(cube, case, mode)
                 for quantity in quantities:
-                    curve = _curve(cube, group, case, mode, quantity, knob)
+                    stated = [_figure(c) for c in selection.stated(cube, case, mode, quantity)]
+                    curve = _curve(part, group, case, quantity, np.array(stated), knob)
                     if curve:
                         yield curve
 
 
 def _curve(
-    cube: xr.Dataset, group: str, case: str, mode: int, quantity: str, knob: Knob
+    part: xr.Dataset, group: str, case: str, quantity: str, stated: Array, knob: Knob
 ) -> Curve | None:
     """One curve, or None on a plane that has no reference."""
-    part = select(cube, case, mode)
     elevations = part["camera_elevation"].isel(camera=0)
     values = (elevations if knob is KNOBS["lower"] else part["value"]).values.astype(float)
-    errors = cubes.errors(part)[quantity].transpose("setting", "trial").values[:, 1:].astype(float)
+    errors = cubes.error(part, quantity).transpose("setting", "trial").values[:, 1:].astype(float)
     predicted = cubes.predicted(part, quantity).values.astype(float)
-    stated = np.array([_figure(claim) for claim in selection.stated(cube, case, mode, quantity)])
     kept = np.flatnonzero(np.isfinite(errors).all(axis=1))
     kept = kept[np.argsort(values[kept], kind="stable")]
     if len(kept) < 2 or not errors.shape[1]:
@@ -96,7 +96,7 @@ def _curve(
         group,
         case,
         quantity,
-        mode,
+        int(part["mode"]),
         values[kept],
         errors[kept],
         predicted[kept],
