@@ -113,6 +113,7 @@ def test_claims_without_cubes_names_them_and_ends_well(checkout, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_claims_as_json_has_every_claim_once():
     done = thesis("claims", "--json")
     assert (done.status, done.err) == (0, "")

@@ -91,9 +91,10 @@ def test_a_range_of_shifts_is_a_part_of_all():
     [("least-squares", 0.0), ("analytic-centre", 0.0), ("interval", 0.0), ("interval", 0.1)],
 )
 def test_smaller_blocks_change_the_last_bits_alone(monkeypatch, estimator, noise_px):
-    study = validate("beam-arrays", {**ARRAYS, "estimator": estimator, "noise_px": noise_px})
+    few = {**ARRAYS, "trials": 15}  # of two cameras 9 fill a block
+    study = validate("beam-arrays", {**few, "estimator": estimator, "noise_px": noise_px})
     whole = studies.run(study)
-    monkeypatch.setattr(chunks, "BLOCK_BYTES", 2**16)
+    monkeypatch.setattr(chunks, "BLOCK_BYTES", 2**15)
     cut = studies.run(study)
     for name in ("measured_deflection", "mean_error", "max_point_error", "mac"):
         np.testing.assert_allclose(cut[name], whole[name], rtol=1e-7, atol=1e-15)
