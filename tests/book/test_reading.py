@@ -10,6 +10,7 @@ BOOK = files.project_root() / "book"
 PATH = ("intro", "rounding", "laboratory", "sound", "conclusions", "beam", "plate")
 EDITED = ("laboratory", "sound", "shapes", "conclusions", "rounding", "planner")
 _BLOCK = re.compile(r"^\s*(`{3,}|\${2})[^\n]*\n.*?^\s*\1", re.MULTILINE | re.DOTALL)
+_PRONOUN = re.compile(r"(It|They|Its|Their|(This|That|These|Those) (is|are|was|does|makes))\b")
 _PICTURE = re.compile(r"\{figure\}|:file: executed/|executed/fig-[\w-]+\.md")
 
 
@@ -31,10 +32,21 @@ def sentences(page: str) -> list[int]:
     return [n for n in (len(words(part)) for part in parts) if n > 2]
 
 
+def opened_by_a_pronoun(page: str) -> list[str]:
+    """Sentences whose first word stands for what a sentence before has named."""
+    parts = re.split(r"(?<=[.!?:;])\s+|\n\s*\n|\n\s*[*] ", prose(page))
+    return [" ".join(part.split()) for part in parts if _PRONOUN.match(part.strip().lstrip("* "))]
+
+
 def test_words_pictures_and_sentences_are_counted():
     assert len(words("A beam, 25 markers: it's 3.5 px.")) == 7
     found = len(_PICTURE.findall((BOOK / "sound.md").read_text(encoding="utf-8")))
     assert found > 3
+
+
+@pytest.mark.parametrize("page", PATH)
+def test_no_sentence_of_the_reading_path_opens_with_a_pronoun(page):
+    assert opened_by_a_pronoun(page) == []
 
 
 def test_the_reading_path_is_short():

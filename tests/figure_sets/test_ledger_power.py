@@ -1,4 +1,4 @@
-"""What the stated figures could have told: draws of the model, and errors of other sizes."""
+"""What the stated values could have told: draws of the model, and errors of other sizes."""
 
 import dataclasses
 import json

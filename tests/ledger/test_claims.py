@@ -1,4 +1,4 @@
-"""The rule for stated figures, and the file that they stand in."""
+"""The rule for stated values, and the file that they stand in."""
 
 import csv
 from collections import Counter

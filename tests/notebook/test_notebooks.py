@@ -65,7 +65,7 @@ def test_parameters_are_literals(name):
 @pytest.mark.parametrize("name", STUDIES)
 def test_outputs_to_check_are_there_and_hold_numbers(name):
     marked = [cell for cell in committed(name) if MARK in cell.source.splitlines()]
-    for cell in marked:  # where all stated figures are met there is a count alone
+    for cell in marked:  # where all stated values are met there is a count alone
         assert any(re.search(r"\d", text) for text in texts(cell)), cell.id
     assert sum(bool(re.search(r"\d+\.\d", "".join(texts(cell)))) for cell in marked) >= 2
 

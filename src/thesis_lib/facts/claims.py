@@ -84,7 +84,7 @@ class Claim:
 
 
 def read_claims() -> list[Claim]:
-    """The stated figures, from ``data/thesis/claims.csv``.
+    """The stated values, from ``data/thesis/claims.csv``.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """The ledger: every claim of the thesis beside what the cubes say, recomputed each time.
 
-Stated figures, trends and stray numbers become :class:`Entry` each, with a verdict by the rules of
+Stated values, trends and stray numbers become :class:`Entry` each, with a verdict by the rules of
 ``verdicts.py`` and ``trends.py``. What cannot be judged is *undefined*, with the reason; a cube
 that is missing, or of other parameters or another state of the library, is such a reason.
 """
@@ -140,7 +140,7 @@ def entries(
 
 
 def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
-    """A stated figure beside a cube, in which a parameter is varied."""
+    """A stated value beside a cube, in which a parameter is varied."""
     subject, _, study = claim.figure_set.partition("-")
     found = cube if isinstance(cube, str) else verdicts.judge(cube, claim)
     check = None if isinstance(found, str) else found

@@ -1,4 +1,4 @@
-"""How a stated figure is judged: which interval is met."""
+"""How a stated value is judged: which interval is met."""
 
 from __future__ import annotations
 

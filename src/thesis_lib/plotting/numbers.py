@@ -43,7 +43,7 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
 
 
 def _by_setting(cube: xr.Dataset, error: str) -> list[dict[str, Any]]:
-    """Prediction and stated figures of an error, setting by setting and mode by mode."""
+    """Prediction and stated values of an error, setting by setting and mode by mode."""
     modes = cube["mode"].values.tolist()
     told = error != "max_point_error" or f"predicted_{error}" in cube
     predicted = cubes.predicted(cube, error).transpose("setting", "mode").values if told else None

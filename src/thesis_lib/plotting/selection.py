@@ -52,7 +52,7 @@ def stated(
 
 @dataclass(frozen=True)
 class Bars:
-    """One error of every setting: literal run, band of the trials, prediction, stated figures."""
+    """One error of every setting: literal run, band of the trials, prediction, stated values."""
 
     #: In %, shape (settings,)
     literal: Array

@@ -129,7 +129,7 @@ def _changes(chapter: Sequence[xr.Dataset]) -> str:
 
 
 def _agreement(chapter: Sequence[xr.Dataset]) -> str:
-    """How many of the stated figures are met, by figure set and kind of error."""
+    """How many of the stated values are met, by figure set and kind of error."""
     kinds: dict[str, dict[str, list[bool]]] = {}
     for cube in chapter:
         name = cube.attrs["figure_set"]

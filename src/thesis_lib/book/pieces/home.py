@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from thesis_lib.arrays import Array
-from thesis_lib.book.conclusions.knobs import KNOBS
 from thesis_lib.book.conclusions.pixels import equal_pixels
-from thesis_lib.book.conclusions.strengths import Strength, strengths
-from thesis_lib.book.pieces.opened import of_subject
+from thesis_lib.book.pieces.results import changes, over_rms
 from thesis_lib.ledger.cube import from_cube
 
 HELD = ("agrees", "within scatter", "no material change")
@@ -19,11 +16,8 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
     """Five sentences, each with where it is shown."""
     claims = [entry for entry in from_cube(opened["claims"]) if entry.counted]
     met = {word: sum(entry.verdict == word for entry in claims) for word in (*HELD, "differs")}
-    closer, finer, more, wider = (
-        _by_group(opened, name) for name in ("closer", "finer", "more", "wider")
-    )
-    cubes = [cube for subject in ("beam", "plate") for cube in of_subject(opened, subject)]
-    ratios = np.concatenate([_over_rms(cube) for cube in cubes])
+    left = {knob: left for knob, (_, _, left) in changes(opened, "beam").items()}
+    ratios = np.concatenate([over_rms(opened, body) for body in ("beam", "plate")])
     pair = float(np.median([one.ratio for one in equal_pixels()]))
     shape, sound = (
         float(opened["sound-arrays"][name].isel(trial=slice(1, None)).median())
@@ -31,16 +25,17 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
     )
     said = [
         f"**Most of it holds.** Of {len(claims)} statements {met['agrees']} agree, "
-        f"{met['within scatter']} more lie within the scatter of single runs, and "
-        f"{met['differs']} differ ({{doc}}`the ledger <executed/claims>`).",
+        f"{met['within scatter']} more lie within the scatter of single runs, "
+        f"{met['differs']} differ, and {met['no material change']} speak of a change that is none "
+        "({doc}`the ledger <executed/claims>`).",
         f"**It can be foretold.** [The law of rounding](law-of-rounding), without any simulation, "
         f"gives the error of all {len(ratios)} settings of beam and plate to within "
         f"{100 * max(np.abs(ratios - 1)):.0f} %.",
         "**Nearer and finer count in proportion, wider hardly.** For the beam a third of the "
-        f"distance leaves {_times(closer['beam'])} of the error, six times the pixels across leave "
-        f"{_times(finer['beam'])}, a pair opened tenfold leaves {_times(wider['beam'])} "
+        f"distance leaves {left['closer']} of the error, six times the pixels across leave "
+        f"{left['finer']}, a pair opened tenfold leaves {left['wider']} "
         "([conclusions](conclusions.md)).",
-        f"**Many cameras are worth their pixels.** Twelve leave {_times(more['beam'])} of the "
+        f"**Many cameras are worth their pixels.** Twelve leave {left['more']} of the "
         "error of two. The best pair among them, given all their pixels, comes to "
         f"{pair:.2f} of their error in the median, with fewer frames a second "
         "([many or sharp](design-law.md#many-coarse-cameras-or-few-sharp-ones)).",
@@ -48,20 +43,6 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
         f"%, the pressure around it is right to {sound:.1f} % (medians; [its sound](sound.md)).",
     ]
     return "".join(f"* {sentence}\n" for sentence in said)
-
-
-def _by_group(opened: dict[str, xr.Dataset], knob: str) -> dict[str, Strength]:
-    return {one.group: one for one in strengths(opened, KNOBS[knob])}
-
-
-def _times(one: Strength) -> str:
-    return f"{float(np.median(one.factors)):.2f}"
-
-
-def _over_rms(cube: xr.Dataset) -> Array:
-    """Law over the trials' rms of every setting and mode."""
-    rms = np.sqrt((cube["mean_error"][..., 1:] ** 2).mean("trial"))
-    return np.asarray((cube["predicted_error"] / rms).values.ravel())
 
 
 PIECES = {"home-findings": findings}

@@ -95,7 +95,7 @@ def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
         fontsize=8,
     )
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set(title="(b) median over stated", xlabel="ratio", ylabel="stated figures")
+    axes.set(title="(b) median over stated", xlabel="ratio", ylabel="stated values")
 
 
 def _plain_ticks(axes: Axes) -> None:
@@ -105,7 +105,7 @@ def _plain_ticks(axes: Axes) -> None:
 
 
 def readings(cube: xr.Dataset) -> Figure:
-    """How many stated figures each reading meets, as bars by chapter; the adopted one is first."""
+    """How many stated values each reading meets, as bars by chapter; the adopted one is first."""
     names, inside = cube["reading"].values.tolist(), cube["reading_inside"].values
     total = int(cube["reading_claims"].isel(reading=0).sum())
     drawing, axes = subplots(figsize=(7.6, 0.5 + 0.22 * len(names)), layout="constrained")
@@ -116,7 +116,7 @@ def readings(cube: xr.Dataset) -> Figure:
         left += part
     axes.axvline(left[0], color="#222222", linewidth=0.8, linestyle="--")
     axes.set_yticks(place, names, fontsize=8)
-    axes.set(xlim=(0, total), xlabel=f"stated figures met, of {total}")
+    axes.set(xlim=(0, total), xlabel=f"stated values met, of {total}")
     axes.grid(visible=False, axis="y")
     axes.legend(
         loc="upper center", bbox_to_anchor=(0.4, 1.0), ncols=3, bbox_transform=drawing.transFigure

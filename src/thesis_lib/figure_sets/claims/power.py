@@ -1,4 +1,4 @@
-"""What the stated figures could have told: the power of the ledger, chapter by chapter.
+"""What the stated values could have told: the power of the ledger, chapter by chapter.
 
 A share of figures met says little without two others. *Expected*: were the thesis itself one run of
 this model, printed with its digits, how many of its figures would the same rule call met? Fewer
@@ -27,9 +27,9 @@ FACTORS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 DRAWS = 50  # trials that stand for the thesis
 
 VARIABLES = declared("""
-    power_claims(chapter) [1] stated figures
-    power_expected(chapter) [1] stated figures met if the thesis were a draw of the model
-    power_scaled(chapter, factor) [1] stated figures met by errors times a factor
+    power_claims(chapter) [1] stated values
+    power_expected(chapter) [1] stated values met if the thesis were a draw of the model
+    power_scaled(chapter, factor) [1] stated values met by errors times a factor
     factor(factor) [1] factor of all errors of the model
 """)
 
@@ -40,7 +40,7 @@ def met(claim: Claim, band: Array, factor: float = 1.0) -> bool:
 
 
 def power(cube_of: Callable[[str], xr.Dataset | str], stated: Sequence[Claim]) -> xr.Dataset:
-    """Numbers of stated figures met, expected to be met, and met by errors of other sizes.
+    """Numbers of stated values met, expected to be met, and met by errors of other sizes.
 
     `cube_of` gives the cube of a figure set, or why there is none. Claims of other chapters, and
     what cannot be judged, are left out.

@@ -33,7 +33,7 @@ from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import deflection_shape, resonance
 
 CHAPTERS = {"beam": 3, "plate": 4, "sound": 6}
-OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated figures
+OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated values
 
 VARIABLES = declared("""
     reading_claims(reading, chapter, outcome) [1] number of claims by verdict under a reading
@@ -121,7 +121,7 @@ def checks(reading: Reading, seed: int, trials: int, same: dict[str, Any]) -> li
 
 
 def run(study: OtherReadings) -> xr.Dataset:
-    """Agreement with the stated figures under several readings, the adopted one first.
+    """Agreement with the stated values under several readings, the adopted one first.
 
     Returns
     -------

@@ -19,7 +19,7 @@ from thesis_lib.ledger.trends import CONFIDENT, RESAMPLES
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, WIDER, WIDER_BELOW_10
 from thesis_lib.web.markdown import markdown_table, table
 
-KINDS = {"figure": "stated figures", "trend": "trends", "number": "stray numbers"}
+KINDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
 
 
 def totals_table(cube: xr.Dataset) -> Markdown:
@@ -47,7 +47,7 @@ def totals_table(cube: xr.Dataset) -> Markdown:
 
 
 def power_table(cube: xr.Dataset) -> Markdown:
-    """What the stated figures could have told."""
+    """What the stated values could have told."""
     return Markdown(power.powers(cube))
 
 
@@ -56,7 +56,7 @@ def rules() -> Markdown:
     points, low_points = f"{WIDER:g} point", f"{WIDER_BELOW_10:g} below 10 %"
     rows = [
         [
-            "a stated figure *agrees*",
+            "a stated value *agrees*",
             "literal run in the stated value or interval, ± half a unit "
             "of the last printed digit; of a claim on all settings, in each",
         ],
@@ -190,7 +190,7 @@ def readings_table(cube: xr.Dataset) -> Markdown:
         "rms log ratio",
     ]
     note = (
-        "Stated figures that the band of the trials meets. "
+        "Stated values that the band of the trials meets. "
         "*Gained, lost*: against the adopted reading; *p*: how likely a difference so large is if "
         "each changed claim fell either way by chance. *rms log ratio*: of median to stated value, "
         "chapters 3 / 4 / 6."
@@ -216,7 +216,7 @@ def best_reading(cube: xr.Dataset) -> Markdown:
     best = int(np.argmax(met))
     better = [n for n, m, q in zip(names, met, p, strict=True) if m > met[0] and q < 0.05]
     text = (
-        f"The adopted reading meets {met[0]} stated figures; the most are met by *{names[best]}*, "
+        f"The adopted reading meets {met[0]} stated values; the most are met by *{names[best]}*, "
         f"{met[best]} (p = {p[best]:.2g}). "
     )
     if better:

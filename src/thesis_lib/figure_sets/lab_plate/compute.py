@@ -100,7 +100,7 @@ _VARIABLES = VARIABLES | declared("""
     predicted_plane_error(mode, plane) [percent] the same by the noise of the centres alone
     power_error(mode, trial) [percent] radiated power over the true one, less one
     predicted_power_error(mode) [percent] rms power error by the noise of the centres alone
-    neighbour_correlation(mode) [1] correlation of the errors of neighbouring markers, as filmed
+    neighbour_correlation(mode) [1] correlation of the errors of neighbouring markers, as rendered
     rounded_error(mode) [percent] rms error of these cameras with whole pixels
     rounded_plane_error(mode, plane) [percent] rms pressure error of these with whole pixels
     rounded_power_error(mode) [percent] rms power error of these with whole pixels
@@ -256,9 +256,9 @@ _TRUTH = declared("""
     reference_deflection(mode, point) [m] true deflection of the markers at its maximum
     pressure_reference_real(mode, plane, u, z) [Pa] true pressure, real part
     pressure_reference_imag(mode, plane, u, z) [Pa] true pressure, imaginary part
-    pressure_measured_real(case, mode, extreme, plane, u, z) [Pa] pressure of what was filmed, real
-        part
-    pressure_measured_imag(case, mode, extreme, plane, u, z) [Pa] pressure of what was filmed,
+    pressure_measured_real(case, mode, extreme, plane, u, z) [Pa] pressure of what was rendered,
+        real part
+    pressure_measured_imag(case, mode, extreme, plane, u, z) [Pa] pressure of what was rendered,
         imaginary part
     best_and_worst(case, mode, extreme) [1] index of the setting with the lowest and highest
         deflection error, by the median over the trials

@@ -24,7 +24,7 @@ OWN_TRIALS = 200  # of what this book takes, as in the chapter's cubes
 PER_CHANGE = 20  # theses invented from each change, to see whether the search names it
 
 VARIABLES = declared("""
-    statement(statement) [1] stated figure
+    statement(statement) [1] stated value
     of_case(statement) [1] case of the thesis
     of_mode(statement) [1] mode number
     kind(statement) [1] mean or largest error
@@ -32,18 +32,18 @@ VARIABLES = declared("""
     stated(statement) [percent] middle of what is stated, or the bound
     median(statement) [percent] median of the trials where it is farthest off
     met(statement) [1] whether the band of the trials meets it
-    chance(statement) [1] chance of the stated figure under what this book takes
+    chance(statement) [1] chance of the stated value under what this book takes
     best_chance(statement) [1] the same under the best of all models
     change(change) [1] what is done otherwise
     topic(change) [1] what it is about
     gain(change) [1] logarithm of the likelihood over that of what this book takes
-    literal(change) [1] stated figures that the literal run meets
+    literal(change) [1] stated values that the literal run meets
     named(change) [1] share of theses invented by it of which the search names its topic
     pair(pair) [1] two changes
     pair_gain(pair) [1] logarithm of the likelihood over that of what this book takes
-    pair_literal(pair) [1] stated figures that the literal run meets
+    pair_literal(pair) [1] stated values that the literal run meets
     score() [1] logarithm of the likelihood of what this book takes
-    literal_adopted() [1] stated figures that its literal run meets
+    literal_adopted() [1] stated values that its literal run meets
     own_score(thesis) [1] the same of theses invented by it
     chance_gain(thesis) [1] largest gain of any change or pair, for theses invented by what this
         book takes

@@ -1,4 +1,4 @@
-"""The search for what explains the stated figures of chapter 3 that are missed."""
+"""The search for what explains the stated values of chapter 3 that are missed."""
 
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.figure_sets.misses.parameters import Misses

@@ -10,7 +10,7 @@ from thesis_lib.plotting.style import COLORS, REFERENCE, subplots
 
 
 def missed(cube: xr.Dataset) -> Figure:
-    """Median over stated error of every stated figure, mean and largest, met and missed."""
+    """Median over stated error of every stated value, mean and largest, met and missed."""
     drawing, both = subplots(1, 2, figsize=(7.6, 3.4), layout="constrained", sharey=True)
     quantities = {"mean": "mean errors", "largest": "largest errors"}
     met = cube["met"].values.astype(bool)

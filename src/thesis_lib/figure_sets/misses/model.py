@@ -75,7 +75,7 @@ class Model:
 
 @cache
 def claims() -> tuple[Claim, ...]:
-    """The stated figures of chapter 3."""
+    """The stated values of chapter 3."""
     return tuple(claim for claim in read_claims() if claim.figure_set in STUDIES)
 
 

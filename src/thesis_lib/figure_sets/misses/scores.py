@@ -1,4 +1,4 @@
-"""How likely the stated figures are under a model: counted, claim by claim, over its draws.
+"""How likely the stated values are under a model: counted, claim by claim, over its draws.
 
 A claim's chance is the share of draws that it would call true, by the rule of the ledger; half a
 draw is added, so that what never happened counts as rare and not as impossible. The score of a

@@ -35,7 +35,7 @@ def _groups(cube: xr.Dataset) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def common(cube: xr.Dataset) -> Markdown:
-    """Misses by what stated figures have in common, corrected for the number of groups."""
+    """Misses by what stated values have in common, corrected for the number of groups."""
     missed = ~cube["met"].values.astype(bool)
     less = cube["stated"].values < cube["median"].values
     groups = list(_groups(cube))
@@ -60,7 +60,7 @@ def common(cube: xr.Dataset) -> Markdown:
         "unlike shares are by chance (Fisher's exact test), times the number of groups that are "
         "left (Holm's correction)."
     )
-    header = ["stated figures", "missed", "share", "of all others", "less", "p"]
+    header = ["stated values", "missed", "share", "of all others", "less", "p"]
     return markdown_table(header, rows, note)
 
 
@@ -112,7 +112,7 @@ def singles(cube: xr.Dataset) -> Markdown:
         for i in order
     ]
     note = (
-        "*Gain*: change of the log-likelihood. *Literal*: stated figures, of "
+        "*Gain*: change of the log-likelihood. *Literal*: stated values, of "
         f"{cube.sizes['statement']}, that the run without shifts of the grid meets; as adopted "
         f"{int(cube['literal_adopted'])}. *Named*: of theses that were invented with this change, "
         "the share of which the search names its topic."
@@ -170,6 +170,6 @@ def verdict(cube: xr.Dataset) -> Markdown:
         f"{best_own.std():.0f}, and {_chance(-best_own, -(score + gains[best]))} so little.",
         "**No literal run fits.** Had the thesis computed one of these models, with the pixels "
         f"where this book has them, the literal run would meet all {cube.sizes['statement']} "
-        f"stated figures. The most that any meets is {literal.max()}.",
+        f"stated values. The most that any meets is {literal.max()}.",
     ]
     return Markdown("\n".join(f"* {line}" for line in lines))

@@ -1,4 +1,4 @@
-"""Tables of errors and of stated figures beside the results."""
+"""Tables of errors and of stated values beside the results."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ def _of_larger(cube: xr.Dataset, setting: int, mode: int, plane: str | None) -> 
 
 
 def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
-    """The thesis's stated figures beside the band of the trials."""
+    """The thesis's stated values beside the band of the trials."""
     if cube.sizes["trial"] == 1:
-        return Markdown("Without trials there is no band to hold the stated figures against.")
+        return Markdown("Without trials there is no band to hold the stated values against.")
     checks = verdicts.check(cube, claims.claims_of(cube.attrs["figure_set"]))
     if not checks:
         return Markdown("The thesis states no figure for these settings.")
