@@ -14,6 +14,7 @@ from thesis_lib.book.conclusions.strengths import Strength, strengths
 from thesis_lib.book.pieces.opened import of_subject
 from thesis_lib.figure_sets.planner.parameters import THESIS
 from thesis_lib.figure_sets.planner.tables import coarse
+from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.plotting.selection import select, stated
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.markdown import columns
@@ -34,11 +35,11 @@ def changes(opened: Cubes, body: str) -> dict[str, tuple[str, str, str]]:
 
     A median over cases and modes.
     """
-    own = {name: cube for name, cube in opened.items() if name.startswith(f"{body}-")}
-    found = {name: strengths(own, knob) for name, knob in KNOBS.items()}
+    own = {name: opened[name] for name, study in STUDIES.items() if study.subject == body}
+    found = {name: strengths(own, knob)[0] for name, knob in KNOBS.items()}
     return {
         name: (f"{one.ends[0]:g}", f"{one.ends[1]:g}", f"{np.median(one.factors):.2f}")
-        for name, (one,) in ((name, ones) for name, ones in found.items() if ones)
+        for name, one in found.items()
     }
 
 
@@ -52,26 +53,16 @@ def over_rms(opened: Cubes, body: str) -> Array:
 
 
 def body(name: str, opened: Cubes) -> str:
-    """What each thing that the thesis varies does to the error of a body, and how well it is known.
-
-    Empty where a figure set of the body is missing.
-    """
+    """What each thing that is varied does to the error of a body, and how well that is known."""
     by = changes(opened, name)
-    if len(by) < len(KNOBS):
-        return ""
 
     def ends(knob: str, unit: str = "") -> str:
         worst, best, _ = by[knob]
         return f"{best}{unit} in place of {worst}"
 
     off = 100 * np.max(np.abs(over_rms(opened, name) - 1))
-    single = np.concatenate(
-        [
-            (cube["mean_error"][..., 1:] / cube["predicted_error"]).values.ravel()
-            for cube in of_subject(opened, name)
-        ]
-    )
-    low, high = np.quantile(single, [0.05, 0.95])
+    single = [c["mean_error"][..., 1:] / c["predicted_error"] for c in of_subject(opened, name)]
+    low, high = np.quantile(np.concatenate([one.values.ravel() for one in single]), [0.05, 0.95])
     return (
         f"Standing {ends('closer', ' mm')} away leaves {by['closer'][-1]} of the error, and "
         f"{ends('finer', ' pixels')} across leave {by['finer'][-1]} (medians over cases and "
