@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import re
 import struct
 from pathlib import Path
@@ -10,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from PIL import Image
 
+from thesis_lib.book.drawings import paletted, rowed
 from thesis_lib.book.images import (
     classed,
     in_files,
@@ -124,7 +127,7 @@ def test_letters_of_a_word_stand_at_their_places() -> None:
     word = '<use href="#a" transform="translate(63.62 0)"/><use href="#a" transform="scale(2)"/>'
     drawn = f'<svg><path id="a"/>{word}</svg>'
     assert squeezed(drawn) == (
-        '<svg><path id="a0"/><use href="#a0" x="64"/><use href="#a0" transform="scale(2)"/></svg>'
+        '<svg><path id="a"/><use href="#a" x="64"/><use href="#a" transform="scale(2)"/></svg>'
     )
 
 
@@ -134,8 +137,8 @@ def test_only_parts_used_again_are_named_and_shortly() -> None:
         '<use xlink:href="#DejaVuSans-31"/><g clip-path="url(#p7f)"/></g></svg>'
     )
     assert squeezed(drawn) == (
-        '<svg><path id="a0" d="M0 0"/><clipPath id="a1"/>'
-        '<use href="#a0"/><g clip-path="url(#a1)"/></svg>'
+        '<svg><path id="a" d="M0 0"/><clipPath id="b"/>'
+        '<use href="#a"/><g clip-path="url(#b)"/></svg>'
     )
 
 
@@ -197,14 +200,14 @@ def test_paths_of_steps_pass_through_the_same_points() -> None:
     assert_allclose(points(shorter[9:-3]), points(drawn[9:-3]), atol=1e-9)
 
 
-def test_letters_are_drawn_to_a_thousandth_of_their_height() -> None:
+def test_letters_are_drawn_to_a_third_of_a_hundredth_of_their_height() -> None:
     """Their points are told on a coarser grid, and enlarged by as much."""
     drawn = "M2188 4044L1331 1722L3047 1722Q1 2 3 4z"
     glyph = f'<path id="DejaVuSans-41" d="{drawn}" transform="scale({{}})"/>'
     shorter = relative(glyph.format(0.015625))
     fine, coarse = (points(re.findall(' d="([^"]*)"', one)[0]) for one in (glyph, shorter))
-    assert_allclose(np.array(coarse) * 0.0625, np.array(fine) * 0.015625, atol=0.0625 / 2)
-    assert 'transform="scale(0.0625)"' in shorter
+    assert_allclose(np.array(coarse) * 0.25, np.array(fine) * 0.015625, atol=0.25 / 2)
+    assert 'transform="scale(0.25)"' in shorter
 
 
 def test_styles_are_told_once() -> None:
@@ -218,3 +221,36 @@ def test_styles_are_told_once() -> None:
     assert 'style="stroke: red"' in told
     own = twice.replace("<g style", '<g class="own" style', 1)
     assert classed(own) == own
+
+
+def test_a_map_of_few_colours_keeps_every_pixel_as_an_index() -> None:
+    """One with too many colours, or that one sees through, stays as it is."""
+    rng = np.random.default_rng(1)
+    few = rng.integers(0, 255, (9, 3), dtype=np.uint8)[rng.integers(0, 9, (40, 60))]
+    many = rng.integers(0, 255, (40, 60, 3), dtype=np.uint8)
+
+    def drawn(pixels: np.ndarray, alpha: int = 255) -> str:
+        image = io.BytesIO()
+        picture = Image.fromarray(pixels).convert("RGBA")
+        picture.putalpha(alpha)
+        picture.save(image, "PNG")
+        text = base64.b64encode(image.getvalue()).decode()
+        return f'<svg><image href="data:image/png;base64,{text}"/></svg>'
+
+    shorter = paletted(drawn(few))
+    assert len(shorter) < len(drawn(few))
+    told = base64.b64decode(re.findall(r'base64,([^"]*)"', shorter)[0])
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(told)).convert("RGB")), few)
+    for other in (drawn(many), drawn(few, alpha=9)):
+        assert paletted(other) == other
+
+
+def test_rows_of_marks_are_paths_with_the_mark_at_every_point() -> None:
+    """Two rows of one mark and style share it; what is no row stays."""
+    marks = [f'<use href="#a" x="{x}" y="{x * x}"/>' for x in range(5)]
+    row, pair = (f'<g style="fill:red">{"".join(some)}</g>' for some in (marks, marks[:2]))
+    told = rowed(f"<svg>{row}{pair}{row}</svg>")
+    assert told.count('<marker id="m0"') == told.count("<marker") == 1
+    assert told.count("marker:url(#m0)") == 2
+    assert told.count('d="M0 0L1 1L2 4L3 9L4 16"') == 2
+    assert pair in told
