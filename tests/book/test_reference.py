@@ -139,7 +139,7 @@ def test_the_page_explains_every_error():
 
 
 def test_the_manifest_on_the_page_is_valid_and_brings_no_warning(tmp_path):
-    (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL)
+    text, _ = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL)
     path = tmp_path / "manifest.yaml"
     path.write_text(text, encoding="utf-8")
     manifest = read_manifest(path, check_files=False)
@@ -147,6 +147,16 @@ def test_the_manifest_on_the_page_is_valid_and_brings_no_warning(tmp_path):
     assert assessment.warnings == ()
     assert np.isfinite(assessment.rig.smallest_mm)
     assert manifest.structure.youngs_modulus_pa == 2.1e11
+
+
+def test_the_plate_on_the_page_takes_the_beams_place(tmp_path):
+    beam, plate = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL)
+    cameras = beam[beam.index("cameras:") :]
+    path = tmp_path / "manifest.yaml"
+    path.write_text(plate + cameras, encoding="utf-8")
+    structure = read_manifest(path, check_files=False).structure
+    assert structure.kind == "plate"
+    assert structure.markers.rows * structure.markers.columns == 96
 
 
 def test_large_numbers_are_text_in_yaml_as_the_page_says():
