@@ -546,6 +546,20 @@ def test_silly_addresses_are_ignored(
         assert opened.trouble == []
 
 
+@pytest.mark.parametrize("query", ["s=cube&m=4&t=9z-1", "m=&r=maybe", "t=constructor&c=1"])
+def test_a_page_that_begins_elsewhere_does_so_for_silly_addresses(
+    chromium: Browser, tmp_path: Path, query: str
+) -> None:
+    """As the first page does, whose default is not the explorer's own."""
+    file = tmp_path / "home.html"
+    file.write_text(page(explorer_html("s=beam&m=3&t=4a-6", compact=True)), encoding="utf-8")
+    with open_offline(chromium, file) as opened:
+        default = state(opened)
+    with open_offline(chromium, file, query=query) as opened:
+        assert state(opened) == default
+        assert opened.trouble == []
+
+
 # --- the thesis
 
 

@@ -32,7 +32,7 @@ export default (() => {
     const linked = onPage && KEYS.some((key) => new URLSearchParams(location.search).has(key));
     let setup, built = {}, frame = 0, timer = 0, free = false;
     const app = { colormap, sensorWidth, update, remove, request, result: null, // what the view and the shapes need
-      state: fromAddress(linked ? location.search : traits.get("address"), structures),
+      state: fromAddress(linked ? location.search : traits.get("address"), structures, traits.get("address")),
       get structure() { return structures[app.state.s]; }, tint: (i) => `--c: ${colors[i % colors.length]}` };
     const view = createView(app), shapes = createShapes(app), image = createImage(), compact = traits.get("compact");
     const motion = createMotion((phase) => {

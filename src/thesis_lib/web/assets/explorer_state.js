@@ -29,14 +29,15 @@ export default (() => {
 
   // --- as text: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, and ?s=beam&m=1&t=4a-6 for a setup of the thesis
   const KEYS = ["s", "m", "t", "w", "f", "d", "a", "r", "c"];
-  function fromAddress(query, structures) { // what is unknown or makes no sense is ignored
-    const given = new URLSearchParams(query), has = (key, allowed) => allowed.includes(given.get(key));
+  function fromAddress(query, structures, otherwise = "") { // what is unknown or makes no sense is as `otherwise` has it
+    const given = new URLSearchParams(query), other = new URLSearchParams(otherwise);
+    const told = (key, allowed) => [given, other].map((one) => one.get(key)).find((value) => allowed.includes(value));
     const number = (words) => (/^-?\d+(\.\d+)?$/.test(words) ? Math.round(1000 * words) / 1000 : NaN);
-    const s = has("s", Object.keys(structures)) ? given.get("s") : "beam", { setups, reading } = structures[s];
-    const named = (name) => setups.find(({ id }) => id === name);
-    const { id: t, d, w, c } = named(given.get("t")?.replace("′", "'")) ?? named(FIRST);
-    const state = { s, m: has("m", ["1", "2", "3"]) ? Number(given.get("m")) : 1, d, w, c, ...reading, t };
-    if (has("r", ["rebuilt", "known"])) state.r = given.get("r");
+    const s = told("s", Object.keys(structures)) ?? "beam", { setups, reading } = structures[s];
+    const named = (name) => setups.find(({ id }) => id === name?.replace("′", "'"));
+    const { id: t, d, w, c } = named(given.get("t")) ?? named(other.get("t")) ?? named(FIRST);
+    const state = { s, m: Number(told("m", ["1", "2", "3"]) ?? 1), d, w, c, ...reading, t };
+    state.r = told("r", ["rebuilt", "known"]) ?? state.r;
     for (const key of ["a", "f", "d"]) {
       const value = number(given.get(key)), range = limits(state, structures[s])[key];
       state[key] = value === within(value, range) ? value : within(state[key], range);
