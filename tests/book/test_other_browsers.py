@@ -33,7 +33,8 @@ LAYOUTS = [
     "s=plate&m=2&t=4d-8",
     "s=plate&m=3&w=1280&f=35&d=700&r=known&c=45,20;-45,20;135,20;-135,20",
 ]
-NUMBERS = """await new Promise((done) => setTimeout(done, 500));
+NUMBERS = """const busy = () => document.querySelector('.tl-ex-status')?.getAttribute('aria-busy');
+    while (busy() !== 'false') await new Promise((done) => setTimeout(done, 50));
     return [...document.querySelectorAll('.tl-ex-status, .tl-explorer td, .tl-ex-facts')]
       .map((one) => one.textContent);"""
 

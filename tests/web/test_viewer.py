@@ -374,6 +374,24 @@ def words(viewer: Locator) -> str:
     return viewer.get_by_test_id("summary").inner_text()
 
 
+TOUCHING = """() => {
+    const all = [...document.querySelectorAll('.tl-value text')].map((one) => one.getBBox());
+    return [all.length, all.filter((a, i) => all.slice(i + 1).some((b) =>
+      a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + 9 && b.y < a.y + 9)).length]; }"""
+
+
+def test_numbers_of_bars_do_not_touch(chromium: Browser, tmp_path: Path) -> None:
+    """Twelve bars of one height, with three digits behind the point, on a phone."""
+    data = study()
+    many = [setting(f"{a}°", [(a / 2, 10), (-a / 2, 10)], 0.012, 1.0) for a in range(10, 130, 10)]
+    data["cases"] = [{**data["cases"][0], "settings": many}]
+    file = tmp_path / "many.html"
+    file.write_text(page(Viewer(data=data)._repr_mimebundle_()[0]["text/html"]), encoding="utf-8")
+    with open_offline(chromium, file, width=390) as opened:
+        opened.page.locator(".tl-bar").first.wait_for()
+        assert opened.page.evaluate(TOUCHING) == [12, 0]
+
+
 def test_choosing_with_keyboard_and_mouse(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path, width=1100) as opened:
         first, second, hostile = viewers(opened)
