@@ -74,6 +74,7 @@ class Opened:
     external: list[str] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
     console: list[str] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)  # in the console, without being an error
 
     @property
     def trouble(self) -> list[str]:
@@ -181,7 +182,9 @@ def _window(running: Browser, touch: bool, server: str) -> Opened:
     )
     opened.page.on(
         "console",
-        lambda message: opened.console.append(f"console: {message.text}"),
+        lambda message: (opened.console if message.type == "error" else opened.said).append(
+            f"console: {message.text}"
+        ),
     )
     opened.page.on(
         "response",
@@ -203,6 +206,6 @@ def _emptied(opened: Opened) -> Opened:
     page.mouse.move(0, 0)
     page.emulate_media(media="null", reduced_motion="null")
     page.context.clear_permissions()
-    for told in (opened.external, opened.failed, opened.console):
+    for told in (opened.external, opened.failed, opened.console, opened.said):
         told.clear()
     return opened

@@ -16,14 +16,15 @@ import tempfile
 import threading
 import time
 import urllib.request
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Coroutine, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
+T = TypeVar("T")
 PATIENCE = 120  # seconds; other jobs may have the machine
 MINIBROWSER = Path("/usr/lib")  # where Debian has it, below the architecture's folder
 PREFERENCES = {
@@ -68,12 +69,12 @@ class Firefox:
     """A window of Firefox at the other end of a socket."""
 
     def __init__(self, address: str) -> None:
-        self.loop = asyncio.new_event_loop()
+        self.loop = asyncio.new_event_loop()  # in a thread: this one may have another running
+        self.thread = threading.Thread(target=self.loop.run_forever, daemon=True)
+        self.thread.start()
         self.events: list[dict[str, Any]] = []
         self.number = 0
-        self.socket: WebSocketClientConnection = self.loop.run_until_complete(
-            self._connected(f"{address}/session")
-        )
+        self.socket = self._done(self._connected(f"{address}/session"))
         self.send("session.new", capabilities={})
         self.send("session.subscribe", events=["log.entryAdded", "network.beforeRequestSent"])
         self.context = self.send("browsingContext.getTree")["contexts"][0]["context"]
@@ -83,7 +84,10 @@ class Firefox:
 
     def send(self, method: str, **parameters: Any) -> Any:
         self.number += 1
-        return self.loop.run_until_complete(self._answer(self.number, method, parameters))
+        return self._done(self._answer(self.number, method, parameters))
+
+    def _done(self, waiting: Coroutine[Any, Any, T]) -> T:
+        return asyncio.run_coroutine_threadsafe(waiting, self.loop).result(2 * PATIENCE)
 
     async def _answer(self, number: int, method: str, parameters: dict[str, Any]) -> Any:
         message = {"id": number, "method": method, "params": parameters}
@@ -123,8 +127,9 @@ class Firefox:
         return found
 
     def close(self) -> None:
-        self.socket.close()
-        self.loop.close()
+        self.loop.call_soon_threadsafe(self.socket.close)
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        self.thread.join(PATIENCE)
 
 
 @contextmanager

@@ -39,7 +39,7 @@ addEventListener("load", async () => {
     for (const { target, contentRect: { width } } of seen) {
       if (!width || widths.get(target) === width) continue;
       widths.set(target, width);
-      fit(target.querySelector("table"), target);
+      requestAnimationFrame(() => fit(target.querySelector("table"), target)); // at once would be told as a loop
     }
   });
   for (const table of document.querySelectorAll(".bd-article table")) {

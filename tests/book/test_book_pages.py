@@ -113,7 +113,7 @@ def look(opened: Opened) -> Visit:
     opened.page.mouse.wheel(0, 20_000)
     return Visit(
         sideways_px=opened.sideways_px(),
-        trouble=opened.trouble,
+        trouble=[*opened.trouble, *opened.said],
         **opened.page.evaluate(FACTS),
         **opened.page.evaluate(FITS),
     )
@@ -143,7 +143,7 @@ def use(opened: Opened, name: str) -> Visit:
     seen = look(opened)
     if name.startswith("executed/"):
         seen.answers = choose(opened.page)
-    seen.trouble = opened.trouble
+    seen.trouble = [*opened.trouble, *opened.said]
     if name != "index.html" and not axe.absent():  # it is intro
         without = () if name == "intro.html" else SAME
         found = axe.light_and_dark(opened.page, theme=True, without=without)
