@@ -281,6 +281,22 @@ def test_the_model_is_the_librarys(conforms, chromium: Browser, path: Path) -> N
     conforms.independent(worst["error"], below=1e-7)  # in %: 1e-9 of the reference
 
 
+@pytest.mark.parametrize("query", ["s=beam&m=2&t=4b-8", "s=plate&m=3&t=2a-16&r=known"])
+def test_draws_are_measurements(chromium: Browser, path: Path, query: str) -> None:
+    """A draw begins where the markers are: the same as from a linear start."""
+    script = """() => { const { explorer } = document.querySelector('.tl-explorer');
+      const { model, app: { result, state } } = explorer, known = state.r === 'known';
+      return result.means.slice(0, 20).map((mean, k) => [mean, model.percentErrors(model.measure(
+        result.P, result.rest, result.deflected, explorer.shiftsOf(k, state.c.length, 0), known),
+        result.reference).mean]); }"""
+    with open_offline(chromium, path, query=query) as opened:
+        state(opened)
+        drawn, measured = np.array(opened.page.evaluate(script)).T
+        assert opened.trouble == []
+    np.testing.assert_allclose(drawn, measured, rtol=1e-5)
+    assert np.ptp(drawn) > 0.1
+
+
 def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> None:
     halves = np.arange(-8, 9) / 2
     noise = np.array([0, 1e-12, -1e-12, 9e-10, -9e-10, 1.1e-9, -1.1e-9, 0.2, -0.2])

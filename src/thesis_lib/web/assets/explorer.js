@@ -238,7 +238,7 @@ export default (() => {
         update(fromAddress(traits.get("address"), structures));
     }
 
-    root.explorer = { model, structures, app, compute: () => compute(app.state, app.structure, sensorWidth) }; // for tests
+    root.explorer = { model, structures, app, shiftsOf: states.shiftsOf, compute: () => compute(app.state, app.structure, sensorWidth) }; // for tests
     root.moving = { motion, image }; // too
     el.replaceChildren(root);
     tick();

@@ -51,8 +51,9 @@ export default (() => {
     into[0] = x / xx - yx * y2 - zx * z1; into[1] = y2; into[2] = z1;
   }
 
-  // Points that fit their images best: a linear start, then Gauss–Newton steps on the reprojection error (eq. 3.19).
-  function triangulate(P, uv, steps = 3) {
+  // Points that fit their images best: a linear start, then Gauss–Newton steps on the reprojection error (eq. 3.19). From points
+  // that are given the second step changes less than 1e-5 px.
+  function triangulate(P, uv, given = null, steps = given ? 2 : 3) {
     const n = P.length / 12, count = uv.length / (2 * n), points = new Float64Array(3 * count), d = new Float64Array(3);
     const middle = new Float64Array(2 * n), Q = P.slice(); // pixels are counted from the principal point
     for (let i = 0; i < n; i += 1) {
@@ -65,8 +66,8 @@ export default (() => {
       }
     }
     for (let p = 0; p < count; p += 1) {
-      let X = 0, Y = 0, Z = 0;
-      for (let step = 0; step <= steps; step += 1) {
+      let X = given ? given[3 * p] : 0, Y = given ? given[3 * p + 1] : 0, Z = given ? given[3 * p + 2] : 0;
+      for (let step = given ? 1 : 0; step <= steps; step += 1) {
         let xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, bx = 0, by = 0, bz = 0; // normal equations
         for (let row = 0; row < 2 * n; row += 1) {
           const k = 12 * (row >> 1) + 8, a = k - 8 + 4 * (row & 1), m = uv[row * count + p] - middle[row];
@@ -133,8 +134,13 @@ export default (() => {
 
   // Point, mean (rms) and largest error in % of the largest reference deflection (eq. 3.22, 3.23).
   function percentErrors(measured, reference) {
-    const scale = 100 / max(...reference.map(abs)), point = Array.from(measured, (w, i) => abs(w - reference[i]) * scale);
-    return { point, mean: sqrt(point.reduce((sum, e) => sum + e * e, 0) / point.length), largest: max(...point) };
+    const scale = 100 / reference.reduce((most, w) => max(most, abs(w)), 0), point = reference.map((w, i) => abs(measured[i] - w) * scale);
+    let squares = 0, largest = 0;
+    for (const error of point) {
+      squares += error * error;
+      largest = error > largest ? error : largest;
+    }
+    return { point, mean: sqrt(squares / point.length), largest: squares >= 0 ? largest : NaN };
   }
 
   return { ...pinhole, markers, modeShape, deflectionShape, worldPoints, triangulate, gainZ, deflectionVariance, measure,

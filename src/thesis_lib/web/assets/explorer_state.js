@@ -4,7 +4,7 @@ import model from "./explorer_model.js";
 import simulation from "./simulation.js";
 
 export default (() => {
-  const FIRST = "4a-4", TRIALS = 100, { MOST, band, radians } = simulation;
+  const FIRST = "4a-4", TRIALS = 100, { MOST, band, radians, shiftsOf } = simulation;
   const toward = (pair) => model.hemisphereDirection(...radians(pair)); // unit vector from the origin to a camera
   const apart = (one, two) => Math.hypot(...toward(one).map((c, i) => c - toward(two)[i]));
   const within = (value, [low, high]) => Math.max(low, Math.min(high, value));
@@ -72,6 +72,6 @@ export default (() => {
     return { P, rest, ...one, groundSampleDistance: d / 1000 / focal, tryOne: draw };
   }
 
-  return { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, radians, refused, setupOf, sixteenToNine,
+  return { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, radians, refused, setupOf, shiftsOf, sixteenToNine,
     toAddress, toCommand, toward, within };
 })();

@@ -42,10 +42,12 @@ export default (() => {
   const WHOLE = 1.5 * 2 ** 52; // beside it a double has no fraction
   const rint = (value) => value + WHOLE - WHOLE; // halves to even, as numpy.rint
   function pixelate(uv) { // within 1e-9 px of a half counts as that half
-    return uv.map((value) => {
-      const doubled = rint(2 * value);
-      return rint(abs(2 * value - doubled) < 2e-9 ? doubled / 2 : value);
-    });
+    const whole = new Float64Array(uv.length);
+    for (let i = 0; i < uv.length; i += 1) {
+      const doubled = rint(2 * uv[i]);
+      whole[i] = rint(abs(2 * uv[i] - doubled) < 2e-9 ? doubled / 2 : uv[i]);
+    }
+    return whole;
   }
 
   // Share of the images that lie on the sensor.

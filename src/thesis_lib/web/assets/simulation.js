@@ -24,6 +24,7 @@ export default (() => {
     const points = references.map((reference) => model.worldPoints(structure, reference));
     const all = new Float64Array(points.flatMap((one) => [...one])), count = first.length;
     const part = (values, m) => values.subarray(m * count, (m + 1) * count);
+    const seen = known ? all : new Float64Array([...rest, ...all]), exact = model.project(P, seen);
     const measured = model.measure(P, rest, all, offset ? new Float64Array(2 * cameras.length).fill(offset) : null, known);
     const modes = references.map((reference, m) => {
       const variance = model.deflectionVariance(P, rest, points[m], known), images = model.project(P, points[m]);
@@ -34,8 +35,17 @@ export default (() => {
         predicted: (100 / largest) * Math.sqrt(variance.reduce((sum, v) => sum + v, 0) / count) };
     });
     return { P, rest, modes, inView: modes.reduce((sum, one) => sum + one.inView, 0) / modes.length,
-      draw() {
-        const drawn = model.measure(P, rest, all, shiftsOf(modes[0].means.length, cameras.length, offset), known);
+      draw() { // as model.measure, from where the markers are
+        const shifts = shiftsOf(modes[0].means.length, cameras.length, offset), markers = seen.length / 3;
+        const shifted = exact.slice(), each = (add) => {
+          for (let row = 0, i = 0; row < shifts.length; row += 1) for (let p = 0; p < markers; p += 1, i += 1) add(i, shifts[row]);
+        };
+        each((i, shift) => { shifted[i] += shift; });
+        const uv = model.pixelate(shifted);
+        each((i, shift) => { uv[i] -= shift; });
+        const found = model.triangulate(P, uv, seen), skipped = markers - modes.length * count;
+        const drawn = new Float64Array(modes.length * count).map((_, p) =>
+          found[3 * (p + skipped) + 2] - (known ? rest : found)[3 * (p % count) + 2]);
         modes.forEach(({ reference, means, peaks }, m) => {
           const { mean, largest } = model.percentErrors(part(drawn, m), reference);
           means.push(mean);
@@ -51,5 +61,5 @@ export default (() => {
     });
   }
 
-  return { MOST, band, radians, simulate };
+  return { MOST, band, radians, shiftsOf, simulate };
 })();
