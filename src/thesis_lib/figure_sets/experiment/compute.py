@@ -23,14 +23,7 @@ from thesis_lib.figure_sets.experiment.trials import draw, trials
 from thesis_lib.laboratory.parameters import NAMES
 from thesis_lib.measure.fitting.harmonics import amplitude
 from thesis_lib.measure.recordings.markers import Markers, rows_on
-from thesis_lib.studies.labels import (
-    REFERENCE,
-    VARIABLES,
-    coordinates,
-    drawn_by,
-    filmed,
-    of_settings,
-)
+from thesis_lib.studies import labels
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens
@@ -149,7 +142,7 @@ def _harmonic_results(
     }
 
 
-_VARIABLES = VARIABLES | declared("""
+_VARIABLES = labels.VARIABLES | declared("""
     predicted_error(mode) [percent] rms error by the noise of the centres alone
     missing(mode, trial) [1] share of markers that no two cameras see
     centre_scatter() [px] scatter of the centres about their harmonics
@@ -173,12 +166,12 @@ def _cube(
     others: xr.Dataset | None,
 ) -> xr.Dataset:
     beam, drawn = setups.beam(), "draw of starts, clocks and noise, 0 for the chain's result"
-    coords = coordinates(study, study.modes, beam, settings)
-    coords = filmed(coords, [study.frequency_hz], drawn, others)
+    coords = labels.coordinates(study, study.modes, beam, settings)
+    coords = labels.filmed(coords, [study.frequency_hz], drawn, others)
     coords["frequency"][2]["long_name"] = "frequency of the force"
-    cube = xr.Dataset(coords=coords, attrs=drawn_by(others))
-    cube = cube.assign(labelled({"reference_deflection": reference[None]}, REFERENCE))
-    cube = cube.assign(of_settings(settings, results, _VARIABLES))
+    cube = xr.Dataset(coords=coords, attrs=labels.drawn_by(others))
+    cube = cube.assign(labelled({"reference_deflection": reference[None]}, labels.REFERENCE))
+    cube = cube.assign(labels.of_settings(settings, results, _VARIABLES))
     natural = 2 * np.pi * study.frequency_hz / np.sqrt(1 - 2 * beam.damping**2)
     omega = 2 * np.pi * study.frequency_hz
     drive = Component().shape(beam, beam.force_point)[0]

@@ -29,14 +29,7 @@ from thesis_lib.figure_sets.lab_layout.parameters import Layouts
 from thesis_lib.laboratory.localisation import edge_scatter
 from thesis_lib.measure.fitting.harmonics import amplitude
 from thesis_lib.measure.fitting.reconstruction import real_shape
-from thesis_lib.studies.labels import (
-    REFERENCE,
-    VARIABLES,
-    coordinates,
-    drawn_by,
-    filmed,
-    of_settings,
-)
+from thesis_lib.studies import labels
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vibration.motion import amplitudes
 from thesis_lib.vision.simulation import assurance
@@ -145,7 +138,7 @@ def _result(
 
 
 # Beside those of the parametric studies, in their order; float64 where rounding matters.
-_VARIABLES = VARIABLES | declared("""
+_VARIABLES = labels.VARIABLES | declared("""
     predicted_error(mode) [percent] rms error by the first-order law, centres as exact as those of
         the case's best recording
     noise_error(mode) [percent] rms error by the scatter of the centres alone
@@ -167,17 +160,18 @@ def _cube(
     others: xr.Dataset | None,
 ) -> xr.Dataset:
     drawn = "draw of the centres' noise, 0 for the rendered run"
-    coords = filmed(
-        coordinates(study, study.modes, setups.beam(), settings),
+    coords = labels.filmed(
+        labels.coordinates(study, study.modes, setups.beam(), settings),
         [study.frequency_hz],
         drawn,
         others,
     )
     reference = {"reference_deflection": results[0]["reference"][None]}
-    cube = xr.Dataset(coords=coords, attrs=drawn_by(others)).assign(labelled(reference, REFERENCE))
+    cube = xr.Dataset(coords=coords, attrs=labels.drawn_by(others))
+    cube = cube.assign(labelled(reference, labels.REFERENCE))
     varied = [study.varied_of(setting.case) for setting in settings]
     cube["parameter"] = ("setting", varied, cube["parameter"].attrs)
     if len(set(varied)) > 1:
         cube["value"].attrs["long_name"] += ", in the unit of its name"
     cube["axis"] = ("axis", ["u", "v"], {"long_name": "image coordinate", "units": "1"})
-    return cube.assign(of_settings(settings, results, _VARIABLES))
+    return cube.assign(labels.of_settings(settings, results, _VARIABLES))

@@ -9,16 +9,7 @@ from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting
-from thesis_lib.laboratory.filming import (
-    Film,
-    LabStudy,
-    Repeated,
-    check_amplitudes,
-    check_markers,
-    check_place,
-    check_rates,
-    peaks_m,
-)
+from thesis_lib.laboratory import filming
 from thesis_lib.studies.refusals import permitted, refuse
 from thesis_lib.studies.vocabulary import (
     Azimuth,
@@ -39,7 +30,7 @@ RIG = setups.table("experiment", "rig")
 ROWS, MARKER = 0.010, 0.005  # distance of the markers' rows and their diameter, m
 
 
-class BeamMotions(Film):
+class BeamMotions(filming.Film):
     """What is rendered of the beam: higher modes with torsion, at several frame rates."""
 
     distance_mm: BeamDistance = RIG["distance_mm"]
@@ -70,7 +61,7 @@ class BeamMotions(Film):
     @property
     def peaks_m(self) -> list[float]:
         """Deflection of the tip in m for each mode."""
-        return peaks_m(setups.beam(), self.modes, self.amplitude_mm)
+        return filming.peaks_m(setups.beam(), self.modes, self.amplitude_mm)
 
     @property
     def directions_deg(self) -> tuple[Direction, ...]:
@@ -86,16 +77,16 @@ class BeamMotions(Film):
     @model_validator(mode="after")
     def _check_motions(self) -> BeamMotions:
         beam = setups.beam()
-        check_amplitudes(type(self), self.modes, self.amplitude_mm)
-        check_rates(self, beam, self.modes, "frame_rates_hz", self.frame_rates_hz)
+        filming.check_amplitudes(type(self), self.modes, self.amplitude_mm)
+        filming.check_rates(self, beam, self.modes, "frame_rates_hz", self.frame_rates_hz)
         lift = max(self.peaks_m) + self.torsion_mm / 1000
         setting = self.setting("", self.frame_rates_hz[0])
-        check_place(self, beam.extent, lift, setting, "distance_mm", self.distance_mm)
-        check_markers(self, ROWS, MARKER, lift, setting, "width_px", self.width_px)
+        filming.check_place(self, beam.extent, lift, setting, "distance_mm", self.distance_mm)
+        filming.check_markers(self, ROWS, MARKER, lift, setting, "width_px", self.width_px)
         return self
 
 
-class BeamRecordings(BeamMotions, LabStudy):
+class BeamRecordings(BeamMotions, filming.LabStudy):
     """The recordings of the beam, rendered once."""
 
     name = "lab-modes-recordings"
@@ -105,7 +96,7 @@ class BeamRecordings(BeamMotions, LabStudy):
     varied_label = "frame rate"
 
 
-class LabModes(Repeated, BeamMotions, LabStudy):
+class LabModes(filming.Repeated, BeamMotions, filming.LabStudy):
     """Higher bending modes and torsion of the beam, at frame rates that suffice and do not."""
 
     name = "lab-modes"

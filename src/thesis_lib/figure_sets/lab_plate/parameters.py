@@ -8,16 +8,7 @@ from pydantic import model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting
-from thesis_lib.laboratory.filming import (
-    Film,
-    LabStudy,
-    Repeated,
-    check_amplitudes,
-    check_markers,
-    check_place,
-    check_rates,
-    peaks_m,
-)
+from thesis_lib.laboratory import filming
 from thesis_lib.studies.shared_fields import Grid, PlateMarkers, SoundPlanes
 from thesis_lib.studies.vocabulary import (
     Angle,
@@ -46,7 +37,7 @@ OBSERVED = {
 }
 
 
-class Plates(PlateMarkers, Film):
+class Plates(PlateMarkers, filming.Film):
     """What is rendered of the plate: five parameters, one at a time, about one pair of cameras."""
 
     cases: Several[Literal["distance", "aperture", "elevation", "resolution", "cameras"]] = field(
@@ -109,7 +100,7 @@ class Plates(PlateMarkers, Film):
     @property
     def peaks_m(self) -> list[float]:
         """Peak deflection of each mode in m."""
-        return peaks_m(self.plate, self.modes, self.amplitude_mm)
+        return filming.peaks_m(self.plate, self.modes, self.amplitude_mm)
 
     def settings(self) -> list[Setting]:
         """One parameter at a time is varied; the others stay as they are."""
@@ -130,8 +121,8 @@ class Plates(PlateMarkers, Film):
 
     @model_validator(mode="after")
     def _check_motions(self) -> Plates:
-        check_amplitudes(type(self), self.modes, self.amplitude_mm)
-        check_rates(self, self.plate, self.modes, "frame_rate_hz", [self.frame_rate_hz])
+        filming.check_amplitudes(type(self), self.modes, self.amplitude_mm)
+        filming.check_rates(self, self.plate, self.modes, "frame_rate_hz", [self.frame_rate_hz])
         lift, extent = max(self.peaks_m), self.plate.extent
         # The cameras that are not varied come first: what is wrong with them is not a list's fault.
         settings = sorted(self.settings(), key=lambda setting: setting.case != "cameras")
@@ -141,8 +132,9 @@ class Plates(PlateMarkers, Film):
                 name, value = "distance_mm", self.distance_mm
             elif setting.case == "aperture":
                 value /= 2
-            check_place(self, extent, lift, setting, name, value)
-            check_markers(self, self.spacing, MARKER * self.spacing, lift, setting, name, value)
+            filming.check_place(self, extent, lift, setting, name, value)
+            apart = self.spacing
+            filming.check_markers(self, apart, MARKER * apart, lift, setting, name, value)
         return self
 
 
@@ -166,7 +158,7 @@ def _setting(
     return Setting(case, value, label, distance, directions, (width, round(width * 9 / 16)))
 
 
-class PlateRecordings(Plates, LabStudy):
+class PlateRecordings(Plates, filming.LabStudy):
     """The recordings of the plate, rendered once."""
 
     name = "lab-plate-recordings"
@@ -176,7 +168,7 @@ class PlateRecordings(Plates, LabStudy):
     varied_label = "setup"
 
 
-class LabPlate(Repeated, Plates, SoundPlanes, LabStudy):
+class LabPlate(filming.Repeated, Plates, SoundPlanes, filming.LabStudy):
     """The plate rendered, five parameters one at a time, and its sound."""
 
     name = "lab-plate"
