@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts.claims import Claim
@@ -82,29 +83,31 @@ def drawn(claim: Claim, values: Array) -> Claim:
     An interval from the least to the largest, an upper bound rounded up, a lower one down; one
     value is the middle. All with the digits of the real claim.
     """
+    low, high = printed(claim, np.min(values), np.max(values))
+    return replace(claim, low=float(low), high=float(high))
+
+
+def printed(claim: Claim, least: ArrayLike, most: ArrayLike) -> tuple[Array, Array]:
+    """Both ends of what it would have printed, of least and largest errors in %, one or many."""
+    low, high = np.asarray(least, float), np.asarray(most, float)
     digit = 2 * np.array(claim.rounding)
-    low, high = float(np.min(values)), float(np.max(values))
     if claim.relation == "about":
         low = high = (low + high) / 2
     if claim.relation == "less_than":
-        high += digit[1] / 2  # so that rounding leaves it above
+        high = high + digit[1] / 2  # so that rounding leaves it above
     up = np.ceil if claim.relation in ("max", "less_than") else np.rint
     down = np.floor if claim.relation == "min" else np.rint
-    return replace(
-        claim,
-        low=float(digit[0] * down(low / digit[0])),
-        high=float(digit[1] * up(high / digit[1])),
-    )
+    return digit[0] * down(low / digit[0]), digit[1] * up(high / digit[1])
 
 
-def margin(claim: Claim) -> float:
-    """By how many points a band is widened that is held against a claim."""
-    return WIDER_BELOW_10 if claim.high < 10 else WIDER
+def margin(high: ArrayLike) -> Array:
+    """By how many points a band is widened that is held against a claim up to so many."""
+    return np.where(np.asarray(high) < 10, WIDER_BELOW_10, WIDER)
 
 
 def meets(claim: Claim, low: float, high: float) -> bool:
     """Whether a band in % meets the claim by the rule of :mod:`thesis_lib.facts.claims`."""
-    return _gap(claim, low, high) <= margin(claim)
+    return bool(_gap(claim, low, high) <= margin(claim.high))
 
 
 def _exact(claim: Claim, literal: float) -> bool:

@@ -93,7 +93,8 @@ class _Search:
         """The bounds of theses that a model invents, by trials beyond those of the search."""
         after = self.asked.trials
         draws = scores.ends(model, *self._images(model.simulated, after + many, after + 1))
-        return [scores.invented(draws.of(number)) for number in range(many)]
+        low, high = scores.invented(draws)
+        return list(zip(low.T, high.T, strict=True))
 
 
 def run(asked: Misses) -> xr.Dataset:

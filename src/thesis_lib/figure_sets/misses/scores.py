@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.facts.claims import Claim
 from thesis_lib.figure_sets.misses import model as chapter
 from thesis_lib.figure_sets.misses.model import Model
-from thesis_lib.ledger.verdicts import drawn, margin
+from thesis_lib.ledger.verdicts import margin, printed
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,19 @@ def ends(model: Model, reference: Array, measured: Array) -> Ends:
 
 def bounds(claims: Sequence[Claim]) -> tuple[Array, Array]:
     """What the ledger's rule lets claims be: the least and the largest error in %."""
-    low = [-np.inf if c.ends[0] is None else c.ends[0] - margin(c) for c in claims]
-    high = [np.inf if c.ends[1] is None else c.ends[1] + margin(c) for c in claims]
-    return np.array(low), np.array(high)
+    return _widened(claims, [(claim.low, claim.high) for claim in claims])
+
+
+def _widened(
+    claims: Sequence[Claim], stated: Sequence[tuple[ArrayLike, ArrayLike]]
+) -> tuple[Array, Array]:
+    """The same of claims that state other numbers, one or many, (claims, ...)."""
+    low, high = (np.array(ends, float) for ends in zip(*stated, strict=True))
+    wider = margin(high)
+    low, high = low - wider, high + wider
+    low[[claim.ends[0] is None for claim in claims]] = -np.inf
+    high[[claim.ends[1] is None for claim in claims]] = np.inf
+    return low, high
 
 
 def met(draws: Ends, allowed: tuple[Array, Array]) -> Mask:
@@ -72,7 +83,7 @@ def score(draws: Ends, allowed: tuple[Array, Array]) -> Array:
     return np.round(np.log(chances(draws, allowed)).sum(-1), 9)
 
 
-def invented(draw: Ends) -> tuple[Array, Array]:
-    """The bounds of a thesis that printed one draw, (claims,), as the real one would have."""
-    pairs = zip(chapter.claims(), draw.least, draw.most, strict=True)
-    return bounds([drawn(claim, np.array(values)) for claim, *values in pairs])
+def invented(draws: Ends) -> tuple[Array, Array]:
+    """The bounds of theses that printed draws, (claims, ...), as the real one would have."""
+    every = zip(chapter.claims(), draws.least, draws.most, strict=True)
+    return _widened(chapter.claims(), [printed(*one) for one in every])
