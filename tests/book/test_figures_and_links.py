@@ -55,6 +55,10 @@ def test_a_figure_grows_by_keyboard_and_by_mouse(running: Browser) -> None:
         assert moved == pytest.approx(before - 100, abs=2)
         page.keyboard.press("0")
         assert page.evaluate(WIDTH) == pytest.approx(small, rel=0.01)
+        for name, grown in {"Larger": 1.4, "Smaller": 1.0, "Fit the window": 1.0}.items():
+            page.get_by_role("button", name=name, exact=True).click()
+            assert page.evaluate(WIDTH) == pytest.approx(grown * small, rel=0.01)
+        page.locator(".tl-zoom-view").focus()
         if not axe.absent():
             assert axe.findings(page) == []
         page.keyboard.press("Escape")
@@ -214,6 +218,8 @@ def test_pages_figures_and_cubes_are_cited_with_their_edition(running: Browser) 
         page.locator(".tl-cites select").select_option(label="Figure 3.8 (The beam: aperture)")
         assert "@misc{vibration-fig-3-8," in said.last.inner_text()
         assert "executed/beam-aperture.html#fig-3-8" in said.nth(1).inner_text()
+        page.get_by_role("button", name="Copy BibTeX").click()
+        page.get_by_text("BibTeX: copied.").wait_for()
         cube = page.locator(".tl-cites option").last
         page.locator(".tl-cites select").select_option(label=cube.inner_text())
         assert "Cube beam-aperture.nc" in said.first.inner_text()
