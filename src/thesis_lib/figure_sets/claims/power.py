@@ -85,7 +85,7 @@ def powers(cube: xr.Dataset) -> str:
     ]
     header = [
         "",
-        "figures",
+        "values",
         "met",
         "expected",
         "misses (expected)",
