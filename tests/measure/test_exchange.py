@@ -1,9 +1,11 @@
 """Files that other programs open, each read back by its own reader; and the motion in them."""
 
+import tomllib
 from dataclasses import replace
 from itertools import pairwise
 
 import av
+import cv2
 import meshio
 import numpy as np
 import pytest
@@ -94,7 +96,7 @@ def measured(tmp_path_factory):
     tracks = recordings(folder)
     data = fitted(tracks)
     moved = motion(data, tracks, REST)
-    files.write(folder, data, moved)
+    files.write(folder, data, moved, tracks)
     return folder, data, moved
 
 
@@ -251,6 +253,31 @@ def test_sep_5(conforms, measured):
         conforms.closed_form(checked.fs, RATES[0], rtol=1e-6)
     z = moved["displacement"].sel(axis="z").values
     conforms.closed_form(1e3 * channels[0]["data"], z[:, 0], rtol=1e-12)
+
+
+def test_cameras_for_opencv_and_aniposelib_see_the_markers_where_ours_do(conforms, measured):
+    folder, data, _ = measured
+    points = data["rest_position"].values
+    file = cv2.FileStorage(str(folder / "cameras.yaml"), cv2.FILE_STORAGE_READ)
+    names = file.getNode("names")
+    assert [names.at(k).string() for k in range(names.size())] == data["camera"].values.tolist()
+    with (folder / "cameras.toml").open("rb") as text:
+        toml = tomllib.load(text)
+    assert toml["metadata"]["units"] == "m"
+    calibrated = data["frame_rotation"].values.T @ points + data["frame_origin"].values[:, None]
+    for k, station in enumerate(RIG.stations):
+        node, one = file.getNode(f"camera_{k}"), toml[f"cam_{k}"]
+        assert node.getNode("name").string() == one["name"] == station.camera.name
+        size = [int(node.getNode(f"image_{side}").real()) for side in ("width", "height")]
+        assert size == one["size"] == list(station.camera.size)
+        true = project(station.camera, calibrated)
+        of_yaml = [node.getNode(name).mat() for name in (
+            "rvec", "tvec", "camera_matrix", "distortion_coefficients")]  # fmt: skip
+        of_toml = [np.array(one[name]) for name in (
+            "rotation", "translation", "matrix", "distortions")]  # fmt: skip
+        for given in (of_yaml, of_toml):
+            seen = cv2.projectPoints(np.ascontiguousarray(points.T), *given)[0].reshape(-1, 2)
+            conforms.closed_form(seen.T + 0.5, true, atol=1e-6)
 
 
 # Neighbours.

@@ -93,7 +93,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         for name, (kind, content) in pictures.items():
             (part / "figures" / f"{name}.{kind}").write_bytes(content)
         report.table(data).to_csv(part / "shapes.csv", index=False)
-        files.write(part, data, moved)
+        files.write(part, data, moved, recordings)
         moving.write(part, data, recordings[0], folder / manifest.cameras[0].video)
         (part / "report.html").write_text(page, encoding="utf-8")
         move(part, out)

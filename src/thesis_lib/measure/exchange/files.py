@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import scipy.io
 import xarray as xr
 
-from thesis_lib.measure.exchange import uff, vtk
+from thesis_lib.measure.exchange import cameras, uff, vtk
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 
 MEANINGS = (
@@ -19,13 +21,16 @@ MEANINGS = (
     "(modal software)",
     "measured.mat: both for MATLAB and Octave",
     "vtk/period.pvd: one period for ParaView",
+    "cameras.yaml, cameras.toml: the calibrated cameras for OpenCV, and for aniposelib",
     "shape.mp4, shape.gif: the shape in motion",
     "tracked.mp4: frames of the first camera, slowed, with the markers as they were followed",
 )
 
 
-def write(folder: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
-    """Write motion, shape and period into a folder, in each format.
+def write(
+    folder: Path, data: xr.Dataset, moved: xr.Dataset, recordings: Sequence[Recording]
+) -> None:
+    """Write motion, shape, period and cameras into a folder, in each format.
 
     Parameters
     ----------
@@ -35,6 +40,8 @@ def write(folder: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
         What :func:`~thesis_lib.measure.fitting.result.result` returns.
     moved : xarray.Dataset
         What :func:`~thesis_lib.measure.exchange.history.motion` returns.
+    recordings : sequence of Recording
+        The cameras.
     """
     storage.write(moved, folder / "motion.nc")
     header = ["time_s", *(f"marker_{number}_mm" for number in moved["marker"].values)]
@@ -47,6 +54,9 @@ def write(folder: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     matlab(folder / "measured.mat", data, moved)
     (folder / "vtk").mkdir(exist_ok=True)
     vtk.write(folder / "vtk", data)
+    placed = cameras.in_structure_axes([own.camera for own in recordings], data)
+    cameras.write_opencv(folder / "cameras.yaml", placed)
+    cameras.write_aniposelib(folder / "cameras.toml", placed)
 
 
 def matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
