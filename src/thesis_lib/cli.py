@@ -285,7 +285,11 @@ def claims(as_json: bool) -> None:
 @click.option(
     "--out", type=_PATH, help="Folder to write to.  [default: measured, beside the manifest]"
 )
-@click.option("--check", is_flag=True, help="Only tell what the recordings could reach.")
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Only tell what the recordings could reach; with --out, draw it, too.",
+)
 @click.option(
     "--example",
     type=_PATH,
@@ -332,11 +336,15 @@ def measure(
     from thesis_lib.measure.feasibility.describe import describe
     from thesis_lib.measure.recordings.manifest import read_manifest
 
-    out = manifest.parent / "measured" if out is None else out
+    drawn, out = out, manifest.parent / "measured" if out is None else out
     with one_line(out):
         wanted = read_manifest(manifest, check_files=not check)
         if check:  # before anything is filmed
             click.echo("\n".join(describe(assess(wanted))))
+            if drawn is not None:
+                from thesis_lib.measure.commands import draw
+
+                draw(wanted, new_folder(drawn))
             return
         folder = new_folder(out)
         from thesis_lib.measure.pipeline import measure as run_measure

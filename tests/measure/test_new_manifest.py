@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 from command import thesis
 
-from thesis_lib.measure.recordings.manifest import read_manifest
+from thesis_lib.laboratory.example import example_manifest, example_rig
+from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.feasibility.drawing import drawings
+from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.report.moving import write_mp4
 
@@ -104,3 +107,31 @@ def test_folders_that_are_none_or_have_no_videos_or_a_manifest(folder, tmp_path)
     done = thesis("measure", folder / "manifest.yaml", "-p", "a=1")
     assert done.status == 2
     assert "-p is given" in done.err
+
+
+def test_the_check_draws_where_cameras_stand_and_what_they_reach(tmp_path):
+    manifest = example_manifest(example_rig())
+    write_manifest(manifest, tmp_path / "manifest.yaml")
+    done = thesis("measure", "--check", tmp_path / "manifest.yaml", "--out", tmp_path / "drawn")
+    assert (done.status, done.err) == (0, "")
+    for name in ("cameras", "errors"):
+        assert f"Wrote {tmp_path / 'drawn' / name}.png" in done.out
+        assert cv2.imread(str(tmp_path / "drawn" / f"{name}.png")).shape[1] > 900
+    above = drawings(manifest)["cameras"].axes[0]
+    named = {text.get_text(): text.xy for text in above.texts}
+    for camera in manifest.cameras:
+        flat = camera.distance_mm * np.cos(np.radians(camera.elevation_deg))
+        azimuth = np.radians(camera.azimuth_deg)
+        np.testing.assert_allclose(
+            named[camera.name], [flat * np.sin(azimuth), flat * np.cos(azimuth)], rtol=1e-9
+        )
+    shown = drawings(manifest)["errors"].axes[0].collections[0].get_array()
+    assert np.sqrt(np.mean(shown**2)) == pytest.approx(assess(manifest).rig.fit[0])
+
+
+def test_a_drawing_without_places_is_refused(folder):
+    thesis("measure", "--new", folder)
+    done = thesis("measure", "--check", folder / "manifest.yaml", "--out", folder / "drawn")
+    assert done.status == 2
+    assert "given 0 cameras with focal_length_mm" in done.err
+    assert not (folder / "drawn").exists()

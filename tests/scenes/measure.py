@@ -19,8 +19,9 @@ import yaml
 from command import Done, hears_signals
 
 RESULTS = {
-    "cameras.toml", "cameras.yaml", "report.html", "figures", "measured.nc",
-    "measured.mat", "motion.nc", "motion.csv", "motion.uff", "shape.gif", "shape.mp4", "shapes.csv", "shapes.uff", "tracked.mp4", "vtk",
+    "cameras.toml", "cameras.yaml", "figures", "measured.mat", "measured.nc", "motion.csv",
+    "motion.nc", "motion.uff", "report.html", "shape.gif", "shape.mp4", "shapes.csv", "shapes.uff",
+    "tracked.mp4", "vtk",
 }  # fmt: skip
 SAMPLE_RATE = 48000
 

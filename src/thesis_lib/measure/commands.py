@@ -5,10 +5,14 @@ from __future__ import annotations
 import contextlib
 import shlex
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from thesis_lib.measure.recordings.manifest_model import Manifest
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
 _PAPERS = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid")
@@ -50,6 +54,18 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
     click.echo("\n".join(lines))
     name = shlex.quote(str(manifest))
     click.echo(f"Now look through {name}, and ask: thesis measure --check {name}")
+
+
+def draw(manifest: Manifest, folder: Path) -> None:
+    """Draw where the cameras stand and what they will reach into a folder."""
+    from thesis_lib.files import whole_file
+    from thesis_lib.measure.feasibility.drawing import drawings
+    from thesis_lib.plotting.style import saved
+
+    for name, figure in drawings(manifest).items():
+        file, picture = folder / f"{name}.png", saved(figure, "png", dpi=140)
+        whole_file(file, partial(Path.write_bytes, data=picture))
+        click.echo(f"Wrote {file}")
 
 
 @click.group("print")
