@@ -1,7 +1,8 @@
 """Print all measurements and draw the growth: ``python -m benchmarks``, five minutes at most.
 
 ``--peers`` measures beside the peers alone, ``--scale`` a large study in pieces alone;
-``--publish`` keeps what either has measured as what the book shows.
+``--publish`` keeps what either has measured as what the book shows. ``--tracking`` follows markers
+beside other trackers.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from benchmarks import (
     rayleigh,
     recording,
     scale,
+    tracking,
 )
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.studies import times
@@ -86,6 +88,14 @@ def print_scale(keep: bool) -> None:
     print_columns(benchmark_tables.scale(data))
     if keep:
         publish.keep(data)
+
+
+def print_tracking() -> None:
+    """Trackers on the same frames."""
+    print("\nTracking: one camera of 1280×720, processor time, one thread, in turns")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that points are rounded to pixels
+        print_columns(tracking.rows(list(tracking.compare())))
 
 
 def print_centres() -> None:
@@ -202,16 +212,20 @@ def main() -> None:
     """Run what is asked for, by default everything."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--peers", action="store_true", help="beside the peers alone")
+    parser.add_argument("--tracking", action="store_true", help="trackers of markers alone")
     parser.add_argument("--scale", action="store_true", help="a large study in pieces alone")
     parser.add_argument("--publish", action="store_true", help="keep that for the book")
     asked = parser.parse_args()
     print(f"Python {platform.python_version()}, NumPy {np.__version__}, "
           f"{os.cpu_count()} processors, one BLAS thread (OPENBLAS_NUM_THREADS=1)")  # fmt: skip
-    if asked.peers or not asked.scale:
+    everything = not (asked.peers or asked.scale or asked.tracking)
+    if asked.peers or everything:
         print_peers(asked.publish)
-    if asked.scale or not asked.peers:
+    if asked.scale or everything:
         print_scale(asked.publish)
-    if not asked.peers and not asked.scale:
+    if asked.tracking or everything:
+        print_tracking()
+    if everything:
         print_own()
 
 

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import limits, peers, publish, rayleigh
+from benchmarks import limits, peers, publish, rayleigh, tracking
 from thesis_lib import files
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import write as pieces_write
@@ -159,3 +159,14 @@ def test_without_a_published_run_the_page_says_so(monkeypatch, tmp_path):
     said = {name: piece() for name, piece in benchmark_tables.PIECES.items()}
     assert "Nothing was timed yet" in said.pop("benchmarks-times")
     assert set(said.values()) == {benchmark_tables.NOT_YET}
+
+
+@pytest.mark.slow
+def test_trackers_find_the_amplitudes_of_the_same_film():
+    found = list(tracking.compare(steady=15, rounds=1))
+    assert len({one.film for one in found}) == 2
+    own = {one.film: one for one in found if one.name == "thesis_lib"}
+    assert own["lossless"].amplitude_error < 0.015
+    for one in own.values():
+        assert one.told + one.untold < 0.02
+    assert len(list(tracking.rows(found))) == len(found)
