@@ -5,7 +5,7 @@ The truth is OpenCV's: `cv2.projectPoints` says where everything is in the pictu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -36,14 +36,45 @@ def envelope(t):
     return s**3 * (10 - 15 * s + 6 * s * s)
 
 
-def tip(t):
-    """Deflection of the beam's tip in m."""
-    return TIP * envelope(t) * np.sin(2 * np.pi * FREQUENCY * (t - START))
+@dataclass(frozen=True)
+class Drive:
+    """How the beam moves."""
+
+    frequency: float = FREQUENCY  # Hz
+    tip: float = TIP  # m
+
+    def at(self, t):
+        """Deflection of the beam's tip in m."""
+        return self.tip * envelope(t) * np.sin(2 * np.pi * self.frequency * (t - START))
+
+    def force(self, t):
+        """What the cameras hear: in phase with the tip's velocity."""
+        return 0.4 * envelope(t) * np.cos(2 * np.pi * self.frequency * (t - START))
 
 
-def force(t):
-    """What the cameras hear: in phase with the tip's velocity."""
-    return 0.4 * envelope(t) * np.cos(2 * np.pi * FREQUENCY * (t - START))
+@dataclass(frozen=True)
+class Clock:
+    """When a camera takes its frames, and what it believes that the time is."""
+
+    rate: float = RATE  # frames per second, by its own clock
+    ppm: float = 0.0  # by which that clock is fast
+    jitter: float = 0.0  # standard deviation in s of when a frame is taken, and said to be
+    wander: float = 0.0  # s by which frames come early and late in turn, slowly
+    dropped: float = 0.0  # share of the frames that are missing
+    seed: int = 0
+
+    def stamps(self, length):
+        """Time stamps of all frames of so many seconds, by its own clock, from 0, s."""
+        rng = np.random.default_rng([self.seed, 5])
+        t = np.arange(int(length * self.rate)) / self.rate
+        t = t + self.wander * np.sin(0.9 * t) + self.jitter * rng.standard_normal(len(t))
+        kept = rng.random(len(t)) >= self.dropped
+        kept[:1] = True
+        return t[kept] - t[0]
+
+    def true(self, own):
+        """Seconds that have passed when its clock says so many."""
+        return own / (1 + 1e-6 * self.ppm)
 
 
 def eyes(size=(960, 540)) -> list[Eye]:
@@ -102,10 +133,11 @@ class Take:
     crf: int = 20
     preset: str = "veryfast"
     sound: str = "pcm"
+    ending: str = ""
 
-    @property
-    def ending(self):
-        return "mkv" if self.video == "ffv1" else "mp4"
+    def __post_init__(self):
+        if not self.ending:
+            object.__setattr__(self, "ending", "mkv" if self.video == "ffv1" else "mp4")
 
 
 @dataclass(frozen=True)
@@ -121,11 +153,23 @@ class Scene:
     noise_db: float = 25.0  # power of the force over that of the noise in the sound
     length: float = LENGTH
     seed: int = 0
+    drive: Drive = field(default_factory=Drive)
+    clocks: Sequence[Clock] = ()  # one for each camera, or all alike
+    exposure: float = EXPOSURE
+    moved: Callable = lambda camera, eye, t: eye  # the eye at a time: who touches a camera?
+
+    def clock(self, camera):
+        return self.clocks[camera] if self.clocks else Clock()
+
+    def times(self, camera):
+        """When its frames are taken, s."""
+        clock = self.clock(camera)
+        return self.starts[camera] + clock.true(clock.stamps(self.length))
 
     def tracks(self, camera):
         """Where the markers are, (frames, 2, markers), from the sensor's corner in px."""
-        times = self.starts[camera] + np.arange(int(self.length * RATE)) / RATE
-        return np.array([self.eyes[camera].project(self.strip.world(tip(t))) for t in times])
+        return np.array([self.eyes[camera].project(self.strip.world(self.drive.at(t)))
+                         for t in self.times(camera)])  # fmt: skip
 
     def corners(self, camera):
         """Where the board's corners are, (shots, 2, corners), px."""
@@ -151,18 +195,22 @@ class Scene:
                     picture.convert("RGB").save(path, quality=take.quality)
                 else:
                     picture.save(path)
-        view = Film(eye, self.strip, tip, 1.3 * TIP, EXPOSURE, self.optics, self.seed)
-        times = self.starts[index] + np.arange(int(self.length * SOUND_RATE)) / SOUND_RATE
-        clean = force(times)
+        clock, drive = self.clock(index), self.drive
+        own = np.arange(int(self.length * SOUND_RATE)) / SOUND_RATE
+        clean = drive.force(self.starts[index] + clock.true(own))
         spread = 0.4 / np.sqrt(2) * 10 ** (-self.noise_db / 20)
         sound = clean + spread * np.random.default_rng([self.seed, index, 99]).standard_normal(
             len(clean)
         )
-        writers = [_Writer(take, eye, sound) for take in takes]
-        for k in range(int(self.length * RATE)):
-            light = view.picture(self.starts[index] + k / RATE)
+        writers = [_Writer(take, eye, sound, clock.rate) for take in takes]
+        stamps, seen, view = clock.stamps(self.length), None, None
+        for t, stamp in zip(self.times(index), stamps, strict=True):
+            if seen is not (seen := self.moved(index, eye, t)) or view is None:
+                view = Film(seen, self.strip, drive.at, 1.3 * drive.tip, self.exposure, self.optics,
+                            self.seed)  # fmt: skip
+            light = view.picture(t)
             for take, own, writer in zip(takes, rng, writers, strict=True):
-                writer.add(take.sensor.grey(light, own))
+                writer.add(take.sensor.grey(light, own), stamp)
         for writer in writers:
             writer.close()
 
@@ -172,28 +220,32 @@ class Scene:
             cameras=tuple(
                 CameraFiles(
                     name=eye.name, video=f"{eye.name}.{take.ending}", width_px=eye.size[0],
-                    height_px=eye.size[1], frame_rate_hz=RATE, exposure_s=EXPOSURE,
+                    height_px=eye.size[1], frame_rate_hz=self.clock(i).rate,
+                    exposure_s=self.exposure,
                     readout_s=(eye.size[1] - 1) * self.optics.row_time,
                     shots=f"{eye.name}/*.{take.shots}",
                 )
-                for eye in self.eyes
+                for i, eye in enumerate(self.eyes)
             ),
             board=BoardSpec(
                 columns=self.board.columns, rows=self.board.rows, tile_mm=1e3 * self.board.tile,
                 margin_mm=1e3 * self.board.margin, two_sided=False,
             ),
-            excitation=Excitation(frequency_hz=FREQUENCY, rest_s=REST),
+            excitation=Excitation(frequency_hz=self.drive.frequency, rest_s=REST),
         )  # fmt: skip
 
 
 class _Writer:
     """One video with its sound."""
 
-    def __init__(self, take, eye, sound):
+    def __init__(self, take, eye, sound, rate):
         self.take = take
         self.file = av.open(str(take.folder / f"{eye.name}.{take.ending}"), "w")
         colour = take.video == "h264"
-        self.video = self.file.add_stream("libx264" if colour else "ffv1", rate=RATE)
+        exact = Fraction(rate).limit_denominator(1001)
+        self.video = self.file.add_stream("libx264" if colour else "ffv1", rate=exact)
+        self.tick = 1 / exact if take.ending == "mkv" else Fraction(1, 90_000)
+        self.video.codec_context.time_base = self.tick
         self.video.width, self.video.height = eye.size
         self.video.pix_fmt = "yuv420p" if colour else "gray"
         if colour:
@@ -202,23 +254,28 @@ class _Writer:
         self.track = self.file.add_stream("pcm_s16le" if pcm else "aac", rate=SOUND_RATE,
                                           layout="mono")  # fmt: skip
         self.samples = np.rint(32767 * np.clip(sound, -1, 1)).astype(np.int16)
-        self.count = 0
+        self.heard = 0
 
-    def add(self, image):
+    def add(self, image, stamp):
         if self.take.video == "h264":  # paper that is not quite white, a lamp that is not either
             image = np.stack([image, image * 0.98, image * 0.93], axis=-1)
             frame = av.VideoFrame.from_ndarray(np.rint(image).astype(np.uint8), format="rgb24")
         else:
             frame = av.VideoFrame.from_ndarray(image, format="gray")
-        frame.pts, frame.time_base = self.count, Fraction(1, RATE)
+        frame.pts, frame.time_base = round(stamp / float(self.tick)), self.tick
         self.file.mux(self.video.encode(frame))
-        first, last = (round(k * SOUND_RATE / RATE) for k in (self.count, self.count + 1))
-        block = av.AudioFrame.from_ndarray(self.samples[None, first:last], "s16", "mono")
-        block.sample_rate, block.pts, block.time_base = SOUND_RATE, first, Fraction(1, SOUND_RATE)
-        self.file.mux(self.track.encode(block))
-        self.count += 1
+        self._sound(round(stamp * SOUND_RATE))
+
+    def _sound(self, until):
+        if self.heard < (until := min(until, len(self.samples))):
+            part = self.samples[None, self.heard : until]
+            block = av.AudioFrame.from_ndarray(part, "s16", "mono")
+            block.sample_rate, block.time_base = SOUND_RATE, Fraction(1, SOUND_RATE)
+            block.pts, self.heard = self.heard, until
+            self.file.mux(self.track.encode(block))
 
     def close(self):
+        self._sound(len(self.samples))
         self.file.mux(self.video.encode(None))
         self.file.mux(self.track.encode(None))
         self.file.close()

@@ -14,7 +14,7 @@ from thesis_lib.arrays import Array
 FINE = 8  # trial frequencies in one over the length of the recording
 
 
-def alias(frequency: ArrayLike, rate: float) -> Array:
+def alias(frequency: ArrayLike, rate: ArrayLike) -> Array:
     """Where a frequency in Hz shows between 0 and half of the frame rate, Hz.
 
     Examples
@@ -22,7 +22,7 @@ def alias(frequency: ArrayLike, rate: float) -> Array:
     >>> float(alias(110.0, 60.0)), float(alias(40.0, 60.0)), float(alias(25.0, 60.0))
     (10.0, 20.0, 25.0)
     """
-    f = np.asarray(frequency, float)
+    f, rate = np.asarray(frequency, float), np.asarray(rate, float)
     return np.asarray(np.abs(f - rate * np.rint(f / rate)), float)
 
 

@@ -46,7 +46,7 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
     FrequencyError
         If the recording is too short, or no one frequency explains half of the motion.
     """
-    series = [_liveliest(own, begin, end) for own in recordings]
+    series = [liveliest(own, begin, end) for own in recordings]
     length = min(float(times[-1] - times[0]) for times, _ in series)
     lowest, highest = 2 / length, 0.48 * min(own.rate for own in recordings)
     if not lowest < highest:
@@ -83,8 +83,13 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
     return float(found.x)
 
 
-def _liveliest(recording: Recording, begin: float, end: float) -> tuple[Array, Array]:
-    """Times (n,) and the image coordinates (n, series) that move most, without their means."""
+def liveliest(
+    recording: Recording, begin: float, end: float, least: float = 0.9
+) -> tuple[Array, Array]:
+    """Times (n,) and the image coordinates (n, series) that move most, less their means.
+
+    Of those that are known in more than the `least` share of the frames; 0 where they are not.
+    """
     times, values = [], []
     for t, uv in recording.parts(begin, end):
         times.append(t)
@@ -94,7 +99,7 @@ def _liveliest(recording: Recording, begin: float, end: float) -> tuple[Array, A
     if not times:
         raise FrequencyError(f"camera {recording.camera.name} has no frame of the steady part")
     flat = np.concatenate(values)
-    seen = flat[:, np.isfinite(flat).mean(axis=0) > 0.9]
+    seen = flat[:, np.isfinite(flat).mean(axis=0) > least]
     if not seen.size:
         raise FrequencyError(f"camera {recording.camera.name} sees no marker most of the time")
     moved = np.nan_to_num(seen - np.nanmean(seen, axis=0))

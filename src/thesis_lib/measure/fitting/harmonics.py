@@ -152,14 +152,14 @@ def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int 
     return replace(found, sigma=np.where(np.isnan(found.sigma), np.nan, sigma))
 
 
-def harmonic_deflection(
+def harmonic_motion(
     P: ArrayLike, frame: Frame, omega: float, cameras: list[Harmonics], instants: int = 16
 ) -> ComplexArray:
-    """Complex amplitudes along the beam's normal at ω, time factor e^{+jωt}, shape (markers,), m.
+    """Complex amplitudes along the beam's axes at ω, time factor e^{+jωt}, (3, markers), m.
 
     The harmonics of each camera, fitted at that camera's own times, are evaluated at common
     instants of one period, triangulated there without any linearisation, and summed to the first
-    harmonic of the deflection.
+    harmonic of the motion.
 
     Parameters
     ----------
@@ -177,8 +177,15 @@ def harmonic_deflection(
     times = np.arange(instants) * 2 * np.pi / (omega * instants)
     uv = np.stack([camera.at(omega, times).swapaxes(0, 1) for camera in cameras])
     points, _ = triangulate_seen(P, uv)
-    height = frame.to_beam(points)[2]
-    return np.asarray(2 / instants * np.exp(-1j * omega * times) @ height, complex)
+    turns = 2 / instants * np.exp(-1j * omega * times)
+    return np.asarray([turns @ along for along in frame.to_beam(points)], complex)
+
+
+def harmonic_deflection(
+    P: ArrayLike, frame: Frame, omega: float, cameras: list[Harmonics], instants: int = 16
+) -> ComplexArray:
+    """The part of :func:`harmonic_motion` along the beam's normal, shape (markers,), m."""
+    return np.asarray(harmonic_motion(P, frame, omega, cameras, instants)[2], complex)
 
 
 def mean_of(values: Array) -> Array:
@@ -232,14 +239,20 @@ def unblurred(fit: Fitted, omega: float, exposures: ArrayLike) -> list[Harmonics
 
 def amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
     """Complex amplitudes of the deflection at ω, shape (markers,), in m."""
-    return harmonic_deflection(fit.P, fit.frame, omega, unblurred(fit, omega, exposures))
+    return np.asarray(motion(fit, omega, exposures)[2], complex)
 
 
-def deviation(fit: Fitted, omega: float, exposures: ArrayLike) -> Array:
+def motion(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
+    """Complex amplitudes along the structure's axes at ω, shape (3, markers), in m."""
+    return harmonic_motion(fit.P, fit.frame, omega, unblurred(fit, omega, exposures))
+
+
+def deviation(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2) -> Array:
     """Standard deviation of the amplitude's part in phase, by the centres' scatter, (markers,), m.
 
-    White noise of σ over N frames leaves σ √(2/N) in each of the two parts of an amplitude.
+    White noise of σ over N frames leaves σ √(2/N) in each of the two parts of an amplitude. Along
+    the structure's normal, or along another of its axes.
     """
     own = unblurred(fit, omega, exposures)
     spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in own])
-    return height_deviation(fit.P, fit.frame, fit.points, fit.sigma * spread)
+    return height_deviation(fit.P, fit.frame, fit.points, fit.sigma * spread, axis)

@@ -151,11 +151,13 @@ def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) ->
 # What noise of the centres does.
 
 
-def normal_gain(P: ArrayLike, frame: Frame, points: ArrayLike, seen: Mask | None = None) -> Array:
+def normal_gain(
+    P: ArrayLike, frame: Frame, points: ArrayLike, seen: Mask | None = None, axis: int = 2
+) -> Array:
     """Change of a point's height over the beam by each image coordinate, (cameras, 2, n), m/px.
 
-    With `seen`, shape (cameras, n), a camera that does not see a point has no part in it; NaN where
-    fewer than two do.
+    Or of its place along another `axis` of the beam. With `seen`, shape (cameras, n), a camera that
+    does not see a point has no part in it; NaN where fewer than two do.
     """
     P, X = np.asarray(P, float), np.asarray(points, float)
     visible = np.ones((len(P), X.shape[1]), bool) if seen is None else seen
@@ -165,20 +167,30 @@ def normal_gain(P: ArrayLike, frame: Frame, points: ArrayLike, seen: Mask | None
         if np.count_nonzero(pattern) < 2:
             gains[:, :, where] = np.nan
         else:
-            own = np.tensordot(frame.R[2], gain(P[pattern], X[:, where]), axes=1)
+            own = np.tensordot(frame.R[axis], gain(P[pattern], X[:, where]), axes=1)
             gains[np.ix_(pattern, [True, True], where)] = own
     return gains
 
 
-def height_deviation(P: ArrayLike, frame: Frame, points: ArrayLike, sigma: ArrayLike) -> Array:
+def height_deviation(
+    P: ArrayLike, frame: Frame, points: ArrayLike, sigma: ArrayLike, axis: int = 2
+) -> Array:
     """Standard deviation of heights (n,) in m for centre noise (cameras, 2, n) in px.
 
-    Where the noise is NaN a camera does not see the point.
+    Or of places along another `axis` of the beam. Where the noise is NaN a camera does not see it.
     """
     s = np.asarray(sigma, float)
     seen = np.isfinite(s).all(axis=1)
-    each = normal_gain(P, frame, points, seen) * np.where(seen[:, None], s, 0.0)
+    each = normal_gain(P, frame, points, seen, axis) * np.where(seen[:, None], s, 0.0)
     return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))), float)
+
+
+def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
+    """Rms distance in px of markers at rest (cameras, 2, markers) from where all put them."""
+    P = projection_matrices(cameras)
+    points, _ = triangulate_seen(P, rest)
+    off: Array = np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2)))
+    return off
 
 
 def checked_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
@@ -197,9 +209,11 @@ def checked_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> F
     most = GRID_SHARE * float(markers.nearest.min())
     if frame.rms <= most and abs(frame.scale - 1) <= GRID_SCALE:
         return frame
-    off = np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2)))
+    off = misfit_at_rest(cameras, rest)
     worst = int(np.nanargmax(off))
     who = f"camera {cameras[worst].name} fits worst, by {off[worst]:.1f} px: "
+    if len(cameras) == 2:  # which contradict each other
+        who = f"camera {cameras[0].name} or {cameras[1].name}, by {off[worst]:.1f} px: "
     raise ChainError(
         f"the markers at rest are {1000 * frame.rms:.1f} mm off their grid, whose size comes out "
         f"as {frame.scale:.3f} of the nominal one (allowed: {1000 * most:.2g} mm, "

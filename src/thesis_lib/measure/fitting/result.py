@@ -12,6 +12,10 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.measure.fitting.aliasing import alias
+from thesis_lib.measure.fitting.aliasing import candidates as aliases_of
+from thesis_lib.measure.fitting.clocks import lags_of, late, paced, paces, shifted
+from thesis_lib.measure.fitting.consistency import excess, frozen, held_back, in_plane
 from thesis_lib.measure.fitting.frequency import Advance, advance, look_for
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
@@ -21,22 +25,29 @@ from thesis_lib.measure.fitting.harmonics import (
     mean_of,
     sums_of,
 )
+from thesis_lib.measure.fitting.leftover import bump, share
 from thesis_lib.measure.fitting.models import Candidate, candidates, scaled
-from thesis_lib.measure.fitting.reconstruction import checked_frame
-from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.fitting.reconstruction import Frame, checked_frame, misfit_at_rest
+from thesis_lib.measure.recordings.check import ChainError, markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.tracking.tracks import Recording, lost_share
 from thesis_lib.studies.variables import declared, labelled
-from thesis_lib.vision.lens import distorted
+from thesis_lib.vision.lens import Camera, distorted
 from thesis_lib.vision.simulation import assurance
 
 ORDER = 2  # harmonics of the images that are fitted
+HIGHEST = 4.0  # frame rates up to which aliases are considered
+ENOUGH = 1000  # frames that tell them
+SCALE = 0.002  # by which the grid's size may be off before it counts as wrong
 FOLDED = 0.2  # of the frame rate; from there on the second harmonic's alias nears the first's
 VARIABLES = declared("""
     x(marker) [m] place along the structure
     y(marker) [m] place across the structure
     deflection(marker) [m] deflection at its maximum
-    standard_error(marker) [m] standard error of it by the centres' scatter
+    standard_error(marker) [m] standard error of it
+    error_of_scatter(marker) [m] the part of that which the centres' scatter explains
+    in_plane(marker) [m] amplitude along the structure's plane that bending does not explain
+    in_plane_excess() [1] rms of it over what the centres' scatter explains
     quadrature(marker) [m] deflection a quarter of a period later
     amplitude_real(marker) [m] complex amplitude, exp(+jωt), on the first camera's clock, real part
     amplitude_imag(marker) [m] the same, imaginary part
@@ -49,10 +60,27 @@ VARIABLES = declared("""
     without_camera(camera, marker) [m] deflection from all cameras but one; NaN with two cameras
     without_deviation(camera, marker) [m] standard deviation of its difference from that of all
         cameras
+    frozen(camera, marker) [1] whether the video's compression keeps the marker still
+    held_back(camera) [px] image amplitude up to which it does
     frequency() [Hz] frequency of the fit
+    frequency_given() [Hz] frequency of the manifest; NaN if it is to be looked for
     frequency_of_tracks() [Hz] frequency that the tracks show
     frequency_deviation() [Hz] its standard error
     growth() [1] change of the amplitude over the steady part
+    explained() [1] share of the image coordinates' variance that the frequency explains
+    other_frequency() [Hz] strongest tone in the rest; NaN if there is none
+    other_amplitude() [1] its amplitude over that of the vibration
+    alias(alias) [Hz] frequencies that the frames show alike
+    alias_lag(alias) [degree] largest phase by which cameras are then apart
+    pace(camera) [1] how much faster than the first camera's the clock runs
+    pace_deviation(camera) [1] its standard error
+    corrected(camera) [1] whether the camera's times were corrected by it
+    frame_rate(camera) [Hz] frames per second, by the camera's own clock
+    lag(camera) [s] by how much the pictures start later than the sound tells
+    lag_deviation(camera) [s] its standard error
+    jump(camera) [px] by how much all that the camera sees jumped
+    jump_time(camera) [s] when
+    rest_misfit(camera) [px] rms distance of the markers at rest from where all cameras put them
     harmonics() [1] harmonics of the images that were fitted
     frames(camera) [1] frames that the fit used
     grid_rms() [m] rms distance of the markers at rest from their places
@@ -98,31 +126,49 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     rest = np.array([_at_rest(own, manifest.excitation.rest_s) for own in recordings])
     frame = checked_frame(cameras, rest, markers)
+    _check_sides(frame, cameras)
     given = float(sound["frequency"])
     start = given if np.isfinite(given) else look_for(recordings, begin, end)
     order = ORDER if start < FOLDED * min(own.rate for own in recordings) else 1
-    motion = advance(recordings, begin, end, start, order)
-    frequency = _best(start, motion, sound)
+    pace = paces(recordings, begin, end, start, order)
+    recordings = paced(recordings, pace, 0.5 * (begin + end))
+    phases = advance(recordings, begin, end, start, order)
+    frequency = _best(start, phases, sound)
     omega = 2 * np.pi * frequency
-    harmonics = [
-        _harmonics(own, still, omega, begin, end, order)
-        for own, still in zip(recordings, rest, strict=True)
-    ]
     exposures = np.array([own.exposure for own in recordings])
-    scatter = np.sqrt(np.mean([h.sigma**2 for h in harmonics], axis=1))
-    fit = Fitted(cameras, [_not_frozen(own) for own in harmonics], rest, frame)
+    raw = _fitted(recordings, rest, frame, omega, begin, end, order)
+    scatter = np.sqrt(np.mean(raw.sigma**2, axis=1))
+    softened = [held_back(own, markers.centres) for own in raw.harmonics]
+    fit = replace(raw, harmonics=[own for own, _ in softened])
+    lags, lag_errors = lags_of(fit, omega, exposures)
+    fit = shifted(fit, omega, lags)
     complex_shape = amplitude(fit, omega, exposures)
     force = complex(*sound["force"].values)
     phase = _common_phase(complex_shape, force, manifest.structure.damping)
     turned = complex_shape * np.exp(-1j * phase)
     shape, error = turned.real, deviation(fit, omega, exposures)
+    still = frozen(scatter)
+    moved, allowed = in_plane(
+        fit, omega, exposures, markers.centres, manifest.structure.thickness_mm / 1000
+    )
+    more = excess(moved[:, ~still.any(axis=0)], allowed[:, ~still.any(axis=0)])
+    off = frame.scale - 1 if abs(frame.scale - 1) > SCALE else 0.0
+    tone = share(recordings, begin, end, frequency, order)
+    jumps = [
+        bump(own, fitted, omega, begin, end)
+        for own, fitted in zip(recordings, fit.harmonics, strict=True)
+    ]
+    alike, apart = _aliases(recordings, raw, begin, end, frequency)
 
     without, differs = _without_each(fit, omega, exposures, phase)
     values = {
         "x": markers.centres[0],
         "y": markers.centres[1],
         "deflection": shape,
-        "standard_error": error,
+        "standard_error": np.hypot(max(np.nan_to_num(more), 1.0) * error, off * shape),
+        "error_of_scatter": error,
+        "in_plane": np.sqrt(np.sum(np.abs(moved) ** 2, axis=0)),
+        "in_plane_excess": more,
         "quadrature": turned.imag,
         "amplitude_real": complex_shape.real,
         "amplitude_imag": complex_shape.imag,
@@ -131,12 +177,29 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "cameras_seen": np.isfinite(fit.sigma).all(axis=1).sum(axis=0),
         "missing": [lost_share(own) for own in recordings],
         "centre_scatter": scatter,
+        "frozen": still.astype(int),
+        "held_back": [size for _, size in softened],
         "without_camera": without,
         "without_deviation": differs,
         "frequency": frequency,
-        "frequency_of_tracks": motion.frequency,
-        "frequency_deviation": motion.deviation,
-        "growth": motion.growth,
+        "frequency_given": given,
+        "frequency_of_tracks": phases.frequency,
+        "frequency_deviation": phases.deviation,
+        "growth": phases.growth,
+        "explained": tone.explained,
+        "other_frequency": tone.frequency,
+        "other_amplitude": tone.ratio,
+        "alias": alike,
+        "alias_lag": apart,
+        "pace": [own.rate for own in pace],
+        "pace_deviation": [own.deviation for own in pace],
+        "corrected": [int(own.corrected) for own in pace],
+        "frame_rate": [own.rate for own in recordings],
+        "lag": lags,
+        "lag_deviation": lag_errors,
+        "jump": [size for size, _ in jumps],
+        "jump_time": [when for _, when in jumps],
+        "rest_misfit": misfit_at_rest(cameras, rest),
         "harmonics": order,
         "frames": [np.diff(own.between(begin, end))[0] for own in recordings],
         "grid_rms": frame.rms,
@@ -153,6 +216,63 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "candidate": ("candidate", [m.name for m in modes], {"long_name": "mode of the model"}),
     }
     return xr.Dataset(labelled(values | compared, VARIABLES), coords, {"most_similar": best})
+
+
+def _fitted(
+    recordings: Sequence[Recording],
+    rest: Array,
+    frame: Frame,
+    omega: float,
+    begin: float,
+    end: float,
+    order: int,
+) -> Fitted:
+    """All cameras' harmonics as they are, with the markers' places at rest."""
+    fits = [
+        _harmonics(own, still, omega, begin, end, order)
+        for own, still in zip(recordings, rest, strict=True)
+    ]
+    middle = np.array([own.coefficients[0] for own in fits])
+    places = np.where(np.isfinite(rest), rest, middle)  # of markers that were hidden at first
+    return Fitted([own.camera for own in recordings], fits, places, frame)
+
+
+def _aliases(
+    recordings: Sequence[Recording], fit: Fitted, begin: float, end: float, frequency: float
+) -> tuple[Array, Array]:
+    """Frequencies in Hz that these frames show alike, and the phases in degrees that betray them.
+
+    A camera's frames cannot tell one from the other. But cameras start at different times, so with
+    a wrong frequency they seem to be out of step. The frequency itself comes first.
+    """
+    rates = np.array([own.rate for own in recordings])
+    shown, near = alias(frequency, rates[0]), 1 / (end - begin)
+    end = min(end, begin + ENOUGH / float(rates.min()))
+    every = aliases_of(float(shown), float(rates[0]), HIGHEST * float(rates.max()))
+    alike = [
+        other
+        for other in every
+        if other > near and np.all(np.abs(alias(other, rates) - alias(frequency, rates)) < near)
+    ]
+    alike = [frequency, *(other for other in alike if abs(other - frequency) > near)]
+    exposures = np.array([own.exposure for own in recordings])
+    apart = []
+    for other in alike:
+        omega = 2 * np.pi * other
+        own = _fitted(recordings, fit.rest, fit.frame, omega, begin, end, 1)
+        apart.append(np.degrees(np.abs(late(own, omega, exposures)[0]).max()))
+    return np.array(alike), np.array(apart)
+
+
+def _check_sides(frame: Frame, cameras: Sequence[Camera]) -> None:
+    """Refuse markers that are seen from behind: given corners that run the wrong way round."""
+    heights = frame.to_beam(np.array([c.centre for c in cameras]).T)[2]
+    if np.all(heights < 0):
+        raise ChainError(
+            "every camera would be below the structure: corners_px run the wrong way round in all "
+            "of them, as in a mirror; allowed: (0, 0), (length, 0), (length, width), (0, width), "
+            "with x and y as the markers' places have them"
+        )
 
 
 def _best(start: float, motion: Advance, sound: xr.Dataset) -> float:
@@ -191,15 +311,6 @@ def _harmonics(
         sums = [reduce(add, sums)]
     rows = distorted(own.camera, middle)[1] / own.camera.size[1]
     return sums[0].solve().raised(middle).earlier(omega, own.readout * (rows - 0.5))
-
-
-def _not_frozen(own: Harmonics) -> Harmonics:
-    """The same with no less scatter than half of what the camera's markers have.
-
-    A video's compression may keep a marker still; its place is not better known for that.
-    """
-    least = 0.5 * np.nanmedian(own.sigma) if np.isfinite(own.sigma).any() else np.nan
-    return replace(own, sigma=np.maximum(own.sigma, least))
 
 
 def _common_phase(shape: ComplexArray, force: complex, damping: float) -> float:

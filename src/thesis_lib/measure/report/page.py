@@ -19,6 +19,7 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report import html, tables
+from thesis_lib.measure.report.notes import warnings
 from thesis_lib.measure.report.view import shape_view
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import saved
@@ -26,9 +27,6 @@ from thesis_lib.vision.lens import project
 from thesis_lib.web.shell import shell
 
 Pictures = dict[str, tuple[str, bytes]]  # name: kind of file and content
-LOST = 0.05  # share of the frames from which on a camera's lost markers are told
-FROZEN = 0.2  # of the median scatter, below which a marker stands still in the video
-DRIFT = 0.05  # change of the amplitude from which on the vibration is not called steady
 
 
 def figures(
@@ -83,7 +81,7 @@ def summary(data: xr.Dataset) -> list[str]:
     """What was found, in a few lines."""
     w, error = 1e3 * data["deflection"].values, 1e3 * data["standard_error"].values
     known = np.isfinite(w)
-    most = int(np.nanargmax(np.abs(w)))
+    most = int(np.nanargmax(np.abs(np.where(np.isfinite(error), w, np.nan))))
     lines = [
         f"frequency {_frequency(data)}",
         f"largest deflection {abs(w[most]):.4g} ± {error[most]:.2g} mm at x = "
@@ -98,36 +96,6 @@ def summary(data: xr.Dataset) -> list[str]:
             f"{float(data['mean_error']):.2g} % of the largest deflection"
         )
     return lines
-
-
-def warnings(data: xr.Dataset) -> list[str]:
-    """What a reader should know before trusting the result, one line each."""
-    scatter = data["centre_scatter"].values
-    frozen = scatter < FROZEN * np.nanmedian(scatter, axis=1, keepdims=True)
-    unknown = int(np.isnan(data["deflection"].values).sum())
-    growth, spread = float(data["growth"]), _spread(data)
-    off = rms(data["quadrature"].values) / rms(data["deflection"].values)
-    lost = dict(zip(data["camera"].values, data["missing"].mean("marker").values, strict=True))
-    said = {
-        f"Camera {name} lost {share:.0%} of its marker images.": share > LOST
-        for name, share in lost.items()
-    } | {
-        f"{frozen.any(axis=0).sum()} markers hardly scatter in some camera: the "
-        "video's compression holds still what moves by parts of a pixel, and their "
-        "deflections and standard errors come out too small.": frozen.any(),
-        f"{unknown} markers were seen by fewer than two cameras, or in too few "
-        "frames: they have no result.": unknown,
-        f"The amplitude changes by {growth:+.0%} over the steady part: the shape is "
-        "that of its mean.": abs(growth) > DRIFT,
-        "The cameras' starts are in doubt by whole periods. A steady vibration's shape"
-        " and its phase to the force are right nevertheless.": int(data["ambiguous"]),
-        f"A quarter of a period after the maximum {off:.0%} of the deflection is "
-        "left: this is no standing wave of one mode.": off > 0.05,
-        f"Shapes without one of the cameras differ by {spread:.1f} times what the "
-        "centres' scatter explains: calibration, clocks or centres are off by more "
-        "than the standard errors tell.": spread > 3,
-    }
-    return [text for text, holds in said.items() if holds]
 
 
 def page(data: xr.Dataset, manifest: Manifest, assessment: Assessment, pictures: Pictures) -> str:
@@ -210,7 +178,7 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
     )
     yield "The structure is flat at rest, and moves along its normal."
     yield "The calibration was the same while the board and while the structure was filmed."
-    yield "Pictures and sound of a camera start together, and their clocks do not drift apart."
+    yield "Pictures and sound of a camera start together, to within a period of the vibration."
     if any(camera.readout_s for camera in manifest.cameras):
         yield "Every row of a picture was exposed at its own time, as readout_s says."
     else:
@@ -226,8 +194,12 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
         f"harmonic{'s' if order > 1 else ''} of one frequency."
     )
     yield (
-        "Standard errors tell what the scatter of the centres does. They know nothing of errors of "
-        "the calibration, of the clocks, or of centres that are off alike in every frame."
+        "Standard errors are those by the scatter of the centres, times the motion in the plane "
+        "over "
+        "what that scatter explains, "
+        f"{max(float(np.nan_to_num(data['in_plane_excess'])), 1.0):.2g}. Errors that show "
+        "neither as "
+        "scatter nor in the plane they do not know."
     )
     if manifest.excitation.undersampled:
         yield "The frequency is known from elsewhere: the frames alone would show an alias."
@@ -266,10 +238,3 @@ def _frequency(data: xr.Dataset) -> str:
     if np.isnan(error):
         return f"{used:.6g} Hz (the recording is too short to check it)"
     return f"{used:.6g} Hz (the tracks show {tracks:.6g} ± {error:.1g} Hz)"
-
-
-def _spread(data: xr.Dataset) -> float:
-    """Rms change of the shape without a camera, over what the standard errors explain."""
-    change = data["without_camera"].values - data["deflection"].values
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return rms(change / data["without_deviation"].values)

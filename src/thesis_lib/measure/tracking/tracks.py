@@ -11,7 +11,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,19 @@ class Recording:
     #: File of the centres (frames, 2, markers) in px, lens distortion included, NaN where missing
     path: Path
     notes: Sequence[str] = ()  #: What went wrong on the way
+    stamps: Array | None = None  #: Times of the frames by the camera's own clock, s; None: k / rate
+    pace: float = 1.0  #: Seconds of the reference's clock for one of its own
+
+    @property
+    def times(self) -> Array:
+        """Times of all frames on the reference's clock, s."""
+        own = self.stamps if self.stamps is not None else np.arange(len(self.centres)) / self.rate
+        times: Array = own * self.pace + self.delay
+        return times
+
+    def paced(self, pace: float, at: float) -> Recording:
+        """The same with a clock that runs so much slower, and is right at a time."""
+        return replace(self, pace=self.pace * pace, delay=at + (self.delay - at) * pace)
 
     @property
     def centres(self) -> Array:
@@ -54,10 +67,10 @@ class Recording:
 
     def between(self, begin: float, end: float) -> tuple[int, int]:
         """First frame at or after a time and last before another, on the reference's clock."""
-        count = len(self.centres)
-        first = int(np.ceil((begin - self.delay) * self.rate - 1e-6))
-        last = int(np.floor((end - self.delay) * self.rate + 1e-6)) + 1
-        return min(max(first, 0), count), min(max(last, 0), count)
+        first, last = np.searchsorted(
+            self.times, np.array([begin, end]) + 1e-6 / self.rate * np.array([-1, 1])
+        )
+        return int(first), int(last)
 
     def parts(self, begin: float, end: float) -> Iterator[tuple[Array, Array]]:
         """Times (n,) in s and centres without distortion (n, 2, markers), some frames at once."""
@@ -65,7 +78,7 @@ class Recording:
         for start in range(first, last, CHUNK):
             stop = min(start + CHUNK, last)
             uv = undistorted_tracks(self.camera, self.centres[start:stop])
-            yield np.arange(start, stop) / self.rate + self.delay, uv
+            yield self.times[start:stop], uv
 
 
 def record(

@@ -1,0 +1,116 @@
+"""Whether the cameras tell of one motion along the normal: what compression holds, what is left.
+
+A structure that bends moves along its normal. What its markers seem to do in its plane is therefore
+error: of centres, clocks or calibration. It needs no third camera, and tells how far the scatter of
+the centres falls short of the error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from thesis_lib.arrays import Array, ComplexArray, Mask
+from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, deviation, motion
+
+FROZEN = 0.2  # of the median scatter, below which a marker stands still in the video
+AWAKE = 0.5  # of it, from which on one certainly does not
+BESIDE = 6  # markers that move, beside one that stands still
+NEAR = 9  # markers that tell the slope of the surface at one of them
+
+
+def frozen(scatter: Array) -> Mask:
+    """Which markers a video's compression keeps still, by their scatter (..., markers)."""
+    with np.errstate(invalid="ignore"):
+        still: Mask = scatter < FROZEN * np.nanmedian(scatter, axis=-1, keepdims=True)
+    return still
+
+
+def held_back(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
+    """One camera's harmonics with the scatter that makes up for what compression swallowed.
+
+    A codec repeats a part of a picture that hardly changes, so small motions are lost altogether,
+    those a little larger in part. Up to which image amplitude θ, those markers tell that move
+    beside markers that stand still. At an amplitude a the loss is at most about θ min(1, θ²/a²), as
+    in films by x264. No marker scatters by less than half of what the camera's markers do.
+
+    Parameters
+    ----------
+    own : Harmonics
+        Of the tracks (2, markers).
+    places : ndarray, shape (2, markers)
+        On the structure, m.
+
+    Returns
+    -------
+    Harmonics
+        The same with larger `sigma`.
+    float
+        θ in px; 0 if no marker stands still.
+    """
+    each = np.sqrt(np.mean(own.sigma**2, axis=0))
+    middle = np.nanmedian(each) if np.isfinite(each).any() else np.nan
+    sigma = np.maximum(own.sigma, AWAKE * np.nanmedian(own.sigma)) if middle >= 0 else own.sigma
+    size = np.sqrt(np.sum(own.coefficients[1:3] ** 2, axis=(0, 1)))
+    still, awake = frozen(each), each >= AWAKE * middle
+    if not still.any() or not awake.any():
+        return replace(own, sigma=sigma), 0.0
+    count = min(BESIDE, np.count_nonzero(awake))
+    _, nearest = KDTree(places[:, awake].T).query(places[:, still].T, k=count)
+    threshold = float(np.median(size[awake][nearest]))
+    with np.errstate(divide="ignore"):
+        loss = threshold * np.minimum(1, (threshold / size) ** 2)
+    loss[still] = threshold
+    spread = np.sqrt(0.5 * (own.covariance[1, 1] + own.covariance[2, 2]))
+    return replace(own, sigma=np.hypot(sigma, loss / spread)), threshold
+
+
+def in_plane(
+    fit: Fitted, omega: float, exposures: Array, places: Array, thickness: float
+) -> tuple[ComplexArray, Array]:
+    """Motion in the plane that bending does not explain, and what the scatter lets it be.
+
+    Markers are on the surface, half a thickness above the middle of a structure whose normal turns
+    with the slope of its deflection: they move in the plane by that slope times a length, which is
+    fitted, and at most the thickness.
+
+    Returns
+    -------
+    moved : ndarray of complex, shape (2, markers)
+        Along the structure's x and y, m.
+    deviations : ndarray, shape (2, markers)
+        Of each of its two parts, in phase and in quadrature, m.
+    """
+    u, v, w = motion(fit, omega, exposures)
+    moved = np.array([u, v])
+    slope = _slope(places, w)
+    known = np.isfinite(moved + slope).all(axis=0)
+    square = float(np.sum(np.abs(slope[:, known]) ** 2))
+    if square:
+        along = float(np.sum((slope.conj() * moved).real[:, known])) / square
+        moved = moved - np.clip(along, -thickness, thickness) * np.nan_to_num(slope)
+    return moved, np.array([deviation(fit, omega, exposures, axis) for axis in (0, 1)])
+
+
+def excess(moved: ComplexArray, deviations: Array) -> float:
+    """Rms of motion in the plane over what the scatter lets it be; NaN where nothing is known."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        squares = np.abs(moved) ** 2 / (2 * deviations**2)
+    known = squares[np.isfinite(squares)]
+    return float(np.sqrt(known.mean())) if known.size else np.nan
+
+
+def _slope(places: Array, w: ComplexArray) -> ComplexArray:
+    """Slope (2, markers) of a surface at places (2, markers), by planes through neighbours."""
+    known = np.isfinite(w)
+    slope = np.full((2, len(w)), np.nan + 0j)
+    if np.count_nonzero(known) < 4:
+        return slope
+    tree = KDTree(places[:, known].T)
+    _, near = tree.query(places.T, k=min(NEAR, np.count_nonzero(known)))
+    offset = places[:, known][:, near] - places[:, :, None]
+    A = np.stack([*offset, np.ones_like(offset[0])], axis=-1)  # markers, neighbours, 3
+    slope[:] = (np.linalg.pinv(A, rcond=1e-6) @ w[known][near][..., None])[:, :2, 0].T
+    return slope

@@ -1,0 +1,170 @@
+"""What a reader should know before trusting a measurement, one line each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.arrays import Array
+from thesis_lib.measure.fitting.result import SCALE, rms
+
+LOST = 0.05  # share of the frames from which on a camera's lost markers are told
+DRIFT = 0.05  # change of the amplitude from which on the vibration is not called steady
+WIDE = 1.5  # motion in the plane over what scatter explains, from which on it is told
+OTHER = 0.05  # amplitude of another tone over the vibration's, from which on it is told
+SLIPPED = 0.1  # periods over the steady part by which a replaced frequency matters
+MISFIT = 0.3  # px that markers at rest may be off where all cameras put them
+APART = 10.0  # degrees by which cameras are out of step if a frequency may be an alias
+
+
+def warnings(data: xr.Dataset) -> list[str]:
+    """What a reader should know before trusting the result, one line each."""
+    return [*_of_frequency(data), *_of_cameras(data), *_of_markers(data), *_of_shape(data)]
+
+
+def _of_frequency(data: xr.Dataset) -> Iterator[str]:
+    used, given = float(data["frequency"]), float(data["frequency_given"])
+    error = float(data["frequency_deviation"])
+    seconds = float((data["frames"] / data["frame_rate"]).max())
+    if abs(used - given) * seconds > SLIPPED:
+        yield (
+            f"The manifest's {given:.6g} Hz was replaced by {used:.6g} Hz, which the tracks show "
+            "to "
+            f"± {error:.1g} Hz."
+        )
+    other, ratio = float(data["other_frequency"]), float(data["other_amplitude"])
+    explained = float(data["explained"])
+    if ratio > 1:
+        yield (
+            f"{used:.6g} Hz explains {explained:.0%} of the motion; most of it is at {other:.4g} "
+            "Hz: "
+            "is frequency_hz wrong?"
+        )
+    elif ratio > OTHER:
+        yield (
+            f"{used:.6g} Hz explains {explained:.1%} of the motion; another tone, at {other:.4g} "
+            "Hz, "
+            f"has {ratio:.0%} of its amplitude."
+        )
+    lags = dict(zip(data["alias"].values, data["alias_lag"].values, strict=True))
+    own, rivals = lags.pop(data["alias"].values[0]), lags
+    better = {f: lag for f, lag in rivals.items() if lag < own / 3}
+    told = ", ".join(f"{f:.6g} Hz ({lag:.0f}°)" for f, lag in sorted(rivals.items()))
+    if own > APART and better:
+        best = min(better, key=lambda f: better[f])
+        yield (
+            f"{used:.6g} Hz may be an alias of {best:.6g} Hz: with it the cameras are {own:.0f}° "
+            "out "
+            f"of step by their starts, with the other {better[best]:.0f}°. These frames show "
+            "alike: "
+            f"{told}."
+        )
+    elif used > 0.5 * float(data["frame_rate"].min()) and rivals:
+        yield (
+            f"These frames show alike {used:.6g} Hz ({own:.0f}° out of step by the cameras' "
+            "starts) "
+            f"and {told}: that it is the first, the manifest says."
+        )
+
+
+def _of_cameras(data: xr.Dataset) -> Iterator[str]:
+    for k, name in enumerate(data["camera"].values):
+        one = data.isel(camera=k)
+        if (lost := float(one["missing"].mean())) > LOST:
+            yield f"Camera {name} lost {lost:.0%} of its marker images."
+        if float(one["jump"]):
+            yield (
+                f"All that camera {name} sees jumped by {float(one['jump']):.2g} px at "
+                f"{float(one['jump_time']):.2f} s: the camera was touched, or the structure "
+                "slipped. End steady_s before, or film again."
+            )
+        if float(one["corrected"]):
+            pace, error = 1e6 * float(one["pace"]), 1e6 * float(one["pace_deviation"])
+            yield (
+                f"Camera {name}'s clock runs {abs(pace):.3g} ± {error:.1g} ppm "
+                f"{'fast' if pace > 0 else 'slow'} against that of {data['camera'].values[0]}; its "
+                "times were corrected."
+            )
+        if float(one["lag"]):
+            late, error = 1e3 * float(one["lag"]), 1e3 * float(one["lag_deviation"])
+            yield (
+                f"By the pictures camera {name} started {abs(late):.2g} ± {error:.1g} ms "
+                f"{'later' if late > 0 else 'earlier'} than by the sound, whose way to it may be "
+                "longer or shorter; the pictures decide, to within whole periods."
+            )
+        if float(one["rest_misfit"]) > MISFIT:
+            yield (
+                f"Camera {name} sees the markers at rest {float(one['rest_misfit']):.2g} px from "
+                "where "
+                "all cameras put them: it moved, zoomed or cropped since the board was filmed, or "
+                "another one did."
+            )
+    off = float(data["grid_scale"]) - 1
+    if abs(off) > SCALE:
+        yield (
+            f"The markers' grid comes out {off:+.2%} in size: tile, spacing, or a zoom or crop "
+            "since "
+            "the board was filmed. Deflections are wrong by as much if it is not the spacing; "
+            "standard errors hold that."
+        )
+
+
+def _of_markers(data: xr.Dataset) -> Iterator[str]:
+    still = data["frozen"].values.astype(bool)
+    if still.any():
+        most = 1e3 * float(np.nanmax(data["standard_error"].values[still.any(axis=0)]))
+        held = ", ".join(
+            f"{name} {size:.2g} px"
+            for name, size in zip(data["camera"].values, data["held_back"].values, strict=True)
+            if size
+        )
+        yield (
+            f"{still.any(axis=0).sum()} markers hardly scatter in some camera: the video's "
+            f"compression holds still what moves by less ({held}). Their deflections come out too "
+            f"small, by up to {most:.2g} mm, which their standard errors hold."
+        )
+    if unknown := int(np.isnan(data["deflection"].values).sum()):
+        yield (
+            f"{unknown} markers were seen by fewer than two cameras, or in too few frames: they "
+            "have "
+            "no result."
+        )
+
+
+def _of_shape(data: xr.Dataset) -> Iterator[str]:
+    if (wide := float(data["in_plane_excess"])) > WIDE:
+        yield (
+            f"Markers seem to move in the structure's plane by {wide:.1f} times what the centres' "
+            "scatter explains: compression, clocks or calibration are off, or the structure does "
+            "not move along its normal alone. Standard errors were multiplied by that."
+        )
+    growth = float(data["growth"])
+    if abs(growth) > DRIFT:
+        yield (
+            f"The amplitude changes by {growth:+.0%} over the steady part: the shape is that of "
+            "its "
+            "mean."
+        )
+    if int(data["ambiguous"]):
+        yield (
+            "The cameras' starts are in doubt by whole periods. A steady vibration's shape and its "
+            "phase to the force are right nevertheless."
+        )
+    off = rms(data["quadrature"].values) / rms(data["deflection"].values)
+    if off > 0.05:
+        yield (
+            f"A quarter of a period after the maximum {off:.0%} of the deflection is left: this "
+            "is no "
+            "standing wave of one mode."
+        )
+    change: Array = data["without_camera"].values - data["deflection"].values
+    with np.errstate(invalid="ignore", divide="ignore"):
+        spread = rms(change / data["without_deviation"].values)
+    if spread > 3:
+        yield (
+            f"Shapes without one of the cameras differ by {spread:.1f} times what the centres' "
+            "scatter "
+            "explains: calibration, clocks or centres are off by more than that scatter tells."
+        )
