@@ -369,8 +369,6 @@ BROKEN = {  # what is wrong: change of the files, exit status, words
     "another tone": (sound(tone), 1, ["B: ", "allowed: at least"]),
     "short sound": (sound(lambda samples: samples[:SAMPLE_RATE]), 2,
                     [VIDEO, "its sound at 1.000 s", "allowed: at most 0.5 s apart"]),
-    "frames that stumble": (video(lambda path: remux(path, sound_of(path), stumble)), 1,
-                            ["B.mkv: variable frame rate: frame", "allowed: a constant rate"]),
     "two shots": (keep_shots("ABC", 2), 2, ["cameras[0].shots", "2 pictures", "at least 3"]),
     "fewer shots of one": (keep_shots("B", 9), 2, ["cameras: given ", ", 9, ", "as many"]),
     "a text as shot": (shot(lambda path: path.write_text("no picture")), 2,

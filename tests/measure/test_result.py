@@ -145,11 +145,13 @@ def test_a_vibration_that_dies_down_is_told(conforms, tmp_path):
     assert any("amplitude changes by -" in line for line in report.warnings(summed(data)))
 
 
-def test_a_camera_off_its_clock_is_told(tmp_path):
+def test_a_camera_off_its_clock_is_told_and_mended(conforms, tmp_path):
     own = recordings(tmp_path, noise=0.02)
     own[2] = replace(own[2], delay=own[2].delay + 0.5 / 60)
     data = result(manifest(), heard(), own)
-    assert any("calibration, clocks" in line for line in report.warnings(summed(data)))
+    assert any("camera C started 8.3" in line for line in report.warnings(summed(data)))
+    conforms.closed_form(data["lag"], [0, 0, -0.5 / 60, 0], atol=1e-4)
+    conforms.sampled(np.nanmax(np.abs(data["deflection"] - TRUE)), below=0.005 * 0.004)
 
 
 def test_two_cameras_are_enough(conforms, tmp_path):
@@ -165,3 +167,116 @@ def test_a_grid_that_does_not_fit_is_refused(tmp_path):
     own[1] = replace(own[1], camera=replace(own[1].camera, centre=own[1].camera.centre + 0.02))
     with pytest.raises(ChainError, match=r"camera . fits worst"):
         result(manifest(), heard(), own)
+
+
+# What the tracks themselves tell against a result.
+
+
+def shown(data):
+    """All that the report warns of, as one text."""
+    return " ".join(report.warnings(summed(data)))
+
+
+def edited(own, change):
+    """The same recording with its centres (frames, 2, markers) changed at their times."""
+    uv = np.array(own.centres)
+    change(own.times, uv)
+    np.save(own.path, uv)
+    return own
+
+
+def test_clocks_that_run_at_different_speeds_are_told_and_mended(conforms, tmp_path):
+    long = 11.6
+    own = recordings(tmp_path, noise=0.02, end=long)
+    fast = 300e-6
+    true = own[1].times - own[1].delay
+    own[1] = replace(own[1], stamps=true * (1 + fast))
+    data = result(manifest(), heard(end=long), own)
+    found, error = float(data["pace"][1]), float(data["pace_deviation"][1])
+    conforms.sampled((found - fast) / error, 0, atol=4)
+    assert error < 2e-6
+    assert "Camera B's clock runs 300" in shown(data).replace("299", "300").replace("301", "300")
+    conforms.sampled(np.nanmax(np.abs(data["deflection"] - TRUE)), below=0.005 * 0.004)
+
+
+def test_frames_at_any_times_count_at_their_own(conforms, tmp_path):
+    own, rng = recordings(tmp_path, noise=0.02), np.random.default_rng(4)
+    for k, one in enumerate(own):
+        even = one.times - one.delay
+        stamps = even + 0.004 * np.sin(0.9 * even) + 4e-4 * rng.standard_normal(len(even))
+        kept = rng.random(len(even)) > 0.05
+        stamps = (stamps - stamps[0])[kept]
+        uv = images(one.camera, MOTION, one.delay + stamps[:, None])
+        np.save(one.path, uv + 0.02 * rng.standard_normal(uv.shape))
+        own[k] = replace(one, stamps=stamps)
+    data = result(manifest(), heard(), own)
+    assert "frames come unevenly" in shown(data)
+    ratio = (data["deflection"] - TRUE) / data["standard_error"]
+    conforms.sampled(np.sqrt(np.mean(ratio**2)), below=1.3)
+
+
+def test_a_camera_that_is_touched_is_named_with_its_second(conforms, tmp_path):
+    own = recordings(tmp_path, noise=0.02)
+
+    def jump(times, uv):
+        uv[times > 2.7] += np.array([[2.0], [1.5]])
+
+    edited(own[3], jump)
+    data = result(manifest(), heard(), own)
+    conforms.closed_form(data["jump"][3], 2.5, atol=0.1)
+    conforms.closed_form(data["jump_time"][3], 2.7, atol=0.05)
+    assert not data["jump"][:3].values.any()
+    assert "camera D sees jumped by 2.5 px at 2.7" in shown(data)
+
+
+def test_a_wrong_frequency_is_named_with_the_right_one(tmp_path):
+    wrong = heard(of_force=0).assign(frequency=6.1)
+    data = result(manifest(frequency_hz=6.1), wrong, recordings(tmp_path, noise=0.02))
+    assert float(data["explained"]) < 0.2
+    assert "most of it is at 4.2" in shown(data) or "replaced by 4.2" in shown(data)
+
+
+def test_another_tone_is_told(conforms, tmp_path):
+    own = recordings(tmp_path, noise=0.02)
+    for one in own:
+        edited(one, lambda t, uv: uv.__iadd__(0.3 * np.sin(2 * np.pi * 11 * t)[:, None, None]))
+    data = result(manifest(), heard(), own)
+    conforms.closed_form(data["other_frequency"], 11.0, atol=0.3)
+    assert "another tone, at 1" in shown(data)
+
+
+def test_an_alias_is_named_by_the_cameras_starts(tmp_path):
+    # 4.25 Hz at 60 frames a second is 64.25 Hz, if the cameras had started otherwise.
+    data = result(manifest(), heard(), recordings(tmp_path, noise=0.02, count=1) * 1
+                  + recordings(tmp_path, noise=0.02, count=4)[2:])  # fmt: skip
+    false = heard(of_force=0).assign(frequency=64.25)
+    mistaken = result(
+        manifest(frequency_hz=64.25, undersampled=True), false,
+        [one for one in recordings(tmp_path, noise=0.02) if one.rate == 60.0],
+    )  # fmt: skip
+    assert float(data["alias_lag"][0]) < 2
+    assert "64.25 Hz may be an alias of 4.25 Hz" in shown(mistaken)
+
+
+def test_corners_that_run_the_wrong_way_round_are_refused(tmp_path):
+    own = recordings(tmp_path, noise=0.02)
+    rows = POINTS.shape[1] // 3
+    mirrored = np.arange(3 * rows).reshape(3, rows)[:, ::-1].ravel()
+    for one in own:
+        uv = np.array(one.centres)
+        np.save(one.path, uv[:, :, mirrored])
+    with pytest.raises(ChainError, match="wrong way round"):
+        result(manifest(), heard(), own)
+
+
+def test_motion_in_the_plane_widens_standard_errors(conforms, tmp_path):
+    # Two cameras, of which one sees a tenth of all motion less, as its video was compressed.
+    own = recordings(tmp_path, noise=0.02, count=2)
+    edited(own[1], lambda t, uv: uv.__isub__(0.1 * (uv - uv[:20].mean(axis=0))))
+    data = result(manifest(), heard(), own)
+    assert float(data["in_plane_excess"]) > 5
+    assert "in the structure's plane" in shown(data)
+    off = (data["deflection"] - TRUE) / data["standard_error"]
+    conforms.sampled(np.sqrt(np.nanmean(off**2)), below=2)
+    off = (data["deflection"] - TRUE) / data["error_of_scatter"]
+    conforms.sampled(np.sqrt(np.nanmean(off**2)), above=5)

@@ -12,7 +12,7 @@ from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest_model import CameraFiles
 from thesis_lib.measure.recordings.markers import rows_on
-from thesis_lib.measure.recordings.media_info import check_frame_times
+from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking import tracker as tracking
 from thesis_lib.measure.tracking.centres import refine
@@ -46,9 +46,9 @@ def followed(video, at, markers, shares=(), corners=None):
         name="A", video=video.name, width_px=at.size[0], height_px=at.size[1], exposure_s=0.004,
         shots="shots", corners_px=corners
     )  # fmt: skip
-    count, out = len(check_frame_times(video, 60)), video.with_name(f"{len(shares)}.npy")
+    clock, out = frame_clock(video), video.with_name(f"{len(shares)}.npy")
     folder = video.parent
-    notes = record(files, folder, count, at, markers, 0.0, out, "", lambda _: None, shares)
+    notes = record(files, folder, clock, at, markers, 0.0, out, "", lambda _: None, shares)
     return np.load(out), notes
 
 

@@ -14,6 +14,7 @@ from thesis_lib.files import staging
 from thesis_lib.measure.exchange import files, history
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.describe import describe
+from thesis_lib.measure.fitting.clocks import in_step
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import check as recordings_check
 from thesis_lib.measure.recordings.check import ChainError, on_one_line
@@ -62,11 +63,11 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     for line in describe(assessment):
         say(line)
     say(f"checking {len(manifest.cameras)} videos")
-    counts = recordings_check.check(manifest, folder)  # what it refuses leaves no trace
-    steps = out / STEPS
-    sound = heard(manifest, folder, steps, say)  # first: it may refuse more of the manifest
+    clocks = recordings_check.check(manifest, folder)  # what it refuses leaves no trace
+    steps, filmed = out / STEPS, recordings_check.timed(manifest, clocks)
+    sound = heard(filmed, folder, steps, say)  # first: it may refuse more of the manifest
     calibration = calibrated(manifest, folder, steps, say)
-    recordings = tracked(manifest, folder, steps, calibration, sound, counts)
+    recordings = tracked(filmed, folder, steps, calibration, sound, clocks)
     say("fitting the deflection")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
@@ -83,7 +84,8 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
             synchronisation=sound.attrs["synchronisation"],
         )
         moved = with_origin(
-            history.motion(data, recordings, manifest.excitation.rest_s), data.attrs["source"]
+            history.motion(data, in_step(data, recordings), manifest.excitation.rest_s),
+            data.attrs["source"],
         )
         pictures = report.figures(data, moved, manifest, recordings, folder)
         page = report.page(data, manifest, assessment, pictures)

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.alignment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
 from thesis_lib.measure.recordings.check import markers_of
@@ -132,10 +133,10 @@ def tracked(
     steps: Path,
     calibration: xr.Dataset,
     sound: xr.Dataset,
-    counts: Sequence[int],
+    clocks: Sequence[Array],
     shares: Sequence[float] = (),
 ) -> list[Recording]:
-    """The markers followed through all videos of so many frames, two cameras at a time.
+    """The markers followed through all videos with frames at these times, two cameras at a time.
 
     With `shares` in frames reduced to these shares of their width, see :func:`.record`.
     """
@@ -145,7 +146,9 @@ def tracked(
         mode="json", include={"length_mm", "width_mm", "markers"}
     )
     stop = threading.Event()
-    with tqdm(total=sum(counts), unit="frame", desc="tracking", disable=None, leave=False) as bar:
+    with tqdm(
+        total=sum(map(len, clocks)), unit="frame", desc="tracking", disable=None, leave=False
+    ) as bar:
 
         def tick(frames: int) -> None:
             if stop.is_set():
@@ -159,7 +162,7 @@ def tracked(
             what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
             key = key_of(what, [folder / files.video])
             notes = record(
-                files, folder, counts[index], cameras[index], markers, turn, path, key, tick, shares
+                files, folder, clocks[index], cameras[index], markers, turn, path, key, tick, shares
             )
             return Recording(
                 cameras[index],
@@ -169,6 +172,7 @@ def tracked(
                 files.readout_s,
                 path,
                 notes,
+                clocks[index],
             )
 
         with alike():

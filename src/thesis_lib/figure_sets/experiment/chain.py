@@ -100,14 +100,14 @@ def measure(
     ChainError
         If what the cameras see does not fit together.
     """
-    counts = check(manifest, folder)
+    clocks = check(manifest, folder)
     full = manifest.cameras[0].width_px
     widths = list(widths) or [full]
     calibration, sound = calibrated(manifest, folder, steps), heard(manifest, folder, steps)
     if not sound["force"].values.any():
         raise ManifestError('excitation.sound: given "room", allowed here: "force"')
     shares = [width / full for width in widths]
-    followed = tracked(manifest, folder, steps, calibration, sound, counts, shares)
+    followed = tracked(manifest, folder, steps, calibration, sound, clocks, shares)
     data = dataset_of(manifest, widths, calibration, sound, followed)
     check_grid(data, markers_of(manifest))
     return data

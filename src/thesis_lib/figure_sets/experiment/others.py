@@ -73,8 +73,9 @@ def _measured(rig: Rig, request: Laboratory, manifest: Manifest, folder: Path) -
     part = calibration.assign(  # the cameras with these parts of their sensors
         K=calibration["K"].copy(data=K), size=calibration["size"].copy(data=sizes)
     )
-    counts = [int(rig.duration * request.frame_rate_hz)] * len(windows)
-    followed = tracked_in(manifest, folder, steps, part, sound, counts, shares.tolist())
+    count = int(rig.duration * request.frame_rate_hz)
+    clocks = [np.arange(count) / request.frame_rate_hz] * len(windows)
+    followed = tracked_in(manifest, folder, steps, part, sound, clocks, shares.tolist())
     data = chain.dataset_of(manifest, widths, calibration, sound, followed, corners)
     chain.check_grid(data, rig.markers)
     return data

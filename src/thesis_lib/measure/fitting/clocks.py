@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.frequency import advance
@@ -50,6 +51,16 @@ def paced(recordings: Sequence[Recording], found: Sequence[Pace], at: float) -> 
     return [
         own.paced(1 / (1 + pace.rate), at) if pace.corrected else own
         for own, pace in zip(recordings, found, strict=True)
+    ]
+
+
+def in_step(data: xr.Dataset, recordings: Sequence[Recording]) -> list[Recording]:
+    """The recordings with clocks corrected as those of a result were."""
+    at = float(data["steady"].mean())
+    paces = np.where(data["corrected"], data["pace"], 0.0)
+    return [
+        replace(moved := own.paced(1 / (1 + float(pace)), at), delay=moved.delay + float(lag))
+        for own, pace, lag in zip(recordings, paces, data["lag"].values, strict=True)
     ]
 
 

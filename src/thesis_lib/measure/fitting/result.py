@@ -75,6 +75,8 @@ VARIABLES = declared("""
     pace(camera) [1] how much faster than the first camera's the clock runs
     pace_deviation(camera) [1] its standard error
     corrected(camera) [1] whether the camera's times were corrected by it
+    frame_rate_given(camera) [Hz] frames per second, by the manifest
+    uneven(camera) [s] rms by which its frames come early or late
     frame_rate(camera) [Hz] frames per second, by the camera's own clock
     lag(camera) [s] by how much the pictures start later than the sound tells
     lag_deviation(camera) [s] its standard error
@@ -195,6 +197,8 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "pace_deviation": [own.deviation for own in pace],
         "corrected": [int(own.corrected) for own in pace],
         "frame_rate": [own.rate for own in recordings],
+        "frame_rate_given": [c.frame_rate_hz for c in manifest.cameras],
+        "uneven": [_uneven(own) for own in recordings],
         "lag": lags,
         "lag_deviation": lag_errors,
         "jump": [size for size, _ in jumps],
@@ -262,6 +266,12 @@ def _aliases(
         own = _fitted(recordings, fit.rest, fit.frame, omega, begin, end, 1)
         apart.append(np.degrees(np.abs(late(own, omega, exposures)[0]).max()))
     return np.array(alike), np.array(apart)
+
+
+def _uneven(own: Recording) -> float:
+    """Rms in s by which frames are off an even rate."""
+    k = np.arange(len(own.times))
+    return float(np.std(own.times - np.polyval(np.polyfit(k, own.times, 1), k)))
 
 
 def _check_sides(frame: Frame, cameras: Sequence[Camera]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
 from thesis_lib.measure.recordings.markers import Markers
@@ -15,13 +16,13 @@ from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
     VideoInfo,
-    check_frame_times,
+    frame_clock,
     probe,
 )
 from thesis_lib.studies.refusals import shown
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
-RATE_TOLERANCE = 5e-4  # relative; 60 and 59.94 Hz are 0.1 % apart
+RATE_TOLERANCE = 0.1  # relative, from which on a rate is mistaken; below, the file is right
 APART = 0.5  # s that a video's pictures and its sound may end apart
 
 
@@ -38,13 +39,13 @@ def markers_of(manifest: Manifest) -> Markers:
     return Markers(size, given.marker_points, diameter, hole, given.markers.tone == "bright")
 
 
-def check(manifest: Manifest, folder: Path) -> list[int]:
+def check(manifest: Manifest, folder: Path) -> list[Array]:
     """Refuse recordings that are not what the manifest says, or not whole.
 
     Returns
     -------
-    list of int
-        Frames of each video.
+    list of ndarray, shape (frames,)
+        Times of each video's frames after the first, by its own clock, s.
 
     Raises
     ------
@@ -53,15 +54,34 @@ def check(manifest: Manifest, folder: Path) -> list[int]:
     """
     for problem in check_recordings(manifest, folder):
         raise ManifestError(problem)
-    counts = []
+    clocks = []
     for camera in manifest.cameras:
         path = folder / camera.video
-        there = len(check_frame_times(path, camera.frame_rate_hz))
-        says = probe(path).frames
-        if says is not None and there < says:
-            raise MediaError(f"{path}: ends before frame {there}, the file says {says}")
-        counts.append(there)
-    return counts
+        clock = frame_clock(path)
+        info = probe(path)
+        says, end = info.frames, info.duration
+        late = end is not None and clock[-1] + 2.5 / info.frame_rate < end  # none left out before
+        if says is not None and len(clock) < says and (late or end is None):
+            raise MediaError(f"{path}: ends before frame {len(clock)}, the file says {says}")
+        clocks.append(clock)
+    return clocks
+
+
+def timed(manifest: Manifest, clocks: Sequence[Array]) -> Manifest:
+    """The manifest with the frame rates that the videos have, the mean where it varies."""
+    cameras = tuple(
+        camera.model_copy(update={"frame_rate_hz": rate_of(clock, camera.frame_rate_hz)})
+        for camera, clock in zip(manifest.cameras, clocks, strict=True)
+    )
+    return manifest.model_copy(update={"cameras": cameras})
+
+
+def rate_of(clock: Array, nominal: float) -> float:
+    """Frames per second of a video's clock; the nominal rate if it is that but for rounding."""
+    if len(clock) < 2:
+        return nominal
+    mean = float((len(clock) - 1) / clock[-1])
+    return nominal if abs(mean / nominal - 1) < 1e-12 else mean
 
 
 def check_excitation(manifest: Manifest) -> list[str]:
@@ -101,7 +121,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
     The excitation, the markers' places, every video's size, frame rate, length and sound, and the
     size of every picture of the board.
     """
-    lines = check_excitation(manifest) + _check_plane(manifest.structure)
+    lines, rates = check_excitation(manifest) + _check_plane(manifest.structure), []
     for i, camera in enumerate(manifest.cameras):
         path = folder / camera.video
         where, says = f"cameras[{i}].video: {path}", "as the manifest says"
@@ -111,9 +131,16 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
             if info.size != camera.size:
                 lines.append(f"{where}: {_px(info.size)}, allowed: {_px(camera.size)} {says}")
             if abs(rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
-                lines.append(
+                rates.append(
                     f"{where}: {rate:.6g} frames per second, allowed: {camera.frame_rate_hz:.6g} "
-                    f"{says}"
+                    f"{says}, as cameras[{i}].frame_rate_hz; a film that was slowed down is "
+                    "given at "
+                    "its true speed"
+                )
+            if info.interlaced:
+                lines.append(
+                    f"{where}: interlaced, so that even and odd lines were taken at different "
+                    "times; allowed: progressive (p, not i)"
                 )
             lines += [f"{where}: {line}" for line in _lengths(info, manifest.excitation.rest_s)]
         except MediaError as error:
@@ -128,7 +155,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
                     )
             except MediaError as error:
                 lines.append(f"cameras[{i}].shots: {error}")
-    return lines
+    return rates + lines
 
 
 def on_one_line(points: ArrayLike, diameter: float) -> bool:

@@ -131,10 +131,14 @@ def write_video(
     whole_file(path, write)
 
 
-def read_frames(path: Path, start: int = 0, stop: int | None = None) -> Iterator[Image]:
+def read_frames(
+    path: Path, start: int = 0, stop: int | None = None, clock: Array | None = None
+) -> Iterator[Image]:
     """Frames `start` to `stop` of a video in gray of full range, shape (height, width), in order.
 
-    Colour becomes luma, and a limited range (16…235) is stretched to 0…255.
+    Colour becomes luma, a limited range (16…235) is stretched to 0…255, and a picture that is to be
+    shown turned by quarters is turned. With a `clock`, the times of all frames after the first,
+    shape (frames,), frames may come at any of these; without, at the file's rate.
 
     Raises
     ------
@@ -143,7 +147,7 @@ def read_frames(path: Path, start: int = 0, stop: int | None = None) -> Iterator
     """
     with opened(path) as file:
         info, stream = info_of(file, path), video_track(file, path)
-        k, previous = 0, np.nan
+        k, previous, first = 0, np.nan, np.nan
         frames = file.decode(stream)
         while stop is None or k < stop:
             try:
@@ -155,17 +159,23 @@ def read_frames(path: Path, start: int = 0, stop: int | None = None) -> Iterator
             if frame.is_corrupt:
                 raise MediaError(f"{path}: frame {k} is damaged")
             time = np.nan if frame.time is None else frame.time
-            if (time - previous) * info.frame_rate > 1.75:
+            first = time if k == 0 else first
+            due = previous + 1 / info.frame_rate
+            if clock is not None:
+                due = first + clock[min(k, len(clock) - 1)]
+            if (time - due) * info.frame_rate > 0.75:
                 raise MediaError(
                     f"{path}: frame {k} is missing: the one before is at {previous:.3f} s, "
                     f"the next at {time:.3f} s"
                 )
             if k >= start:
-                yield np.array(frame.to_ndarray(format="gray"), np.uint8)  # not the decoder's own
+                grey = np.rot90(frame.to_ndarray(format="gray"), round(frame.rotation / 90))
+                yield np.array(grey, np.uint8, order="C")  # not the decoder's own
             k, previous = k + 1, time
-        wanted = info.frames if stop is None else stop
+        there = info.frames if clock is None else len(clock)
+        wanted = there if stop is None else stop
         if wanted is not None and k < wanted:
-            says = f"the file says {info.frames}" if stop is None else f"asked up to {stop}"
+            says = f"the file says {there}" if stop is None else f"asked up to {stop}"
             raise MediaError(f"{path}: ends before frame {k}, {says} frames")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import av
@@ -15,7 +15,7 @@ from av.video.stream import VideoStream
 
 from thesis_lib.arrays import Array
 
-JITTER = 0.1  # frames that a presentation time may be off before the rate counts as variable
+ROUNDING = 1.001e-3  # s that time stamps may be off an even rate: Matroska's unit
 
 
 class MediaError(ValueError):
@@ -35,6 +35,8 @@ class VideoInfo:
     codec: str  #: Name of the video codec
     sample_rate: int | None  #: Audio sample rate in Hz, None without audio
     channels: int  #: Audio channels, 0 without audio
+    #: Whether even and odd lines of a frame were taken at different times
+    interlaced: bool = False
 
     @property
     def has_audio(self) -> bool:
@@ -108,7 +110,7 @@ def info_of(file: InputContainer, path: Path) -> VideoInfo:
 
 
 def probe(path: Path) -> VideoInfo:
-    """What a video says about itself, without decoding it.
+    """What a video and its first frame say about it; the size is that of the picture as shown.
 
     Raises
     ------
@@ -116,14 +118,45 @@ def probe(path: Path) -> VideoInfo:
         If there is no such file, it is not a video, or has no video track.
     """
     with opened(path) as file:
-        return info_of(file, path)
+        info = info_of(file, path)
+        try:
+            first = next(file.decode(video_track(file, path)), None)
+        except (av.FFmpegError, OSError):  # told when the frames are read
+            first = None
+        if first is None:
+            return info
+        size = info.size[::-1] if round(first.rotation / 90) % 2 else info.size
+        return replace(info, size=size, interlaced=first.interlaced_frame)
+
+
+def frame_clock(path: Path) -> Array:
+    """When each frame was taken after the first, shape (frames,), s, by the video's own clock.
+
+    Time stamps that agree with the rate which the file states, to within their rounding, are those
+    of a constant rate; others count as they stand.
+
+    Raises
+    ------
+    MediaError
+        As :func:`frame_times`, or if two frames have one time.
+    """
+    times = frame_times(path)
+    even = np.arange(len(times)) / probe(path).frame_rate
+    if np.abs(times - even).max() <= ROUNDING:
+        return even
+    slope, offset = np.polyfit(np.arange(len(times)), times, 1)
+    even = np.arange(len(times)) * slope
+    if np.abs(times - even - offset).max() <= ROUNDING:
+        return even
+    for k in np.flatnonzero(np.diff(times) <= 0):
+        raise MediaError(f"{path}: frames {k} and {k + 1} have the same time stamp")
+    return times
 
 
 def frame_times(path: Path) -> Array:
     """Presentation times of all frames after the first, shape (frames,), s; decodes nothing.
 
-    Matroska rounds them to 1 ms: they tell whether frames are missing or irregular, while k / frame
-    rate is when frame k was taken.
+    Matroska rounds them to 1 ms.
 
     Raises
     ------
@@ -144,43 +177,3 @@ def frame_times(path: Path) -> Array:
         if not times:
             raise MediaError(f"{path}: no frames")
         return np.sort(times) - min(times)
-
-
-def check_frame_times(path: Path, frame_rate: float, tolerance: float = 5e-4) -> Array:
-    """Refuse a video whose frames do not come at a constant rate, or at another one.
-
-    Parameters
-    ----------
-    path : Path
-        The video.
-    frame_rate : float
-        Expected rate in Hz.
-    tolerance : float
-        Relative deviation of the mean rate that is allowed.
-
-    Returns
-    -------
-    ndarray, shape (frames,)
-        What :func:`frame_times` returns.
-
-    Raises
-    ------
-    MediaError
-        Naming the first irregular frame, or the rate.
-    """
-    times = frame_times(path)
-    if len(times) < 3:
-        return times
-    rounding = 1e-3  # s, Matroska's unit
-    mean = (len(times) - 1) / times[-1] if times[-1] > 0 else np.inf
-    gaps = np.diff(times) * mean
-    worst = np.abs(times * mean - np.arange(len(times))).max()
-    if not worst <= JITTER + rounding * mean:
-        k = int(np.argmax(np.abs(gaps - 1))) + 1
-        raise MediaError(
-            f"{path}: variable frame rate: frame {k} comes {gaps[k - 1]:.2f} frames after the one "
-            "before, allowed: a constant rate"
-        )
-    if abs(mean / frame_rate - 1) > tolerance + 2 * rounding / times[-1]:
-        raise MediaError(f"{path}: {mean:.6g} frames per second, allowed: {frame_rate:.6g}")
-    return times

@@ -16,6 +16,8 @@ WIDE = 1.5  # motion in the plane over what scatter explains, from which on it i
 OTHER = 0.05  # amplitude of another tone over the vibration's, from which on it is told
 SLIPPED = 0.1  # periods over the steady part by which a replaced frequency matters
 MISFIT = 0.3  # px that markers at rest may be off where all cameras put them
+NOMINAL = 1e-5  # relative, by which a file's rate may differ from the manifest's
+UNEVEN = 0.05  # frames by which they may come early or late
 APART = 10.0  # degrees by which cameras are out of step if a frequency may be an alias
 
 
@@ -72,6 +74,17 @@ def _of_frequency(data: xr.Dataset) -> Iterator[str]:
 def _of_cameras(data: xr.Dataset) -> Iterator[str]:
     for k, name in enumerate(data["camera"].values):
         one = data.isel(camera=k)
+        rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
+        if abs(rate / given - 1) > NOMINAL:
+            yield (
+                f"Camera {name}'s file has {rate:.8g} frames per second, the manifest "
+                f"{given:.8g}: each frame counts at the file's time."
+            )
+        if (uneven := float(one["uneven"])) > UNEVEN / rate:
+            yield (
+                f"Camera {name}'s frames come unevenly, {1e3 * uneven:.2g} ms (rms) early or late: "
+                "each counts at its own time stamp."
+            )
         if (lost := float(one["missing"].mean())) > LOST:
             yield f"Camera {name} lost {lost:.0%} of its marker images."
         if float(one["jump"]):

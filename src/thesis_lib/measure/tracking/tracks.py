@@ -84,7 +84,7 @@ class Recording:
 def record(
     files: CameraFiles,
     folder: Path,
-    count: int,
+    clock: Array,
     camera: Camera,
     markers: Markers,
     turn: float,
@@ -101,8 +101,8 @@ def record(
         The camera and its video.
     folder : Path
         The manifest's folder.
-    count : int
-        Frames of the video.
+    clock : ndarray, shape (frames,)
+        Times of the video's frames after the first, s.
     camera : Camera
         Calibrated.
     markers : Markers
@@ -132,7 +132,7 @@ def record(
     TrackingError
         If the structure or its markers are not found in the first frame.
     """
-    video = folder / files.video
+    video, count = folder / files.video, len(clock)
     note = path.with_suffix(".json")
     shape = (*([2 * len(shares)] if shares else []), 2, markers.count)
     frame = 8 * math.prod(shape)  # bytes
@@ -157,7 +157,7 @@ def record(
     written = _digest(path, (count - done) * frame)
     with path.open("r+b") as file:  # not mapped: a full disk would kill the process
         file.seek((done - count) * frame, os.SEEK_END)
-        for image in islice(media.read_frames(video, done), count - done):
+        for image in islice(media.read_frames(video, done, clock=clock), count - done):
             pictures = pictures_of(as_dark(image, markers), shares)
             found = [own.centres(picture) for own, picture in zip(trackers, pictures, strict=True)]
             found += [tracker.matched for tracker in trackers] if shares else []
