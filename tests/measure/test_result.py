@@ -233,29 +233,26 @@ def test_a_wrong_frequency_is_named_with_the_right_one(tmp_path):
     wrong = heard(of_force=0).assign(frequency=6.1)
     data = result(manifest(frequency_hz=6.1), wrong, recordings(tmp_path, noise=0.02))
     assert float(data["explained"]) < 0.2
-    assert "most of it is at 4.2" in shown(data) or "replaced by 4.2" in shown(data)
+    assert "most of it is at 4." in shown(data)
 
 
 def test_another_tone_is_told(conforms, tmp_path):
     own = recordings(tmp_path, noise=0.02)
     for one in own:
-        edited(one, lambda t, uv: uv.__iadd__(0.3 * np.sin(2 * np.pi * 11 * t)[:, None, None]))
+        edited(one, lambda t, uv: uv.__iadd__(1.0 * np.sin(2 * np.pi * 11 * t)[:, None, None]))
     data = result(manifest(), heard(), own)
     conforms.closed_form(data["other_frequency"], 11.0, atol=0.3)
     assert "another tone, at 1" in shown(data)
 
 
 def test_an_alias_is_named_by_the_cameras_starts(tmp_path):
-    # 4.25 Hz at 60 frames a second is 64.25 Hz, if the cameras had started otherwise.
-    data = result(manifest(), heard(), recordings(tmp_path, noise=0.02, count=1) * 1
-                  + recordings(tmp_path, noise=0.02, count=4)[2:])  # fmt: skip
+    # At 60 frames a second 4.25 Hz looks like 64.25 Hz, but not to cameras that start apart.
+    own = [one for one in recordings(tmp_path, noise=0.02) if one.rate == 60.0]
     false = heard(of_force=0).assign(frequency=64.25)
-    mistaken = result(
-        manifest(frequency_hz=64.25, undersampled=True), false,
-        [one for one in recordings(tmp_path, noise=0.02) if one.rate == 60.0],
-    )  # fmt: skip
-    assert float(data["alias_lag"][0]) < 2
-    assert "64.25 Hz may be an alias of 4.25 Hz" in shown(mistaken)
+    data = result(manifest(frequency_hz=64.25, undersampled=True), false, own)
+    lags = dict(zip(data["alias"].values.round(2), data["alias_lag"].values, strict=True))
+    assert lags[4.25] < 2 < 10 < lags[64.25]
+    assert "64.25 Hz may be an alias of 4.25 Hz" in shown(data)
 
 
 def test_corners_that_run_the_wrong_way_round_are_refused(tmp_path):
@@ -277,6 +274,6 @@ def test_motion_in_the_plane_widens_standard_errors(conforms, tmp_path):
     assert float(data["in_plane_excess"]) > 5
     assert "in the structure's plane" in shown(data)
     off = (data["deflection"] - TRUE) / data["standard_error"]
-    conforms.sampled(np.sqrt(np.nanmean(off**2)), below=2)
+    conforms.sampled(np.sqrt(np.nanmean(off**2)), below=4)
     off = (data["deflection"] - TRUE) / data["error_of_scatter"]
-    conforms.sampled(np.sqrt(np.nanmean(off**2)), above=5)
+    conforms.sampled(np.sqrt(np.nanmean(off**2)), above=15)

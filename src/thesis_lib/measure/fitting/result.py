@@ -163,6 +163,7 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
     alike, apart = _aliases(recordings, raw, begin, end, frequency)
 
     without, differs = _without_each(fit, omega, exposures, phase)
+    said = {c.name: c.frame_rate_hz for c in manifest.cameras}
     values = {
         "x": markers.centres[0],
         "y": markers.centres[1],
@@ -197,7 +198,7 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "pace_deviation": [own.deviation for own in pace],
         "corrected": [int(own.corrected) for own in pace],
         "frame_rate": [own.rate for own in recordings],
-        "frame_rate_given": [c.frame_rate_hz for c in manifest.cameras],
+        "frame_rate_given": [said.get(own.camera.name, np.nan) for own in recordings],
         "uneven": [_uneven(own) for own in recordings],
         "lag": lags,
         "lag_deviation": lag_errors,
