@@ -118,7 +118,7 @@ def overlay(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
     last = np.array(own.centres[first])
     scale = min(1.0, WIDTH / own.camera.size[0])
     size = [2 * round(scale * side / 2) for side in own.camera.size]
-    pictures = media.read_frames(video, first)
+    pictures = media.read_frames(video, first, clock=own.stamps)
     for image, centres in zip(islice(pictures, count), own.centres[first:], strict=False):
         small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         colour = cv2.cvtColor(small, cv2.COLOR_GRAY2RGB)
