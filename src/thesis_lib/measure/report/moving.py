@@ -66,7 +66,7 @@ def shape(data: xr.Dataset) -> list[Frame]:
         canvas = FigureCanvasAgg(figure)
         axes: Any = figure.add_axes((0, -0.2, 1, 1.5), projection="3d")
         sides = [max(np.ptp(values), length / 20) for values in (x, y)]
-        axes.set_box_aspect([*sides, 2 * scale * most], zoom=1.15)
+        axes.set_box_aspect([*sides, 2 * scale * most], zoom=0.95)
         axes.set(xlim=_around(x), ylim=_around(y), zlim=(-scale * most, scale * most))
         axes.view_init(28, -60)
         axes.set_axis_off()
