@@ -23,12 +23,14 @@ from thesis_lib.measure.recordings.check import check, markers_of
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.steps import calibrated, heard, tracked
 from thesis_lib.measure.synchronisation.synchronise import whole_frames
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vision.lens import Camera, resized, undistorted
 
+UNEVEN = 0.1  # frames that a time stamp may be off
 CALIBRATIONS = ("literal", "full")
 VARIABLES = declared("""
     tracks(camera, width, frame, axis, marker) [px] marker centres, lens distortion included
@@ -101,6 +103,7 @@ def measure(
         If what the cameras see does not fit together.
     """
     clocks = check(manifest, folder)
+    _check_even(manifest, folder, clocks)
     full = manifest.cameras[0].width_px
     widths = list(widths) or [full]
     calibration, sound = calibrated(manifest, folder, steps), heard(manifest, folder, steps)
@@ -111,6 +114,18 @@ def measure(
     data = dataset_of(manifest, widths, calibration, sound, followed)
     check_grid(data, markers_of(manifest))
     return data
+
+
+def _check_even(manifest: Manifest, folder: Path, clocks: Sequence[Array]) -> None:
+    """Refuse frames at uneven times, of which the thesis's methods know nothing."""
+    for camera, clock in zip(manifest.cameras, clocks, strict=True):
+        gaps = np.diff(clock) * camera.frame_rate_hz
+        if np.abs(gaps - 1).max(initial=0) > UNEVEN:
+            k = int(np.argmax(np.abs(gaps - 1))) + 1
+            raise MediaError(
+                f"{folder / camera.video}: variable frame rate: frame {k} comes {gaps[k - 1]:.2f} "
+                "frames after the one before, allowed here: a constant rate"
+            )
 
 
 def check_grid(data: xr.Dataset, markers: Markers) -> None:

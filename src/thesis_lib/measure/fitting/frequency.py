@@ -84,17 +84,21 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
 
 
 def liveliest(
-    recording: Recording, begin: float, end: float, least: float = 0.9
+    recording: Recording,
+    begin: float,
+    end: float,
+    least: float = 0.9,
+    most: int = MOST_FRAMES,
 ) -> tuple[Array, Array]:
     """Times (n,) and the image coordinates (n, series) that move most, less their means.
 
-    Of those that are known in more than the `least` share of the frames; 0 where they are not.
+    Of `most` frames, those that are known in more than the `least` share; 0 where they are not.
     """
     times, values = [], []
     for t, uv in recording.parts(begin, end):
         times.append(t)
         values.append(uv.reshape(len(t), -1))
-        if sum(map(len, times)) >= MOST_FRAMES:
+        if sum(map(len, times)) >= most:
             break
     if not times:
         raise FrequencyError(f"camera {recording.camera.name} has no frame of the steady part")

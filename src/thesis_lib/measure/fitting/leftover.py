@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
 
@@ -13,9 +15,12 @@ from thesis_lib.measure.fitting.harmonics import Harmonics, basis, fit_harmonics
 from thesis_lib.measure.tracking.tracks import Recording
 
 TELLING = 40.0  # times the mean power of what is left that a tone's must be
+ENOUGH = 2048  # frames in which another tone is sought
+FEW = 8  # image coordinates of each camera that are looked at
 KNOWN = 0.5  # share of the frames in which a coordinate must be known
 BUMP = 0.1  # px by which a whole picture must jump
 CLEAR = 8.0  # standard errors that it must jump by
+MOST = 4096  # frames that are looked at
 EDGE = 5  # frames before and after a jump, at least
 
 
@@ -35,11 +40,11 @@ def share(
     series = []
     for own in recordings:
         with contextlib.suppress(FrequencyError):  # one that lost its markers
-            series.append(liveliest(own, begin, end, KNOWN))
+            t, values = liveliest(own, begin, end, KNOWN, ENOUGH)
+            series.append((t, values[:, -FEW:].copy()))
     if not series:
         return Share(np.nan, np.nan, 0.0)
     total = left = 0.0
-    power = np.zeros(0)
     length = min(float(times[-1] - times[0]) for times, _ in series)
     highest = 0.5 * min(own.rate for own in recordings)
     grid = np.arange(1 / length, highest, 1 / (4 * length))
@@ -53,7 +58,8 @@ def share(
         left += float(np.sum(rest**2)) / len(times)
         step = (times[-1] - times[0]) / (len(times) - 1)
         n = 1 << int(np.ceil(np.log2(8 * len(times))))
-        spectrum = np.sum(np.abs(np.fft.rfft(rest, n, axis=0)) ** 2, axis=1) / len(times) ** 2
+        lines = (np.abs(np.fft.rfft(one, n)) ** 2 for one in rest.T)  # one at a time, for memory
+        spectrum = reduce(add, lines) / len(times) ** 2
         power += np.interp(grid, np.fft.rfftfreq(n, step), spectrum)
         counted = max(counted, len(times))
     if not total or not len(grid):
@@ -71,8 +77,10 @@ def bump(
 ) -> tuple[float, float]:
     """By how much all that a camera sees jumped, px, and when, s; 0 and NaN if it did not."""
     order = (len(fit.coefficients) - 1) // 2
+    first, last = own.between(begin, end)
+    every = -(-(last - first) // MOST)  # of a long recording some frames tell
     times, common = [], []
-    for t, uv in own.parts(begin, end):
+    for t, uv in ((t[::every], uv[::every]) for t, uv in own.parts(begin, end)):
         rest = uv - np.tensordot(basis(omega, t, order), fit.coefficients, axes=1)
         seen = np.isfinite(rest).any(axis=(1, 2))
         times.append(t[seen])
