@@ -138,7 +138,8 @@ def tracked(
 ) -> list[Recording]:
     """The markers followed through all videos with frames at these times, two cameras at a time.
 
-    With `shares` in frames reduced to these shares of their width, see :func:`.record`.
+    With `shares` in frames reduced to these shares of their width, see
+    :func:`thesis_lib.measure.tracking.tracks.record`.
     """
     markers, cameras = markers_of(manifest), cameras_in(calibration)
     frequency = float(np.nan_to_num(sound["frequency"]))
