@@ -323,12 +323,6 @@ def shot(change):
     return on("board/B-03.jpg", change)
 
 
-def stumble(packets):
-    for packet in packets:
-        if packet.pts > 1300:
-            packet.pts += 40
-
-
 def replaced_by_a_folder(path):
     path.unlink()
     path.mkdir()

@@ -266,6 +266,28 @@ def test_corners_that_run_the_wrong_way_round_are_refused(tmp_path):
         result(manifest(), heard(), own)
 
 
+@pytest.mark.parametrize(("zoomed", "by"), [([0, 1, 2, 3], 1.005), ([2], 1.003)])
+def test_a_zoom_since_the_board_was_filmed_is_told(tmp_path, zoomed, by):
+    own = recordings(tmp_path, noise=0.02)
+    assert "zoom" not in shown(result(manifest(), heard(), own))
+    zoom(own, zoomed, by)
+    told = "zoom or crop since the board" if len(zoomed) > 1 else "zoomed or cropped"
+    assert told in shown(result(manifest(), heard(), own))
+
+
+def test_a_camera_that_zoomed_too_far_is_refused_by_its_name(tmp_path):
+    own = recordings(tmp_path, noise=0.02)
+    zoom(own, [2], 1.02)
+    with pytest.raises(ChainError, match="camera C fits worst"):
+        result(manifest(), heard(), own)
+
+
+def zoom(own, cameras, by):
+    for k in cameras:
+        middle = own[k].camera.K[:2, 2:]
+        edited(own[k], lambda t, uv, c=middle: uv.__isub__(c).__imul__(by).__iadd__(c))
+
+
 def test_motion_in_the_plane_widens_standard_errors(conforms, tmp_path):
     # Two cameras, of which one sees a tenth of all motion less, as its video was compressed.
     own = recordings(tmp_path, noise=0.02, count=2)

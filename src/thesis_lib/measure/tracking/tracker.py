@@ -110,7 +110,7 @@ class Tracker:
     matching : bool
         Whether each frame is searched for discs, as Appendix F does it. Else markers are fitted
         where the frames before say, and a frame is searched only if one that was there is not, or
-        half of them are not: a fifth of the time.
+        half of them are not: a quarter of the time.
 
     Attributes
     ----------
