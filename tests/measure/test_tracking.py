@@ -92,16 +92,12 @@ def rest():
 # Centres.
 
 
-SEARCHED = pytest.mark.parametrize("matching", [True, False], ids=["searched", "predicted"])
-
-
-@SEARCHED
 @pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (170.0, 0.05)])
-def test_centres_are_those_of_the_projected_discs(conforms, azimuth, k1, matching):
+def test_centres_are_those_of_the_projected_discs(conforms, azimuth, k1):
     at = camera(azimuth, k1=k1)
     times = np.arange(-1, 22) / 60
     frames = filmed(at, times)
-    tracker = Tracker(found_view(at, frames[0]), matching=matching)
+    tracker = Tracker(found_view(at, frames[0]))
     found = tracked(frames, tracker)
     assert np.isfinite(found).all()
     exact = truth(at, times)
@@ -179,39 +175,6 @@ def test_without_the_frames_before_the_row_is_not_known(rest):
     assert not (alone < 0.25).all()
 
 
-def test_what_is_predicted_is_not_searched_and_found_the_same(conforms):
-    at, motion = camera(), Motion(BEAM, (Component(),), 0.0, 0.25)
-    times = np.arange(-1, 24) / 60
-    frames = filmed(at, times, motion, seed=2)
-    view, turn = found_view(at, frames[0]), 2 * np.pi * Component().frequency / 60
-    own, searches = Tracker(view, turn, matching=False), []
-    own.matches = lambda image: searches.append(1) or Tracker.matches(own, image)
-    found = tracked(frames, own)
-    assert not searches
-    apart = found - tracked(frames, Tracker(view, turn))  # windows may begin a pixel farther on
-    conforms.invariance(np.abs(apart).max(), below=0.02)
-    conforms.invariance(np.sqrt(np.mean(apart**2)), below=0.001)
-    # A jump that nothing foretells is found by a search.
-    jump = [frames[0], np.roll(frames[0], 3, axis=1), frames[0]]
-    own.moved[:], own.before[:] = 0, 0
-    again = tracked(jump, own)
-    assert searches
-    conforms.invariance(again[1] - again[0], np.array([[3.0], [0]]) + 0 * again[0], atol=0.01)
-    conforms.invariance(again[2], again[0], atol=0.01)
-
-
-@pytest.mark.parametrize("grey", [120, 200])
-def test_a_hidden_marker_is_not_searched_for_again_and_found_when_it_comes_back(rest, grey):
-    _, image, view, exact = rest
-    own, searches = Tracker(view, matching=False), []
-    own.matches = lambda image: searches.append(1) or Tracker.matches(own, image)
-    hidden = painted(image, exact[:, 31], 4, grey)
-    found = tracked([image, hidden, hidden, hidden, image], own)
-    assert np.array_equal(np.isnan(found[:, 0, 31]), [False, True, True, True, False])
-    assert np.isfinite(found[:, :, np.arange(75) % 25 != 6]).all()
-    assert len(searches) <= 2
-
-
 # Hidden, cut off, doubtful.
 
 
@@ -238,8 +201,7 @@ def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(
     conforms.invariance(np.nanmax(off(after, before)[others]), below=0.02)
 
 
-@SEARCHED
-def test_several_hidden_markers_are_all_missing_in_motion(conforms, matching):
+def test_several_hidden_markers_are_all_missing_in_motion(conforms):
     at, times = camera(), np.arange(4, 12) / 60
     exact = truth(at, times)
     frames = filmed(at, times)
@@ -249,7 +211,7 @@ def test_several_hidden_markers_are_all_missing_in_motion(conforms, matching):
     for k, image in enumerate(frames):
         for marker in hidden:
             frames[k] = image = painted(image, exact[k][:, marker], 4, 110)
-    found = tracked(frames, Tracker(view, matching=matching))
+    found = tracked(frames, Tracker(view))
     assert np.isnan(found[:, :, hidden]).all()
     assert np.count_nonzero(np.isnan(found[:, 0])) <= 4 * len(times) + 4
     conforms.invariance(np.nanmax(np.hypot(*(found - whole).swapaxes(0, 1))), below=0.02)
@@ -282,10 +244,9 @@ def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(conforms, rest, 
     conforms.invariance(np.nanmax(off(found, whole)), below=0.02)
 
 
-@SEARCHED
-def test_nothing_is_found_where_the_beam_has_left_the_picture(rest, matching):
+def test_nothing_is_found_where_the_beam_has_left_the_picture(rest):
     at, image, view, _ = rest
-    tracker = Tracker(view, matching=matching)
+    tracker = Tracker(view)
     tracker.centres(image)
     assert np.isnan(tracker.centres(np.full_like(image, 60))).all()
     # It comes back.

@@ -18,7 +18,6 @@ from thesis_lib.measure.tracking.profiles import Pixels, Profiles, profiles
 from thesis_lib.vision.lens import HALF
 
 POOR = 0.15  # rms residual over contrast from which a fit is doubtful
-FAINT = 5.0  # grey levels of contrast below which nothing is a marker
 EDGE = 0.05  # px by which the beam's edge may be off its place
 NOISE = 3.0  # grey levels against which that is weighed
 DONE = 1e-3  # px: a step that is shorter is the last, as each is some 50 times as long as the next
@@ -78,19 +77,19 @@ def refine(
 
     tables = profiles(view.blur, size)
     disc = _Discs(tables, ellipses)
-    n, usable = len(known), patch.usable.reshape(len(known), -1)
+    n, usable = len(known), patch.usable
     seen = np.empty((n, 6, *size), np.float32)
-    rows, mask = seen.reshape(n, 6, -1), usable.astype(np.float32)
-    above = (grey.reshape(n, -1) - np.float32(patch.background)) * mask  # what the model explains
-    bright, darkest = _levels(grey.reshape(n, -1), usable)
+    rows = seen.reshape(n, 6, -1)
+    above = (grey - np.float32(patch.background)) * usable  # what the model explains
+    bright, darkest = _levels(grey, usable)
     moved, outer = np.zeros((2, n)), np.zeros(n)
     white, contrast = bright - patch.background, bright - darkest
     for _ in range(steps):
         disc.see(moved - first, seen)
         patch.see(tables, outer, seen)
-        rows[:, :LEFT] *= mask[:, None]
-        b, c = (x.astype(np.float32)[:, None] for x in (white, contrast))
-        np.subtract(above + c * rows[:, DISC], b * rows[:, WHITE], out=rows[:, LEFT])
+        seen[:, :LEFT] *= usable[:, None]
+        b, c = (x.astype(np.float32)[:, None, None] for x in (white, contrast))
+        np.subtract(above + c * seen[:, DISC], b * seen[:, WHITE], out=seen[:, LEFT])
         sums = (rows[:, :LEFT] @ rows.transpose(0, 2, 1)).astype(float)
         change = _solved(sums, white, contrast, outer)
         moved += np.clip(change[:2], -0.5, 0.5)
@@ -98,11 +97,11 @@ def refine(
         outer = outer + np.clip(change[4], -3 * EDGE, 3 * EDGE)
         if np.abs(change[:2]).max() < done:
             break
-    count = np.maximum(np.count_nonzero(usable, axis=1) - 4, 1)
+    count = np.maximum(np.count_nonzero(usable, axis=(1, 2)) - 4, 1)
     rms = np.sqrt(np.sum(rows[:, LEFT] ** 2, axis=1, dtype=float) / count)
     strayed = np.linalg.solve(ellipses, moved.T[:, :, None])[:, :, 0]
     good = (
-        (contrast > max(0.4 * np.median(contrast), FAINT))
+        (contrast > 0.4 * np.median(contrast))
         & (rms < POOR * contrast)
         & (np.abs(change[:2]).max(axis=0) < 0.05)
         & (np.linalg.norm(strayed, axis=1) < 1)
@@ -112,24 +111,23 @@ def refine(
 
 
 def _levels(grey: Image, usable: Mask) -> tuple[Array, Array]:
-    """A grey level of each window (n, pixels) that one pixel in ten exceeds, and its darkest."""
-    place = 0.9 * (grey.shape[1] - 1)
+    """A grey level of each window (n, ...) that one pixel in ten exceeds, and its darkest one."""
+    light = np.where(usable, grey, 0).reshape(len(grey), -1)
+    place = 0.9 * (light.shape[1] - 1)
     below = int(place)
-    light = np.partition(np.where(usable, grey, 0), (below, below + 1))
-    low, high = light[:, below : below + 2].T.astype(float)
-    return low + (place - below) * (high - low), np.where(usable, grey, 255).min(axis=1).astype(
-        float
-    )
+    low, high = np.partition(light, (below, below + 1))[:, below : below + 2].T.astype(float)
+    darkest = np.where(usable, grey, 255).min(axis=(1, 2)).astype(float)
+    return low + (place - below) * (high - low), darkest
 
 
 def _solved(sums: Array, white: Array, contrast: Array, outer: Array) -> Array:
     """A Gauss–Newton step (5, n): of the centre, the contrast, the beam's white, and its edge."""
     one = np.ones_like(white)
     scale = np.stack([-contrast, -contrast, -one, one, white], axis=1)
-    matrix = sums[:, :, :LEFT] * scale[:, :, None] * scale[:, None]
-    right = sums[:, :, LEFT] * scale
-    diagonal = matrix.reshape(len(one), -1)[:, ::6]
-    diagonal += 1e-6 * diagonal.sum(axis=1)[:, None] + 1e-9
+    matrix = sums[:, :5, :5] * scale[:, :, None] * scale[:, None]
+    right = sums[:, :5, LEFT] * scale
+    trace = np.trace(matrix, axis1=1, axis2=2)[:, None, None]
+    matrix += (1e-6 * trace + 1e-9) * np.eye(5)
     matrix[:, 4, 4] += NOISE**2 / EDGE**2
     right[:, 4] -= NOISE**2 / EDGE**2 * outer
     return np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0].T)

@@ -45,8 +45,7 @@ def trackers_of(
         Angle of the vibration from frame to frame in rad; 0 if it is not known.
     shares : sequence of float
         Of the frames' width, to which they are reduced. At each the markers are looked for anew,
-        but the corners are those of the full frames. Without any the full frames serve, and are
-        searched only where prediction fails.
+        but the corners are those of the full frames. Without any the full frames serve.
 
     Returns
     -------
@@ -62,7 +61,7 @@ def trackers_of(
     """
     view, notes = first_view(image, camera, markers, corners_px), []
     if not shares:
-        return [Tracker(view, turn, matching=False)], []
+        return [Tracker(view, turn)], []
     trackers = []
     for picture in pictures_of(image, shares):
         own = _resized(view, picture.shape[1], picture.shape[0])

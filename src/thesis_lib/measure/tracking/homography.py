@@ -44,12 +44,6 @@ class View:
         """Points (2, ...) of the plane in m of pixels (2, ...)."""
         return apply(np.linalg.inv(self.H_image_plane), undistorted(self.camera, uv))
 
-    def to_plane_near(self, uv: Array, plane: Array) -> Array:
-        """As :meth:`to_plane`, to first order about points (2, n) of the plane near those."""
-        apart = (uv - self.to_image(plane)).T[:, :, None]
-        stretch = np.moveaxis(self.stretch(plane), 2, 0)
-        return np.asarray(plane + np.linalg.solve(stretch, apart)[:, :, 0].T)
-
     def stretch(self, plane: ArrayLike) -> Array:
         """Derivative of :meth:`to_image`, shape (2, 2, n), in px/m, for points (2, n)."""
         step = 1e-4 * np.eye(2)[:, :, None]

@@ -29,7 +29,6 @@ SCALE, REACH = 2000.0, 0.025  # what that gives for the thesis's markers, px/m a
 MOST = 2e7  # pixels of the resampled beam
 OFF = 1.5  # px from the grid, rms, from which the markers are taken for others
 BLURS = (0.15, 1.5)  # px
-CLOSE = 3e-3  # px: a step so short is the last where the guess was good
 LEAST_SCORE = 0.45  # of the correlation with a disc, for a match to be considered
 
 
@@ -107,10 +106,6 @@ class Tracker:
         How the camera sees the beam's plane.
     turn : float
         Angle ωΔt of the vibration from frame to frame in rad; 0 if it is not known.
-    matching : bool
-        Whether each frame is searched for discs, as Appendix F does it. Else markers are fitted
-        where the frames before say, and a frame is searched only if one that was there is not, or
-        half of them are not: a quarter of the time.
 
     Attributes
     ----------
@@ -120,7 +115,7 @@ class Tracker:
         How far beyond the beam it is resampled, m.
     matched : ndarray, shape (2, markers)
         Centres in px by template matching alone, to whole pixels of the resampled frame, for the
-        last frame that was searched; NaN where missing.
+        last frame given to :meth:`centres`; NaN where missing.
 
     Raises
     ------
@@ -128,8 +123,8 @@ class Tracker:
         If the resampled beam would be too large.
     """
 
-    def __init__(self, view: View, turn: float = 0.0, matching: bool = True) -> None:
-        self.view, self.turn, self.matching = view, turn, matching
+    def __init__(self, view: View, turn: float = 0.0) -> None:
+        self.view, self.turn = view, turn
         markers = view.markers
         self.scale, self.reach = PIXELS / markers.diameter, FAR * markers.diameter
         self.origin = np.full(2, -self.reach) + 0.5 / self.scale
@@ -148,7 +143,6 @@ class Tracker:
         self.gate = gate_of(markers)
         self.moved = np.zeros_like(self.grid)
         self.before = np.zeros_like(self.grid)
-        self.seen = np.full(self.grid.shape[1], True)  # in the frame before
         self.matched = np.full((2, markers.count), np.nan)
 
     def centres(self, image: Image) -> Array:
@@ -159,15 +153,10 @@ class Tracker:
         # Harmonic motion has x(t + Δt) = 2 cos(ωΔt) x(t) − x(t − Δt); turn 0 goes straight on.
         ahead = 2 * np.cos(self.turn) * self.moved - self.before
         predicted = self.grid + np.clip(ahead, -self.reach, self.reach)
-        start = np.full_like(predicted, np.nan) if self.matching else predicted
-        uv, _ = refine(image, self.view, start, done=CLOSE)
-        there = np.isfinite(uv[0])
-        if np.any(self.seen & ~there) or 2 * np.count_nonzero(there) < len(there):
-            start, _ = assign(predicted, self.matches(image), self.gate)
-            self.matched = self.view.to_image(start[:, : self.view.markers.count])
-            uv, _ = refine(image, self.view, start)
-        self.seen = np.isfinite(uv[0])
-        seen = self.view.to_plane_near(uv, start) - self.grid
+        found, _ = assign(predicted, self.matches(image), self.gate)
+        self.matched = self.view.to_image(found[:, : self.view.markers.count])
+        uv, _ = refine(image, self.view, found)
+        seen = self.view.to_plane(uv) - self.grid
         self.before = self.moved
         self.moved = _filled(seen, self.grid, self.moved)
         return uv[:, : self.view.markers.count]

@@ -148,8 +148,8 @@ def record(
         given = "structure.markers and corners_px" if files.corners_px else "structure.markers"
         raise TrackingError(f"{video}: frame 0: {error}; are {given} as filmed?") from None
     if state:
-        for tracker, known in zip(trackers, state["known"], strict=True):
-            tracker.moved, tracker.before, tracker.seen = map(np.array, known)
+        for tracker, moved, before in zip(trackers, state["moved"], state["before"], strict=True):
+            tracker.moved, tracker.before = np.array(moved), np.array(before)
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
         note.unlink(missing_ok=True)
@@ -173,9 +173,8 @@ def record(
                     "key": key,
                     "done": done,
                     "notes": notes,
-                    "known": [
-                        [x.tolist() for x in (own.moved, own.before, own.seen)] for own in trackers
-                    ],
+                    "moved": [tracker.moved.tolist() for tracker in trackers],
+                    "before": [tracker.before.tolist() for tracker in trackers],
                     "digest": written.hexdigest(),
                 }
                 whole_text(note, json.dumps(so_far))
