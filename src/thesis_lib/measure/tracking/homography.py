@@ -46,9 +46,10 @@ class View:
 
     def stretch(self, plane: ArrayLike) -> Array:
         """Derivative of :meth:`to_image`, shape (2, 2, n), in px/m, for points (2, n)."""
-        step = 1e-4 * np.eye(2)[:, :, None]
-        ahead, behind = (self.to_image(np.asarray(plane)[:, None] + d) for d in (step, -step))
-        return np.asarray(ahead - behind) / 2e-4
+        step, (x, y) = 1e-4, np.asarray(plane, float)
+        along = self.to_image([x + step, y]) - self.to_image([x - step, y])
+        across = self.to_image([x, y + step]) - self.to_image([x, y - step])
+        return np.stack([along, across], axis=1) / (2 * step)
 
     def finest(self, plane: ArrayLike) -> Array:
         """Pixels per metre where the plane is most foreshortened, shape (n,), for points (2, n)."""

@@ -84,7 +84,7 @@ def _best_blur(image: Image, view: View, found: Array) -> float:
     """The blur in px that fits best; the one the view has if nothing fits."""
 
     def misfit(blur: float) -> float:
-        value = refine(image, replace(view, blur=blur), found, done=0)[1]
+        value = refine(image, replace(view, blur=blur), found)[1]
         return value if np.isfinite(value) else 1e3
 
     if misfit(view.blur) == 1e3:
