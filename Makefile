@@ -12,7 +12,7 @@ LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --genera
 	--no-emit-index-url --no-emit-find-links
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --nbval tests notebooks
 
-BROWSED := $(shell grep -rl --include='test_*.py' open_offline tests)
+BROWSED = $(shell grep -rl --include='test_*.py' open_offline tests)
 
 .PHONY: book pdf test test-all test-nightly test-javascript test-cpus quick check bench picture photographs platforms lock clean
 

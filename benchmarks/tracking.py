@@ -78,7 +78,7 @@ def _library(f: Filmed) -> Callable[[], Array]:
     turn = 2 * np.pi * Component().frequency / RATE
 
     def follow() -> Array:
-        tracker = Tracker(f.view, turn, matching=False)
+        tracker = Tracker(f.view, turn)
         return np.array([tracker.centres(frame) for frame in f.frames])
 
     return follow

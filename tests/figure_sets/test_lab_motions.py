@@ -23,6 +23,7 @@ from thesis_lib.figure_sets.lab_modes.parameters import MARKER, ROWS
 from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate_study
 from thesis_lib.figure_sets.lab_plate import recordings as plate_films
+from thesis_lib.figure_sets.lab_plate.measured import filling
 from thesis_lib.figure_sets.lab_plate.parameters import stands_of
 from thesis_lib.figure_sets.lab_plate.recordings import plate_rig
 from thesis_lib.figure_sets.lab_plate.tables import (
@@ -401,7 +402,7 @@ def test_a_missing_marker_is_put_on_a_smooth_surface(conforms):
     x, y = PLATE.markers
     missing = np.zeros(150, bool)
     missing[[17, 80, 81]] = True
-    fill = lab_plate_study.filling(PLATE.markers, missing)
+    fill = filling(PLATE.markers, missing)
     plane = 2 + 3 * x - y
     conforms.closed_form(fill @ np.where(missing, 0, plane), plane, atol=1e-9)
     shape = PLATE.mode_shapes([3], PLATE.markers)[0]

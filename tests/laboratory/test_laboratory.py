@@ -1,6 +1,7 @@
 """The laboratory filmed and measured, end to end: two cameras, half the size, known truth."""
 
 import os
+import re
 import shutil
 import tracemalloc
 from dataclasses import replace
@@ -444,12 +445,11 @@ def test_sound_that_ends_early_names_the_video(folder):
     assert "B.mkv: its pictures end at 2.800 s, its sound at 0.200 s" in message
 
 
-@pytest.mark.parametrize("rate", [50, 59.94])
-def test_another_frame_rate_is_named(folder, rate):
-    rewritten(folder, rate=rate)
+def test_another_frame_rate_is_named(folder):
+    rewritten(folder, rate=50)
     message = refusal(folder, ManifestError)
     assert "cameras[1].video" in message
-    assert f"{rate:g} frames per second, allowed: 60" in message
+    assert "50 frames per second, allowed: 60" in message
 
 
 def test_another_size_is_named(folder):
@@ -517,7 +517,9 @@ def test_a_beam_out_of_the_frame_is_refused_with_the_file(folder, recordings, wh
         frames = gray(3) if what == "nothing" else np.stack([shifted(first, 600)] * 3)
         rewritten(folder, frames, sound=media.read_audio(recordings / f"{name}.mkv")[0], name=name)
     message = refusal(folder, TrackingError)
-    assert message.startswith(f"{folder / 'A.mkv'}: frame 0: ")
+    assert re.match(
+        rf"{re.escape(str(folder))}/[AB]\.mkv: frame 0: ", message
+    )  # both are read at once
 
 
 @pytest.mark.parametrize("dropped", [5, 8])
@@ -561,8 +563,8 @@ def test_the_memory_of_following_is_independent_of_length(tmp_path, rig, monkeyp
     image = next(laboratory_film.frames(rig, 0))
     read, peaks, files = media.read_frames, [], manifest_of(rig).cameras[0]
 
-    def watched(path, *between):
-        for k, frame in enumerate(read(path, *between)):
+    def watched(path, *between, **told):
+        for k, frame in enumerate(read(path, *between, **told)):
             if k == 1:  # finding the beam takes more than following it
                 tracemalloc.reset_peak()
             yield frame
@@ -575,7 +577,8 @@ def test_the_memory_of_following_is_independent_of_length(tmp_path, rig, monkeyp
         try:
             out = path.with_suffix(".npy")
             own = files.model_copy(update={"video": path.name})
-            record(own, tmp_path, n, rig.cameras[0], rig.markers, 0.0, out, "", lambda _: None, [1])
+            clock, tick = np.arange(n) / 60, lambda _: None
+            record(own, tmp_path, clock, rig.cameras[0], rig.markers, 0.0, out, "", tick, [1])
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()

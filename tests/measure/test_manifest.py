@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from thesis_lib.facts import setups
+from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.recordings.check import check_excitation, check_recordings
 from thesis_lib.measure.recordings.manifest import (
     ManifestError,
@@ -96,7 +97,7 @@ def test_what_is_written_is_read(recordings):
 
 def test_the_default_structure_is_the_thesis_s_beam():
     structure = Structure()
-    assert structure.beam == setups.beam()
+    assert model_of(structure) == setups.beam()
     points = structure.marker_points.reshape(2, 3, 25)
     np.testing.assert_allclose(points[:, 1], setups.beam().markers)
     np.testing.assert_allclose(points[1, :, 0], [0.005, 0.015, 0.025])

@@ -201,10 +201,12 @@ def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch, shares):
 
     def run(name, key="k", tick=lambda done: None):
         camera, markers, path = station.camera, rig.markers, tmp_path / name
-        notes.append(record(files, tmp_path, 30, camera, markers, 0.445, path, key, tick, shares))
+        notes.append(
+            record(files, tmp_path, clock, camera, markers, 0.445, path, key, tick, shares)
+        )
         return np.load(path)
 
-    notes = []
+    notes, clock = [], np.arange(30) / 60
     whole = run("whole.npy")
     assert whole.shape == (30, *([4] if shares else []), 2, 75)
     assert np.isfinite(whole).mean() > (0.8 if shares else 0.95)

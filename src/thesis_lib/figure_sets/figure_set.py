@@ -36,7 +36,7 @@ class Product:
     module: str
     # What it is computed from: the request to a product and its request, by parameter of ``run``
     needs: Callable[[Any], Inputs] = field(default=_nothing)
-    #: The requests whose cubes it is made from, as they stand in the book, after all of these
+    # The requests whose cubes it is made from, as they stand in the book, after all of these
     reads: Callable[[], Sequence[Study]] = field(default=tuple)
     #: Whether ``build/cache`` keeps it, for what takes long or serves others, too
     kept: bool = False
