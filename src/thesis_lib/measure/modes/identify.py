@@ -1,0 +1,283 @@
+"""From the tracks of calibrated cameras to modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.measure.fitting.aliasing import alias, candidates
+from thesis_lib.measure.modes.clocks import lags, paces
+from thesis_lib.measure.modes.poles import (
+    Block,
+    Poles,
+    block_of,
+    coefficients,
+    columns,
+    filled,
+    fitted,
+)
+from thesis_lib.measure.modes.search import beside, reach, search, span_of
+from thesis_lib.measure.modes.shapes import Rest, shapes, straightened
+from thesis_lib.measure.modes.spectra import Spectrum, spectrum
+from thesis_lib.measure.modes.tracks import Track
+
+MOST = 8  # modes that are sought if their number is not given
+FURTHER = 2  # further modes that are tried, to see which hold
+FEWEST = 3  # markers that tell a shape
+LEFT = ("amplitude", "deviation", "excess", "turn")
+ROUNDS = 2  # times that what is not linear is taken away
+
+
+class ModalError(ValueError):
+    """Tracks that do not tell what was asked; the message is one line that says what would."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Which modes are asked for."""
+
+    band: tuple[float, float]  #: From which frequency to which, Hz
+    count: int | None = None  #: How many; None: as many as stand out of the noise
+    damped: bool = True  #: Whether they decay freely; else they are steady tones
+    given: tuple[float, ...] = ()  #: Frequencies near which they are sought, Hz
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Modes in the order of their frequencies: a marker moves as Re Σ shape e^{λ (t − zero)}.
+
+    λ = 2πf (−ζ + j √(1 − ζ²)); all standard errors hold what cameras disagree by.
+    """
+
+    frequency: Array  #: Natural frequency f, Hz, shape (modes,)
+    frequency_deviation: Array  #: Its standard error, Hz
+    damping: Array  #: Damping ratio ζ, shape (modes,); 0 for steady tones
+    damping_deviation: Array  #: Its standard error
+    shape: ComplexArray  #: Deflection along the normal, m, shape (modes, markers)
+    #: Standard error of its real and of its imaginary part, m, shape (modes, markers); they are
+    #: independent of each other, and from marker to marker
+    deviation: Array
+    #: Standard error by which a whole shape is too large, and turned, relative, (modes,): beside
+    #: `deviation`, the same for all markers
+    scale_deviation: Array
+    excess: Array  #: Motion in the plane over what scatter explains, shape (modes,)
+    beside: Array  #: Power left near each mode over the noise, shape (modes,)
+    zero: float  #: Time at which the exponentials are one, s, on the first camera's clock
+    lag: Array  #: By how much each camera started later than was thought, s, shape (cameras,)
+    lag_deviation: Array  #: Its standard error, s
+    pace: Array  #: How much faster than the first camera's each clock runs, relative
+    turn: Array  #: Phases by which cameras lag at last, rad, shape (modes, cameras)
+    aliases: tuple[tuple[tuple[float, float], ...], ...]  #: Of each mode: other f, Hz, and rad
+    orders: tuple[Poles, ...]  #: Fits with one mode, two modes, …
+    before: Spectrum  #: Of all tracks
+    after: Spectrum  #: Of what the modes leave
+    noise: float  #: Scatter of a coordinate about the modes, px
+
+    @property
+    def poles(self) -> ComplexArray:
+        """λ of each mode, 1/s."""
+        turn = np.sqrt(1 - self.damping**2)
+        return np.asarray(2 * np.pi * self.frequency * (-self.damping + 1j * turn), complex)
+
+
+def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
+    """Frequencies, damping and shapes of the modes in some tracks.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        Of every camera, from the begin to the end of what is to be fitted: of steady tones, or of a
+        free decay.
+    rest : Rest
+        The markers at rest.
+    asked : Asked
+        Which modes.
+
+    Raises
+    ------
+    ModalError
+        If no mode stands out, or a given one does not, or two that are given are closer than the
+        recording resolves, or it has fewer frames than they need.
+    """
+    most = len(asked.given) or asked.count or MOST
+    _check(tracks, asked, most)
+    zero = min(float(track.times[0]) for track in tracks)
+    noise = [np.ones(2 * track.uv.shape[2]) for track in tracks]
+    own, given = list(tracks), asked.given
+    late, pace = np.zeros(len(own)), np.ones(len(own))
+    rivals: list[list[tuple[float, float]]] = []
+    for turn in range(ROUNDS + 1):
+        blocks = [_block(track, zero, sigma) for track, sigma in zip(own, noise, strict=True)]
+        further = FURTHER if turn == ROUNDS else 0
+        orders = search(blocks, asked.band, most + further, asked.damped, given)
+        if problem := _missing(blocks, orders, asked):
+            raise ModalError(problem)
+        poles = orders[min(most, len(orders)) - 1]
+        if turn == 0:
+            poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
+            given = tuple(poles.rates[:, 1] / (2 * np.pi))
+        blocks = [filled(block, poles.rates) for block in blocks]
+        found = shapes(own, blocks, poles, rest)
+        if turn < ROUNDS:
+            more, errors = lags(found, poles)
+            late, pace = late + more, pace / (1 + paces(poles, span_of(blocks)))
+            moved = [
+                track.shifted(float(by), float(rate), zero + span_of(blocks) / 2)
+                for track, by, rate in zip(tracks, late, pace, strict=True)
+            ]
+            own = [straightened(track, found, poles, rest, zero) for track in moved]
+            noise = [_scatter(block, poles) for block in blocks]
+    surely, noise = _disagreeing(poles), [_scatter(block, poles) for block in blocks]
+    order = np.argsort(poles.frequency)
+    deviations = surely.deviations
+    left = {name: np.array([getattr(one, name) for one in found])[order] for name in LEFT}
+    return Modes(
+        frequency=poles.frequency[order],
+        frequency_deviation=deviations[0][order],
+        damping=poles.damping[order],
+        damping_deviation=deviations[1][order],
+        shape=left["amplitude"],
+        deviation=left["deviation"],
+        scale_deviation=_scale(blocks[0], surely)[order],
+        excess=left["excess"],
+        beside=beside(blocks, poles, asked.band)[order],
+        zero=zero,
+        lag=late,
+        lag_deviation=errors,
+        pace=1 / pace - 1,
+        turn=left["turn"],
+        aliases=tuple(_alike(rivals, f) for f in poles.frequency[order]),
+        orders=tuple(orders),
+        before=spectrum(blocks, np.empty((0, 2)), asked.band),
+        after=spectrum(blocks, poles.rates, asked.band),
+        noise=float(np.sqrt(np.nanmean(np.concatenate(noise) ** 2))),
+    )
+
+
+def assurance(shapes_: ArrayLike) -> Array:
+    """Modal assurance criterion of complex shapes (modes, markers) among each other.
+
+    |aᴴb|² / (aᴴa bᴴb) over the markers that are known in both, shape (modes, modes).
+    """
+    a = np.asarray(shapes_, complex)
+    a = np.where(np.isfinite(a).all(axis=0), a, 0)
+    cross = np.abs(a.conj() @ a.T) ** 2
+    with np.errstate(invalid="ignore"):
+        return np.asarray(cross / np.outer(np.diag(cross), np.diag(cross)) ** 0.5, float)
+
+
+def _alike(told: list[list[tuple[float, float]]], hertz: float) -> tuple[tuple[float, float], ...]:
+    """Of what is told of each mode, that of the one nearest to a frequency."""
+    taken = [own[0][0] for own in told]
+    return tuple(told[int(np.argmin(np.abs(np.array(taken) - hertz)))])
+
+
+def _block(track: Track, zero: float, noise: Array) -> Block:
+    values = track.uv.reshape(len(track.times), -1)
+    return block_of(track.times - zero, values, noise)
+
+
+def _scatter(block: Block, poles: Poles) -> Array:
+    """Scatter of each series about the modes, px; NaN of one that is hardly seen."""
+    B = columns(block.times, poles.rates)
+    left = block.values - B @ coefficients(B, block.values)
+    count = block.known.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sigma = np.sqrt(np.sum(np.where(block.known, left, 0) ** 2, axis=0) / (count - B.shape[1]))
+    return np.asarray(np.where(count > B.shape[1] + 2, sigma, np.nan) * block.scale, float)
+
+
+def _disagreeing(poles: Poles) -> Poles:
+    """The poles with a covariance that holds what the cameras disagree by (Birge's ratio)."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        squares = np.nansum((poles.each / poles.each_deviation) ** 2, axis=0)
+    ratio = np.sqrt(np.maximum(squares / max(len(poles.each) - 1, 1), 1))
+    return replace(poles, covariance=poles.covariance * np.outer(ratio, ratio))
+
+
+def _scale(block: Block, poles: Poles) -> Array:
+    """Relative error of amplitudes at the begin by that of the decays, shape (modes,)."""
+    weight = np.exp(-2 * np.clip(poles.rates[:, 0], 0, None) * block.times[:, None])
+    middle = np.sum(weight * block.times[:, None], axis=0) / weight.sum(axis=0)
+    return np.asarray(middle * np.sqrt(np.diag(poles.covariance)[::2]), float)
+
+
+def _nearest_in_step(
+    tracks: Sequence[Track], blocks: Sequence[Block], poles: Poles, rest: Rest, asked: Asked
+) -> tuple[Poles, list[list[tuple[float, float]]]]:
+    """Each mode at that of the frequencies that frames show alike with which cameras agree.
+
+    With it, for each mode: these frequencies in Hz, and the phases in rad by which cameras are out
+    of step then; the one that is taken comes first.
+    """
+    rates = poles.rates.copy()
+    frames = np.array([(len(b.times) - 1) / np.ptp(b.times) for b in blocks])
+    near, told = 1 / span_of(blocks), []
+    for k, (alpha, omega) in enumerate(poles.rates):
+        own = omega / (2 * np.pi)
+        every = candidates(float(alias(own, frames[0])), float(frames[0]), asked.band[1])
+        alike = [own] + [
+            float(other)
+            for other in every
+            if other >= max(asked.band[0], near)
+            and abs(other - own) > near
+            and np.all(np.abs(alias(other, frames) - alias(own, frames)) < near)
+        ]
+        apart: list[tuple[float, float]] = []
+        for other in alike if len(alike) > 1 else []:
+            trial = np.array([[alpha, 2 * np.pi * other]])
+            alone = np.vstack([trial, np.delete(poles.rates, k, axis=0)])
+            turned = shapes(tracks, blocks, replace(poles, rates=alone), rest)[0].turn
+            apart.append((other, float(np.nanmax(np.abs(turned)))))
+        apart.sort(key=lambda one: one[1])
+        told.append(apart or [(own, 0.0)])
+        rates[k, 1] = 2 * np.pi * told[k][0][0]
+    if np.array_equal(rates, poles.rates):
+        return poles, told
+    return fitted(blocks, rates, asked.damped), told
+
+
+def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
+    """Refuse what no fit could tell."""
+    fewest = min(len(track.times) for track in tracks)
+    needed = 4 * most + 4
+    if fewest < needed:
+        raise ModalError(
+            f"{fewest} frames of a camera lie in the part that is fitted, {most} modes need "
+            f"{needed}: ask for fewer modes, or film longer"
+        )
+    seconds = max(float(np.ptp(track.times)) for track in tracks)
+    given = np.sort(asked.given)
+    close = np.flatnonzero(np.diff(given) < 1 / seconds)
+    if len(close):
+        one, other = given[close[0]], given[close[0] + 1]
+        raise ModalError(
+            f"{one:.6g} and {other:.6g} Hz are {other - one:.3g} Hz apart, and {seconds:.3g} s "
+            f"tell apart what is {1 / seconds:.3g} Hz apart: film {1 / (other - one):.3g} s or more"
+        )
+    seen = sum(np.isfinite(track.uv).all(axis=1).mean(axis=0) > 0.5 for track in tracks)
+    if (count := int(np.count_nonzero(np.asarray(seen) >= 2))) < FEWEST:
+        raise ModalError(
+            f"{count} markers are seen by two cameras or more, a shape needs {FEWEST}: add "
+            "markers, or turn cameras so that two see each"
+        )
+
+
+def _missing(blocks: Sequence[Block], orders: Sequence[Poles], asked: Asked) -> str:
+    """What to say where a mode that is asked for does not stand out; nothing if all do."""
+    rates = orders[-1].rates if orders else np.empty((0, 2))
+    hertz, seconds = rates[:, 1] / (2 * np.pi), span_of(blocks)
+    lost = [f for f in asked.given if not np.any(np.abs(hertz - f) <= reach(f, seconds))]
+    if orders and not lost:
+        return ""
+    at, over = spectrum(blocks, rates, asked.band).peak
+    band = f"from {asked.band[0]:.4g} to {asked.band[1]:.4g} Hz"
+    what = f"no tone near {lost[0]:.6g} Hz" if lost else f"no mode {band}"
+    return (
+        f"{what} stands out of the noise; the strongest line {band} is at {at:.4g} Hz, {over:.1f} "
+        "times the noise: tap or drive harder, film nearer or longer, or ask for another band"
+    )

@@ -1,0 +1,128 @@
+"""Complex shapes of modes: image amplitudes of every camera, triangulated at each frequency.
+
+The amplitude of a track at a pole λ tells that of the marker, once it is freed of what the camera
+adds: a row that is exposed later by δ has e^{λδ} more, an exposure of T makes sinh(λT/2) / (λT/2)
+of it. Each mode is then a harmonic motion, and triangulated as one tone is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.measure.fitting.clocks import late
+from thesis_lib.measure.fitting.consistency import excess, held_back, in_plane
+from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, deviation
+from thesis_lib.measure.fitting.reconstruction import Frame
+from thesis_lib.measure.modes.poles import Block, Poles, coefficients, columns
+from thesis_lib.measure.modes.tracks import Track
+from thesis_lib.vision.lens import projection_matrices
+from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.triangulation import jacobian
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The markers at rest."""
+
+    images: Array  #: Centres without distortion, px, shape (cameras, 2, markers)
+    frame: Frame  #: The structure's
+    points: Array  #: In the calibration's frame, m, shape (3, markers)
+    places: Array  #: On the structure, m, shape (2, markers)
+    thickness: float = 0.0  #: Of the structure, m
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One mode's shape."""
+
+    amplitude: ComplexArray  #: Along the normal, m, time factor e^{λt}, shape (markers,)
+    deviation: Array  #: Standard error of each of its two parts, m, shape (markers,)
+    excess: float  #: Motion in the plane over what the scatter explains; `deviation` holds it
+    turn: Array  #: Phase by which each camera lags behind the first, rad, shape (cameras,)
+    turn_deviation: Array  #: Its standard error, rad
+
+
+def blurred(rate: Array, exposure: float) -> complex:
+    """What an exposure in s leaves of the amplitude at a pole (α, ω)."""
+    half = complex(-rate[0], rate[1]) * exposure / 2
+    return complex(np.sinh(half) / half) if half else 1.0 + 0j
+
+
+def images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
+    """Each mode in one camera's pictures, as if rows and exposures took no time."""
+    markers = track.uv.shape[2]
+    B = columns(block.times, poles.rates)
+    values = block.values * block.scale
+    fit = coefficients(B, values)
+    left = np.where(block.known, values - B @ fit, 0.0)
+    count = block.known.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sigma = np.sqrt(np.sum(left**2, axis=0) / (count - B.shape[1]))
+    sigma = np.where(count >= B.shape[1] + 2, sigma, np.nan).reshape(2, markers)
+    inverse = np.linalg.inv(B.T @ B)
+    seen = len(block.times) / np.maximum(count, 1).reshape(2, markers)
+    found = []
+    for k, rate in enumerate(poles.rates):
+        own = slice(2 * k + 1, 2 * k + 3)
+        cosine, sine = fit[own].reshape(2, 2, markers)
+        pole = complex(-rate[0], rate[1])
+        factor = np.exp(-pole * track.usual) / blurred(rate, track.exposure)
+        a = np.where(np.isfinite(sigma), (cosine - 1j * sine) * factor, np.nan)
+        spread = np.zeros((3, 3, 2, markers))
+        part = 0.5 * np.trace(inverse[own, own]) * np.abs(factor) ** 2 * seen
+        spread[1, 1] = spread[2, 2] = part
+        found.append(Harmonics(np.stack([np.zeros_like(a.real), a.real, -a.imag]), spread, sigma))
+    return found
+
+
+def shapes(
+    tracks: Sequence[Track], blocks: Sequence[Block], poles: Poles, rest: Rest
+) -> list[Shape]:
+    """The shape of every mode."""
+    cameras = [track.camera for track in tracks]
+    seen = [images(track, block, poles) for track, block in zip(tracks, blocks, strict=True)]
+    still = np.zeros(len(cameras))
+    found = []
+    for k, rate in enumerate(poles.rates):
+        omega = float(rate[1])
+        own = [
+            held_back(one[k].raised(images_at), rest.places)[0]
+            for one, images_at in zip(seen, np.nan_to_num(rest.images), strict=True)
+        ]
+        fit = Fitted(cameras, own, rest.images, rest.frame)
+        moved, allowed = in_plane(fit, omega, still, rest.places, rest.thickness)
+        more = excess(moved, allowed)
+        error = deviation(fit, omega, still) * max(np.nan_to_num(more), 1.0)
+        found.append(Shape(amplitude(fit, omega, still), error, more, *late(fit, omega, still)))
+    return found
+
+
+def straightened(
+    track: Track, found: Sequence[Shape], poles: Poles, rest: Rest, zero: float
+) -> Track:
+    """The track without what is not linear in the deflection; `zero` is when e^{λt} is one, s.
+
+    An image is no linear function of a deflection, and a marker that moves across rows of a rolling
+    shutter is seen at times that depend on it. Both add sums and differences of frequencies, which
+    are as large as weak modes. With the modes that are found they are computed, and taken away.
+    """
+    P, normal = projection_matrices([track.camera]), rest.frame.R[2]
+
+    def height(late: Array) -> Array:
+        at = (track.times - zero)[:, None] + late
+        total = np.zeros((len(at), rest.points.shape[1]))
+        for shape, rate in zip(found, poles.rates, strict=True):
+            own = np.nan_to_num(shape.amplitude) * blurred(rate, track.exposure)
+            total += np.real(own * np.exp(complex(-rate[0], rate[1]) * at))
+        return total
+
+    slope = np.einsum("ikn,k->in", jacobian(P, rest.points)[0], normal)
+    linear = slope * height(track.usual[None])[:, None]
+    lifted = rest.points[:, None] + normal[:, None, None] * height(np.nan_to_num(track.late))
+    true = np.moveaxis(project(P, lifted)[0], 0, 1) - project(P, rest.points)[0]
+    rows = track.uv[:, 1] if track.rows is None else track.rows
+    return replace(track, uv=track.uv - (true - linear), rows=rows)

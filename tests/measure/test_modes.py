@@ -1,0 +1,137 @@
+"""Several modes in tracks: frequencies, damping, shapes and their errors; and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes.modes import BEAM, Truth, beam_modes, rest, rig, tracks
+
+from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
+from thesis_lib.vibration.motion import Component
+
+RIG = rig()
+REST = rest(RIG)
+BAND = (2.0, 130.0)
+
+
+def similar(measured, true):
+    """MAC of complex shapes."""
+    return [float(assurance([m, t])[0, 1]) for m, t in zip(measured, true, strict=True)]
+
+
+@pytest.fixture(scope="module")
+def decay():
+    """Three modes of the beam, by four cameras with unlike rates and rolling shutters."""
+    truth = beam_modes()
+    return truth, identify(tracks(RIG, truth, lost=0.01), REST, Asked(BAND, 3))
+
+
+def test_modes_of_unlike_rates_and_rolling_shutters(decay):
+    """The third has nearly four times the slowest camera's rate."""
+    truth, found = decay
+    np.testing.assert_allclose(found.frequency, truth.frequency, rtol=1e-3)
+    np.testing.assert_allclose(found.damping, truth.damping, rtol=0.05)
+    assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.999
+    np.testing.assert_allclose(found.noise, 0.02, rtol=0.03)
+
+
+def test_errors_are_what_draws_scatter_by():
+    truth = beam_modes()
+    off, shapes = [], []
+    for seed in range(6):
+        own = identify(tracks(RIG, truth, seconds=2, seed=seed), REST, Asked(BAND, 3))
+        off += [(own.frequency - truth.frequency) / own.frequency_deviation]
+        off += [(own.damping - truth.damping) / own.damping_deviation]
+        free = own.shape - truth.shape_at(own.zero)
+        scale = np.sum(free * truth.shape.conj(), 1) / np.sum(np.abs(truth.shape) ** 2, 1)
+        free -= scale[:, None] * truth.shape  # the common part is scale_deviation's
+        shapes.append(free / own.deviation)
+    assert 0.7 < np.sqrt(np.mean(np.square(off))) < 1.35
+    assert 0.85 < np.std(np.real(shapes)) < 1.1
+    assert 0.85 < np.std(np.imag(shapes)) < 1.1
+
+
+def test_starts_that_are_off_are_found_beyond_a_period():
+    truth = beam_modes()
+    late = (0.0, 0.012, -0.003, 0.0)
+    found = identify(tracks(RIG, truth, off=late), REST, Asked(BAND, 3))
+    np.testing.assert_allclose(-found.lag, late, atol=1e-4)
+    assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.999
+
+
+def test_cameras_out_of_step_tell_an_alias():
+    """110.8 Hz shows at 9.2 Hz in all of them."""
+    truth = beam_modes()
+    found = identify(tracks(RIG, truth, rates=(60.0,) * 4), REST, Asked(BAND, 3))
+    np.testing.assert_allclose(found.frequency, truth.frequency, rtol=1e-3)
+    hertz, turned = np.array(found.aliases[2]).T
+    assert hertz[0] == pytest.approx(truth.frequency[2], rel=1e-3)
+    assert hertz.min() == pytest.approx(120 - truth.frequency[2], rel=1e-2)
+    assert turned[1:].min() > 5 * turned[0]
+
+
+def test_steady_tones_at_unlike_clocks():
+    """Two tones, each with a shape of two modes; a clock that runs 40 ppm fast is found."""
+    points = RIG.markers.centres
+    one, two = (Component("bending", n).shape(BEAM, points) for n in (1, 2))
+    mixed = np.array([2e-3 * one + 3e-4j * two, 5e-4 * two - 1e-4j * one])
+    truth = Truth(np.array([7.3, 43.1]), np.zeros(2), mixed)
+    seen = tracks(RIG, truth, seconds=12)
+    fast = [replace(seen[0]), replace(seen[1], times=seen[1].times * (1 + 4e-5)), *seen[2:]]
+    found = identify(fast, REST, Asked((2.0, 60.0), damped=False))
+    np.testing.assert_allclose(found.frequency, truth.frequency, rtol=1e-5)
+    assert np.all(found.damping == 0)
+    assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.9999
+    np.testing.assert_allclose(found.pace, [0, 4e-5, 0, 0], atol=2e-6)
+
+
+def test_modes_that_are_not_asked_for_by_number_stand_out(decay):
+    truth, _ = decay
+    found = identify(tracks(RIG, truth, seconds=3), REST, Asked(BAND))
+    assert len(found.frequency) == 3
+    assert found.after.peak[1] < 6 < 100 < found.before.peak[1]
+
+
+def test_curvature_of_images_is_no_mode():
+    """A large motion alone: its double frequency, which rows and perspective add, is left out."""
+    truth = beam_modes(damping=(0.005,), amplitude=(6e-3,))
+    found = identify(tracks(RIG, truth, noise=0.005), REST, Asked((2.0, 30.0), 1))
+    assert found.after.peak[1] < 6
+    assert found.noise == pytest.approx(0.005, rel=0.05)
+
+
+def test_nothing_but_noise_is_refused():
+    still = beam_modes(amplitude=(0, 0, 0))
+    with pytest.raises(ModalError, match=r"no mode from 2 to 130 Hz stands out.*tap or drive"):
+        identify(tracks(RIG, still, seconds=2), REST, Asked(BAND, 2))
+
+
+def test_a_given_tone_that_is_not_there_is_refused():
+    seen = tracks(RIG, beam_modes(damping=(0.0,), amplitude=(2e-3,)), seconds=2)
+    with pytest.raises(ModalError, match=r"no tone near 17 Hz stands out.*strongest line"):
+        identify(seen, REST, Asked(BAND, damped=False, given=(17.0,)))
+
+
+def test_tones_closer_than_the_record_resolves_are_refused():
+    seen = tracks(RIG, beam_modes(), seconds=2)
+    with pytest.raises(ModalError, match=r"0.1 Hz apart, and 1.\d+ s .* film 10 s or more"):
+        identify(seen, REST, Asked(BAND, given=(10.0, 10.1)))
+
+
+def test_a_neighbour_that_is_too_near_leaves_power_beside_its_mode():
+    form = beam_modes(damping=(0.0, 0.0), amplitude=(1e-3, 1e-3)).shape
+    pair = Truth(np.array([20.0, 20.3]), np.zeros(2), form)
+    found = identify(tracks(RIG, pair, seconds=2), REST, Asked(BAND, 1, damped=False))
+    assert found.beside[0] > 30
+
+
+def test_too_few_markers_and_frames_are_refused():
+    seen = tracks(RIG, beam_modes(), seconds=2)
+    with pytest.raises(ModalError, match="8 modes need 36: ask for fewer modes, or film longer"):
+        identify([replace(t, times=t.times[:20], uv=t.uv[:20], rows=t.rows[:20]) for t in seen],
+                 REST, Asked(BAND))  # fmt: skip
+    blind = [replace(track, uv=track.uv.copy()) for track in seen]
+    for track in blind[1:]:
+        track.uv[:, :, 2:] = np.nan
+    with pytest.raises(ModalError, match=r"2 markers are seen by two cameras .* needs 3: add"):
+        identify(blind, REST, Asked(BAND))

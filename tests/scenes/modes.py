@@ -1,0 +1,110 @@
+"""Tracks of a beam that moves in several modes: projected markers, no pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.facts import setups
+from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
+from thesis_lib.measure.modes.shapes import Rest
+from thesis_lib.measure.modes.tracks import Track
+from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.vibration.motion import Component
+from thesis_lib.vision import lens
+
+BEAM = setups.beam()
+DIRECTIONS = [(-60.0, 25.0), (-20.0, 35.0), (25.0, 30.0), (65.0, 40.0)]
+RATES = (60.0, 50.0, 29.97, 60.0)  # frames per second
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A sum of modes that decay from time 0."""
+
+    frequency: Array  #: Hz
+    damping: Array
+    shape: ComplexArray  #: m, (modes, markers)
+
+    @property
+    def poles(self) -> ComplexArray:
+        """1/s."""
+        turn = 1j * np.sqrt(1 - self.damping**2)
+        return np.asarray(2 * np.pi * self.frequency * (turn - self.damping), complex)
+
+    def at(self, times: Array) -> Array:
+        """Deflection at times (..., markers), m."""
+        parts = zip(self.poles, self.shape, strict=True)
+        return np.asarray(sum(np.real(own * np.exp(pole * times)) for pole, own in parts), float)
+
+    def shape_at(self, zero: float) -> ComplexArray:
+        """The shapes as they are at a time."""
+        return np.asarray(self.shape * np.exp(self.poles * zero)[:, None], complex)
+
+
+def rig(cameras: int = 4) -> Rig:
+    """Cameras of 1280 × 720 px around the thesis's beam."""
+    return default_rig(BEAM, DIRECTIONS[:cameras], size=(1280, 720))
+
+
+def beam_modes(
+    damping: tuple[float, ...] = (0.01, 0.006, 0.004),
+    amplitude: tuple[complex, ...] = (2e-3, 1e-3j, -8e-4),
+) -> Truth:
+    """The beam's first modes at the markers, amplitudes at the tip in m."""
+    count = len(damping)
+    points = rig().markers.centres
+    form = np.array([Component("bending", n + 1).shape(BEAM, points) for n in range(count)])
+    omega = BEAM.angular_frequencies(count)
+    return Truth(omega / (2 * np.pi), np.array(damping), form * np.array(amplitude)[:, None])
+
+
+def tracks(
+    own: Rig,
+    truth: Truth,
+    seconds: float = 4.0,
+    rates: tuple[float, ...] = RATES,
+    readout: float = 0.012,
+    exposure: float = 1 / 500,
+    noise: float = 0.02,
+    lost: float = 0.0,
+    seed: int = 0,
+    off: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
+) -> list[Track]:
+    """What the cameras see: each at its rate from its own start, rows and exposure as they are.
+
+    Camera c's clock says `off[c]` seconds too much.
+    """
+    rng = np.random.default_rng(seed)
+    points, found = own.markers.centres, []
+    parts = ((np.arange(4) + 0.5) / 4 - 0.5) * exposure / np.sqrt(1 - 1 / 16)
+    for camera, rate, wrong in zip(own.cameras, rates, off, strict=False):
+        times = rng.uniform(0, 1 / rate) + np.arange(int(seconds * rate)) / rate
+        row = lens.project(camera, on_surface(own.markers.extent, points))[1]
+        for _ in range(3):  # the row tells when it is seen, and that where it is
+            at = times[:, None] + readout * (row / camera.size[1] - 0.5)
+            shown = [
+                lens.project(
+                    camera, on_surface(own.markers.extent, points[:, None], truth.at(at + part))
+                )
+                for part in parts
+            ]
+            row = np.mean(shown, axis=0)[1]
+        uv = np.mean(shown, axis=0).swapaxes(0, 1)
+        uv = uv + noise * rng.standard_normal(uv.shape)
+        uv[np.broadcast_to(rng.random((len(uv), 1, uv.shape[2])) < lost, uv.shape)] = np.nan
+        plain = lens.undistorted_tracks(camera, uv)
+        found.append(Track(camera, times + wrong, plain, exposure, readout, uv[:, 1]))
+    return found
+
+
+def rest(own: Rig) -> Rest:
+    """The markers at rest."""
+    world = on_surface(own.markers.extent, own.markers.centres)
+    images = np.array([lens.undistorted(c, lens.project(c, world)) for c in own.cameras])
+    points, _ = triangulate_seen(lens.projection_matrices(own.cameras), images)
+    frame = checked_frame(own.cameras, images, own.markers)
+    return Rest(images, frame, points, own.markers.centres, BEAM.thickness)
