@@ -320,6 +320,23 @@ def test_contents_are_short_and_open_where_one_is(running: Browser, name: str) -
 
 
 @needs_book
+def test_the_ledger_begins_with_its_filters_also_on_a_phone(running: Browser) -> None:
+    with open_offline(running, BOOK / "executed" / "claims.html", width=390, height=844) as opened:
+        box = opened.page.locator(".tl-ledger-controls").bounding_box()
+        assert box is not None
+        assert box["y"] < 2 * 844
+        assert opened.page.evaluate("document.documentElement.scrollHeight") < 15_000
+
+
+@needs_book
+@pytest.mark.parametrize("width", [390, 320])
+def test_the_cameras_of_a_plan_fit_on_a_phone(running: Browser, width: int) -> None:
+    with open_offline(running, BOOK / "executed" / "planner.html", width=width) as opened:
+        for box in opened.page.locator(".tl-layouts .tl-scroll").all():
+            assert box.evaluate("one => one.scrollWidth - one.clientWidth") <= 1
+
+
+@needs_book
 def test_home_answers_on_one_screen_and_ends_on_two(running: Browser) -> None:
     with open_offline(running, BOOK / "intro.html", height=800) as opened:
         page = opened.page

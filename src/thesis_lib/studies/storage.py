@@ -26,11 +26,13 @@ from thesis_lib.studies import effort
 from thesis_lib.studies.blocks import HELD_BYTES, Outline
 
 BITS = 13  # of a rounded mantissa: to 2⁻¹⁴, 0.006 %
+STEPS = 2**11  # at least, of a large variable's largest value: each is within 0.024 % of that
 _ROUNDED = {"_QuantizeBitRoundNumberOfSignificantBits": np.int32(BITS)}
 _HDF5 = threading.RLock()  # the HDF5 library crashes if two threads use it at once
 _LOADED_BYTES = 2**20  # variables of a large cube up to this size are read when it is opened
 _TEXTS: Any = {"decode_vlen_strings": True}  # to str, as xarray has it
 _PACKED = 100  # times that what a file holds may be larger than it
+_STEPPED_BYTES = 2**19  # above it, drawn numbers are stored as multiples of a step
 _STORED_BYTES = 2**18  # of a large variable are compressed together
 
 
@@ -50,8 +52,9 @@ def write(
     path : pathlib.Path
         Where to.
     compact : bool
-        Whether to compress it. Single precision, which is for what is drawn, is then rounded to
-        ``BITS`` bits of mantissa; the file says so itself.
+        Whether to compress it. Single precision, which is for what is drawn, is then rounded: to
+        ``BITS`` bits of mantissa, and what is large to multiples of a step, the largest value being
+        at least ``STEPS`` of them. The file says so itself, and any reader undoes it.
     steps : mapping, optional
         By variable: what its values are multiples of, to store them as whole numbers.
     """
@@ -62,7 +65,10 @@ def write(
     if compact:
         stored = {n: _compression(v) for n, v in small.variables.items()}
         encoding = {n: how | {"chunksizes": small[n].shape} for n, how in stored.items() if how}
-        small = small.assign({n: _rounded(v) for n, v in small.variables.items() if _is_drawn(v)})
+        drawn = {str(n): v for n, v in small.variables.items() if _is_drawn(v)}
+        by_steps = {n: _in_steps(least) for n, v in drawn.items() if (least := _step(v))}
+        encoding |= {n: encoding[n] | how for n, how in by_steps.items()}
+        small = small.assign({n: _rounded(v) for n, v in drawn.items() if n not in by_steps})
     for name, step in (steps or {}).items():
         whole = {"dtype": "int32", "scale_factor": step, "_FillValue": np.int32(-(2**31))}
         encoding[name] = encoding.get(name, {}) | whole
@@ -105,6 +111,24 @@ def _is_drawn(values: xr.Variable | xr.DataArray) -> bool:
     return values.dtype == np.float32 and values.size > 1
 
 
+def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
+    """What the values of a large variable are stored as multiples of: a power of two."""
+    if values.nbytes <= _STEPPED_BYTES:
+        return None
+    largest = max(  # a part at a time: it may be too large to be held
+        float(np.fmax.reduce(np.abs(values[i].values), axis=None, initial=0.0))
+        for i in range(values.shape[0])
+    )
+    if not 0 < largest < np.inf:
+        return None
+    return np.float32(2.0 ** math.floor(math.log2(largest / STEPS)))
+
+
+def _in_steps(step: np.float32) -> dict[str, Any]:
+    """How multiples of a step are stored, in the words of CF's packed data."""
+    return {"dtype": "int16", "scale_factor": step, "_FillValue": np.int16(-(2**15))}
+
+
 def _rounded(values: xr.Variable) -> xr.Variable:
     """A variable of which ``BITS`` bits of mantissa are left, and which says so."""
     return xr.Variable(values.dims, _nearest(values.values), values.attrs | _ROUNDED)
@@ -124,19 +148,26 @@ def _copy(values: xr.DataArray, file: h5netcdf.File, compact: bool) -> None:
     trial_bytes = max(1, values.nbytes // (values.sizes["trial"] * values.sizes["setting"]))
     step = min(values.sizes["trial"], max(1, _STORED_BYTES * values.sizes["mode"] // trial_bytes))
     encoding, rounded = {}, compact and _is_drawn(values)
+    stepped = _step(values) if rounded else None
+    kind, said = values.dtype, values.attrs | (_ROUNDED if rounded else {})
+    if stepped:
+        attributes = _in_steps(stepped)
+        kind, said = np.dtype(attributes.pop("dtype")), values.attrs | attributes
     if compact:  # what is stored together is written at once
         stored = [1 if dim in ("setting", "mode") else values.sizes[dim] for dim in values.dims]
         stored[along] = step
         encoding = {**_compression(values, 4), "chunks": tuple(stored)}
     dims = tuple(map(str, values.dims))
-    said = values.attrs | (_ROUNDED if rounded else {})
-    target = _created(file, str(values.name), dims, values.dtype, said, **encoding)
+    target = _created(file, str(values.name), dims, kind, said, **encoding)
     for setting in range(values.sizes["setting"]):
         for first in range(0, values.sizes["trial"], step):
             here = {"setting": setting, "trial": slice(first, first + step)}
             part = values.isel(here).values
             place = tuple(here.get(str(dim), slice(None)) for dim in values.dims)
-            target[place] = _nearest(part) if rounded else part
+            if stepped:
+                whole = np.rint(part / stepped)
+                part = np.where(np.isfinite(whole), whole, -(2**15)).astype(kind)
+            target[place] = _nearest(part) if rounded and not stepped else part
 
 
 def fill_in(outline: Outline, path: Path, seconds: Callable[[], float]) -> None:

@@ -2,7 +2,7 @@
 // Front end of thesis_lib.planning.layout_view in the form that static_html runs.
 import { asked, keep } from "./address.js";
 import { linkButton } from "./copy.js";
-import { heightOf, html, figure, fill, lines, path, resize, svg, text } from "./parts.js";
+import { figure, fill, followWidth, heightOf, html, lines, path, resize, svg, text } from "./parts.js";
 import { RAD, baseOf, cross, direction, dot, plus, sideways, times, trace, turnable } from "./space.js";
 
 const SHOWN = ["azimuth", "elevation", "distance", "focal length", "pixels"];
@@ -108,14 +108,7 @@ function render({ model, el }) {
   const first = Math.max(0, given("plan", plans.length)), chosen = given("option", plans[first].options.length);
   choosePlan(first, chosen < 0 ? undefined : chosen);
   which.box.value = first;
-  const observer = new ResizeObserver(() => requestAnimationFrame(() => {
-    const now = Math.round(panel.node.clientWidth) || 480;
-    if (now === width) return;
-    width = now;
-    draw();
-  }));
-  observer.observe(root);
-  return () => observer.disconnect();
+  return followWidth(root, panel.node, width, (now) => { width = now; draw(); });
 }
 
 export default { render };

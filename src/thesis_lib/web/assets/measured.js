@@ -1,7 +1,7 @@
 // A measured shape that moves in space, in colours by deflection, with the uncertainty of each marker as a whisker.
 // Front end of thesis_lib.measure.report.view in the form that static_html runs.
 import { createMotion } from "./motion.js";
-import { figure, fill, fixed, html, lines, path, resize, svg, text } from "./parts.js";
+import { figure, fill, fixed, followWidth, html, lines, path, resize, svg, text } from "./parts.js";
 import { RAD, cross, direction, dot, sideways, times, turnable } from "./space.js";
 
 const RISE = 0.14, STRONGEST = 3; // of the extent, as which the largest deflection is drawn; and what that may be multiplied by
@@ -74,14 +74,8 @@ function render({ model, el }) {
   motion.watch(panel.node);
   el.replaceChildren(root);
   draw();
-  const observer = new ResizeObserver(() => requestAnimationFrame(() => {
-    const now = Math.round(panel.node.clientWidth) || 480;
-    if (now === width) return;
-    width = now;
-    draw();
-  }));
-  observer.observe(root);
-  return () => { observer.disconnect(); motion.stop(); };
+  const unfollow = followWidth(root, panel.node, width, (now) => { width = now; draw(); });
+  return () => { unfollow(); motion.stop(); };
 }
 
 export default { render };

@@ -68,3 +68,13 @@ export function entitle({ canvas, caption }, study, role, words, strong = "", he
 export const heightOf = (width) => (width < 420 ? 270 : 310);
 export const resize = ({ canvas }, width, height) =>
   fill(canvas, { viewBox: `0 0 ${width} ${height}`, height });
+
+// Calls draw(width) when a node's width in px is no longer `width`; returns what ends that.
+export function followWidth(root, node, width, draw) {
+  const observer = new ResizeObserver(() => requestAnimationFrame(() => {
+    const now = Math.round(node.clientWidth) || width;
+    if (now !== width) draw((width = now));
+  }));
+  observer.observe(root);
+  return () => observer.disconnect();
+}

@@ -1,0 +1,139 @@
+"""The measured shape that moves in a report: what it shows is what was measured."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from browser import Opened, open_offline
+
+from thesis_lib.measure.report.view import shape_view
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+LENGTH, WIDTH = 0.4, 0.2  # m
+HEAD = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+Show = Callable[..., Any]
+
+
+@pytest.fixture
+def plate() -> xr.Dataset:
+    """Eighteen markers in rows; two have no result, and one lags by a quarter of a period."""
+    y, x = (one.ravel() for one in np.mgrid[0:WIDTH:3j, 0:LENGTH:6j])
+    deflection = 1e-3 * np.cos(np.pi * x / LENGTH)
+    deflection[[4, 9]] = np.nan
+    quadrature = np.where(np.isnan(deflection), np.nan, 0.0)
+    deflection[13], quadrature[13] = 0.0, 5e-4
+    return xr.Dataset(
+        {
+            "deflection": ("marker", deflection),
+            "quadrature": ("marker", quadrature),
+            "standard_error": ("marker", np.full(x.size, 1e-4)),
+            "frequency": 24.0,
+        },
+        coords={"x": ("marker", x), "y": ("marker", y)},
+    )
+
+
+@pytest.fixture
+def show(chromium: Browser, plate: xr.Dataset, tmp_path: Path) -> Show:
+    @contextmanager
+    def opened(**how: Any) -> Iterator[Opened]:
+        file = tmp_path / "view.html"
+        shown = f"{HEAD}<body>{shape_view(plate, (LENGTH, WIDTH))}"
+        file.write_text(shown, encoding="utf-8")
+        with open_offline(chromium, file, **how) as seen:
+            yield seen
+            assert seen.trouble == []
+            assert seen.sideways_px() <= 0
+
+    return opened
+
+
+def dots(opened: Opened) -> np.ndarray[Any, Any]:
+    """Where markers are drawn, (markers, 2) in px."""
+    places = "all => all.map(one => ['cx', 'cy'].map(name => Number(one.getAttribute(name))))"
+    return np.array(opened.page.locator(".tl-dot").evaluate_all(places))
+
+
+def put(opened: Opened, name: str, value: float) -> None:
+    opened.page.get_by_test_id(name).evaluate(
+        "(one, value) => { one.value = value; one.dispatchEvent(new Event('input')); }", value
+    )
+
+
+def test_markers_stand_and_move_as_they_were_measured(show: Show, plate: xr.Dataset) -> None:
+    known = np.flatnonzero(np.isfinite(plate["deflection"]))
+    turned = (plate["deflection"] + 1j * plate["quadrature"]).values[known]
+    with show() as opened:
+        put(opened, "strength", 0)
+        rest = dots(opened)
+        assert len(rest) == known.size == 16
+        on_grid = np.column_stack([plate["x"], plate["y"], np.ones(plate.sizes["marker"])])[known]
+        residual = np.linalg.lstsq(on_grid, rest)[0]
+        np.testing.assert_allclose(on_grid @ residual, rest, atol=0.1)  # seen from far away
+        put(opened, "strength", 2)
+        for degrees in (0, 90, 180, 250):
+            put(opened, "phase", degrees)
+            rise = rest - dots(opened)
+            np.testing.assert_allclose(rise[:, 0], 0, atol=0.11)
+            true = (turned * np.exp(1j * np.radians(degrees))).real
+            scale = (rise[:, 1] @ true) / (true @ true)
+            assert scale > 0
+            np.testing.assert_allclose(rise[:, 1], scale * true, atol=0.15)
+
+
+def test_whiskers_are_two_standard_errors_and_can_be_hidden(show: Show) -> None:
+    with show() as opened:
+        first = opened.page.locator(".tl-whisker").first
+        drawn = re.match(r"M\S+ ([\d.]+)V([\d.]+)M", str(first.get_attribute("d")))
+        assert drawn is not None
+        low, high = map(float, drawn.groups())
+        put(opened, "strength", 0)
+        rest = dots(opened)[0, 1]
+        put(opened, "strength", 1)
+        rise = rest - dots(opened)[0, 1]  # of 1 mm
+        assert low - high == pytest.approx(0.4 * rise, abs=0.25)
+        opened.page.get_by_test_id("whiskers").uncheck()
+        assert first.get_attribute("d") == ""
+
+
+def test_it_turns_by_keys_and_by_dragging_and_follows_the_width(show: Show) -> None:
+    with show() as opened:
+        canvas, first = opened.page.get_by_test_id("panel-a"), dots(opened)
+        canvas.focus()
+        opened.page.keyboard.press("ArrowRight")
+        assert np.abs(dots(opened) - first).max() > 2
+        opened.page.keyboard.press("ArrowLeft")
+        np.testing.assert_allclose(dots(opened), first, atol=0.11)
+        box = canvas.bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        opened.page.mouse.move(x, y)
+        opened.page.mouse.down()
+        opened.page.mouse.move(x + 60, y + 20)
+        opened.page.mouse.up()
+        assert np.abs(dots(opened) - first).max() > 10
+        opened.page.set_viewport_size({"width": 390, "height": 800})
+        opened.page.wait_for_function(
+            "() => document.querySelector('[data-testid=panel-a]').viewBox.baseVal.width < 400"
+        )
+        assert np.ptp(dots(opened)[:, 0]) < 390
+
+
+def test_it_moves_unless_no_movement_is_wanted(show: Show) -> None:
+    moved = "before => document.querySelector('.tl-dot').getAttribute('cy') !== before"
+    with show(still=False) as opened:
+        before = opened.page.locator(".tl-dot").first.get_attribute("cy")
+        opened.page.wait_for_function(moved, arg=before, timeout=10_000)
+    with show() as opened:
+        before = dots(opened)
+        opened.page.wait_for_timeout(300)
+        np.testing.assert_array_equal(dots(opened), before)
