@@ -10,7 +10,7 @@ AREAS = {
     "Acoustics": "radiation planes quadrature radiating sound sound_sum sound_turn",
     "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
     "The experiment": "scene lens render media corners calibration adjustment synchronisation "
-    "listening tracking reconstruction laboratory experiment_study lab_layouts lab_motions",
+    "listening tracking reconstruction laboratory tapped experiment_study lab_layouts lab_motions",
     "Own recordings": "feasibility modes measuring measure result own_recordings foreign exchange "
     "paper sync",
     "Beyond the thesis": "rounding design_law dither polytope interval "

@@ -11,14 +11,15 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import alias, candidates
 from thesis_lib.measure.modes.clocks import lags, paces
+from thesis_lib.measure.modes.outliers import without_outliers, without_strays
 from thesis_lib.measure.modes.poles import (
     Block,
     Poles,
     block_of,
-    coefficients,
     columns,
     filled,
     fitted,
+    seen_fit,
 )
 from thesis_lib.measure.modes.search import beside, reach, search, span_of
 from thesis_lib.measure.modes.shapes import Rest, shapes, straightened
@@ -29,7 +30,7 @@ MOST = 8  # modes that are sought if their number is not given
 FURTHER = 2  # further modes that are tried, to see which hold
 FEWEST = 3  # markers that tell a shape
 LEFT = ("amplitude", "deviation", "excess", "turn")
-ROUNDS = 2  # times that what is not linear is taken away
+ROUNDS = 3  # times that outliers, and what is not linear, are taken away
 
 
 class ModalError(ValueError):
@@ -75,7 +76,7 @@ class Modes:
     orders: tuple[Poles, ...]  #: Fits with one mode, two modes, …
     before: Spectrum  #: Of all tracks
     after: Spectrum  #: Of what the modes leave
-    noise: float  #: Scatter of a coordinate about the modes, px
+    noise: float  #: Usual scatter of a coordinate about the modes, px
 
     @property
     def poles(self) -> ComplexArray:
@@ -104,6 +105,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         recording resolves, or it has fewer frames than they need.
     """
     most = len(asked.given) or asked.count or MOST
+    tracks = [without_strays(track, rest.places) for track in tracks]
     _check(tracks, asked, most)
     zero = min(float(track.times[0]) for track in tracks)
     noise = [np.ones(2 * track.uv.shape[2]) for track in tracks]
@@ -124,7 +126,16 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         found = shapes(own, blocks, poles, rest)
         if turn < ROUNDS:
             more, errors = lags(found, poles)
-            late, pace = late + more, pace / (1 + paces(poles, span_of(blocks)))
+            if turn:  # the first fit may rest on outliers
+                late, pace = late + more, pace / (1 + paces(poles, span_of(blocks)))
+            kept = [
+                without_outliers(track, block, poles.rates, rest.places)
+                for track, block in zip(own, blocks, strict=True)
+            ]
+            tracks = [
+                replace(track, uv=np.where(np.isfinite(one.uv), track.uv, np.nan))
+                for track, one in zip(tracks, kept, strict=True)
+            ]
             moved = [
                 track.shifted(float(by), float(rate), zero + span_of(blocks) / 2)
                 for track, by, rate in zip(tracks, late, pace, strict=True)
@@ -154,7 +165,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         orders=tuple(orders),
         before=spectrum(blocks, np.empty((0, 2)), asked.band),
         after=spectrum(blocks, poles.rates, asked.band),
-        noise=float(np.sqrt(np.nanmean(np.concatenate(noise) ** 2))),
+        noise=float(np.nanmedian(np.concatenate(noise))),
     )
 
 
@@ -184,7 +195,7 @@ def _block(track: Track, zero: float, noise: Array) -> Block:
 def _scatter(block: Block, poles: Poles) -> Array:
     """Scatter of each series about the modes, px; NaN of one that is hardly seen."""
     B = columns(block.times, poles.rates)
-    left = block.values - B @ coefficients(B, block.values)
+    left = block.values - B @ seen_fit(B, block)[0]
     count = block.known.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         sigma = np.sqrt(np.sum(np.where(block.known, left, 0) ** 2, axis=0) / (count - B.shape[1]))

@@ -89,11 +89,25 @@ def filled(block: Block, rates: Array, series: int = SERIES) -> Block:
     if block.known.all():
         return block
     B = columns(block.times, rates)
-    values = block.values
-    for _ in range(3):
-        fit = B @ coefficients(B, values)
-        values = np.where(block.known, values, fit)
+    values = np.where(block.known, block.values, B @ seen_fit(B, block)[0])
     return replace(block, values=values, principal=principal(values, series))
+
+
+def seen_fit(B: Array, block: Block) -> tuple[Array, Array]:
+    """Coefficients of columns by what is seen, (n, series), and covariances for a noise of one.
+
+    The latter have shape (series, n, n), and are infinite where too little is seen.
+    """
+    n, known = B.shape[1], block.known
+    if known.all():
+        alike = np.linalg.inv(B.T @ B)
+        return coefficients(B, block.values), np.broadcast_to(alike, (known.shape[1], n, n))
+    matrix = np.einsum("ti,tj,ts->sij", B, B, known.astype(float), optimize=True)
+    enough = known.sum(axis=0) >= n + 2
+    inverse = np.linalg.inv(np.where(enough[:, None, None], matrix, np.eye(n)))
+    right = B.T @ np.where(known, block.values, 0.0)
+    found = np.where(enough, np.einsum("sij,js->is", inverse, right), 0.0)
+    return found, np.where(enough[:, None, None], inverse, np.inf)
 
 
 def columns(times: Array, rates: Array) -> Array:

@@ -10,7 +10,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.modes.poles import Block, Poles, filled, fitted, left_of
 from thesis_lib.measure.modes.spectra import Spectrum, spectrum
 
-STANDS_OUT = 6.0  # power of a line over the noise about it, from which on it is a mode
+STANDS_OUT = 4.0  # power of a line over the noise about it, from which on it is a mode
 DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0)  # trial decays over the length of the recording
 WITHIN = 0.01  # of a given frequency, within which its line is sought
 NEAR = 1.0  # of one over that length, within which two modes are not told apart
@@ -74,9 +74,8 @@ def strongest(
     clear = np.all(np.abs(seen.frequency[:, None] - rates[:, 1] / (2 * np.pi)) > apart, axis=1)
     if near is not None:
         clear &= np.abs(seen.frequency - near) <= reach(near, span_of(blocks))
-    floor = float(np.median(seen.power))
     power = np.where(clear, seen.power, 0.0)
-    if not power.size or not power.max() > STANDS_OUT * floor:
+    if not power.size or not power.max() > STANDS_OUT:
         return None
     return Spectrum(seen.frequency, power).peak[0]
 
@@ -88,10 +87,10 @@ def beside(blocks: Sequence[Block], poles: Poles, band: tuple[float, float]) -> 
     that is not steady.
     """
     seen = spectrum(blocks, poles.rates, band)
-    floor, apart = float(np.median(seen.power)), 2 * NEAR / span_of(blocks)
+    apart = 2 * NEAR / span_of(blocks)
     hertz = poles.rates[:, 1] / (2 * np.pi)
     near = np.abs(seen.frequency[:, None] - hertz) <= apart
-    return np.asarray(np.max(np.where(near, seen.power[:, None], 0.0), axis=0) / floor, float)
+    return np.asarray(np.max(np.where(near, seen.power[:, None], 0.0), axis=0), float)
 
 
 def span_of(blocks: Sequence[Block]) -> float:

@@ -17,11 +17,13 @@ from thesis_lib.measure.fitting.clocks import late
 from thesis_lib.measure.fitting.consistency import excess, held_back, in_plane
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, deviation
 from thesis_lib.measure.fitting.reconstruction import Frame
-from thesis_lib.measure.modes.poles import Block, Poles, coefficients, columns
+from thesis_lib.measure.modes.poles import Block, Poles, columns, seen_fit
 from thesis_lib.measure.modes.tracks import Track
 from thesis_lib.vision.lens import projection_matrices
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import jacobian
+
+LOOSE = 8.0  # times the usual error, from which on a camera has no part in a marker's result
 
 
 @dataclass(frozen=True)
@@ -56,26 +58,27 @@ def images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
     """Each mode in one camera's pictures, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
     B = columns(block.times, poles.rates)
-    values = block.values * block.scale
-    fit = coefficients(B, values)
-    left = np.where(block.known, values - B @ fit, 0.0)
+    fit, inverse = seen_fit(B, block)
+    left = np.where(block.known, block.values - B @ fit, 0.0)
     count = block.known.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        sigma = np.sqrt(np.sum(left**2, axis=0) / (count - B.shape[1]))
+        sigma = np.sqrt(np.sum(left**2, axis=0) / (count - B.shape[1])) * block.scale
     sigma = np.where(count >= B.shape[1] + 2, sigma, np.nan).reshape(2, markers)
-    inverse = np.linalg.inv(B.T @ B)
-    seen = len(block.times) / np.maximum(count, 1).reshape(2, markers)
+    fit = fit * block.scale
     found = []
     for k, rate in enumerate(poles.rates):
         own = slice(2 * k + 1, 2 * k + 3)
         cosine, sine = fit[own].reshape(2, 2, markers)
         pole = complex(-rate[0], rate[1])
         factor = np.exp(-pole * track.usual) / blurred(rate, track.exposure)
-        a = np.where(np.isfinite(sigma), (cosine - 1j * sine) * factor, np.nan)
+        part = 0.5 * np.trace(inverse[:, own, own], axis1=1, axis2=2).reshape(2, markers)
+        error = np.where(np.isfinite(sigma), sigma * np.sqrt(part), np.nan).max(axis=0)
+        clear = np.isfinite(error) & (error <= LOOSE * np.nanmedian(error))
+        a = np.where(clear, (cosine - 1j * sine) * factor, np.nan)
         spread = np.zeros((3, 3, 2, markers))
-        part = 0.5 * np.trace(inverse[own, own]) * np.abs(factor) ** 2 * seen
-        spread[1, 1] = spread[2, 2] = part
-        found.append(Harmonics(np.stack([np.zeros_like(a.real), a.real, -a.imag]), spread, sigma))
+        spread[1, 1] = spread[2, 2] = part * np.abs(factor) ** 2
+        value = np.stack([np.zeros_like(a.real), a.real, -a.imag])
+        found.append(Harmonics(value, spread, np.where(clear, sigma, np.nan)))
     return found
 
 
@@ -124,5 +127,4 @@ def straightened(
     linear = slope * height(track.usual[None])[:, None]
     lifted = rest.points[:, None] + normal[:, None, None] * height(np.nan_to_num(track.late))
     true = np.moveaxis(project(P, lifted)[0], 0, 1) - project(P, rest.points)[0]
-    rows = track.uv[:, 1] if track.rows is None else track.rows
-    return replace(track, uv=track.uv - (true - linear), rows=rows)
+    return replace(track, uv=track.uv - (true - linear), rows=track.seen_rows)

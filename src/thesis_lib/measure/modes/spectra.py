@@ -1,8 +1,9 @@
 """Where modes may be: the spectrum of all cameras together, over true frequencies.
 
 A tone of f shows in a camera's frames at its alias. Taken at the times of the frames, e^{−2πjft}
-finds it there whatever f is; so the powers of cameras with unlike rates add up at the true
-frequency alone. Times are put on a grid so fine that an ordinary Fourier transform serves.
+finds it there whatever f is; so all cameras, even of unlike rates, have a line at the true
+frequency, and there alone: the geometric mean of their powers over noise tells. Times are put on a
+grid so fine that an ordinary Fourier transform serves.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.modes.poles import Block, left_of
 
 FINE = 8  # grid points between frames; and in a period of the highest frequency
+TINY = 1e-12
 PAD = 4  # points of the spectrum in one over the length of the recording
 
 
@@ -25,25 +27,24 @@ class Spectrum:
     """Power over frequency of what is left."""
 
     frequency: Array  #: Hz
-    power: Array  #: Sum over all cameras' series, noise being its median
+    power: Array  #: Over the noise, each camera's median; the geometric mean of all cameras
 
     @property
     def peak(self) -> tuple[float, float]:
         """Frequency of the strongest line in Hz, the lowest of equals, and its power over noise."""
-        floor = float(np.median(self.power))
         top = float(self.power.max())
         first = int(np.flatnonzero(self.power >= 0.98 * top)[0])
         last = first
         while last + 1 < len(self.power) and self.power[last + 1] >= self.power[last]:
             last += 1
-        return float(self.frequency[last]), top / floor if floor else np.inf
+        return float(self.frequency[last]), top
 
 
 def spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -> Spectrum:
     """The spectrum in a band in Hz of what the poles leave of the tracks."""
     span = max(float(np.ptp(block.times)) for block in blocks)
     even = np.arange(band[0], band[1], 1 / (PAD * span))
-    power = np.zeros_like(even)
+    logs = np.zeros_like(even)
     for block in blocks:
         left = left_of(block, rates)
         step = float(np.median(np.diff(block.times))) / FINE
@@ -53,5 +54,6 @@ def spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -
         grid = np.zeros((length, left.shape[1]))
         np.add.at(grid, place, left)
         lines = np.sum(np.abs(rfft(grid, axis=0)) ** 2, axis=1) / len(left)
-        power += np.interp(even, np.arange(len(lines)) / (length * step), lines)
-    return Spectrum(even, power)
+        own = np.interp(even, np.arange(len(lines)) / (length * step), lines)
+        logs += np.log(np.maximum(own / max(float(np.median(own)), TINY), TINY))
+    return Spectrum(even, np.exp(logs / len(blocks)))

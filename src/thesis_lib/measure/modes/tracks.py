@@ -24,10 +24,14 @@ class Track:
     rows: Array | None = None  #: Rows with distortion, px, (frames, markers); None: those of `uv`
 
     @property
+    def seen_rows(self) -> Array:
+        """Rows in which the centres were seen, px, shape (frames, markers)."""
+        return self.uv[:, 1] if self.rows is None else self.rows
+
+    @property
     def late(self) -> Array:
         """By how much each centre was seen after its frame's time, s, shape (frames, markers)."""
-        rows = self.uv[:, 1] if self.rows is None else self.rows
-        return np.asarray(self.readout * (rows / self.camera.size[1] - 0.5), float)
+        return np.asarray(self.readout * (self.seen_rows / self.camera.size[1] - 0.5), float)
 
     @property
     def usual(self) -> Array:

@@ -1,0 +1,207 @@
+"""A structure that is tapped and rings, and cameras with rolling shutters that film it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.laboratory.direct import Seen, true_view
+from thesis_lib.laboratory.render import BeamView, Light, Sensor, light_of
+from thesis_lib.laboratory.rig import Rig
+from thesis_lib.measure.fitting.harmonics import mean_of
+from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
+from thesis_lib.measure.modes.shapes import Rest
+from thesis_lib.measure.modes.tracks import Track
+from thesis_lib.measure.recordings.markers import Markers, on_surface
+from thesis_lib.measure.tracking.homography import as_dark
+from thesis_lib.measure.tracking.tracker import Tracker, sharpen
+from thesis_lib.studies.parallel import abreast
+from thesis_lib.vibration.motion import Component, Motion
+from thesis_lib.vibration.structure import Structure
+from thesis_lib.vision import lens
+from thesis_lib.vision.lens import Camera
+
+
+@dataclass(frozen=True)
+class Tapped(Motion):
+    """A structure at rest that is tapped once, and rings in its modes.
+
+    The tap is a half sine of `impulse`, from `start` and `ramp` long, at `point`. Every mode of
+    angular frequency ω and damping ratio ζ answers as q̈ + 2ζω q̇ + ω² q = φ(point) F / m.
+    """
+
+    impulse: float = 0.01  #: N s
+    point: tuple[float, float] = (0.0, 0.0)  #: Where it is tapped, m
+    damping: tuple[float, ...] = ()  #: Damping ratio of each component
+
+    @property
+    def poles(self) -> ComplexArray:
+        """λ = ω (−ζ + j √(1 − ζ²)) of every mode, 1/s, shape (components,)."""
+        omega = 2 * np.pi * np.array([part.frequency for part in self.components])
+        zeta = np.array(self.damping)
+        return np.asarray(omega * (1j * np.sqrt(1 - zeta**2) - zeta), complex)
+
+    def coordinates(self, times: ArrayLike) -> Array:
+        """Displacement of each mode where its shape is 1, shape (components, ...), m."""
+        t = np.asarray(times, float) - self.start
+        return np.stack([gain * _answer(pole, t, self.ramp).imag for pole, gain in self._gains()])
+
+    def force(self, times: ArrayLike) -> Array:
+        """Force of the tap in N."""
+        t = np.asarray(times, float) - self.start
+        inside = (t >= 0) & (t <= self.ramp)
+        return np.where(inside, self._peak * np.sin(np.pi * t / self.ramp), 0.0)
+
+    def amplitudes(self, points: ArrayLike, at: float) -> ComplexArray:
+        """Complex shapes of the free modes at points (2, n), m, e^{λ (t − at)}: (components, n)."""
+        shapes, since = self.shapes(points), at - self.start
+        size = [
+            -1j * gain * _answer(pole, np.array(since), self.ramp) for pole, gain in self._gains()
+        ]
+        return np.asarray(np.array(size)[:, None] * shapes, complex)
+
+    @property
+    def _peak(self) -> float:
+        return self.impulse * np.pi / (2 * self.ramp)
+
+    def _gains(self) -> list[tuple[complex, float]]:
+        """Pole of each mode, and what a force of 1 N makes of its exponential's imaginary part."""
+        place, found = np.array(self.point)[:, None], []
+        for part, pole in zip(self.components, self.poles, strict=True):
+            drive = float(part.shape(self.structure, place)[0])
+            mass = self.structure.mass / self.structure.shape_peak(part.mode) ** 2
+            found.append((complex(pole), self._peak * drive / (mass * pole.imag)))
+        return found
+
+
+def _answer(pole: complex, t: Array, length: float) -> ComplexArray:
+    """∫ sin(πs/T) e^{λ(t − s)} ds over the part of a pulse of length T that is past."""
+    kappa, until = np.pi / length, np.clip(t, 0, length)
+    past = -(pole * np.sin(kappa * until) + kappa * np.cos(kappa * until)) * np.exp(
+        pole * (np.maximum(t, 0) - until)
+    )
+    return np.asarray((past + kappa * np.exp(pole * np.maximum(t, 0))) / (pole**2 + kappa**2))
+
+
+def tapped(
+    rig: Rig,
+    modes: int | tuple[int, ...],
+    damping: tuple[float, ...],
+    point: tuple[float, float],
+    *,
+    rest: float = 0.3,
+    seconds: float = 2.0,
+    rates: tuple[float, ...] = (),
+    impulse: float = 0.01,
+    pulse: float = 0.002,
+) -> Rig:
+    """The rig with a structure that is tapped after some rest, filmed for some seconds in all.
+
+    Parameters
+    ----------
+    rig : Rig
+        Cameras, structure and markers.
+    modes : int or tuple of int
+        How many of the structure's first modes ring, or which.
+    damping : tuple of float
+        Damping ratio of each.
+    point : tuple of float
+        Where it is tapped, m.
+    rest, seconds : float
+        When the tap begins after the last camera's start, and the length of the recordings, s.
+    rates : tuple of float
+        Frames per second of each camera; those of the rig if there are none.
+    impulse, pulse : float
+        Of the tap in N s, and its length in s.
+    """
+    structure: Structure = rig.motion.structure
+    numbers = range(1, modes + 1) if isinstance(modes, int) else modes
+    omega = structure.angular_frequencies(max(numbers))
+    parts = tuple(
+        Component("bending", n, frequency=float(omega[n - 1]) / (2 * np.pi)) for n in numbers
+    )
+    given = rates or tuple(station.frame_rate for station in rig.stations)
+    stations = tuple(
+        replace(station, frame_rate=rate) for station, rate in zip(rig.stations, given, strict=True)
+    )
+    begin = max(station.start for station in stations) + rest
+    motion = Tapped(structure, parts, begin, pulse, impulse, point, damping)
+    return replace(rig, stations=stations, motion=motion, duration=seconds)
+
+
+class RollingView(BeamView):
+    """A camera whose rows are exposed one after the other: each point at the time of its row."""
+
+    def __init__(
+        self, camera: Camera, markers: Markers, motion: Motion, sensor: Sensor, readout: float
+    ) -> None:
+        super().__init__(camera, markers, motion, sensor)
+        self.readout = readout
+        rest = lens.project(camera, on_surface(markers.extent, self.points))
+        self.late = readout * (rest[1] / camera.size[1] - 0.5)
+
+    def light(self, time: float) -> Light:
+        """What the sensor collects around a time in s of the motion, the middle row's."""
+        samples, late = self.sensor.samples, self.late
+        within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
+        for _ in range(2):  # a moving point is seen at the time of the row where it is then
+            at = time + within[:, None] + late
+            deflection = np.einsum("kn,ksn->sn", self.shapes, self.motion.coordinates(at))
+            uv = lens.project(self.camera, on_surface(self.markers.extent, self.points[:, None],
+                                                      deflection))  # fmt: skip
+            late = self.readout * (uv[1].mean(axis=0) / self.camera.size[1] - 0.5)
+        return light_of(uv, self.polygons, self.camera.size, self.sensor)
+
+
+def filmed(rig: Rig, readout: float = 0.0) -> list[Seen]:
+    """What every camera sees, rendered and tracked; rows are read in `readout` s."""
+
+    def one(index: int) -> Seen:
+        station, markers = rig.stations[index], rig.markers
+        view = RollingView(station.camera, markers, rig.motion, station.sensor, readout)
+        times = station.start + np.arange(int(rig.duration * station.frame_rate)) / (
+            station.frame_rate
+        )
+        found = []
+        tracker = None
+        for k, time in enumerate(times):
+            image = as_dark(view.frame(float(time), rig.generator(1, index, k)), markers)
+            tracker = tracker or Tracker(sharpen(image, true_view(station.camera, markers)), 0.0)
+            found.append(tracker.centres(image))
+        centres = np.array(found)
+        return Seen(times, centres, np.full_like(centres, np.nan))
+
+    return abreast(one, range(len(rig.stations)))
+
+
+def ringing(
+    rig: Rig, found: list[Seen], readout: float = 0.0, begin: float | None = None
+) -> tuple[list[Track], Rest]:
+    """Tracks of the free vibration after the tap, and the markers at rest before it.
+
+    They begin where the tap ends, if not given.
+    """
+    first = rig.motion.steady if begin is None else begin
+    tracks, still = [], []
+    for station, own in zip(rig.stations, found, strict=True):
+        uv = lens.undistorted_tracks(station.camera, own.centres)
+        still.append(mean_of(uv[own.times < rig.motion.start - abs(readout)]))
+        ring = own.times > first + abs(readout) + station.sensor.exposure
+        tracks.append(
+            Track(
+                station.camera,
+                own.times[ring],
+                uv[ring],
+                station.sensor.exposure,
+                readout,
+                own.centres[ring, 1],
+            )
+        )
+    images = np.array(still)
+    frame = checked_frame(rig.cameras, images, rig.markers)
+    points, _ = triangulate_seen(lens.projection_matrices(rig.cameras), images)
+    thick = float(getattr(rig.motion.structure, "thickness", 0.0))
+    return tracks, Rest(images, frame, points, rig.markers.centres, thick)

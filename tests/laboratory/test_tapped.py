@@ -1,0 +1,79 @@
+"""A tapped structure against its equation of motion, rolling shutters, and modes found in it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes.modes import BEAM, DIRECTIONS
+from scipy.integrate import quad, solve_ivp
+
+from thesis_lib.laboratory.render import BeamView, Sensor
+from thesis_lib.laboratory.rig import default_rig
+from thesis_lib.laboratory.tapped import RollingView, filmed, ringing, tapped
+from thesis_lib.measure.modes.identify import Asked, assurance, identify
+from thesis_lib.measure.recordings.markers import rows_on
+
+POINT = (0.3 * BEAM.length, BEAM.width / 2)
+MARKERS = rows_on(replace(BEAM, n_markers=12, marker_spacing=0.05), diameter=0.008, hole=None)
+DAMPING = (0.012, 0.006, 0.002)
+
+
+def small(**given):
+    sensor = Sensor(exposure=1 / 1000, samples=3, shot=0.02, read=0.7)
+    own = default_rig(BEAM, DIRECTIONS[:3], size=(1280, 720), sensor=sensor, markers=MARKERS)
+    return tapped(own, 3, DAMPING, POINT, **given)
+
+
+def test_a_tap_against_its_equation_of_motion():
+    motion = small(impulse=0.02, pulse=0.004).motion
+    shapes = BEAM.mode_shapes([1, 2, 3], np.array(POINT)[:, None])[:, 0]
+    omega = BEAM.angular_frequencies(3)
+    times = motion.start + np.linspace(0, 0.2, 50)
+
+    def moves(t, y):
+        force = float(motion.force(np.array(t)))
+        pull = shapes * force / BEAM.mass - 2 * np.array(DAMPING) * omega * y[3:]
+        return np.concatenate([y[3:], pull - omega**2 * y[:3]])
+
+    found = solve_ivp(moves, (times[0], times[-1]), np.zeros(6), t_eval=times, max_step=5e-4,
+                      rtol=1e-9, atol=1e-14)  # fmt: skip
+    points = np.array([[0.2, BEAM.length], [0.01, 0.02]])
+    expected = found.y[:3].T @ BEAM.mode_shapes([1, 2, 3], points)
+    np.testing.assert_allclose(
+        motion.deflection(points, times), expected, atol=1e-6 * np.abs(expected).max()
+    )
+    force, _ = quad(lambda t: float(motion.force(np.array(t))), motion.start, motion.steady)
+    assert force == pytest.approx(0.02, rel=1e-6)
+    assert np.all(motion.coordinates(motion.start - np.array([1.0, 0.01])) == 0)
+
+
+def test_what_rings_on_is_the_sum_of_its_modes():
+    motion = small().motion
+    points, at = np.array([[0.3, 0.6], [0.01, 0.02]]), motion.steady + 0.013
+    times = motion.steady + np.linspace(0, 1, 40)
+    decay = np.exp(motion.poles[:, None] * (times - at))
+    expected = np.real(np.einsum("kp,kt->tp", motion.amplitudes(points, at), decay))
+    np.testing.assert_allclose(motion.deflection(points, times), expected, atol=1e-15)
+
+
+def test_rows_that_are_read_at_once_are_the_usual_picture():
+    own = small()
+    station, when = own.stations[0], own.motion.steady + 0.04
+    given = (station.camera, own.markers, own.motion, station.sensor)
+    usual = BeamView(*given).frame(when)
+    assert np.array_equal(RollingView(*given, 0.0).frame(when), usual)
+    assert not np.array_equal(RollingView(*given, 0.01).frame(when), usual)
+
+
+@pytest.mark.slow
+def test_three_modes_of_a_rendered_beam():
+    """A tap, three cameras at 60, 50 and 29.97 frames per second, rows read one by one."""
+    own = small(rates=(60.0, 50.0, 29.97), impulse=0.02, seconds=1.6, rest=0.15)
+    found = identify(*ringing(own, filmed(own, 0.008), 0.008), Asked((2.0, 130.0), 3))
+    motion = own.motion
+    true = motion.amplitudes(own.markers.centres, found.zero)
+    hertz = np.array([part.frequency for part in motion.components])
+    np.testing.assert_allclose(found.frequency, hertz, rtol=1e-3)
+    np.testing.assert_allclose(found.damping, DAMPING, rtol=0.05)
+    for measured, expected in zip(found.shape, true, strict=True):
+        assert assurance([measured, expected])[0, 1] > 0.999
