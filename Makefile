@@ -10,7 +10,11 @@ UV := $(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps
 WHEELS := --only-binary :all: --require-hashes
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --nbval tests notebooks
+# Three on two processors: tests also wait, for kernels and browsers.
+WORKERS ?= 3
+PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder --longest-first \
+	--nbval tests $(NOTEBOOKS)
+NOTEBOOKS := notebooks/beam-distance.ipynb notebooks/sound-distance.ipynb
 
 BROWSED = $(shell grep -rl --include='test_*.py' open_offline tests)
 
@@ -25,14 +29,15 @@ pdf: book $(ALL)  ## the book as one PDF, in build; needs Chromium
 test: check  ## what a contributor needs, in minutes and without a book
 	$(PYTEST) -m "not (slow or book or nightly)"
 
-test-all: check book  ## all tests, those of the rendered book and all notebooks included
+test-all: check book  ## all tests, those of the rendered book included
 	$(PYTEST) -m "not nightly" --conformance build/conformance.json --times
 
 quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the nearest first
 	$(BIN)/python tests/quick.py
 
-test-nightly: book $(ALL)  ## what takes an hour: thousands of inputs, kills at every step
+test-nightly: book $(ALL)  ## what takes an hour: thousands of inputs, kills at every step, all notebooks
 	$(PYTEST) -m nightly
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --nbval notebooks
 
 test-javascript: book $(ALL)  ## whether tests execute 95 % of our JavaScript, as Chromium counts
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(BROWSED) --javascript 95

@@ -14,8 +14,6 @@ hypothesis.settings.register_profile("project", deadline=None)  # other jobs may
 hypothesis.settings.load_profile("project")
 os.environ.update(fixed())  # before NumPy is imported, as every command does
 
-QUICK_NOTEBOOKS = ("beam-distance", "sound-distance")  # the book executes all
-
 
 def pytest_configure(config: pytest.Config) -> None:
     """Sanitise the notebooks' outputs, and execute them by the kernel that runs have.
@@ -43,11 +41,3 @@ def _own_kernel(config: pytest.Config) -> None:
         empty = Path(folder.name) / name.lower()
         empty.mkdir()
         os.environ[f"JUPYTER_{name}"] = str(empty)
-
-
-@pytest.hookimpl(tryfirst=True)  # before -m chooses
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark all notebooks but two: the others take long, or their like is quicker."""
-    for item in items:
-        if item.path.suffix == ".ipynb" and item.path.stem not in QUICK_NOTEBOOKS:
-            item.add_marker("slow")

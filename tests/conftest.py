@@ -37,7 +37,7 @@ class Checkout:
     def __init__(self, root: Path) -> None:
         self.root = root
         root.mkdir(parents=True)
-        ignored = shutil.ignore_patterns("__pycache__", "results", ".ipynb_checkpoints")
+        ignored = shutil.ignore_patterns("results", ".ipynb_checkpoints")  # what is compiled stays
         for part in PARTS:
             if (PROJECT / part).is_dir():
                 shutil.copytree(PROJECT / part, root / part, ignore=ignored)

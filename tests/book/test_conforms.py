@@ -272,6 +272,7 @@ def test_the_head_tells_what_is_slow_and_what_only_the_night_runs(tmp_path):
     assert len(rows) == 1
 
 
+@pytest.mark.slow
 def test_tests_of_the_night_are_those_that_pytest_leaves_out():
     chosen = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
     done = subprocess.run(

@@ -127,6 +127,24 @@ def test_every_number_of_the_tables_counts(name):
             assert all(sanitised(text) == text for text in texts(cell))
 
 
+def told(cell: nbformat.NotebookNode) -> list[str]:
+    """What nbval compares of a cell: all that it printed, and the text of its results."""
+    printed = "".join(output.text for output in cell.outputs if "text" in output)
+    kinds = [sorted(output.get("data", {}).items()) for output in cell.outputs]
+    shown = [text for each in kinds for kind, text in each if kind.startswith("text/")]
+    return [sanitised(text) for text in (printed, *shown)]
+
+
+@pytest.mark.book
+@pytest.mark.parametrize("name", STUDIES)
+def test_executed_for_the_book_it_told_what_is_committed(name):
+    """As nbval finds, which executes it once more: two in `make test`, all of them at night."""
+    executed = {cell.id: cell for cell in cells(PROJECT / "book" / "executed" / f"{name}.ipynb")}
+    for cell in committed(name):
+        if "nbval-ignore-output" not in cell.metadata.get("tags", []):
+            assert told(executed[cell.id]) == told(cell), cell.id
+
+
 # Steps.
 
 

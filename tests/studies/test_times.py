@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import doctest
+from types import SimpleNamespace
 
 import pytest
+from times import pytest_collection_modifyitems as ordered
 
 from thesis_lib.book.pieces import times as page
 from thesis_lib.studies import times
@@ -28,6 +30,14 @@ def test_what_ran_last_counts_and_the_rest_is_kept(monkeypatch):
     assert times.read(times.published_path()) == known
     assert "| `planner` | 60.0 | 6000 |" in page.piece()
     assert "all of them take 1 min" in page.piece()
+
+
+def test_files_that_take_longest_begin_first():
+    times.write(times.published_path(), {"book": {}, "tests": {"b.py": (1, 1), "c.py": (9, 1)}})
+    items = [SimpleNamespace(nodeid=name) for name in ("a.py::x", "b.py::y", "c.py::z", "c.py::w")]
+    for asked, expected in ((False, "xyzw"), (True, "zwyx")):
+        ordered(SimpleNamespace(getoption=lambda _, asked=asked: asked), items)
+        assert "".join(one.nodeid[-1] for one in items) == expected
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"book": 3}', '{"book": {"a": [1]}}', "[" * 9999])

@@ -63,11 +63,16 @@ def test_shifts_are_uniform_over_a_pixel_and_independent(conforms):
     conforms.sampled(np.max(np.abs(correlation)), below=0.07)
 
 
-KNOWN = [pytest.param(name, "known", marks=pytest.mark.slow) for name in STUDIES[1:]]
+QUICK = {("beam-distance", "known"), *((name, "rebuilt") for name in STUDIES[:3])}
 
 
 @pytest.mark.parametrize(
-    ("name", "rest"), [*((name, "rebuilt") for name in STUDIES), (STUDIES[0], "known"), *KNOWN]
+    ("name", "rest"),
+    [
+        pytest.param(name, rest, marks=[pytest.mark.slow] * ((name, rest) not in QUICK))
+        for name in STUDIES
+        for rest in ("rebuilt", "known")
+    ],
 )
 def test_predicted_error_is_the_rms_over_trials(conforms, name, rest):
     cube = studies.run(validate(name, {"trials": 2000, "rest": rest}))
