@@ -14,7 +14,7 @@ from thesis_lib.cli import cli
 from thesis_lib.files import project_root
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.limits import THRESHOLDS
-from thesis_lib.measure.recordings.manifest import _model_at, read_manifest
+from thesis_lib.measure.recordings.manifest import _model_at, read_manifest, write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.studies import vocabulary
 
@@ -158,8 +158,17 @@ def test_the_plate_on_the_page_takes_the_beams_place(tmp_path):
     assert structure.markers.rows * structure.markers.columns == 96
 
 
-def test_large_numbers_are_text_in_yaml_as_the_page_says():
-    assert yaml.safe_load("[2.1e+11, 210e9]") == [2.1e11, "210e9"]
+def test_large_numbers_may_have_a_power_of_ten_as_the_page_says(tmp_path):
+    (text, _) = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL)
+    for number in ("210e9", "2.1E+11", "2.1e+11"):
+        (tmp_path / "m.yaml").write_text(text.replace("2.1e+11", number), encoding="utf-8")
+        read = read_manifest(tmp_path / "m.yaml", check_files=False)
+        assert read.structure.youngs_modulus_pa == 2.1e11
+    named = read.model_copy(
+        update={"cameras": (read.cameras[0].model_copy(update={"name": "2e1"}), read.cameras[1])}
+    )
+    write_manifest(named, tmp_path / "again.yaml")
+    assert read_manifest(tmp_path / "again.yaml", check_files=False) == named
 
 
 def test_commands_on_the_page_exist():

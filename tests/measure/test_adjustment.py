@@ -99,7 +99,7 @@ def test_the_world_is_the_first_shots_board(conforms):
 def test_from_corners_as_found_to_a_rig_within_a_fifth_of_a_millimetre(conforms):
     shots = as_found(observations(SIGMA, 7), seed=7)
     single = [zhang(s, BOARD, SIZE, name=c.name) for c, s in zip(rig(), shots, strict=True)]
-    unified = unify(single, shots, BOARD, two_sided=True)
+    unified, _ = unify(single, shots, BOARD, two_sided=True)
     result = adjust(unified, POINTS, [s.camera() for s in single])
     _, centres, rotations = align(result.cameras, rig())
     conforms.sampled(np.linalg.norm(centres, axis=1).max(), below=0.2e-3)

@@ -78,7 +78,7 @@ def pair() -> Pair:
         zhang(row, TILES, SIZE, True, side)
         for row, side in zip(shots, ("left", "right"), strict=True)
     ]
-    corners = unify(single, shots, TILES)
+    corners, _ = unify(single, shots, TILES)
     full = adjust(corners, TILES.corners, [one.camera() for one in single])
     opencv = []
     for row in pictures:

@@ -1,5 +1,7 @@
 """Recordings of other kinds than the thesis's, from the folder to the shape, against the truth."""
 
+import warnings
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,9 +9,14 @@ from scenes import own
 
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.render import Sensor
+from thesis_lib.measure.fitting.frequency import FrequencyError
 from thesis_lib.measure.pipeline import measure
+from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.report import notes
+from thesis_lib.measure.steps import calibrated
 from thesis_lib.vibration.motion import Component
 
 pytestmark = pytest.mark.slow  # for the report of conformance
@@ -86,3 +93,62 @@ def test_a_vibration_too_fast_for_the_frames_is_measured_by_its_known_frequency(
     assert data.attrs["most_similar"] == "bending 2"
     conforms.closed_form(float(data["frequency"]), 39.6, atol=0.01)
     conforms.sampled(compare(conforms, data, rig, 0.02), below=3)
+
+
+@pytest.fixture(scope="module")
+def silent(tmp_path_factory):
+    """A vibration that two industrial cameras film without sound, never at rest, poses mixed up."""
+    folder = tmp_path_factory.mktemp("silent")
+    rig = own.short_rig(BEAM, [(12, 30), (-150, 35)], Component(amplitude=0.003, frequency=6.3),
+                        steady=1.2)  # fmt: skip
+    excitation = {"sound": "none", "rest_s": 0.0, "steady_s": (0.45, 1.5),
+                  "force_per_full_scale_n": None}  # fmt: skip
+    path = own.make(folder, rig, excitation, sound=lambda rig, index: np.zeros(48))
+    manifest = read_manifest(path)
+    pictures = [folder / camera.shots for camera in manifest.cameras]
+    for place in pictures:  # one pose that is seen by none, and two that one camera has exchanged
+        media.write_png(place / "02.png", np.full((540, 960), 90, np.uint8))
+    one, other = pictures[1] / "05.png", pictures[1] / "06.png"
+    first, second = one.read_bytes(), other.read_bytes()
+    one.write_bytes(second)
+    other.write_bytes(first)
+    cameras = [
+        camera.model_copy(update={"name": name})
+        for camera, name in zip(manifest.cameras, ("左", "右"), strict=True)
+    ]
+    write_manifest(manifest.model_copy(update={"cameras": tuple(cameras)}), path)
+    return rig, path
+
+
+def test_a_steady_vibration_needs_no_sound(conforms, silent):
+    rig, manifest = silent
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)  # letters that the figures' font lacks
+        data = measured(manifest, manifest.parent / "out")
+    conforms.sampled(compare(conforms, data, rig, 0.01), below=3)
+    assert abs(float(data["lag"][1])) > 0.01
+    page = (manifest.parent / "out" / "report.html").read_text()
+    assert "No sound was used" in page
+    assert "started" not in " ".join(notes.warnings(data))
+
+
+def test_a_pose_that_no_camera_can_use_is_left_out(silent):
+    _, manifest = silent
+    calibration = calibrated(read_manifest(manifest), manifest.parent, manifest.parent / "steps")
+    told = calibration.attrs["notes"].splitlines()
+    assert "pose 3 (02.png, 02.png): no camera sees the board; it is left out" in told
+    assert sum("off the rig of the others; it is left out" in line for line in told) == 2
+    seen = np.isfinite(calibration["corners"]).all(("side", "corner")).any("camera").values
+    np.testing.assert_array_equal(np.flatnonzero(~seen), [2, 5, 6])
+    assert float(calibration["reprojection_rms"]) < 0.1
+
+
+def test_a_frequency_that_explains_nothing_is_refused_with_the_right_one(silent):
+    _, path = silent
+    values = read_manifest(path)
+    wrong = values.excitation.model_copy(update={"frequency_hz": 9.0})
+    write_manifest(values.model_copy(update={"excitation": wrong}), path.parent / "wrong.yaml")
+    with pytest.raises(FrequencyError) as error:
+        measure(path.parent / "wrong.yaml", path.parent / "out", lambda line: None)
+    assert "excitation.frequency_hz: given 9, which explains" in str(error.value)
+    assert "most of it is at 6.3" in str(error.value)

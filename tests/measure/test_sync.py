@@ -1,5 +1,7 @@
 """``thesis sync``: starts and clocks of made-up recordings of one room, with known truth."""
 
+import json
+
 import cv2
 import numpy as np
 import pandas as pd
@@ -7,9 +9,11 @@ import pytest
 from command import thesis
 from scipy.signal import butter, sosfilt
 
+from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.synchronisation.alone import synchronised
 from thesis_lib.measure.synchronisation.drift import drift_of
+from thesis_lib.measure.synchronisation.listen import listen
 
 RATE = 16000
 SECONDS = 24
@@ -69,6 +73,22 @@ def test_standard_errors_of_drifts_are_their_scatter(conforms):
         off.append([(found.drift - 15e-6) / found.drift_deviation,
                     (found.delay - 0.3) / found.delay_deviation])  # fmt: skip
     conforms.sampled(np.sqrt(np.mean(np.square(off))), 1.0, atol=0.35)
+
+
+def test_a_measurement_hears_the_same_starts_though_clocks_drift(conforms, videos):
+    cameras = [
+        {"name": v.stem, "video": v.name, "width_px": 16, "height_px": 16, "frame_rate_hz": 30,
+         "exposure_s": 0.01, "shots": "shots"}
+        for v in videos
+    ]  # fmt: skip
+    excitation = {"sound": "room", "frequency_hz": 4.0}
+    values = json.dumps({"cameras": cameras, "excitation": excitation})
+    manifest = Manifest.model_validate_json(values)
+    found = listen(manifest, videos[0].parent).synchronisation
+    middle = np.array([0.0, 1.2312 - 30e-6 * SECONDS / 2, -0.3883 + 20e-6 * SECONDS / 2])
+    conforms.sampled(found.delays, middle, atol=2e-5)
+    told = " ".join(found.describe(["A", "B", "C"]))
+    assert "camera B's clock is fast by +30." in told or "camera B's clock is fast by +29." in told
 
 
 def test_the_command_writes_a_table_and_a_picture(conforms, videos, tmp_path):

@@ -72,6 +72,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         data = result(manifest, sound, recordings)
+        still = manifest.excitation.rest_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
         data = with_origin(
             data.merge(_kept_of(calibration, sound)), f"measurement by thesis_lib {__version__}"
@@ -84,7 +85,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
             synchronisation=sound.attrs["synchronisation"],
         )
         moved = with_origin(
-            history.motion(data, in_step(data, recordings), manifest.excitation.rest_s),
+            history.motion(data, in_step(data, recordings), still),
             data.attrs["source"],
         )
         pictures = report.figures(data, moved, manifest, recordings, folder)

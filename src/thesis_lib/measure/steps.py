@@ -99,7 +99,8 @@ def heard(
     ]
 
     def compute() -> xr.Dataset:
-        say(f"listening to {len(videos)} sound tracks")
+        if manifest.excitation.sound != "none":
+            say(f"listening to {len(videos)} sound tracks")
         sound = listen(manifest, folder)
         found, rest = sound.synchronisation, manifest.excitation.rest_s
         most = max(sound.steady[0] - max(float(found.delays.max()), 0.0), 0.0)

@@ -10,13 +10,14 @@ from __future__ import annotations
 import contextlib
 import io
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import matplotlib
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
 # Okabe and Ito's palette: told apart with any colour vision, mid-tone on white and on black.
@@ -75,6 +76,20 @@ def in_style(changed: Any = None) -> Iterator[None]:
         matplotlib.rcdefaults()
         matplotlib.rcParams.update({**STYLE, **(changed or {})})
         yield
+
+
+def drawable(names: Iterable[Any], otherwise: str) -> list[str]:
+    """Names as a figure can show them: by their number where our font has not all letters.
+
+    Examples
+    --------
+    >>> drawable(["links", "左"], "camera")
+    ['links', 'camera 2']
+    """
+    letters = get_font(findfont("DejaVu Sans"))
+    texts = [str(name) for name in names]
+    known = [all(letters.get_char_index(ord(c)) for c in text) for text in texts]
+    return [text if known[k] else f"{otherwise} {k + 1}" for k, text in enumerate(texts)]
 
 
 def subplots(rows: int = 1, columns: int = 1, **how: Any) -> tuple[Figure, Any]:

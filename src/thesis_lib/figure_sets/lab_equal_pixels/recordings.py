@@ -143,7 +143,7 @@ def calibrated(rig: Rig) -> Adjustment:
         zhang(row, rig.board, camera.size, name=camera.name)
         for row, camera in zip(found, rig.cameras, strict=True)
     ]
-    observed = unify(single, found, rig.board)
+    observed, _ = unify(single, found, rig.board)
     return adjust(observed, rig.board.corners, [one.camera() for one in single])
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
@@ -47,7 +49,8 @@ def adjusted(
     single : list of Calibration
         Zhang's method, camera by camera, with all corners.
     full : Adjustment
-        All corners, intrinsics and distortion adjusted, too.
+        All corners, intrinsics and distortion adjusted, too. Its residuals are of all poses, its
+        boards those of the poses that were used.
 
     Raises
     ------
@@ -87,8 +90,17 @@ def adjusted(
     except CalibrationError as error:
         hint = f" ({lost[0]}; has the board {board.columns} × {board.rows} tiles?)" if lost else ""
         raise CalibrationError(f"{error}{hint}") from None
-    corners = unify(single, shots, board, manifest.board.two_sided)
-    return corners, lost, single, adjust(corners, board.corners, [one.camera() for one in single])
+    corners, moved = unify(single, shots, board, manifest.board.two_sided)
+    seen = np.isfinite(corners).any(axis=(0, 2, 3))
+    for pose in np.flatnonzero(~seen):
+        off = moved.get(int(pose))
+        why = f"{1e3 * off:.1f} mm off the rig of the others" if off else "no camera sees the board"
+        files = ", ".join(path.name for row in paths if (path := row[pose]))
+        lost.append(f"pose {pose + 1} ({files or 'no picture'}): {why}; it is left out")
+    full = adjust(corners[:, seen], board.corners, [one.camera() for one in single])
+    residuals = np.full(corners.shape, np.nan)
+    residuals[:, seen] = full.residuals
+    return corners, lost, single, replace(full, residuals=residuals)
 
 
 def cameras_in(calibration: xr.Dataset) -> list[Camera]:

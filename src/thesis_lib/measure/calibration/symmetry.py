@@ -21,6 +21,7 @@ Pose = tuple[Array, Array]
 
 _FITS = 0.2  # most rms distance between one board seen by two cameras, over a tile
 _DISTINCT = 2.0  # how many times worse the next best rig has to be
+_MOST_OFF = 1 / 3  # share of the shared poses from which on it is not they that are wrong
 
 
 def unify(
@@ -28,7 +29,7 @@ def unify(
     shots: Sequence[Sequence[Array | None]],
     board: Board,
     two_sided: bool = False,
-) -> Array:
+) -> tuple[Array, dict[int, float]]:
     """Corners in one order for all cameras, given that the cameras do not move between shots.
 
     In every shot the first camera that sees the board decides on its axes. A rig of cameras is
@@ -49,18 +50,24 @@ def unify(
     Returns
     -------
     ndarray, shape (cameras, shots, 2, corners)
-        Corners in px in the order of ``board.corners``, NaN where the board was not found.
+        Corners in px in the order of ``board.corners``, NaN where the board was not found, and in
+        poses that were left out.
+    dict of int to float
+        Poses that were left out, as the board or a camera moved between their pictures, and by how
+        much these are then off the rig of the others, m.
 
     Raises
     ------
     CalibrationError
-        If two cameras share too few shots to tell the symmetries apart, or a shot fits no rig.
+        If two cameras share too few shots to tell the symmetries apart, or more than a third of
+        the poses that several cameras see fit no rig.
     """
     symmetries = _symmetries(board, two_sided)
     points = [_images(c, board, symmetries) for c in calibrations]
     rig = _rig(calibrations, points)
     result = np.full((len(shots), len(shots[0]), 2, board.corners.shape[1]), np.nan)
     orders = [_order(board, S) for S in symmetries]
+    left_out: dict[int, float] = {}
     for shot in range(result.shape[1]):
         seen = [c for c in range(len(shots)) if points[c][shot] is not None]
         for camera in seen:
@@ -68,14 +75,19 @@ def unify(
             off = _rms(_moved(rig[camera], points[camera][shot]) - first)
             choice = int(np.argmin(off))
             if off[choice] > _FITS * board.tile:
-                raise CalibrationError(
-                    f"{calibrations[camera].name}: shot {shot} is {off[choice] * 1e3:.1f} mm off "
-                    f"the rig of the other shots, allowed {_FITS * board.tile * 1e3:.1f} mm"
-                )
+                left_out[shot] = max(left_out.get(shot, 0.0), float(off[choice]))
             uv = shots[camera][shot]
             assert uv is not None
             result[camera, shot] = uv[:, orders[choice]]
-    return result
+    shared = sum(sum(row[shot] is not None for row in points) > 1 for shot in range(len(shots[0])))
+    if len(left_out) > _MOST_OFF * shared:
+        raise CalibrationError(
+            f"{len(left_out)} of {shared} poses are up to {1e3 * max(left_out.values()):.1f} mm "
+            f"off the rig of the others, allowed {1e3 * _FITS * board.tile:.1f} mm: do the k-th "
+            "pictures of all cameras show one pose, and is board.two_sided right?"
+        )
+    result[:, list(left_out)] = np.nan
+    return result, left_out
 
 
 def _symmetries(board: Board, two_sided: bool) -> Array:

@@ -67,9 +67,10 @@ def share(
     explained = 1 - left / total
     peak = int(np.argmax(power))
     tone = 4 * float(power[peak]) / 2  # variance of a sinusoid from its line in the spectrum
-    if tone < TELLING * left / counted or not explained > 0:
+    if tone < TELLING * left / counted:
         return Share(explained, np.nan, 0.0)
-    return Share(explained, float(grid[peak]), float(np.sqrt(tone / (total - left))))
+    fitted = max(total - left, 1e-4 * tone)  # what fits by chance, if nothing else does
+    return Share(explained, float(grid[peak]), float(np.sqrt(tone / fitted)))
 
 
 def bump(

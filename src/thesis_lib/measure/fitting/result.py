@@ -16,7 +16,7 @@ from thesis_lib.measure.fitting.aliasing import alias
 from thesis_lib.measure.fitting.aliasing import candidates as aliases_of
 from thesis_lib.measure.fitting.clocks import lags_of, late, paced, paces, shifted
 from thesis_lib.measure.fitting.consistency import excess, frozen, held_back, in_plane
-from thesis_lib.measure.fitting.frequency import Advance, advance, look_for
+from thesis_lib.measure.fitting.frequency import Advance, FrequencyError, advance, look_for
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
     Harmonics,
@@ -25,7 +25,7 @@ from thesis_lib.measure.fitting.harmonics import (
     mean_of,
     sums_of,
 )
-from thesis_lib.measure.fitting.leftover import bump, share
+from thesis_lib.measure.fitting.leftover import Share, bump, share
 from thesis_lib.measure.fitting.models import Candidate, candidates, scaled
 from thesis_lib.measure.fitting.reconstruction import Frame, checked_frame, misfit_at_rest
 from thesis_lib.measure.recordings.check import ChainError, markers_of
@@ -39,6 +39,7 @@ ORDER = 2  # harmonics of the images that are fitted
 HIGHEST = 4.0  # frame rates up to which aliases are considered
 ENOUGH = 1000  # frames that tell them
 SCALE = 0.002  # by which the grid's size may be off before it counts as wrong
+NOTHING = 0.05  # share of the motion below which a frequency explains none of it
 FOLDED = 0.2  # of the frame rate; from there on the second harmonic's alias nears the first's
 VARIABLES = declared("""
     x(marker) [m] place along the structure
@@ -126,7 +127,9 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
     """
     begin, end = (float(value) for value in sound["steady"].values)
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
-    rest = np.array([_at_rest(own, manifest.excitation.rest_s) for own in recordings])
+    excitation = manifest.excitation
+    still_s = excitation.rest_s or end  # if never at rest, their mean place
+    rest = np.array([_at_rest(own, still_s) for own in recordings])
     frame = checked_frame(cameras, rest, markers)
     _check_sides(frame, cameras)
     given = float(sound["frequency"])
@@ -156,11 +159,14 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
     more = excess(moved[:, ~still.any(axis=0)], allowed[:, ~still.any(axis=0)])
     off = frame.scale - 1 if abs(frame.scale - 1) > SCALE else 0.0
     tone = share(recordings, begin, end, frequency, order)
+    _check_explained(tone, given)
     jumps = [
         bump(own, fitted, omega, begin, end)
         for own, fitted in zip(recordings, fit.harmonics, strict=True)
     ]
     alike, apart = _aliases(recordings, raw, begin, end, frequency)
+    if excitation.sound == "none":  # starts that are not known tell nothing
+        apart = np.full_like(apart, np.nan)
 
     without, differs = _without_each(fit, omega, exposures, phase)
     said = {c.name: c.frame_rate_hz for c in manifest.cameras}
@@ -220,7 +226,8 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
         "candidate": ("candidate", [m.name for m in modes], {"long_name": "mode of the model"}),
     }
-    return xr.Dataset(labelled(values | compared, VARIABLES), coords, {"most_similar": best})
+    attrs = {"most_similar": best, "sound": excitation.sound}
+    return xr.Dataset(labelled(values | compared, VARIABLES), coords, attrs)
 
 
 def _fitted(
@@ -274,6 +281,16 @@ def _uneven(own: Recording) -> float:
     times = own.times
     k = np.arange(0, len(times), -(-len(times) // 4096))  # of a long recording some frames tell
     return float(np.std(times[k] - np.polyval(np.polyfit(k, times[k], 1), k)))
+
+
+def _check_explained(tone: Share, given: float) -> None:
+    """Refuse a frequency that is given and explains nothing of a motion that has another."""
+    if tone.explained < NOTHING and tone.ratio > 1:
+        raise FrequencyError(
+            f"excitation.frequency_hz: given {given:.6g}, which explains "
+            f"{max(tone.explained, 0):.1%} of the motion; most of it is at {tone.frequency:.4g} "
+            "Hz: allowed: the frequency of the motion, or null"
+        )
 
 
 def _check_sides(frame: Frame, cameras: Sequence[Camera]) -> None:

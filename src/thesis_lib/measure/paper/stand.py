@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from thesis_lib.measure.paper.page import PaperError, area, write
 from thesis_lib.measure.recordings.manifest_model import CameraFiles
-from thesis_lib.plotting.style import color
+from thesis_lib.plotting.style import color, drawable
 
 PLACE = ("azimuth_deg", "elevation_deg", "distance_mm")
 MIDDLE: dict[str, Any] = {"ha": "center", "va": "center"}
@@ -61,13 +61,14 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
             "Lay the sheet under the structure's centre, X along its length.",
             "Each camera stands on its ray, so far and so high with the middle of its lens:",
         ]
+        names = drawable([camera.name for camera in cameras], "camera")
         for k, camera in enumerate(cameras):
             azimuth, elevation, distance = (float(getattr(camera, name) or 0.0) for name in PLACE)
             axes.plot(*np.transpose([centre, to(azimuth, radius)]), color=color(k), lw=1.2)
-            axes.text(*to(azimuth, 0.8 * radius), camera.name, size=10, color=color(k))
+            axes.text(*to(azimuth, 0.8 * radius), names[k], size=10, color=color(k))
             away, above = (distance * f(np.radians(elevation)) for f in (np.cos, np.sin))
             lines.append(
-                f"{camera.name}: azimuth {azimuth:g}°, elevation {elevation:g}°; {away:.0f} mm "
+                f"{names[k]}: azimuth {azimuth:g}°, elevation {elevation:g}°; {away:.0f} mm "
                 f"along its ray, {above:.0f} mm above the structure; {distance:g} mm from its "
                 "centre"
             )

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
+from thesis_lib.measure.recordings.manifest_model import Excitation, Manifest, Structure
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.measure.recordings.media_info import (
@@ -107,7 +107,7 @@ def check_excitation(manifest: Manifest) -> list[str]:
                 break
     elif frequency is not None and frequency >= slowest / 2:
         lines.append(f"{given}: below half of the frame rate, {slowest / 2:g} Hz")
-    if rest * slowest < 3 - 1e-9:
+    if rest * slowest < 3 - 1e-9 and (rest or manifest.excitation.sound != "none"):
         lines.append(
             f"excitation.rest_s: given {rest:.6g}, allowed: at least {3 / slowest:.4g} s, three "
             "frames"
@@ -142,7 +142,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
                     f"{where}: interlaced, so that even and odd lines were taken at different "
                     "times; allowed: progressive (p, not i)"
                 )
-            lines += [f"{where}: {line}" for line in _lengths(info, manifest.excitation.rest_s)]
+            lines += [f"{where}: {line}" for line in _lengths(info, manifest.excitation)]
         except MediaError as error:
             lines.append(f"cameras[{i}].video: {error}")
         for shot in filter(None, shot_paths(camera, folder)):
@@ -180,15 +180,19 @@ def _check_plane(structure: Structure) -> list[str]:
     return [f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"]
 
 
-def _lengths(info: VideoInfo, rest: float) -> Iterator[str]:
+def _lengths(info: VideoInfo, excitation: Excitation) -> Iterator[str]:
     """What is wrong with the lengths of a video's pictures and sound, as far as it says them."""
-    if not info.has_audio:
-        yield "no audio track; it is needed to synchronise the cameras"
+    heard, rest = excitation.sound != "none", excitation.rest_s
+    if heard and not info.has_audio:
+        yield (
+            "no audio track; it is needed to synchronise the cameras, but for a steady vibration "
+            "with excitation.sound: none"
+        )
     if info.duration is None:
         return
     if info.duration <= rest:
         yield f"{info.duration:.3f} s of pictures, allowed: more than rest_s, {rest:g} s"
-    if info.sound_end is not None and abs(info.sound_end - info.duration) > APART:
+    if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > APART:
         yield (
             f"its pictures end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
             f"allowed: at most {APART:g} s apart"

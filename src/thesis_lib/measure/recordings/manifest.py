@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import typing
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,6 +22,13 @@ DEEPEST = 20  # levels of a YAML text; a manifest has six
 
 class ManifestError(ValueError):
     """A manifest that cannot be used; the message is one line."""
+
+
+_POWER = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # as 210e9, which YAML 1.1 has as text
+
+
+class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
+    """Writes so that the loader reads the same."""
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]
@@ -66,6 +74,10 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
                 )
             keys.add(str(key.value))
         return super().construct_mapping(node, deep)
+
+
+for _one in (_Loader, _Dumper):
+    _one.add_implicit_resolver("tag:yaml.org,2002:float", _POWER, list("-+0123456789"))
 
 
 def read_manifest(path: Path, check_files: bool = True) -> Manifest:
@@ -116,7 +128,9 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
     from thesis_lib.files import whole_text
 
     values = manifest.model_dump(mode="json")
-    text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
+    text = yaml.dump(
+        values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None
+    )
     whole_text(path, text)
 
 
@@ -175,7 +189,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         if exist and len(files) < 3:
             yield (
                 f"{where}: given {shown(camera.shots)}, which is {len(files)} pictures, "
-                "allowed: at least 3"
+                f"allowed: at least 3{_unread(camera, folder)}"
             )
         if isinstance(camera.shots, str):
             for shot in files:  # which may be links
@@ -194,6 +208,17 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
     if exist and len(set(numbers.values())) > 1:
         counts = ", ".join(map(str, numbers.values()))
         yield f"cameras: given {counts} shots, allowed: as many for every camera, in the same order"
+
+
+def _unread(camera: CameraFiles, folder: Path) -> str:
+    """Which files of a camera's folder of pictures are none that can be read."""
+    if not isinstance(camera.shots, str) or not (place := folder / camera.shots).is_dir():
+        return ""
+    endings = sorted(file.suffix.lower() for file in place.iterdir() if file.is_file())
+    others = {ending: endings.count(ending) for ending in endings if ending not in PICTURES}
+    told = " and ".join(f"{count} of {shown(ending)}" for ending, count in others.items())
+    read = f" of {', '.join(sorted(PICTURES))}"
+    return f"{read} (there are {told}, which are not read: export JPEG)" if told else read
 
 
 def _is_file(path: Path) -> bool:

@@ -243,9 +243,10 @@ class Excitation(Part):
     amplitude_mm: Positive | None = field(
         None, "largest deflection that is expected, for the warnings before measuring"
     )
-    sound: Literal["force", "room"] = field(
+    sound: Literal["force", "room", "none"] = field(
         "force",
-        "what the sound tracks carry: the force's signal, or what microphones hear",
+        "what the sound tracks carry: the force's signal, what microphones hear, or none that is "
+        "needed, since the vibration is steady and the pictures tell its phase",
     )
     steady_s: tuple[float, float] | None = field(
         None,
@@ -253,7 +254,9 @@ class Excitation(Part):
         "in the force's signal, or takes all after rest_s",
         "null, or [begin, end] in this order, from 0 to 100000",
     )
-    rest_s: float = field(1.0, "time at rest at the start", ge=0, le=3600)
+    rest_s: float = field(
+        1.0, "time at rest at the start; 0 without sound if there is none", ge=0, le=3600
+    )
     force_per_full_scale_n: Positive | None = field(None, "force at the sound's full scale")
 
     @model_validator(mode="after")

@@ -16,7 +16,15 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, in_style, subplots
+from thesis_lib.plotting.style import (
+    COLORS,
+    HIGHLIGHT,
+    REFERENCE,
+    color,
+    drawable,
+    in_style,
+    subplots,
+)
 
 WIDE = 7.6  # inches
 SHOWN = 1000  # px of the width at which photographs are kept
@@ -104,11 +112,11 @@ def cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
                 color=REFERENCE,
             )
             panel.plot(rest[i], rest[j], ".", color=REFERENCE, markersize=2)
-            for k, name in enumerate(data["camera"].values):
+            for k, name in enumerate(drawable(data["camera"].values, "camera")):
                 panel.plot([centre[k, i], 0], [centre[k, j], 0], color=color(k), linewidth=0.6)
                 panel.plot(centre[k, i], centre[k, j], "s", color=color(k))
                 panel.annotate(
-                    str(name),
+                    name,
                     (centre[k, i], centre[k, j]),
                     xytext=(5, 5),
                     textcoords="offset points",
@@ -125,9 +133,9 @@ def corners(data: xr.Dataset) -> Figure:
     residuals = data["residuals"].values
     with in_style():
         figure, axes = subplots(figsize=(4.2, 3.8), layout="constrained")
-        for k, name in enumerate(data["camera"].values):
+        for k, name in enumerate(drawable(data["camera"].values, "camera")):
             u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
-            axes.plot(u, v, ".", color=color(k), markersize=2, alpha=0.5, label=str(name))
+            axes.plot(u, v, ".", color=color(k), markersize=2, alpha=0.5, label=name)
         most = 1.05 * float(np.nanmax(np.abs(residuals)))
         axes.set(
             aspect="equal",
@@ -147,6 +155,7 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording]) -> Figure:
     begin, end = data["steady"].values
     marker = int(np.nanargmax(np.abs(data["deflection"].values)))
     rows = -(-len(recordings) // 2)
+    names = drawable([f"camera {own.camera.name}" for own in recordings], "camera")
     with in_style():
         figure, axes = subplots(
             rows,
@@ -165,7 +174,7 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording]) -> Figure:
             axis = int(np.nanargmax(np.nan_to_num(np.nanstd(uv, axis=0))))
             moved = uv[:, axis] - np.nanmean(uv[:, axis])
             panel.plot((t % period) / period, moved, ".", color=color(k), markersize=3)
-            panel.set(title=f"camera {own.camera.name}, {'uv'[axis]} in px")
+            panel.set(title=f"{names[k]}, {'uv'[axis]} in px")
         for panel in axes.flat[len(recordings) :]:
             panel.set_visible(False)
         for panel in axes[-1]:
@@ -177,8 +186,8 @@ def residuals(moved: xr.Dataset) -> Figure:
     """How far each camera's centres are, frame by frame, from what all cameras agree on."""
     with in_style():
         figure, axes = subplots(figsize=(WIDE, 2.8), layout="constrained")
-        for k, name in enumerate(moved["camera"].values):
-            axes.plot(moved["time"], moved["residual"][k], color=color(k), label=str(name))
+        for k, name in enumerate(drawable(moved["camera"].values, "camera")):
+            axes.plot(moved["time"], moved["residual"][k], color=color(k), label=name)
         axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
         axes.legend(ncols=4)
     return figure

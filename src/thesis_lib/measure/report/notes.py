@@ -13,6 +13,7 @@ from thesis_lib.measure.fitting.result import SCALE, rms
 LOST = 0.05  # share of the frames from which on a camera's lost markers are told
 DRIFT = 0.05  # change of the amplitude from which on the vibration is not called steady
 WIDE = 1.5  # motion in the plane over what scatter explains, from which on it is told
+LITTLE = 0.7  # share of the motion below which the frequency explains little
 OTHER = 0.05  # amplitude of another tone over the vibration's, from which on it is told
 SLIPPED = 0.1  # periods over the steady part by which a replaced frequency matters
 MISFIT = 0.3  # px that markers at rest may be off where all cameras put them
@@ -50,6 +51,12 @@ def _of_frequency(data: xr.Dataset) -> Iterator[str]:
             "Hz, "
             f"has {ratio:.0%} of its amplitude."
         )
+    elif explained < LITTLE:
+        yield (
+            f"{used:.6g} Hz explains only {explained:.0%} of the motion, and no other tone much of "
+            "the rest: is frequency_hz wrong, so that markers are not followed, or the motion lost "
+            "in noise?"
+        )
     lags = dict(zip(data["alias"].values, data["alias_lag"].values, strict=True))
     own, rivals = lags.pop(data["alias"].values[0]), lags
     better = {f: lag for f, lag in rivals.items() if lag < own / 3}
@@ -62,6 +69,11 @@ def _of_frequency(data: xr.Dataset) -> Iterator[str]:
             f"of step by their starts, with the other {better[best]:.0f}°. These frames show "
             "alike: "
             f"{told}."
+        )
+    elif used > 0.5 * float(data["frame_rate"].min()) and rivals and np.isnan(own):
+        yield (
+            f"These frames show alike {', '.join(f'{f:.6g} Hz' for f in [used, *rivals])}: that it "
+            "is the first, the manifest says, and nothing else."
         )
     elif used > 0.5 * float(data["frame_rate"].min()) and rivals:
         yield (
@@ -100,7 +112,7 @@ def _of_cameras(data: xr.Dataset) -> Iterator[str]:
                 f"{'fast' if pace > 0 else 'slow'} against that of {data['camera'].values[0]}; its "
                 "times were corrected."
             )
-        if float(one["lag"]):
+        if float(one["lag"]) and data.attrs.get("sound") != "none":
             late, error = 1e3 * float(one["lag"]), 1e3 * float(one["lag_deviation"])
             yield (
                 f"By the pictures camera {name} started {abs(late):.2g} ± {error:.1g} ms "

@@ -208,6 +208,11 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
             "The sound tells when the cameras started and nothing of the force: its phase, and "
             "which side is up, are unknown."
         )
+    if manifest.excitation.sound == "none":
+        yield (
+            "The vibration is steady in all recordings: no sound tells when they started. The "
+            "force's phase, and which side is up, are unknown."
+        )
     if not data.attrs["most_similar"]:
         yield "There is no model of this structure: the shape is compared with none."
     else:

@@ -9,17 +9,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import Array, Signal
+from thesis_lib.arrays import Array
 from thesis_lib.files import staging
-from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.media_info import probe
 from thesis_lib.measure.synchronisation.audio import Recording, hear
-from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
-from thesis_lib.measure.synchronisation.drift import Drift, drift_of, loudness_match
-from thesis_lib.measure.synchronisation.tones import SynchronisationError
-from thesis_lib.plotting.style import color, in_style, saved, subplots
+from thesis_lib.measure.synchronisation.drift import Drift
+from thesis_lib.measure.synchronisation.pairs import beside_first, track_of
+from thesis_lib.plotting.style import color, drawable, in_style, saved, subplots
 
-RATE = 16000.0  # Hz at which windows are compared
 SHOWN = 1500  # points of an envelope
 
 
@@ -34,29 +31,9 @@ def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     names = [video.stem for video in videos]
     if len(set(names)) < len(names):
         names = [str(video) for video in videos]
-    hear([Recording(*one) for one in zip(names, videos, strict=True)], None, 0.0)  # it refuses
-    reference, rate, start = _track(videos[0])
-    drifts = []
-    for name, video in zip(names[1:], videos[1:], strict=True):
-        other, _, its_start = _track(video)
-        delay, certain = loudness_match(reference, other, rate)
-        if not certain:
-            raise SynchronisationError(
-                f"{name}: no sound in it matches that of {names[0]} beyond doubt; clap a few times "
-                "where all cameras hear it"
-            )
-        starts = start, its_start
-        drifts.append(drift_of(reference, other, rate, starts, delay + start - its_start))
-    return drifts, names
-
-
-def _track(path: Path) -> tuple[Signal, float, float]:
-    """Sound, its sample rate in Hz, and the time of its first sample in the video, s."""
-    with media.opened_audio(path) as audio:
-        step = step_to(audio.rate, RATE)
-        blocks = [np.asarray(block, np.float32) for block in decimate(audio.blocks, step)]
-        rate = audio.rate / step
-        return np.concatenate(blocks), rate, audio.start + cut_off(audio.rate, rate)
+    recordings = [Recording(*one) for one in zip(names, videos, strict=True)]
+    hear(recordings, None, 0.0)  # it refuses
+    return [*beside_first(recordings, range(1, len(videos))).values()], names
 
 
 def table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
@@ -112,6 +89,7 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
 
 def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[str]) -> Figure:
     """Loudness on the first video's clock, one above the other, and the delays of the windows."""
+    shown = drawable(names, "video")
     with in_style():
         figure, (top, low) = subplots(2, 1, figsize=(7.6, 5.2), layout="constrained")
         for k, video in enumerate(videos):
@@ -119,11 +97,11 @@ def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[st
             if k:
                 times = times * (1 - np.nan_to_num(drifts[k - 1].drift)) + drifts[k - 1].delay
             top.fill_between(times, -k - 0.45 * loud, -k + 0.45 * loud, color=color(k), lw=0)
-        top.set(yticks=-np.arange(len(names)), xlabel=f"time on the clock of {names[0]} in s",
+        top.set(yticks=-np.arange(len(names)), xlabel=f"time on the clock of {shown[0]} in s",
                 title="sound, put on one clock")  # fmt: skip
-        top.set_yticklabels(names)
+        top.set_yticklabels(shown)
         for k, one in enumerate(drifts, 1):
-            low.plot(one.times, 1e3 * (one.delays - one.delay), ".", color=color(k), label=names[k])
+            low.plot(one.times, 1e3 * (one.delays - one.delay), ".", color=color(k), label=shown[k])
             if np.isfinite(one.drift):
                 ends = np.array([0.0, one.times.max()])
                 low.plot(ends, -1e3 * one.drift * ends, color=color(k), linewidth=0.8)
@@ -134,7 +112,7 @@ def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[st
 
 def _envelope(video: Path) -> tuple[Array, Array]:
     """Times in s and largest sound about them, from 0 to 1."""
-    sound, rate, start = _track(video)
+    sound, rate, start = track_of(Recording(video.stem, video))
     step = max(len(sound) // SHOWN, 1)
     loud = np.abs(sound[: len(sound) // step * step]).reshape(-1, step).max(axis=1)
     times = np.asarray(start + (np.arange(len(loud)) + 0.5) * step / rate, float)

@@ -13,6 +13,7 @@ import numpy as np
 
 from thesis_lib.arrays import Array, Signal
 from thesis_lib.measure.synchronisation.correlation import normalised_correlation, summit
+from thesis_lib.measure.synchronisation.delays import Match
 
 WINDOW = 1.0  # s
 HOP = 0.005  # s of a step of loudness
@@ -38,8 +39,8 @@ class Drift:
     delays: Array  #: What they show, s, shape (windows,)
 
 
-def loudness_match(reference: Signal, other: Signal, rate: float) -> tuple[float, bool]:
-    """Delay in s between sounds by their loudness, and whether it is beyond doubt.
+def loudness_match(reference: Signal, other: Signal, rate: float) -> Match:
+    """Delay in s between sounds by their loudness.
 
     Loudness is so slow that clocks which drift apart do not blur it.
     """
@@ -51,8 +52,17 @@ def loudness_match(reference: Signal, other: Signal, rate: float) -> tuple[float
     top = int(np.argmax(height))
     rest = np.abs(lags - lags[top]) > round(NEXT / HOP)
     second = float(height[rest].max(initial=0.0))
-    certain = height[top] > TELLING and second < SECOND * height[top]
-    return float(HOP * summit(lags, c, top)), bool(certain)
+    ratio = second / max(float(height[top]), 1e-12)
+    return Match(
+        delay=float(HOP * summit(lags, c, top)),
+        peak=float(height[top]),
+        ratio=ratio,
+        threshold=SECOND,
+        period=None,
+        ambiguous=ratio >= SECOND,
+        snr=np.nan,
+        least=TELLING,
+    )
 
 
 def _loudness(sound: Signal, rate: float) -> Array:

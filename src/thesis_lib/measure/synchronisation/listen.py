@@ -8,18 +8,22 @@ few kHz: memory does not grow with the length. What follows from that for long r
   recordings may start half a span apart.
 - The tone is fitted in as many samples from the rest at the start on, two hours of 4 Hz; beyond it
   is not said to be steady.
-- One delay and one frequency serve all of a recording. Clocks of cameras differ by some 10⁻⁵: where
-  that makes the tones of two cameras drift apart by a fraction of a turn, they are refused.
+- One delay and one frequency serve all of a recording. Clocks of cameras differ by some 10⁻⁵: the
+  delay is that in the middle, and the pictures tell the rest. A room's sounds that therefore do not
+  match as a whole are compared window by window, as ``thesis sync`` does.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from thesis_lib.measure.recordings.check import check_excitation
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.synchronisation.audio import (
     Heard,
     Recording,
@@ -31,6 +35,8 @@ from thesis_lib.measure.synchronisation.audio import (
 )
 from thesis_lib.measure.synchronisation.checks import find_tone
 from thesis_lib.measure.synchronisation.decimation import cut_off
+from thesis_lib.measure.synchronisation.drift import FASTEST
+from thesis_lib.measure.synchronisation.pairs import beside_first
 from thesis_lib.measure.synchronisation.synchronise import Synchronisation, combined
 from thesis_lib.measure.synchronisation.tones import (
     FEWEST,
@@ -75,18 +81,49 @@ def listen(manifest: Manifest, folder: Path) -> Sound:
     """
     for problem in check_excitation(manifest):
         raise ManifestError(problem)
+    if manifest.excitation.sound == "none":
+        return _unheard(manifest, folder)
     recordings = [Recording(camera.name, folder / camera.video) for camera in manifest.cameras]
     if manifest.excitation.sound == "room":
         return _in_a_room(manifest, recordings)
     return _of_the_force(manifest, recordings)
 
 
+def _unheard(manifest: Manifest, folder: Path) -> Sound:
+    """Starts of 0 without sound; what all cameras recorded after the rest counts as steady."""
+    excitation, count = manifest.excitation, len(manifest.cameras)
+    zeros = np.zeros(count)
+    nothing = Synchronisation(
+        delays=zeros,
+        frames=zeros.astype(np.int64),
+        frame_rate=manifest.cameras[0].frame_rate_hz,
+        reference=0,
+        method="none",
+        period=None,
+        ratio=0.0,
+        threshold=1.0,
+        ambiguous=False,
+        snr=np.nan,
+    )
+    end = min(float(frame_clock(folder / camera.video)[-1]) for camera in manifest.cameras)
+    if excitation.steady_s is not None:
+        _check_steady(manifest, 0.0, end)
+    steady = excitation.steady_s or _after_rest(excitation.rest_s, 0.0, end)
+    return Sound(nothing, excitation.frequency_hz, None, steady)
+
+
 def _in_a_room(manifest: Manifest, recordings: list[Recording]) -> Sound:
     """What microphones tell: the starts, and what all cameras recorded after the rest."""
     excitation = manifest.excitation
     heard = hear(recordings, None, 0.0)
+    matched = matches(recordings, None, room=True)
+    drifts = beside_first(recordings, [i for i, one in matched.items() if not one.certain])
+    for i, one in drifts.items():  # whose clocks drift so far apart that the whole does not match
+        middle = one.delay - float(np.nan_to_num(one.drift)) * heard.ends[i] / 2
+        delay = middle + float(heard.starts[i] - heard.starts[0])
+        matched[i] = replace(matched[i], delay=delay, ambiguous=False, least=matched[i].peak)
     found = combined(
-        matches(recordings, None, room=True),
+        matched,
         [],
         heard.rate,
         manifest.cameras[0].frame_rate_hz,
@@ -95,17 +132,22 @@ def _in_a_room(manifest: Manifest, recordings: list[Recording]) -> Sound:
         sound="room",
         starts=heard.starts,
     )
+    found = replace(found, drifts=drifts)
     begin, end = _common(found, heard)
     if excitation.steady_s is not None:
         _check_steady(manifest, begin, end)
-        return Sound(found, excitation.frequency_hz, None, excitation.steady_s)
-    begin += excitation.rest_s
-    if begin >= end:
+    steady = excitation.steady_s or _after_rest(excitation.rest_s, begin, end)
+    return Sound(found, excitation.frequency_hz, None, steady)
+
+
+def _after_rest(rest: float, begin: float, end: float) -> Interval:
+    """What is left of a recording that all cameras share, s."""
+    if begin + rest >= end:
         raise ManifestError(
-            f"excitation.rest_s: given {excitation.rest_s:.6g}, allowed: less than the "
-            f"{end - begin + excitation.rest_s:.3f} s that all cameras recorded"
+            f"excitation.rest_s: given {rest:.6g}, allowed: less than the {end - begin:.3f} s that "
+            "all cameras recorded"
         )
-    return Sound(found, excitation.frequency_hz, None, (begin, end))
+    return begin + rest, end
 
 
 def _of_the_force(manifest: Manifest, recordings: list[Recording]) -> Sound:
@@ -164,7 +206,7 @@ def _tone_of_all(manifest: Manifest, recordings: list[Recording]) -> float:
         part = (begin - start, end - start) if excitation.steady_s else None
         tones.append(find_tone(track, rate, recording.name, part))
         (first, _), (tone, seconds) = tones[0], tones[-1]
-        if abs(tone - first) * seconds > SLIP:
+        if abs(tone - first) * seconds > max(SLIP, FASTEST * first * seconds):
             raise SynchronisationError(
                 f"{recording.name}: its tone has {tone:.7g} Hz, that of {recordings[0].name} "
                 f"{first:.7g} Hz, allowed: the same, to within {SLIP / seconds:.1g} Hz"

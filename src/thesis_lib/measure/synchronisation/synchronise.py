@@ -8,7 +8,7 @@ xᵢ(t) = x_ref(t + delayᵢ), and what happens at T appears in recording i at T
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -18,6 +18,7 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.synchronisation.checks import check_signals, check_tone, shortest_of
 from thesis_lib.measure.synchronisation.decimation import decimated
 from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, UNLIKE, Match, phase_delays
+from thesis_lib.measure.synchronisation.drift import Drift
 from thesis_lib.measure.synchronisation.tones import TONE_RATE, SynchronisationError, check_rate
 from thesis_lib.measure.synchronisation.transients import ROOM_RATE, force_match, room_match
 
@@ -33,6 +34,11 @@ IN_A_ROOM = (
     "A single knock that only one camera heard cannot be told from one like it that another "
     "heard; several claps at irregular intervals can.",
 )
+UNHEARD = (
+    "No sound was used: every recording counts from its own start.",
+    "The pictures tell by how much of a period the cameras are then apart, and are put in step by "
+    "it. What is not steady, as the start of the vibration, is not.",
+)
 
 
 @dataclass(frozen=True)
@@ -43,8 +49,8 @@ class Synchronisation:
     frames: IntArray  #: The same in whole frames (eq. 5.2), shape (cameras,)
     frame_rate: float  #: Frames per second
     reference: int  #: Index of the reference camera
-    #: ``phase`` of a tone of known frequency, ``correlation``, or ``room``: correlation of what
-    #: microphones hear
+    #: ``phase`` of a tone of known frequency, ``correlation``, ``room``: correlation of what
+    #: microphones hear, or ``none``: nothing was heard, and the delays are 0
     method: str
     #: Whole multiples of this many seconds are in doubt, or would be for a pure tone; None if
     #: nothing in the signal repeats
@@ -56,9 +62,13 @@ class Synchronisation:
     ambiguous: bool
     #: Signal-to-noise power ratio up to half of the correlation's rate, the smallest of all
     snr: float
+    #: Of recordings whose clocks drift too far for one delay, which is then that in the middle
+    drifts: Mapping[int, Drift] = field(default_factory=dict)
 
     def describe(self, names: Sequence[str] | None = None) -> list[str]:
         """Sentences for a report: what was found, how sure it is, and what sound cannot show."""
+        if self.method == "none":
+            return [*UNHEARD]
         numbers = [str(i) for i in range(len(self.delays))]
         what, named = ("Recording", numbers) if names is None else ("Camera", list(names))
         others = [i for i in range(len(self.delays)) if i != self.reference]
@@ -67,6 +77,12 @@ class Synchronisation:
             f"{named[self.reference]}: "
             f"{self.delays[i] * self.frame_rate:+.3f} frames, {self.frames[i]:+d} in whole frames."
             for i in others
+        ]
+        lines += [
+            f"By windows of its sound {what.lower()} {named[i]}'s clock is fast by "
+            f"{1e6 * one.drift:+.1f} ± {1e6 * one.drift_deviation:.1f} ppm; its start is given as "
+            "in the middle of the recording."
+            for i, one in self.drifts.items()
         ]
         how = {
             "phase": "the phase of the tone",

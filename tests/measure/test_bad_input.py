@@ -1,0 +1,300 @@
+"""Each way in which a folder of recordings can be wrong: one line, and nothing half-written."""
+
+from __future__ import annotations
+
+import shutil
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+import yaml
+from command import thesis
+
+from thesis_lib.measure.recordings.media import write_png, write_video
+
+WIDTH, HEIGHT, RATE = 64, 48, 60
+
+
+def plain() -> dict[str, Any]:
+    """Values of a manifest of two cameras, to which the folder fits."""
+    return {
+        "structure": {"kind": "flat"},
+        "cameras": [
+            {
+                "name": name, "video": f"{name}.mkv", "width_px": WIDTH, "height_px": HEIGHT,
+                "frame_rate_hz": RATE, "exposure_s": 0.004, "shots": f"shots/{name}",
+            }
+            for name in "AB"
+        ],
+        "excitation": {"frequency_hz": 8.0, "rest_s": 0.5},
+    }  # fmt: skip
+
+
+def tone(frequency: float = 8.0) -> np.ndarray:
+    """1.5 s of a force that begins after the rest."""
+    t = np.arange(72000) / 48000
+    return 0.5 * np.sin(2 * np.pi * frequency * t) * np.clip((t - 0.5) / 0.1, 0, 1)
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory) -> Path:
+    """A folder with two cameras' files: noise for pictures, and no board in any."""
+    folder = tmp_path_factory.mktemp("recordings")
+    frames = np.random.default_rng(0).integers(0, 256, (9, HEIGHT, WIDTH), np.uint8)
+    for name in "AB":
+        write_video(folder / f"{name}.mkv", np.tile(frames, (10, 1, 1)), RATE, tone())
+        for k in range(4):
+            write_png(folder / "shots" / name / f"{k}.png", frames[k])
+    return folder
+
+
+# What can be done to a folder.
+
+Change = Callable[[Path, dict[str, Any]], None]
+
+
+def given(place: str, value: Any = ...) -> Change:
+    """A field of the manifest by its path; ``...`` leaves it out."""
+
+    def change(folder: Path, values: dict[str, Any]) -> None:
+        *way, last = [int(part) if part.isdecimal() else part for part in place.split(".")]
+        inside: Any = values
+        for part in way:
+            inside = inside.setdefault(part, {}) if isinstance(inside, dict) else inside[part]
+        if value is ...:
+            del inside[last]
+        else:
+            inside[last] = value
+
+    return change
+
+
+def both(*changes: Change) -> Change:
+    def change(folder: Path, values: dict[str, Any]) -> None:
+        for one in changes:
+            one(folder, values)
+
+    return change
+
+
+def file(name: str, content: bytes | None = None, keep: float = 0.0) -> Change:
+    """A file with other content, or cut to a share of its length."""
+
+    def change(folder: Path, values: dict[str, Any]) -> None:
+        before = (folder / name).read_bytes() if keep else b""
+        whole = before[: int(keep * len(before))] if content is None else content
+        (folder / name).write_bytes(whole)
+
+    return change
+
+
+def gone(name: str) -> Change:
+    def change(folder: Path, values: dict[str, Any]) -> None:
+        place = folder / name
+        shutil.rmtree(place) if place.is_dir() else place.unlink()
+
+    return change
+
+
+def renamed(name: str, other: str) -> Change:
+    return lambda folder, values: (folder / name).rename(folder / other) and None
+
+
+def video(
+    count: int = 90,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
+    rate: float = RATE,
+    sound: np.ndarray | None = None,
+) -> Change:
+    """Another video of the second camera."""
+
+    def change(folder: Path, values: dict[str, Any]) -> None:
+        frames = np.random.default_rng(1).integers(0, 256, (count, *size[::-1]), np.uint8)
+        write_video(folder / "B.mkv", frames, rate, tone() if sound is None else sound)
+
+    return change
+
+
+def coded(silent: bool = False, turned: bool = False, **options: str) -> Change:
+    """The second camera's video as H.264 in MP4, with x264's options."""
+
+    def change(folder: Path, values: dict[str, Any]) -> None:
+        path = folder / "B.mp4"
+        values["cameras"][1]["video"] = path.name
+        with av.open(str(path), "w") as out:
+            stream = out.add_stream("libx264", rate=RATE)
+            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+            stream.options = options
+            track = None if silent else out.add_stream("aac", rate=48000, layout="mono")
+            for k in range(90):
+                grey = np.full((HEIGHT, WIDTH), 40 + k, np.uint8)
+                out.mux(stream.encode(av.VideoFrame.from_ndarray(grey, format="gray")))
+            out.mux(stream.encode())
+            if track is not None:
+                samples = tone().astype(np.float32)
+                for start in range(0, len(samples) - 1023, 1024):
+                    part = np.ascontiguousarray(samples[None, start : start + 1024])
+                    block = av.AudioFrame.from_ndarray(part, format="fltp", layout="mono")
+                    block.sample_rate, block.pts = 48000, start
+                    out.mux(track.encode(block))
+                out.mux(track.encode())
+        if turned:
+            data = path.read_bytes()
+            upright = struct.pack(">9i", 65536, 0, 0, 0, 65536, 0, 0, 0, 1 << 30)
+            quarter = struct.pack(">9i", 0, 65536, 0, -65536, 0, 0, HEIGHT << 16, 0, 1 << 30)
+            at = data.index(upright, data.index(b"tkhd"))
+            path.write_bytes(data[:at] + quarter + data[at + 36 :])
+
+    return change
+
+
+def picture(name: str, size: tuple[int, int]) -> Change:
+    return lambda folder, values: write_png(folder / name, np.zeros(size[::-1], np.uint8))
+
+
+def text(content: str) -> Change:
+    """A manifest that is another text; ``%`` stands for what it was."""
+
+    def change(folder: Path, values: dict[str, Any]) -> None:
+        whole = content.replace("%", yaml.safe_dump(values, sort_keys=False))
+        (folder / "manifest.yaml").write_text(whole, encoding="utf-8")
+        values.clear()
+
+    return change
+
+
+WRONG, FAILED = 2, 1  # exit status: the request, or what is in the files
+CASES: dict[str, tuple[Change, int, list[str]]] = {
+    # The manifest as a text.
+    "no manifest": (text(""), WRONG, ["given null", "fields"]),
+    "a tab": (text("%\tx: 1\n"), WRONG, ["line"]),
+    "a field twice": (text("%truth: null\ntruth: null\n"), WRONG, ["truth is given twice"]),
+    "another language": (text("cameras = A.mkv, B.mkv"), WRONG, ["fields and their values"]),
+    "a list": (text("- A.mkv\n- B.mkv\n"), WRONG, ['given ["A.mkv", "B.mkv"]']),
+    "an alias": (text("%truth: &a x\nboard: *a\n"), WRONG, ["an alias"]),
+    "a date": (text("truth: 2026-01-01\n"), WRONG, ["a date"]),
+    "a comma for a point": (given("excitation.frequency_hz", "4,25"), WRONG,
+                            ['excitation.frequency_hz: given "4,25"', "in Hz"]),
+    "a unit in a number": (given("board.tile_mm", "30 mm"), WRONG,
+                           ['board.tile_mm: given "30 mm"', "in mm"]),
+    "metres for millimetres": (given("structure.length_mm", 0.6), WRONG,
+                               ["structure.force_position_mm", "length_mm"]),
+    "not a number": (given("excitation.rest_s", float("nan")), WRONG, ["excitation.rest_s"]),
+    "a misspelt field": (given("excitation.frequency", 4), WRONG, ["mean frequency_hz?"]),
+    "a field in another part": (given("tile_mm", 30), WRONG, ["tile_mm: no such field"]),
+    # The structure and its markers.
+    "an unknown structure": (given("structure.kind", "shell"), WRONG, ['given "shell"', '"flat"']),
+    "markers beside it": (given("structure.markers.spacing_mm", 60), WRONG, ["on the structure"]),
+    "markers that overlap": (given("structure.markers.row_spacing_mm", 4), WRONG, ["overlap"]),
+    "one row": (given("structure.markers.rows", 1), WRONG, ["structure.markers.rows: given 1"]),
+    "three places": (given("structure.markers.points_mm", [[9, 9], [50, 9], [50, 20]]), WRONG,
+                     ["structure.markers.points_mm", "4 to 2000"]),
+    "places on a line": (
+        given("structure.markers.points_mm", [[10 * k, 15] for k in range(1, 9)]), WRONG,
+        ["structure.markers.points_mm", "not on one line"]),
+    "an unknown tone": (given("structure.markers.tone", "white"), WRONG, ['given "white"']),
+    "a force beside it": (given("structure.force_position_mm", 4000), WRONG, ["length_mm"]),
+    "damping in percent": (given("structure.damping", 2), WRONG, ["structure.damping: given 2"]),
+    # Cameras.
+    "one camera": (lambda folder, values: values["cameras"].pop() and None, WRONG, ["2 to 16"]),
+    "two of one name": (given("cameras.1.name", "A"), WRONG, ["the same as cameras[0].name"]),
+    "one video twice": (given("cameras.1.video", "A.mkv"), WRONG, ["as cameras[0].video"]),
+    "one video by another way": (given("cameras.1.video", "shots/../A.mkv"), WRONG, ["the same"]),
+    "an absolute path": (given("cameras.1.video", "/B.mkv"), WRONG, ["inside the manifest's"]),
+    "a path outside": (given("cameras.1.video", "../B.mkv"), WRONG, ["inside the manifest's"]),
+    "exposure in ms": (given("cameras.1.exposure_s", 4), WRONG, ["cameras[1].exposure_s: given 4"]),
+    "no exposure": (given("cameras.1.exposure_s"), WRONG, ["cameras[1].exposure_s: missing"]),
+    "a slow shutter": (given("cameras.1.readout_s", 0.1), WRONG, ["cameras[1].readout_s"]),
+    "three corners": (given("cameras.1.corners_px", [[1, 1], [9, 1], [9, 9]]), WRONG, ["four"]),
+    "crossed corners": (given("cameras.1.corners_px", [[1, 1], [9, 9], [9, 1], [1, 9]]), WRONG,
+                        ["convex quadrilateral"]),
+    # Videos.
+    "no video": (gone("B.mkv"), WRONG, ['cameras[1].video: given "B.mkv", no such file']),
+    "a folder for a video": (given("cameras.1.video", "shots"), WRONG, ["no such file"]),
+    "an empty video": (file("B.mkv", b""), WRONG, ["cameras[1].video", "not a video"]),
+    "a text for a video": (file("B.mkv", b"later"), WRONG, ["cameras[1].video", "not a video"]),
+    "a cut video": (file("B.mkv", keep=0.6), FAILED, ["B.mkv: ends before frame"]),
+    "an MP4 without its index": (both(coded(), file("B.mp4", keep=0.9)), WRONG,
+                                 ["cut off before its index"]),
+    "a picture for a video": (given("cameras.1.video", "shots/B/0.png"), WRONG,
+                              ["shots/B/0.png"]),
+    "another size": (video(size=(96, 64)), WRONG, ["96 × 64 px, allowed: 64 × 48 px"]),
+    "a turned phone": (coded(turned=True), WRONG, ["48 × 64 px, allowed: 64 × 48 px"]),
+    "interlaced": (coded(**{"x264-params": "tff=1"}), WRONG, ["B.mp4: interlaced", "progressive"]),
+    "another frame rate": (given("cameras.1.frame_rate_hz", 50), WRONG,
+                           ["60 frames per second, allowed: 50", "cameras[1].frame_rate_hz"]),
+    "a rate that the frequency betrays": (
+        both(given("cameras.1.frame_rate_hz", 15), given("excitation.frequency_hz", 8.0)), WRONG,
+        ["60 frames per second, allowed: 15", "cameras[1].frame_rate_hz"]),
+    "slow motion": (video(rate=240), WRONG, ["240 frames per second, allowed: 60"]),
+    "shorter than the rest": (video(count=24), WRONG, ["more than rest_s, 0.5 s"]),
+    # Sound.
+    "no sound": (coded(silent=True), WRONG, ["no audio track", "excitation.sound: none"]),
+    "silence": (video(sound=np.zeros(72000)), FAILED, ["B: silent audio"]),
+    "clipped": (video(sound=np.sign(tone())), FAILED, ["B: clipped audio"]),
+    "another sound": (video(sound=0.3 * np.random.default_rng(2).standard_normal(72000)), FAILED,
+                      ["B: correlation of"]),
+    "sound cut off": (video(sound=tone()[:33600]), WRONG, ["its sound at 0.700 s"]),
+    "another tone": (given("excitation.frequency_hz", 11.0), FAILED,
+                     ["s of steady tone of 11 Hz"]),
+    "an unknown sound": (given("excitation.sound", "music"), WRONG, ['given "music"', '"none"']),
+    # Excitation.
+    "above half of the rate": (given("excitation.frequency_hz", 31), WRONG,
+                               ["below half of the frame rate, 30 Hz"]),
+    "an alias that stands still": (
+        both(given("excitation.frequency_hz", 60.1), given("excitation.undersampled", True)), WRONG,
+        ["at least 0.6 Hz from 60 Hz"]),
+    "no rest": (given("excitation.rest_s", 0), WRONG, ["excitation.rest_s: given 0", "three"]),
+    "a steady part that ends first": (given("excitation.steady_s", [3, 1]), WRONG,
+                                      ["in this order"]),
+    "a steady part elsewhere": (given("excitation.steady_s", [0.7, 9]), WRONG,
+                                ["excitation.steady_s: given [0.7, 9], allowed: within"]),
+    # The board and its pictures.
+    "no pictures": (gone("shots/B"), WRONG, ["cameras[1].shots", "0 pictures"]),
+    "two pictures": (both(gone("shots/B/0.png"), gone("shots/B/1.png")), WRONG, ["at least 3"]),
+    "pictures of a phone's own kind": (
+        both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.HEIC") for k in range(4))), WRONG,
+        ["0 pictures", ".jpg", '4 of ".heic", which are not read: export JPEG']),
+    "a picture less": (gone("shots/B/3.png"), WRONG, ["given 4, 3 shots", "as many for every"]),
+    "a pattern that fits nothing": (given("cameras.1.shots", "shots/B/*.tif"), WRONG,
+                                    ["0 pictures"]),
+    "a list with a missing picture": (
+        given("cameras.1.shots", [f"shots/B/{k}.png" for k in (0, 1, 2, 9)]), WRONG,
+        ['cameras[1].shots[3]: given "shots/B/9.png", no such file']),
+    "a cut picture": (file("shots/B/2.png", keep=0.5), WRONG, ["2.png: not a readable picture"]),
+    "a text for a picture": (file("shots/B/2.png", b"none"), WRONG, ["2.png: not a readable"]),
+    "a smaller picture": (picture("shots/B/2.png", (32, 24)), WRONG,
+                          ["2.png: 32 × 24 px, allowed: 64 × 48 px"]),
+    "no board in any": (both(), FAILED, ["A: 0 of 4 shots show the board", "9 × 9 tiles"]),
+    "corners counted for tiles": (given("board.columns", 3), WRONG, ["board.columns: given 3"]),
+    "a tile of nothing": (given("board.tile_mm", 0), WRONG, ["board.tile_mm: given 0"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_wrong_is_one_line(recordings, tmp_path, case):
+    change, status, words = CASES[case]
+    folder, values = tmp_path / "recordings", plain()
+    shutil.copytree(recordings, folder)
+    change(folder, values)
+    if values:
+        (folder / "manifest.yaml").write_text(yaml.safe_dump(values, sort_keys=False))
+    done = thesis("measure", folder / "manifest.yaml", "--out", tmp_path / "out")
+    said = done.err.strip().splitlines()
+    assert done.status == status, done.err
+    assert said[-1].startswith("thesis: ")
+    assert sum(line.startswith("thesis: ") for line in said) == 1
+    missing = [word for word in words if word not in said[-1]]
+    assert not missing, said[-1]
+    assert done.warned == ()
+    assert [path.name for path in tmp_path.glob("out/*") if path.name != ".steps"] == []
+    if status == WRONG:
+        assert not list(tmp_path.glob("out/.steps/*"))
+
+
+def test_there_are_sixty_ways():
+    assert len(CASES) >= 60
