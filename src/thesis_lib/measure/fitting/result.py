@@ -288,7 +288,7 @@ def _check_explained(tone: Share, given: float) -> None:
     if tone.explained < NOTHING and tone.ratio > 1:
         raise FrequencyError(
             f"excitation.frequency_hz: given {given:.6g}, which explains "
-            f"{max(tone.explained, 0):.1%} of the motion; most of it is at {tone.frequency:.4g} "
+            f"{max(tone.explained, 0):.1%} of the motion; most of it is near {tone.frequency:.3g} "
             "Hz: allowed: the frequency of the motion, or null"
         )
 

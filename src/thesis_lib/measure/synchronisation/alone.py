@@ -33,7 +33,7 @@ def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
         names = [str(video) for video in videos]
     recordings = [Recording(*one) for one in zip(names, videos, strict=True)]
     hear(recordings, None, 0.0)  # it refuses
-    return [*beside_first(recordings, range(1, len(videos))).values()], names
+    return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
 def table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:

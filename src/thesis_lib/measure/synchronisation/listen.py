@@ -9,8 +9,8 @@ few kHz: memory does not grow with the length. What follows from that for long r
 - The tone is fitted in as many samples from the rest at the start on, two hours of 4 Hz; beyond it
   is not said to be steady.
 - One delay and one frequency serve all of a recording. Clocks of cameras differ by some 10⁻⁵: the
-  delay is that in the middle, and the pictures tell the rest. A room's sounds that therefore do not
-  match as a whole are compared window by window, as ``thesis sync`` does.
+  delay is that in the middle, and the pictures tell the rest. A room's sounds are compared window
+  by window, as ``thesis sync`` does.
 """
 
 from __future__ import annotations
@@ -49,6 +49,8 @@ from thesis_lib.measure.synchronisation.tones import (
 )
 
 Interval = tuple[float, float]
+DRIFTS = 4.0  # standard errors from which on clocks drift apart
+NEAR = 1e-3  # s that the delay in the middle may be from that of the whole
 
 
 @dataclass(frozen=True)
@@ -117,11 +119,18 @@ def _in_a_room(manifest: Manifest, recordings: list[Recording]) -> Sound:
     excitation = manifest.excitation
     heard = hear(recordings, None, 0.0)
     matched = matches(recordings, None, room=True)
-    drifts = beside_first(recordings, [i for i, one in matched.items() if not one.certain])
-    for i, one in drifts.items():  # whose clocks drift so far apart that the whole does not match
+    known = {i: one.delay if one.certain else None for i, one in matched.items()}
+    drifts = beside_first(recordings, known)
+    for i, one in list(drifts.items()):  # clocks that drift apart have no one delay
         middle = one.delay - float(np.nan_to_num(one.drift)) * heard.ends[i] / 2
         delay = middle + float(heard.starts[i] - heard.starts[0])
-        matched[i] = replace(matched[i], delay=delay, ambiguous=False, least=matched[i].peak)
+        sure = known[i]
+        if sure is None or (
+            abs(one.drift) > DRIFTS * one.drift_deviation and abs(delay - sure) < NEAR
+        ):
+            matched[i] = replace(matched[i], delay=delay, ambiguous=False, least=matched[i].peak)
+        else:
+            del drifts[i]
     found = combined(
         matched,
         [],

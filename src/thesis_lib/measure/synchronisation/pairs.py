@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,8 +17,17 @@ RATE = 16000.0  # Hz at which windows are compared
 LONGEST = 1800.0  # s from the start that are
 
 
-def beside_first(recordings: Sequence[Recording], others: Iterable[int]) -> dict[int, Drift]:
+def beside_first(
+    recordings: Sequence[Recording], others: Mapping[int, float | None]
+) -> dict[int, Drift]:
     """Start and clock of each of the `others` beside the first recording.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The files.
+    others : mapping
+        Delay of the sound of each in s where it is known, else it is sought by loudness.
 
     Raises
     ------
@@ -27,18 +36,20 @@ def beside_first(recordings: Sequence[Recording], others: Iterable[int]) -> dict
     """
     found: dict[int, Drift] = {}
     reference: tuple[Signal, float, float] | None = None
-    for k in others:
+    for k, known in others.items():
         sound, rate, start = reference = reference or track_of(recordings[0])
         other, _, its_start = track_of(recordings[k])
-        match = loudness_match(sound, other, rate)
-        if not match.certain:
-            raise SynchronisationError(
-                f"{recordings[k].name}: no sound in it matches that of {recordings[0].name} beyond "
-                "doubt; clap a few times where all cameras hear it, within a minute of the first "
-                "one's start"
-            )
-        delay = match.delay + start - its_start
-        found[k] = drift_of(sound, other, rate, (start, its_start), delay)
+        if known is None:
+            match = loudness_match(sound, other, rate)
+            if not match.certain:
+                raise SynchronisationError(
+                    f"{recordings[k].name}: no sound in it matches that of {recordings[0].name} "
+                    "beyond doubt; clap a few times where all cameras hear it, within a minute of "
+                    "the first one's start"
+                )
+            known = match.delay
+        starts = start, its_start
+        found[k] = drift_of(sound, other, rate, starts, known + start - its_start)
     return found
 
 
