@@ -9,6 +9,7 @@ import xarray as xr
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.film import manifest_of
 from thesis_lib.laboratory.rig import default_rig
+from thesis_lib.measure.fitting.frequency import FrequencyError
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings.check import ChainError
 from thesis_lib.measure.recordings.markers import on_surface
@@ -229,11 +230,12 @@ def test_a_camera_that_is_touched_is_named_with_its_second(conforms, tmp_path):
     assert "camera D sees jumped by 2.5 px at 2.7" in shown(data)
 
 
-def test_a_wrong_frequency_is_named_with_the_right_one(tmp_path):
+def test_a_wrong_frequency_is_refused_with_the_right_one(tmp_path):
     wrong = heard(of_force=0).assign(frequency=6.1)
-    data = result(manifest(frequency_hz=6.1), wrong, recordings(tmp_path, noise=0.02))
-    assert float(data["explained"]) < 0.2
-    assert "most of it is at 4." in shown(data)
+    with pytest.raises(
+        FrequencyError, match=r"given 6\.1, which .* 0\.\d% .* near 4\.\d+ Hz"
+    ):
+        result(manifest(frequency_hz=6.1), wrong, recordings(tmp_path, noise=0.02))
 
 
 def test_another_tone_is_told(conforms, tmp_path):

@@ -125,9 +125,8 @@ def _in_a_room(manifest: Manifest, recordings: list[Recording]) -> Sound:
         middle = one.delay - float(np.nan_to_num(one.drift)) * heard.ends[i] / 2
         delay = middle + float(heard.starts[i] - heard.starts[0])
         sure = known[i]
-        if sure is None or (
-            abs(one.drift) > DRIFTS * one.drift_deviation and abs(delay - sure) < NEAR
-        ):
+        drifting = abs(one.drift) > DRIFTS * one.drift_deviation  # not, if it is unknown
+        if abs(one.drift) < FASTEST and (sure is None or (drifting and abs(delay - sure) < NEAR)):
             matched[i] = replace(matched[i], delay=delay, ambiguous=False, least=matched[i].peak)
         else:
             del drifts[i]
