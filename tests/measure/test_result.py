@@ -232,9 +232,7 @@ def test_a_camera_that_is_touched_is_named_with_its_second(conforms, tmp_path):
 
 def test_a_wrong_frequency_is_refused_with_the_right_one(tmp_path):
     wrong = heard(of_force=0).assign(frequency=6.1)
-    with pytest.raises(
-        FrequencyError, match=r"given 6\.1, which .* 0\.\d% .* near 4\.\d+ Hz"
-    ):
+    with pytest.raises(FrequencyError, match=r"given 6\.1, which .* 0\.\d% .* near 4\.\d+ Hz"):
         result(manifest(frequency_hz=6.1), wrong, recordings(tmp_path, noise=0.02))
 
 
