@@ -10,12 +10,19 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib import __version__
+from thesis_lib.arrays import Array
 from thesis_lib.files import staging
+from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.rig import cameras_in
 from thesis_lib.measure.exchange import files, history
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.describe import describe
+from thesis_lib.measure.fitting.calibration_error import of_cameras
 from thesis_lib.measure.fitting.clocks import in_step
 from thesis_lib.measure.fitting.result import result
+from thesis_lib.measure.radiation import files as radiation_files
+from thesis_lib.measure.radiation import report as radiation_report
+from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.recordings import check as recordings_check
 from thesis_lib.measure.recordings.check import ChainError, on_one_line
 from thesis_lib.measure.recordings.manifest import read_manifest
@@ -71,7 +78,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     say("fitting the deflection")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        data = result(manifest, sound, recordings)
+        data = result(manifest, sound, recordings, _covariance(manifest, calibration))
         still = manifest.excitation.rest_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
         data = with_origin(
@@ -88,8 +95,11 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
             history.motion(data, in_step(data, recordings), still),
             data.attrs["source"],
         )
+        radiated = None
+        if manifest.radiation is not None:
+            radiated = with_origin(sound_of(data, manifest), data.attrs["source"])
         pictures = report.figures(data, moved, manifest, recordings, folder)
-        page = report.page(data, manifest, assessment, pictures)
+        page = report.page(data, manifest, assessment, pictures, radiated)
     with staging(out) as part:
         (part / "figures").mkdir()
         storage.write(data, part / "measured.nc")
@@ -98,11 +108,25 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         report.table(data).to_csv(part / "shapes.csv", index=False)
         files.write(part, data, moved, recordings)
         moving.write(part, data, recordings[0], folder / manifest.cameras[0].video)
+        if radiated is not None:
+            radiation_files.write(part, radiated)
         (part / "report.html").write_text(page, encoding="utf-8")
         move(part, out)
-    for line in report.summary(data):
+    for line in [
+        *report.summary(data),
+        *(radiation_report.summary(radiated) if radiated is not None else []),
+    ]:
         say(line)
     return out / "report.html"
+
+
+def _covariance(manifest: Manifest, calibration: xr.Dataset) -> Array | None:
+    """Of the cameras, as their pictures of the board leave them, if sound is asked for."""
+    if manifest.radiation is None:
+        return None
+    board = manifest.board.board
+    corners = calibration["corners"].values
+    return of_cameras(adjust(corners, board.corners, cameras_in(calibration)))
 
 
 def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:

@@ -21,6 +21,7 @@ from thesis_lib.measure.recordings.manifest_model import (
     Markers,
     Structure,
 )
+from thesis_lib.measure.recordings.radiation_fields import Radiation
 from thesis_lib.studies.vocabulary import allowed_text, unit
 
 PARTS: dict[str, type[BaseModel]] = {
@@ -30,6 +31,7 @@ PARTS: dict[str, type[BaseModel]] = {
     "cameras": CameraFiles,
     "board": BoardSpec,
     "excitation": Excitation,
+    "radiation": Radiation,
 }
 
 REMEDIES: dict[str, dict[str, str]] = {

@@ -14,6 +14,7 @@ import xarray as xr
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import alias
 from thesis_lib.measure.fitting.aliasing import candidates as aliases_of
+from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.clocks import lags_of, late, paced, paces, shifted
 from thesis_lib.measure.fitting.consistency import excess, frozen, held_back, in_plane
 from thesis_lib.measure.fitting.frequency import Advance, FrequencyError, advance, look_for
@@ -99,7 +100,19 @@ VARIABLES = declared("""
 """)
 
 
-def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording]) -> xr.Dataset:
+SHARED = declared("""
+    shared_real(row, marker) [m] what independent errors of the calibration, of one standard
+        deviation each, add to the complex amplitudes, real part
+    shared_imag(row, marker) [m] the same, imaginary part
+""")
+
+
+def result(
+    manifest: Manifest,
+    sound: xr.Dataset,
+    recordings: Sequence[Recording],
+    covariance: Array | None = None,
+) -> xr.Dataset:
     """Deflection shape, its standard errors, and what they rest on.
 
     Parameters
@@ -112,6 +125,8 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         ``steady``.
     recordings : sequence of Recording
         Cameras, clocks and tracks.
+    covariance : ndarray, optional
+        Of the calibration, see :func:`.of_cameras`; then the result has :data:`SHARED`, too.
 
     Returns
     -------
@@ -227,7 +242,11 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "candidate": ("candidate", [m.name for m in modes], {"long_name": "mode of the model"}),
     }
     attrs = {"most_similar": best, "sound": excitation.sound}
-    return xr.Dataset(labelled(values | compared, VARIABLES), coords, attrs)
+    data = xr.Dataset(labelled(values | compared, VARIABLES), coords, attrs)
+    if covariance is None:
+        return data
+    rows = common_errors(fit, markers, omega, exposures, covariance)
+    return data.assign(labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED))
 
 
 def _fitted(

@@ -14,11 +14,12 @@ from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.part import Part, Place
+from thesis_lib.measure.recordings.radiation_fields import Radiation
 from thesis_lib.studies.refusals import permitted, refuse
 from thesis_lib.studies.vocabulary import (
     Azimuth,
     Elevation,
-    Fields,
     Name,
     Positive,
     Width,
@@ -26,19 +27,10 @@ from thesis_lib.studies.vocabulary import (
     field,
 )
 
-Place = tuple[float, float]
 Count = Annotated[int, Field(ge=1, le=200)]
 FileName = Annotated[str, Field(min_length=1, max_length=500)]
 
 INSIDE = "a path inside the manifest's folder"
-
-
-class Part(Fields):
-    """What all parts of a manifest share."""
-
-    def refuse(self, name: str, why: str = "") -> None:
-        """Refuse the value of a field, by what it allows if no other reason is given."""
-        refuse(name, getattr(self, name), why or permitted(type(self), name))
 
 
 def _beam(name: str) -> Any:
@@ -277,6 +269,9 @@ class Manifest(Part):
     )
     board: BoardSpec = field(BoardSpec, "the calibration board", "an object")
     excitation: Excitation = field(Excitation, "the excitation", "an object")
+    radiation: Radiation | None = field(
+        None, "the sound that is wanted of it", "null, or an object; {} takes the defaults"
+    )
     truth: FileName | None = field(None, "truth of a rendered recording", f"null, or {INSIDE}")
 
     @model_validator(mode="after")
@@ -287,4 +282,8 @@ class Manifest(Part):
                 if given == getattr(one, name):
                     why = f"the same as cameras[{i}].{name}, allowed: {allowed}"
                     refuse(f"cameras[{j}].{name}", given, why)
+        if self.radiation is not None:
+            own = self.structure
+            size = own.length_mm / 1000, own.width_mm / 1000
+            self.radiation.check(own.kind, size, own.marker_points, own.markers.diameter_mm / 1000)
         return self

@@ -14,6 +14,8 @@ from thesis_lib.measure.exchange import files
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.feasibility.limits import Assessment
 from thesis_lib.measure.fitting.result import rms
+from thesis_lib.measure.radiation.files import MEANINGS as SOUND_FILES
+from thesis_lib.measure.radiation.report import sound_section
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.markers import on_surface
@@ -98,8 +100,14 @@ def summary(data: xr.Dataset) -> list[str]:
     return lines
 
 
-def page(data: xr.Dataset, manifest: Manifest, assessment: Assessment, pictures: Pictures) -> str:
-    """The report as one HTML page."""
+def page(
+    data: xr.Dataset,
+    manifest: Manifest,
+    assessment: Assessment,
+    pictures: Pictures,
+    radiated: xr.Dataset | None = None,
+) -> str:
+    """The report as one HTML page, with the sound if that was asked for."""
     parts = [
         f"<h1>{escape(data.attrs['title'])}</h1>",
         html.items(summary(data)),
@@ -107,6 +115,7 @@ def page(data: xr.Dataset, manifest: Manifest, assessment: Assessment, pictures:
         shape_view(data, (manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3)),
         html.figure(pictures, "shape", "Deflection of the markers at the instant of its maximum."),
         html.details("The numbers, marker by marker", html.frame(table(data))),
+        "" if radiated is None else sound_section(radiated, manifest),
         "<h2>Model</h2>" + _model(data),
         "<h2>Cameras and calibration</h2>",
         html.frame(tables.cameras(data)),
@@ -145,7 +154,8 @@ def page(data: xr.Dataset, manifest: Manifest, assessment: Assessment, pictures:
             "Distance of the centres in each frame from what the cameras agree on. A step tells of "
             "a camera that was touched, a slow rise of clocks that drift apart.",
         ),
-        "<h2>Files</h2>" + html.items(files.MEANINGS),
+        "<h2>Files</h2>"
+        + html.items([*files.MEANINGS, *(() if radiated is None else SOUND_FILES)]),
         "<h2>Feasibility, from the manifest alone</h2>",
         f"<pre>{escape(chr(10).join(describe(assessment)))}</pre>",
         "<h2>What was assumed</h2>" + html.items(_assumed(data, manifest)),

@@ -1,0 +1,129 @@
+"""What is known of the sound of a measured vibration: values and their standard errors.
+
+A measurement gives complex amplitudes ŵ = w + e with Gaussian errors e of mean 0. Stack real and
+imaginary parts, x = (Re w, Im w), and let Σ be the covariance of x̂. A pressure is linear in w; a
+power is a quadratic form xᵀAx. Of a measured one
+
+    E x̂ᵀAx̂ = xᵀAx + tr AΣ,    Var x̂ᵀAx̂ = 4 xᵀAΣAx + 2 tr AΣAΣ
+
+exactly. So errors have a power of their own, which is taken off; and since x̂ in place of x makes
+the first term of the variance too large by 4 tr AΣAΣ, that is taken off, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thesis_lib.arrays import Array, ComplexArray
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Numbers with their standard errors, both of one shape."""
+
+    value: Array
+    error: Array
+
+
+@dataclass(frozen=True)
+class Amplitudes:
+    """Measured complex amplitudes, and the covariance of their errors."""
+
+    value: ComplexArray  #: Shape (n,)
+    covariance: Array  #: Of the real parts, then the imaginary parts, shape (2n, 2n)
+
+    def __post_init__(self) -> None:
+        n = len(self.value)
+        if self.covariance.shape != (2 * n, 2 * n):
+            raise ValueError(
+                f"covariance: given shape {self.covariance.shape}, needs {(2 * n, 2 * n)}"
+            )
+
+    @property
+    def stacked(self) -> Array:
+        """Real parts, then imaginary parts, shape (2n,)."""
+        return np.concatenate([self.value.real, self.value.imag])
+
+
+def stacked_matrix(matrix: ArrayLike) -> Array:
+    """A complex matrix (m, n) as it acts on stacked real and imaginary parts, (2m, 2n)."""
+    M = np.asarray(matrix)
+    return np.block([[M.real, -M.imag], [M.imag, M.real]])
+
+
+def circular(
+    value: ArrayLike, covariance: ArrayLike, common: ArrayLike | None = None
+) -> Amplitudes:
+    """Amplitudes whose two parts err alike and independently, but for what errors have in common.
+
+    Parameters
+    ----------
+    value : array_like, shape (n,)
+        Complex amplitudes.
+    covariance : array_like, shape (n, n) or (n,)
+        Of the real parts, and of the imaginary parts; their variances if they are independent.
+    common : array_like, shape (k, n), optional
+        Complex: each row is what one error of standard deviation 1, independent of the others,
+        adds to all amplitudes, as a calibration's does.
+    """
+    w, C = np.asarray(value, complex), np.asarray(covariance, float)
+    each = np.diag(C) if C.ndim == 1 else C
+    whole = np.kron(np.eye(2), each)
+    if common is not None:
+        rows = np.asarray(common)
+        both = np.concatenate([rows.real, rows.imag], axis=1)
+        whole = whole + both.T @ both
+    return Amplitudes(w, whole)
+
+
+def quadratic(form: ArrayLike, of: Amplitudes) -> Estimate:
+    """The form wᴴAw for a real symmetric A (n, n), without the power of errors."""
+    A = np.kron(np.eye(2), np.asarray(form, float))
+    AS, x = A @ of.covariance, of.stacked
+    value = float(x @ A @ x - np.trace(AS))
+    return Estimate(np.array(value), np.sqrt(_covariance(A, A, of)))
+
+
+def factored(rows: ArrayLike, of: Amplitudes) -> Estimate:
+    """The forms |rₖ·w|² of real or complex rows (k, n), one by one, without the power of errors."""
+    at, S = _products(rows, of)
+    value = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
+    own = np.sum(S * S.swapaxes(1, 2), axis=(1, 2))
+    variance = 4 * np.einsum("ak,kab,bk->k", at, S, at) - 2 * own
+    return Estimate(value, np.sqrt(np.maximum(variance, 2 * own)))
+
+
+def ratio(above: ArrayLike, below: ArrayLike, of: Amplitudes) -> Estimate:
+    """Quotient of two forms wᴴAw / wᴴBw, to the first order of their errors."""
+    A, B = (np.kron(np.eye(2), np.asarray(form, float)) for form in (above, below))
+    a, b = (float(quadratic(form, of).value) for form in (above, below))
+    value = a / b
+    D = A - value * B  # the quotient errs as this form does over b
+    return Estimate(np.array(value), np.sqrt(_covariance(D, D, of)) / abs(b))
+
+
+def magnitude(rows: ArrayLike, of: Amplitudes) -> Estimate:
+    """Absolute values |rₖ·w|, without what errors add to their squares; 0 where that is all."""
+    at, S = _products(rows, of)
+    square = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
+    along = at / np.maximum(np.hypot(*at), np.finfo(float).tiny)
+    variance = np.einsum("ak,kab,bk->k", along, S, along)
+    return Estimate(np.sqrt(np.maximum(square, 0)), np.sqrt(np.maximum(variance, 0)))
+
+
+def _products(rows: ArrayLike, of: Amplitudes) -> tuple[Array, Array]:
+    """Real and imaginary parts of rₖ·w, (2, k), and their covariances, (k, 2, 2)."""
+    parts = np.stack(np.split(stacked_matrix(rows), 2))  # (2, k, 2n)
+    spread = (parts.reshape(-1, parts.shape[2]) @ of.covariance).reshape(parts.shape)
+    return parts @ of.stacked, np.einsum("akn,bkn->kab", spread, parts, optimize=True)
+
+
+def _covariance(A: Array, B: Array, of: Amplitudes) -> Array:
+    """Covariance of two forms, estimated; of one with itself at least what errors alone have."""
+    AS, BS, x = A @ of.covariance, B @ of.covariance, of.stacked
+    own = float(np.sum(AS * BS.T))
+    slopes = float(x @ AS @ B @ x)
+    return np.array(max(4 * slopes - 2 * own, 2 * own))

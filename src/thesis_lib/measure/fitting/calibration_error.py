@@ -1,0 +1,105 @@
+"""What errors of the calibration do to a deflection shape: they move all markers together.
+
+An error of a focal length or of a camera's place turns and stretches what the cameras measure, for
+all markers alike. Noise of the centres averages out where many markers are summed, as in sound;
+this does not. The amplitudes are triangulated anew by cameras that are off by a standard deviation
+in each of the independent directions of the adjustment's covariance. Where the world lies is free
+in it, and does not matter: the structure's frame comes from its markers at rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.measure.calibration import reprojection
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment
+from thesis_lib.measure.calibration.reprojection import LENS, POSE, Network
+from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, fitted
+from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.vision import lens
+from thesis_lib.vision.lens import Camera
+
+DIRECTIONS = 16  # of the covariance that are kept, the largest ones
+
+
+def of_cameras(adjustment: Adjustment) -> Array:
+    """Covariance of the cameras alone: their poses, then their lenses, (14 n, 14 n)."""
+    n = len(adjustment.cameras)
+    which = np.r_[: POSE * n, len(adjustment.covariance) - LENS * n : len(adjustment.covariance)]
+    return adjustment.covariance[np.ix_(which, which)]
+
+
+def common_errors(
+    fit: Fitted, markers: Markers, omega: float, exposures: Array, covariance: Array
+) -> ComplexArray:
+    """Errors of the amplitudes by the calibration's, independent rows of one standard deviation.
+
+    Parameters
+    ----------
+    fit : Fitted
+        By the cameras as calibrated.
+    markers : Markers
+        What is on the structure.
+    omega : float
+        Angular frequency in rad/s.
+    exposures : ndarray
+        Exposure times in s.
+    covariance : ndarray, shape (14 n, 14 n)
+        Of the cameras, see :func:`of_cameras`.
+
+    Returns
+    -------
+    ndarray, shape (rows, markers)
+        In m; as many rows as the covariance has directions that matter, at most
+        :data:`DIRECTIONS`.
+    """
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, ways = np.linalg.eigh(covariance / scale[:, None] / scale)
+    steps = [
+        scale * way * np.sqrt(value)
+        for value, way in zip(values, ways.T, strict=True)
+        if value > 1e-9 * values[-1]
+    ]
+    rows = []
+    for step in steps:
+        apart = [
+            amplitude(_refitted(fit, markers, sign * step), omega, exposures)
+            for sign in (-0.5, 0.5)
+        ]
+        rows.append(apart[1] - apart[0])
+    _, size, mixed = np.linalg.svd(np.nan_to_num(np.array(rows)), full_matrices=False)
+    return np.asarray(size[:DIRECTIONS, None] * mixed[:DIRECTIONS])
+
+
+def _refitted(fit: Fitted, markers: Markers, step: Array) -> Fitted:
+    """What the same images mean to cameras that are off by a step."""
+    network = Network(tuple(fit.cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    cameras = reprojection.stepped(network, step).cameras
+    pairs = list(zip(fit.cameras, cameras, strict=True))
+    harmonics = [
+        _seen_anew(old, new, own) for (old, new), own in zip(pairs, fit.harmonics, strict=True)
+    ]
+    rest = np.array([_anew(old, new, uv) for (old, new), uv in zip(pairs, fit.rest, strict=True)])
+    return fitted(list(cameras), harmonics, rest, markers)
+
+
+def _anew(old: Camera, new: Camera, uv: Array) -> Array:
+    """Places without distortion by one camera, as another one has them, (2, ...)."""
+    return lens.undistorted(new, lens.distorted(old, uv))
+
+
+def _seen_anew(old: Camera, new: Camera, own: Harmonics) -> Harmonics:
+    """Harmonics with distortion taken off by another camera, to first order about their mean."""
+    mean = own.coefficients[0]
+    moved = _anew(old, new, mean)
+    reach = 0.5  # px
+    slopes = [
+        (_anew(old, new, mean + shift[:, None]) - _anew(old, new, mean - shift[:, None]))
+        / (2 * reach)
+        for shift in reach * np.eye(2)
+    ]
+    rest = np.einsum("inm,kim->knm", np.array(slopes), own.coefficients[1:])
+    return replace(own, coefficients=np.concatenate([moved[None], rest]))

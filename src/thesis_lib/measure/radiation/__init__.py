@@ -1,0 +1,1 @@
+"""What a measured structure radiates, and how certain that is."""

@@ -1,0 +1,178 @@
+"""Standard errors of sound: exact moments, draws, closed forms of radiators."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.acoustics import estimates
+from thesis_lib.acoustics.radiation import radiation_matrix, sound_power
+from thesis_lib.acoustics.sources import AIR, Medium, monopole
+from thesis_lib.acoustics.surfaces import Surface
+
+DRAWS = 20000
+N = 5
+RNG = np.random.default_rng(3)
+ROWS = RNG.normal(size=(3, N)) + 1j * RNG.normal(size=(3, N))
+SPREAD = RNG.normal(size=(2 * N, 2 * N)) * 0.15
+TRUE = RNG.normal(size=N) + 1j * RNG.normal(size=N)
+FORM = np.real(np.conj(ROWS).T @ ROWS)
+OTHER = np.eye(N)
+
+
+def drawn(scale=1.0):
+    """Measured amplitudes, a row each, and the covariance of their errors."""
+    errors = np.random.default_rng(4).normal(size=(DRAWS, 2 * N)) @ (scale * SPREAD).T
+    return TRUE + errors[:, :N] + 1j * errors[:, N:], scale**2 * SPREAD @ SPREAD.T
+
+
+def judged(found, truth, conforms, unbiased=0.0):
+    """Scatter within 10 % of the standard errors, and the truth within two of them."""
+    value, error = (np.array([getattr(one, name) for one in found]) for name in ("value", "error"))
+    scatter = value.std(axis=0)
+    conforms.independent(np.sqrt(np.mean(error**2, axis=0)), scatter, rtol=0.1)
+    assert np.all(np.abs(value.mean(axis=0) - truth) < 5 * scatter / np.sqrt(len(value)) + unbiased)
+    within = np.mean(np.abs(value - truth) < 2 * error, axis=0)
+    assert np.all((within > 0.93) & (within < 0.975)), within
+
+
+def test_powers_are_unbiased_and_their_errors_are_those_of_draws(conforms):
+    measured, C = drawn(0.4)
+    found = [estimates.quadratic(FORM, estimates.Amplitudes(w, C)) for w in measured[:3000]]
+    judged(found, np.real(np.conj(TRUE) @ FORM @ TRUE), conforms)
+
+
+def test_powers_of_modes_one_by_one(conforms):
+    measured, C = drawn(0.12)
+    found = [estimates.factored(ROWS, estimates.Amplitudes(w, C)) for w in measured[:3000]]
+    judged(found, np.abs(ROWS @ TRUE) ** 2, conforms)
+    whole = estimates.Amplitudes(measured[0], C)
+    total = estimates.quadratic(FORM, whole).value
+    rows = np.concatenate([ROWS.real, ROWS.imag])  # FORM is the real part of their form
+    conforms.closed_form(estimates.factored(rows, whole).value.sum(), total, rtol=1e-12)
+
+
+def test_quotients_and_absolute_values(conforms):
+    measured, C = drawn(0.2)
+    each = [estimates.Amplitudes(w, C) for w in measured[:3000]]
+    truth = np.real(np.conj(TRUE) @ FORM @ TRUE) / np.sum(np.abs(TRUE) ** 2)
+    judged([estimates.ratio(FORM, OTHER, one) for one in each], truth, conforms, 0.01 * truth)
+    pressures = [estimates.magnitude(ROWS, one) for one in each]
+    judged(pressures, np.abs(ROWS @ TRUE), conforms, 0.01)
+
+
+def test_what_all_amplitudes_share_does_not_average_out(conforms):
+    w = np.full(400, 1 + 1j)
+    alone = estimates.quadratic(np.eye(400), estimates.circular(w, np.full(400, 1e-4)))
+    conforms.closed_form(alone.error / alone.value, 2 * 0.01 / np.sqrt(800), rtol=2e-3)
+    common = estimates.circular(w, np.zeros(400), 0.01 * w[None])
+    shared = estimates.quadratic(np.eye(400), common)
+    conforms.closed_form(shared.error / shared.value, 0.02, rtol=1e-3)  # 2 of a relative error
+
+
+def test_amplitudes_that_are_errors_alone_have_no_power():
+    C = np.eye(2 * N)
+    errors = np.random.default_rng(6).normal(size=(4000, 2 * N))
+    found = [estimates.quadratic(FORM, estimates.Amplitudes(e[:N] + 1j * e[N:], C)) for e in errors]
+    mean = np.mean([one.value for one in found])
+    assert abs(mean) < 0.1 * np.trace(FORM)
+
+
+def test_a_covariance_of_another_size_is_refused():
+    with pytest.raises(ValueError, match=r"covariance: given shape \(3, 3\), needs \(10, 10\)"):
+        estimates.Amplitudes(TRUE, np.eye(3))
+
+
+SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+
+
+def disc(radius, corners=96):
+    turn = 2 * np.pi * (np.arange(corners) + 0.5) / corners
+    grown = radius / np.sqrt(np.sin(2 * np.pi / corners) / (2 * np.pi / corners))  # of equal area
+    return grown * np.column_stack([np.cos(turn), np.sin(turn)])
+
+
+@pytest.mark.parametrize("ka", [0.3, 1.0, 3.0])
+def test_a_baffled_piston_has_the_resistance_of_its_bessel_function(ka, conforms):
+    from scipy.special import j1
+
+    a, omega = 0.1, ka * AIR.speed_of_sound / 0.1
+    surface = Surface.of(disc(a), 1600)
+    conforms.closed_form(surface.area, np.pi * a**2, rtol=1e-12)
+    rigid, w = np.ones((surface.share.size, 1)), 1e-6
+    power = float(np.ravel(surface.power_form(rigid, omega))[0]) * w**2
+    plane = AIR.density * AIR.speed_of_sound * np.pi * a**2 * (omega * w) ** 2 / 2
+    conforms.closed_form(power / plane, 1 - j1(2 * ka) / ka, rtol=4e-3)
+    above = np.array([[0.0], [0.0], [0.5]])  # pressure on the axis, exactly
+    k, far = omega / AIR.speed_of_sound, np.hypot(0.5, a)
+    exact = 2 * AIR.density * AIR.speed_of_sound * omega * w * abs(np.sin(k * (far - 0.5) / 2))
+    found = abs(surface.pressure_matrix(rigid, above, omega)[0, 0]) * w
+    conforms.closed_form(found, exact, rtol=4e-3)
+
+
+@pytest.mark.parametrize(("m", "n"), [(1, 1), (2, 1), (2, 2)])
+def test_a_simply_supported_plate_radiates_at_low_frequency_as_wallace_has_it(m, n, conforms):
+    """C. E. Wallace, J. Acoust. Soc. Am. 51 (1972), the leading terms far below coincidence."""
+    a, b = 0.5, 0.4
+    surface = Surface.of(SQUARE * [a, b], 3000, (a / 2, b / 2))
+    x, y = surface.places
+    shape = np.sin(m * np.pi * x / a) * np.sin(n * np.pi * y / b)
+    k = 0.05 * np.pi / a
+    omega = k * AIR.speed_of_sound
+    forms = (
+        surface.power_form(shape[:, None], omega),
+        surface.plane_wave_form(shape[:, None], omega),
+    )
+    found = float(forms[0][0, 0] / forms[1][0, 0])
+    even = (m % 2 == 0) + (n % 2 == 0)
+    leading = {
+        0: 32 * k**2 * a * b / (m**2 * n**2 * np.pi**5),
+        1: 8 * k**4 * a**3 * b / (3 * m**2 * n**2 * np.pi**5),
+        2: 2 * k**6 * a**3 * b**3 / (15 * m**2 * n**2 * np.pi**5),
+    }[even]
+    conforms.closed_form(found, leading, rtol=4e-3)
+
+
+def test_two_pistons_are_a_pair_of_monopoles(conforms):
+    medium, omega, apart = Medium(340.0, 1.2), 2 * np.pi * 400, 0.3
+    side = 0.004
+    left, right = (SQUARE * side + [x, 0] for x in (0, apart))
+    pair = [Surface.of(one, 4, (apart / 2 + side / 2, side / 2)) for one in (left, right)]
+    centres = np.concatenate([one.pistons.centres for one in pair], axis=1)
+    both = type(pair[0].pistons)(centres, pair[0].pistons.size)
+    k = omega / medium.speed_of_sound
+    single = sound_power(pair[0].pistons, np.ones(4), omega, medium)
+    for sign in (1, -1):  # W = 2 W₁ (1 ± sin kd / kd)
+        v = np.repeat([1, sign], 4)
+        found = sound_power(both, v, omega, medium)
+        expected = 2 * single * (1 + sign * np.sinc(k * apart / np.pi))
+        conforms.closed_form(found, expected, rtol=1e-4)
+    points = np.array([[0.4, -1.0], [0.2, 0.5], [1.0, 2.0]])
+    own = np.ones((4, 1))
+    found = sum(one.pressure_matrix(own, points, omega, medium)[:, 0] for one in pair)
+    where = np.array([[-apart / 2, apart / 2], [0, 0], [0, 0]])
+    far = np.linalg.norm(points[:, :, None] - where[:, None], axis=0)
+    volume = 2 * 1j * omega * side**2  # of a displacement of 1, before a baffle
+    waves = np.array([monopole(r, volume, omega, medium).sum() for r in far])
+    conforms.closed_form(found, waves, rtol=1e-3)
+
+
+def test_an_outline_with_a_notch_radiates_with_its_own_area(conforms):
+    corners = np.array([[0, 0], [0.6, 0], [0.6, 0.2], [0.2, 0.2], [0.2, 0.5], [0, 0.5]])
+    surface = Surface.of(corners, 1600)
+    conforms.closed_form(surface.area, 0.6 * 0.2 + 0.2 * 0.3, rtol=1e-12)
+    x, y = surface.places
+    assert np.all((y < 0.2) | (x < 0.2))
+    rigid = np.ones((x.size, 1))
+    low = 2 * np.pi * 5.0  # far below: all of it as one source
+    W = float(np.ravel(surface.power_form(rigid, low))[0])
+    Q = low * surface.area
+    point = AIR.density * low**2 * Q**2 / (4 * np.pi * AIR.speed_of_sound)
+    conforms.closed_form(W, point, rtol=1e-3)
+
+
+def test_the_forms_are_those_of_the_pistons(conforms):
+    surface = Surface.of(SQUARE * [0.3, 0.2], 60)
+    moving = np.random.default_rng(5).normal(size=(surface.share.size, 4))
+    omega = 2 * np.pi * 300
+    v = omega * surface.share[:, None] * moving
+    expected = v.T @ radiation_matrix(surface.pistons, omega) @ v
+    conforms.invariance(surface.power_form(moving, omega), expected, rtol=1e-12)

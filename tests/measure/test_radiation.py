@@ -1,0 +1,243 @@
+"""The sound of a measurement: from shapes with errors to levels with errors, files, refusals."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from pydantic import ValidationError
+from scipy.io import wavfile
+
+from thesis_lib.acoustics import estimates
+from thesis_lib.acoustics.planes import Plane
+from thesis_lib.acoustics.sources import AIR, Pistons
+from thesis_lib.acoustics.surfaces import Surface
+from thesis_lib.facts import setups
+from thesis_lib.measure.radiation import between, files, report
+from thesis_lib.measure.radiation.bands import octaves
+from thesis_lib.measure.radiation.of_measurement import sound_of
+from thesis_lib.measure.radiation.radiated import Tone, radiated
+from thesis_lib.measure.recordings.check import ChainError
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.vibration.structure import deflection_shape, resonance
+
+PLATE = setups.plate((9, 6))
+OMEGA = resonance(PLATE, 1)
+TRUE = deflection_shape(PLATE, 1, PLATE.markers, 1e-3) * np.exp(0.7j)
+SURFACE = Surface.of(
+    np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 1600,
+    (PLATE.length / 2, PLATE.width / 2),
+)  # fmt: skip
+NOISE, COMMON = 4e-6, 1e-3  # m of a marker; of all together, relative
+PLANES = (Plane("XZ", 0.4, 0.05, 0.5, (9, 7)), Plane("YZ", 0.4, 0.05, 0.5, (9, 7)))
+POINTS = np.array([[0.0, 0.3], [0.0, 0.2], [1.0, 0.5]])
+CAMERAS = [
+    {"name": name, "video": f"{name}.mp4", "exposure_s": 0.001, "shots": name} for name in "AB"
+]
+
+
+def manifest(radiation=None, **structure):
+    plate = {
+        "kind": "plate", "length_mm": 668, "width_mm": 443, "thickness_mm": 19.8,
+        "density_kg_m3": 7200, "youngs_modulus_pa": 1.4e11, "poissons_ratio": 0.31,
+        "markers": {"columns": 9, "rows": 6, "spacing_mm": 668 / 9, "row_spacing_mm": 443 / 6,
+                    "diameter_mm": 1},
+    }  # fmt: skip
+    values = {"structure": plate | structure, "cameras": CAMERAS, "radiation": radiation or {}}
+    return Manifest.model_validate_json(json.dumps(values))
+
+
+def measurement(shape=TRUE, height=0.0, noise=NOISE):
+    """What a measurement would be, of a shape."""
+    n = len(shape)
+    each = dict.fromkeys(["standard_error", "error_of_scatter"], ("marker", np.full(n, noise)))
+    rest = np.zeros((3, n))
+    rest[2, 0] = height
+    common = COMMON * shape[None]
+    return xr.Dataset(
+        each
+        | {
+            "amplitude_real": ("marker", shape.real),
+            "amplitude_imag": ("marker", shape.imag),
+            "deflection": ("marker", np.abs(shape)),
+            "in_plane_excess": ((), 0.9),
+            "frequency": ((), OMEGA / 2 / np.pi),
+            "rest_position": (("axis", "marker"), rest),
+            "shared_real": (("row", "marker"), common.real),
+            "shared_imag": (("row", "marker"), common.imag),
+        },
+        {"axis": ["x", "y", "z"]},
+    )
+
+
+def exact():
+    """Power of the true shape by Rayleigh's sum over 3600 cells."""
+    fine = Surface.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 3600)
+    w = deflection_shape(PLATE, 1, fine.places, 1e-3)
+    return float(np.ravel(fine.power_form(w[:, None], OMEGA))[0])
+
+
+@pytest.fixture(scope="module")
+def made():
+    return sound_of(measurement(), manifest({"points_mm": [[0, 0, 1000], [300, 200, 500]]}))
+
+
+def test_power_and_pressures_are_those_of_the_true_shape(made, conforms):
+    conforms.closed_form(float(made["power"][0]) / exact(), 1, atol=5e-4)
+    assert made.attrs["between"] == "model"
+    assert made["level"].shape == (1, 2)
+    level = 10 * np.log10(made["power"].values / 1e-12)
+    conforms.invariance(made["power_level"].values, level, rtol=1e-12)
+    assert float(made["left"][0]) < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["model", "spline"])
+def test_standard_errors_are_the_scatter_of_measurements(kind, conforms):
+    """Of 200 measurements that are drawn, all numbers err by what they say."""
+    places, radius = SURFACE.places, 0.0005
+    if kind == "model":
+        own = between.by_model(PLATE, PLATE.markers, radius, places)
+    else:
+        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent
+        held = between.along(corners, [0, 1, 2, 3], 0.07)
+        own = between.by_spline(PLATE.markers, held, places)
+
+    power, plain = (of(own.moving, OMEGA) for of in (SURFACE.power_form, SURFACE.plane_wave_form))
+    rows = SURFACE.pressure_matrix(own.moving, POINTS, OMEGA)
+
+    def heard(shape):
+        known = estimates.circular(shape, np.full(len(shape), NOISE**2), COMMON * shape[None])
+        return {
+            "power": estimates.quadratic(power, known),
+            "efficiency": estimates.ratio(power, plain, known),
+            "pressure": estimates.magnitude(rows, known),
+        }
+
+    draw, n = np.random.default_rng(8), len(TRUE)
+    truth, found = heard(TRUE), []
+    for _ in range(200):
+        noise = NOISE * (draw.normal(size=n) + 1j * draw.normal(size=n))
+        found.append(heard(TRUE * (1 + COMMON * draw.normal()) + noise))
+    for name in truth:
+        value, error = (
+            np.array([getattr(one[name], part) for one in found]) for part in ("value", "error")
+        )
+        conforms.independent(
+            np.mean(error, axis=0) / value.std(axis=0), 1 + 0 * error[0], atol=0.15
+        )
+        should = np.real(np.conj(TRUE) @ power @ TRUE) if name == "power" else truth[name].value
+        within = np.abs(value - should) <= 2 * error
+        assert np.all(np.mean(within, axis=0) > 0.92), name
+
+
+def test_a_spline_comes_near_the_model_and_tells_what_it_does_not_know(conforms):
+    spline = sound_of(measurement(noise=NOISE / 10), manifest({"between": "spline"}))
+    assert spline.attrs["between"] == "spline"
+    conforms.closed_form(float(spline["power"][0]) / exact(), 1, atol=0.02)
+    assert float(spline["left"][0]) > 3 * float(spline["left_by_noise"][0])
+    said = report.sound_section(spline, manifest())
+    assert "others miss" in said
+    assert "thin plate spline" in said
+
+
+def test_another_shape_than_the_models_is_left_to_the_spline():
+    x, y = PLATE.markers / 0.6
+    free = (1 + x - y + 0.3 * x * y) * 1e-3 + 0j
+    made = sound_of(measurement(free), manifest())
+    assert made.attrs["between"] == "spline"
+
+
+def test_a_spline_holds_planes_and_edges_at_rest(conforms):
+    markers = PLATE.markers
+    plane = 1 + 2 * markers[0] - markers[1]
+    free = between.by_spline(markers, np.empty((2, 0)), SURFACE.places)
+    x, y = SURFACE.places
+    conforms.closed_form(free.moving @ plane, 1 + 2 * x - y, rtol=1e-9)
+    held = between.along(np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]]), [3], 0.05)
+    conforms.closed_form(held[0], 0 * held[0], atol=1e-12)
+    still = between.by_spline(markers, held, held).moving @ plane
+    conforms.closed_form(still, 0 * still, atol=1e-9)
+
+
+def test_octaves_sum_tones_and_their_errors(conforms):
+    found = octaves(np.array([110.0, 130.0, 300.0]), np.array([1.0, 2, 4]), np.array([3.0, 4, 1]))
+    assert found.centres == (125, 250)
+    conforms.closed_form(found.sums.value, np.array([3.0, 4]), rtol=1e-12)
+    conforms.closed_form(found.sums.error, np.array([5.0, 1]), rtol=1e-12)
+
+
+def test_several_tones_stand_beside_each_other():
+    known = estimates.circular(TRUE, np.full(len(TRUE), NOISE**2))
+    own = between.by_model(PLATE, PLATE.markers, 0.0005, SURFACE.places)
+    tones = [Tone(OMEGA, known), Tone(1.1 * OMEGA, known)]
+    told = {"between": "model", "modes": 9, "spacing": 0.07, "highest": 2000.0, "held": 4,
+            "speed_of_sound": 343.0, "air_density": 1.21}  # fmt: skip
+    made = radiated(SURFACE, own, tones, POINTS, PLANES, AIR).assign_attrs(told)
+    said = report.sound_section(made, manifest())
+    assert "octave in Hz" in said
+    assert said.count("sound power at") == 2
+
+
+def test_a_sound_file_has_the_pressure_of_its_point(made, tmp_path, conforms):
+    files.write(tmp_path, made)
+    rate, samples = wavfile.read(tmp_path / "heard-2.wav")
+    assert rate == 48000
+    middle = samples[rate : 2 * rate]
+    size = abs(made["pressure_real"].values + 1j * made["pressure_imag"].values)[0, 1]
+    conforms.closed_form(np.sqrt(2 * np.mean(middle**2)), size, rtol=2e-3)
+    tone = np.abs(np.fft.rfft(middle * np.hanning(len(middle))))
+    assert abs(np.argmax(tone) - OMEGA / 2 / np.pi) <= 1
+    assert (tmp_path / "radiated.csv").read_text().count("power_level") == 1
+    with xr.open_dataset(tmp_path / "radiated.nc") as again:
+        xr.testing.assert_allclose(again.load()["power"], made["power"])
+
+
+@pytest.mark.parametrize(
+    ("fields", "structure", "line"),
+    [
+        (
+            {"outline_mm": [[0, 0], [668, 443], [668, 0], [0, 443]]},
+            {},
+            "corners [x, y] whose edges do not cross",
+        ),
+        (
+            {"outline_mm": [[0, 0], [300, 0], [300, 443], [0, 443]]},
+            {},
+            "corners around all markers, the one at (",
+        ),
+        ({"edges": ["free"]}, {}, '4 of "free" and "held"'),
+        ({"between": "model", "outline_mm": "hull"}, {}, "no model of this outline"),
+        ({"plane_bottom_mm": 500, "plane_top_mm": 400}, {}, "a number above plane_bottom_mm"),
+        ({"points_mm": [[0, 0, -1]]}, {}, "radiation.points_mm.0.2"),
+        (
+            {},
+            {"kind": "flat", "markers": {"points_mm": [[9, 9], [99, 9], [99, 99], [9, 99]]}},
+            "6 markers or more, given 4",
+        ),
+    ],
+)
+def test_what_has_no_sound_is_refused_in_a_line(fields, structure, line):
+    with pytest.raises(ValidationError) as refused:
+        manifest(fields, **structure)
+    assert line in str(refused.value)
+
+
+def test_a_structure_that_is_not_flat_and_markers_too_few_are_refused():
+    with pytest.raises(ChainError, match=r"20\.0 mm off the plane .* 13 mm; Rayleigh"):
+        sound_of(measurement(height=0.02), manifest())
+    few = measurement()
+    few["standard_error"][5:] = np.nan
+    with pytest.raises(ChainError, match="5 markers were measured, allowed: 6 or more"):
+        sound_of(few, manifest())
+
+
+def test_the_hull_is_around_the_markers(conforms):
+    own = manifest({"outline_mm": "hull"})
+    made = sound_of(measurement(), own)
+    width, height = 668 * 8 / 9 + 1, 443 * 5 / 6 + 1
+    conforms.closed_form(float(made["area"]), width * height * 1e-6, rtol=1e-5)
+
+
+def test_pistons_of_cells_are_what_they_were():
+    assert isinstance(SURFACE.pistons, Pistons)
+    assert SURFACE.share.min() > 0.999
