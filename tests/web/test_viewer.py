@@ -300,7 +300,7 @@ def parts_of(front: str) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("front", ["viewer", "layout", "measured"])
+@pytest.mark.parametrize("front", ["viewer", "layout", "measured", "radiated"])
 def test_the_parts_join_without_clashes(front: str) -> None:
     parts = parts_of(front)
     names = [name for part in parts for _, name in TOP.findall(MODULES[part])]

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import PydanticCustomError
 
-from thesis_lib.studies.vocabulary import allowed_text, unit
+from thesis_lib.studies.vocabulary import Fields, allowed_text, unit
 from thesis_lib.text import one_line
 
 
@@ -31,6 +31,14 @@ def refuse(field: str, given: Any, why: str) -> None:
     """Refuse a value in one line, from inside a validator."""
     message = f"{field}: given {shown(given)}, {why}"
     raise PydanticCustomError("refused", "{message}", {"message": message})
+
+
+class Refusing(Fields):
+    """Fields that refuse what does not go together, each by its name."""
+
+    def refuse(self, name: str, why: str = "") -> None:
+        """Refuse the value of a field, by what it allows if no other reason is given."""
+        refuse(name, getattr(self, name), why or permitted(type(self), name))
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

@@ -7,12 +7,12 @@ from pathlib import Path
 AREAS = {
     "Beam and plate": "structures plate",
     "Vision": "cameras triangulation optics compiled explorer recompute",
-    "Acoustics": "radiation planes quadrature radiating sound sound_sum sound_turn",
+    "Acoustics": "radiation planes quadrature radiating estimates sound sound_sum sound_turn",
     "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
     "The experiment": "scene lens render media corners calibration adjustment synchronisation "
     "listening tracking reconstruction laboratory tapped experiment_study lab_layouts lab_motions",
     "Own recordings": "feasibility modes measuring measure result own_recordings foreign exchange "
-    "paper sync",
+    "paper sync own_sound",
     "Beyond the thesis": "rounding design_law dither polytope interval "
     "pixel_noise estimators planner planner_machines planner_sound finite_elements shapes",
 }

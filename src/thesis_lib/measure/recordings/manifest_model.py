@@ -14,9 +14,8 @@ from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.part import Part, Place
-from thesis_lib.measure.recordings.radiation_fields import Radiation
-from thesis_lib.studies.refusals import permitted, refuse
+from thesis_lib.measure.recordings.radiation_fields import Place, Radiation
+from thesis_lib.studies.refusals import Refusing, permitted, refuse
 from thesis_lib.studies.vocabulary import (
     Azimuth,
     Elevation,
@@ -53,7 +52,7 @@ def _thesis_layout(given: dict[str, Any]) -> bool:
     )
 
 
-class Markers(Part):
+class Markers(Refusing):
     """Round markers on the structure: rows along it, or any given places."""
 
     rows: Count = field(3, "rows of markers, side by side")
@@ -80,7 +79,7 @@ class Markers(Part):
     )
 
 
-class Structure(Part):
+class Structure(Refusing):
     """The structure that is filmed."""
 
     kind: Literal["beam", "plate", "flat"] = field(
@@ -147,7 +146,7 @@ class Structure(Part):
         return None if self.markers.hole_mm is None else np.array(self.markers.hole_mm) / 1000
 
 
-class CameraFiles(Part):
+class CameraFiles(Refusing):
     """One camera and its files."""
 
     name: Name = field(..., "its name", "1 to 40 characters, different for every camera")
@@ -209,7 +208,7 @@ class CameraFiles(Part):
         return self
 
 
-class BoardSpec(Part):
+class BoardSpec(Refusing):
     """The calibration board: a checkerboard."""
 
     columns: int = field(9, "tiles along x", ge=4, le=100)
@@ -224,7 +223,7 @@ class BoardSpec(Part):
         return Board(self.columns, self.rows, self.tile_mm / 1000, self.margin_mm / 1000)
 
 
-class Excitation(Part):
+class Excitation(Refusing):
     """How the structure is driven, and what the sound tracks carry."""
 
     frequency_hz: Positive | None = field(4.25, "frequency of the vibration; null looks for it")
@@ -260,7 +259,7 @@ class Excitation(Part):
         return self
 
 
-class Manifest(Part):
+class Manifest(Refusing):
     """Recordings of one structure by 2 to 16 cameras."""
 
     structure: Structure = field(Structure, "the structure", "an object")

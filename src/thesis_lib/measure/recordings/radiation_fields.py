@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from thesis_lib.acoustics.sources import Medium
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.part import Part, Place
-from thesis_lib.studies.refusals import permitted, refuse
+from thesis_lib.studies.refusals import Refusing, permitted, refuse
 from thesis_lib.studies.vocabulary import Positive, field
-from thesis_lib.vibration.polygons import area, contains, distances, is_simple
 
+if TYPE_CHECKING:
+    from thesis_lib.acoustics.sources import Medium
+
+Place = tuple[float, float]
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
 Point = tuple[Length, Length, Annotated[float, Field(gt=0, le=1e5)]]
 Edge = Literal["free", "held"]
 FEWEST = 6  # markers that a surface needs
 
 
-class Radiation(Part):
+class Radiation(Refusing):
     """What the structure radiates, and where that is wanted."""
 
     outline_mm: Literal["structure", "hull"] | tuple[Place, ...] = field(
@@ -64,6 +65,8 @@ class Radiation(Part):
     @property
     def medium(self) -> Medium:
         """The air."""
+        from thesis_lib.acoustics.sources import Medium
+
         return Medium(self.speed_of_sound_m_s, self.air_density_kg_m3)
 
     @property
@@ -94,6 +97,8 @@ class Radiation(Part):
 
     def check(self, kind: str, size: tuple[float, float], markers: Array, diameter: float) -> None:
         """Refuse what does not go with the structure; lengths in m."""
+        from thesis_lib.vibration.polygons import area, contains, distances, is_simple
+
         count = markers.shape[1]
         if count < FEWEST:
             why = "fewer do not tell how the surface between them moves"

@@ -32,7 +32,7 @@ export function createPlane(width, plane, half) {
 }
 
 // A canvas for a field (nu, nz), drawn to a scale that ends at `most`.
-export function createField(field, most, [nu, nz], names) {
+export function createPressure(field, most, [nu, nz], names) {
   const canvas = html("canvas", { width: nu, height: nz, role: "img", ...names });
   const context = canvas.getContext("2d");
   const image = context.createImageData(nu, nz), pixels = new Uint32Array(image.data.buffer);

@@ -1,6 +1,6 @@
 // The sound field of a measured shape on the planes above it, playing.
 // Front end of thesis_lib.measure.radiation.report in the form that static_html runs.
-import { amplitude, coloursOf, createField, createPlane, decode } from "./field.js";
+import { amplitude, coloursOf, createPressure, createPlane, decode } from "./field.js";
 import { colourBar, paletteOf } from "./heatmap.js";
 import { createMotion } from "./motion.js";
 import { figure, html } from "./parts.js";
@@ -21,7 +21,7 @@ function render({ model, el }) {
     shown = [];
     panel.canvas.replaceChildren(...planes.map((plane, i) => {
       const picture = createPlane(wide, plane, halves[i]), names = { "aria-label": `pressure on ${plane.name}` };
-      const one = createField(decoded[i], most, plane.shape, names);
+      const one = createPressure(decoded[i], most, plane.shape, names);
       shown.push(one);
       picture.put(one.canvas);
       return html("div", { class: "tl-map" }, html("p", { class: "tl-maphead" }, `${plane.name} plane`), picture.node);

@@ -1,6 +1,6 @@
 // Panels of a sound field: the ideal pressure on each plane, and the errors of the best and the worst setting,
 // at any instant of the period.
-import { amplitude, coloursOf, createField, createPlane, decode } from "./field.js";
+import { amplitude, coloursOf, createPressure, createPlane, decode } from "./field.js";
 import { colourBar, mapWidth, paletteOf } from "./heatmap.js";
 import { createMotion } from "./motion.js";
 import { KINDS, entitle, figure, html, isNumber, swatch } from "./parts.js";
@@ -23,7 +23,7 @@ KINDS.sound = (study, uid) => {
     const picture = createPlane(width, plane, half);
     const names = { "data-testid": `field-${name}-${word}`, "aria-label": `${saidOf(word)} on ${name}` };
     if (field) {
-      const one = createField(field, most, plane.shape, names);
+      const one = createPressure(field, most, plane.shape, names);
       fields.push(one);
       picture.put(one.canvas);
     } else {
