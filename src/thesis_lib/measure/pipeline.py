@@ -126,6 +126,7 @@ def _covariance(manifest: Manifest, calibration: xr.Dataset) -> Array | None:
         return None
     board = manifest.board.board
     corners = calibration["corners"].values
+    corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
     return of_cameras(adjust(corners, board.corners, cameras_in(calibration)))
 
 
