@@ -32,6 +32,10 @@ PAGES = sorted(
     for path in {*BOOK.rglob("*.html")} - {*SOURCES[:-1]}  # the longest stands for its like
     if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
 )
+_LIBRARY = [name for name in PAGES if name.startswith("api/")]
+ALIKE = {*sorted(_LIBRARY, key=lambda name: (BOOK / name).stat().st_size)[:-3]}
+"""Pages of the library that are made as its three longest are: those alone are checked by axe, the
+others at night; all else is checked on every page."""
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="no Chromium or Chrome on this machine"
@@ -144,11 +148,15 @@ def use(opened: Opened, name: str) -> Visit:
     if name.startswith("executed/"):
         seen.answers = choose(opened.page)
     seen.trouble = [*opened.trouble, *opened.said]
-    if name != "index.html" and not axe.absent():  # it is intro
-        without = () if name == "intro.html" else SAME
-        found = axe.light_and_dark(opened.page, theme=True, without=without)
-        seen.inaccessible = tuple(found)
+    if name not in {"index.html", *ALIKE} and not axe.absent():  # the former is intro
+        seen.inaccessible = amiss(opened, name)
     return seen
+
+
+def amiss(opened: Opened, name: str) -> tuple[str, ...]:
+    """What axe finds on a page, in the light and in the dark."""
+    without = () if name == "intro.html" else SAME
+    return tuple(axe.light_and_dark(opened.page, theme=True, without=without))
 
 
 @pytest.fixture(scope="module")
@@ -289,13 +297,23 @@ def test_a_choice_in_a_widget_changes_its_picture(
 
 
 @needs_book
-@pytest.mark.parametrize("name", [name for name in PAGES if name != "index.html"])
+@pytest.mark.parametrize("name", [name for name in PAGES if name not in {"index.html", *ALIKE}])
 def test_nothing_amiss_for_those_who_cannot_see_well(
     visit: Callable[[str, bool], Visit], name: str
 ) -> None:
     if axe.absent():
         pytest.skip(axe.absent())
     assert visit(name, False).inaccessible == ()
+
+
+@needs_book
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", sorted(ALIKE))
+def test_nothing_amiss_on_the_other_pages_of_the_library(running: Browser, name: str) -> None:
+    if axe.absent():
+        pytest.skip(axe.absent())
+    with open_offline(running, BOOK / name) as opened:
+        assert amiss(opened, name) == ()
 
 
 @needs_book

@@ -224,19 +224,31 @@ def test_a_request_is_what_the_library_makes_of_it(
         assert opened.trouble == []
 
 
-@pytest.mark.slow
-def test_a_hundred_random_requests_are_what_the_library_makes_of_them(
-    conforms: Any, chromium: Browser, form: Path
+def held_at_random(
+    conforms: Any, chromium: Browser, form: Path, seed: int, requests_of_each: int
 ) -> None:
-    rng, times = random.Random(22), []
+    rng, times = random.Random(seed), []
     with open_offline(chromium, form) as opened:
-        for number in range(100):
-            name = COMPUTED[number % len(COMPUTED)]
+        for name in COMPUTED * requests_of_each:
             request = drawn_request(rng, name)
             held(conforms, request, asked(opened, name, typed(request)))
             times.append(opened.page.evaluate(f"document.querySelector('{FORM}').recompute.times"))
         assert opened.trouble == []
     print("ms to the literal run and the law:", sorted(round(one["literal"]) for one in times))
+
+
+@pytest.mark.slow
+def test_random_requests_of_every_set_are_what_the_library_makes_of_them(
+    conforms: Any, chromium: Browser, form: Path
+) -> None:
+    held_at_random(conforms, chromium, form, 22, 3)
+
+
+@pytest.mark.nightly
+def test_a_hundred_random_requests_are_what_the_library_makes_of_them(
+    conforms: Any, chromium: Browser, form: Path
+) -> None:
+    held_at_random(conforms, chromium, form, 23, 13)
 
 
 @pytest.mark.slow
