@@ -142,8 +142,11 @@ def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Itera
             f"{camera.video}: {info.size[0]} × {info.size[1]} px, {info.frame_rate:.6g} frames per "
             f"second{seconds}; {len(shots)} pictures of the board in {camera.shots}"
         )
-        if not info.has_audio:
-            yield f"missing: {camera.video} has no sound, which tells when the camera started"
+        if not info.has_audio and manifest.excitation.sound != "none":
+            yield (
+                f"missing: {camera.video} has no sound, which tells when the camera started; if "
+                "the vibration never changes: -p excitation.sound=none"
+            )
         if len(shots) < FEWEST:
             yield (
                 f"missing: pictures of the board by {camera.name}, at least {FEWEST}, better "

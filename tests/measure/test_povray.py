@@ -1,0 +1,50 @@
+"""A plate that two telephones film, rendered by POV-Ray: from their files to the true shape."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scenes.foreign import povray
+
+from thesis_lib.measure.pipeline import measure
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(povray.POVRAY is None, reason="no POV-Ray: apt-get install povray"),
+]
+CODED = {"fine": {"crf": "10", "preset": "veryfast"}, "phone": {"crf": "23", "preset": "medium"}}
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """The same light, hardly compressed and as phones do it: uneven frames, one phone upright."""
+    made = povray.film(tmp_path_factory.mktemp("povray"), CODED)
+    found = {}
+    for take, manifest in made.items():
+        measure(manifest, manifest.parent / "out", lambda line: None)
+        found[take] = xr.load_dataset(manifest.parent / "out" / "measured.nc")
+    return found
+
+
+# 0.44 and 0.84 % of the largest deflection are left, 100 and 88 % lie within two errors.
+@pytest.mark.parametrize(
+    ("take", "largest", "share"), [("fine", 0.007, 0.9), ("phone", 0.014, 0.75)]
+)
+def test_the_plates_shape_is_the_true_one_within_its_errors(
+    conforms, measured, take, largest, share
+):
+    data = measured[take]
+    assert data.attrs["most_similar"] == "mode (2, 1)"
+    off = data["deflection"].values - povray.truth()
+    conforms.independent(np.sqrt(np.mean(off**2)) / povray.AMPLITUDE, below=largest)
+    conforms.sampled(np.mean(np.abs(off) < 2 * data["standard_error"].values), above=share)
+    conforms.independent(data["grid_scale"], 1, atol=1e-3)
+    conforms.independent(data["frequency"], povray.FREQUENCY, atol=5e-3)
+    starts = [phone.start for phone in povray.PHONES]
+    conforms.independent(data["delay"] + data["lag"], np.subtract(starts, starts[0]), atol=2e-4)
+
+
+def test_the_cameras_are_where_povray_has_them(conforms, measured):
+    centres = measured["phone"]["camera_centre"].values
+    conforms.independent(centres, [phone.centre for phone in povray.PHONES], atol=1e-3)
