@@ -10,7 +10,7 @@ from command import thesis
 from scipy.stats import qmc
 
 from thesis_lib.acoustics.planes import pistons
-from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.acoustics.radiation import radiation_matrix, rayleigh
 from thesis_lib.facts import setups
 from thesis_lib.planning import errors, optimum, places, search, sound
 from thesis_lib.planning.planner import plan
@@ -93,6 +93,21 @@ def test_average_is_about_that_of_draws_over_amplitudes_and_turns(conforms, requ
         )
 
 
+@pytest.mark.parametrize("layout", [SQUARE, TURNED], ids=["square", "turned"])
+def test_predicted_power_errors_are_those_of_draws(conforms, request_, layout):
+    scene, sounds = request_.scene(), request_.sounds
+    law = sound.predicted(sounds, scene, layout, 320, "sound-power")
+    wrong = drawn(scene, layout)
+    found = []
+    for one, error in zip(sounds, wrong, strict=True):  # W = ω² wᵀRw, with Rayleigh's matrix
+        R = radiation_matrix(pistons(PLATE), one.omega)
+        power = [w @ R @ w for w in (one.reference, *(one.reference + error))]
+        found.append(100 * np.sqrt(np.mean((np.array(power[1:]) / power[0] - 1) ** 2)))
+    conforms.sampled(np.array(found) / law, 1, atol=0.12)
+    again, _ = sound.simulated(sounds, wrong, "sound-power")
+    conforms.independent(again, np.array(found), rtol=1e-9)
+
+
 def test_mirrored_layouts_sound_alike(conforms, request_):
     scene = request_.scene()
     one = sound.averaged(request_.sounds, scene, TURNED, 320)
@@ -150,11 +165,31 @@ def test_cube_and_summary_tell_the_gain(tmp_path):
     assert "largest pressure on a plane" in page
 
 
+def test_a_plan_for_the_power_is_better_at_that_and_says_so(conforms, tmp_path):
+    words = [
+        f"-p{key}={value if isinstance(value, str) else json.dumps(value)}"
+        for key, value in {**ASKED, "modes": [1, 5]}.items()  # mode (2, 2) has power, if no field
+    ]
+    done = thesis("plan", *words, "-pgoal=sound-power", "--out", "made", cwd=tmp_path)
+    assert done.status == 0, done.err
+    with xr.open_dataset(tmp_path / "made" / "plan.nc") as cube:
+        now, before = (cube[name].values for name in ("predicted_error", "shape_plan_error"))
+        drawn_ = cube["simulated_error"].values
+        assert cube.attrs["goal"] == "sound-power"
+    conforms.closed_form(now.max(), below=before.max() * (1 + 1e-9))
+    conforms.sampled(drawn_ / now, 1, atol=0.2)
+    less = 100 * (1 - now.max() / before.max())
+    assert f"have a power error of {before.max():.3g} %, so this is {less:.0f} % less" in done.out
+    page = (tmp_path / "made" / "plan.html").read_text(encoding="utf-8")
+    assert "worst mode in % of its sound power" in page
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["goal=sound"], 'goal: given "sound", allowed: "shape", or "sound" for the plate'),
+        (["goal=sound"], 'goal: given "sound", allowed: "shape", or "sound" or "sound-power"'),
         (["goal=sound", "body=beam"], "for the plate"),
+        (["goal=sound-power", "body=beam"], "for the plate"),
         (["goal=noise"], 'goal: given "noise", allowed: "shape"'),
         (["goal=sound", "body=plate", "in_view=0.5"], "with in_view 1"),
         (["goal=sound", "body=plate", "objective=worst"], 'objective "mean"'),

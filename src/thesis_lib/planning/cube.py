@@ -14,7 +14,7 @@ from thesis_lib.planning.planner import Option, Plan
 from thesis_lib.studies.variables import declared, labelled
 
 OF_SOUND = declared("""
-    shape_plan_error(option, mode) [percent] field error by the law of the layout for the
+    shape_plan_error(option, mode) [percent] error of the sound by the law of the layout for the
         shape
 """)
 XYZ = ("x", "y", "z")
@@ -102,7 +102,7 @@ def as_cube(plan: Plan) -> xr.Dataset:
     instead = [one.instead.field for one in options if one.instead]
     if not instead:
         return cube
-    cube.attrs["goal"] = "sound"
+    cube.attrs["goal"] = plan.request.goal
     return cube.assign(labelled({"shape_plan_error": instead}, OF_SOUND))
 
 

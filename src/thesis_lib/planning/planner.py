@@ -57,7 +57,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Instead:
-    """The plan for the shape, which one for sound began with, and its field errors by mode in %."""
+    """The plan for the shape, which one for sound began with, and its sound's errors by mode, %."""
 
     plan: Option
     field: Array
@@ -121,7 +121,7 @@ def plan(
         total += len(grid)
         options += _options(scene, grid, kinds, request, rate, tell)
     options.sort(key=lambda one: (one.kind, len(one.layout)))
-    if request.goal == "sound":
+    if request.goal != "shape":
         tell("moving cameras for the sound")
         options = for_sound(options, request)
     front = pareto([one.cost for one in options], [one.error for one in options])
@@ -132,15 +132,16 @@ def plan(
 
 def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
     """Plans for the shape, each moved for the sound; no bound of theirs is known."""
-    sounds = request.sounds
+    sounds, goal = request.sounds, request.goal
+    assert goal != "shape"
     about: dict[float, Surroundings] = {}
     found = []
     for one in options:
         around = about.setdefault(one.scene.aspect, Surroundings(one.scene))
         width = one.resolution[0]
-        layout = sound.moved(sounds, around, one.layout, width)
+        layout = sound.moved(sounds, around, one.layout, width, goal)
         field, own = (
-            sound.predicted(sounds, one.scene, each, width) for each in (one.layout, layout)
+            sound.predicted(sounds, one.scene, each, width, goal) for each in (one.layout, layout)
         )
         found.append(
             replace(
@@ -149,7 +150,7 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
                 predicted=own,
                 bound=np.nan,
                 instead=Instead(one, field),
-                expected=float(sound.averaged(sounds, one.scene, layout, width).max()),
+                expected=float(sound.averaged(sounds, one.scene, layout, width, goal).max()),
                 point=errors.predicted(one.scene, layout, width),
             )
         )
@@ -159,8 +160,8 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
 def _verified(one: Option, request: PlanRequest) -> Verified:
     drawn = max(request.trials, 1), request.seed, request.estimator
     asked = one.scene, one.layout, one.resolution[0], *drawn
-    if request.goal == "sound":
-        return Verified(*sound.simulated(request.sounds, errors.drawn(*asked)))
+    if request.goal != "shape":
+        return Verified(*sound.simulated(request.sounds, errors.drawn(*asked), request.goal))
     found, at = errors.simulated(*asked), first_most(one.point)
     return Verified(found.error(request.objective, at), found.band(request.objective))
 

@@ -110,7 +110,12 @@ def _cost(plan_: Plan, cost: float) -> str:
     return f"{cost:g}" if plan_.request.prices else f"{cost / 1e6:.4g} million pixels/s"
 
 
-def _beside(best: Option) -> str:
+def _heard(plan_: Plan) -> str:
+    """Whose error a plan for sound tells."""
+    return "power" if plan_.request.goal == "sound-power" else "field"
+
+
+def _beside(best: Option, heard: str) -> str:
     """What a plan compares with: its bound, or for sound the plan for the shape."""
     instead = best.instead
     if instead is None:
@@ -120,7 +125,7 @@ def _beside(best: Option) -> str:
         )
     field, shape = float(instead.field.max()), errors.counted(best.point, "mean").max()
     return (
-        f"planned for the shape as many cameras have a field error of {field:.3g} %, so this is "
+        f"planned for the shape as many cameras have a {heard} error of {field:.3g} %, so this is "
         f"{100 * (1 - best.error / field):.0f} % less; the shape's error is {shape:.3g} % in place "
         f"of {instead.plan.error:.3g} %"
     )
@@ -132,7 +137,7 @@ def summary(plan_: Plan, file: str = "") -> list[str]:
     found = plan_.verified[plan_.chosen].simulated
     n, (width, height) = len(best.layout), best.resolution
     kind = "mean" if request.objective == "mean" else "worst marker's"
-    kind = "field" if best.instead else kind
+    kind = _heard(plan_) if best.instead else kind
     which = "cheapest that reaches the target" if request.target_percent else "most accurate"
     modes = ", ".join(
         f"mode {mode}: {p:.3g} ({s:.3g})"
@@ -143,7 +148,7 @@ def summary(plan_: Plan, file: str = "") -> list[str]:
         f"{which}: {_cost(plan_, best.cost)}",
         f"{kind} error predicted (simulated) in %: {modes}; simulated over predicted "
         f"{np.min(found / best.predicted):.3f} to {np.max(found / best.predicted):.3f}",
-        _beside(best),
+        _beside(best, _heard(plan_)),
     ]
     study = "" if file else study_of(request, best.layout, best.resolution)
     if study:
@@ -183,6 +188,7 @@ def page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> s
         options.append([str(len(one.layout)), size, _cost(plan_, one.cost), *of, note])
     front = svg(front_figure(cube, plan_.request.target_percent))
     counted = "largest pressure on a plane" if best.instead else "largest deflection of a marker"
+    counted = "sound power" if plan_.request.goal == "sound-power" else counted
     parts = [
         f"<h1>{escape(plan_.request.title)}: {escape(plan_.body.name)}</h1>",
         "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>",

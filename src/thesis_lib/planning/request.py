@@ -74,10 +74,11 @@ class PlanRequest(Study):
         "largest error of a mode that is wanted, in % of its largest deflection of a marker",
         "a number above 0, at most 100000, or null to ask only what is possible",
     )
-    goal: Literal["shape", "sound"] = field(
+    goal: Literal["shape", "sound", "sound-power"] = field(
         "shape",
-        "whose error counts: of the deflection shape, or of the sound that the plate makes of it",
-        '"shape", or "sound" for the plate, with in_view 1 and objective "mean"',
+        "whose error counts: of the deflection shape, of the sound field that the plate makes of "
+        "it on two planes, or of the sound power",
+        '"shape", or "sound" or "sound-power" for the plate, with in_view 1 and objective "mean"',
     )
     objective: Literal["mean", "worst"] = field(
         "mean",
@@ -172,7 +173,8 @@ class PlanRequest(Study):
         """What the plate makes of these modes."""
         from thesis_lib.planning.sound import sounds_of
 
-        return sounds_of(tuple(self.modes), self.peaks_m)
+        goal: Any = self.goal
+        return sounds_of(tuple(self.modes), self.peaks_m, goal)
 
     @property
     def peaks_m(self) -> tuple[float, ...]:
@@ -227,9 +229,9 @@ class PlanRequest(Study):
         if self.distances_mm[0] <= reach:
             refuse("distances_mm", list(self.distances_mm), beyond(reach))
         self.frame_rate(body)
-        if self.goal == "sound" and body.name != self.body:
+        if self.goal != "shape" and body.name != self.body:
             self.refuse("goal")
-        if self.goal == "sound":
+        if self.goal != "shape":
             _ = self.sounds  # refuses modes that are not heard
 
     @model_validator(mode="after")
@@ -248,7 +250,7 @@ class PlanRequest(Study):
         for west, east, bottom, top in self.forbidden_sectors_deg:
             if not (west <= east <= west + 360 and bottom <= top):
                 self.refuse("forbidden_sectors_deg")
-        if self.goal == "sound" and (self.body, self.in_view, self.objective) != AUDIBLE:
+        if self.goal != "shape" and (self.body, self.in_view, self.objective) != AUDIBLE:
             self.refuse("goal")
         if self.prices and len(self.prices) != len(self.resolutions_px):
             self.refuse("prices")

@@ -1,15 +1,17 @@
-"""Cameras for the plate's sound: placed for the error of its field in place of the shape's.
+"""Cameras for the plate's sound: placed for the error of its field, or of the power it radiates.
 
 The field's error is ω²tr(QΣ) (:mod:`thesis_lib.acoustics.radiating`), so what counts beside the
 markers' variances is what they share: a camera that stands square to the plate rounds a row of
-markers alike, and that radiates. The best layout for the shape is begun with, and its cameras are
-moved by some degrees while that helps.
+markers alike, and that radiates. So it is with the power, whose error is twice what the deflection
+errs by along its own sound. The best layout for the shape is begun with, and its cameras are moved
+by some degrees while that helps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 
@@ -26,6 +28,7 @@ from thesis_lib.vibration.structure import deflection_shape, resonance
 from thesis_lib.vision import rounding
 
 Sounds = Sequence[PlateSound]
+Goal = Literal["sound", "sound-power"]
 
 STEPS = np.radians([8, 4, 2])  # finer ones would fit one grid of pixels, not how markers lie on it
 TURNS = np.radians([-0.5, 0, 0.5])  # of the whole layout, over which costs are averaged
@@ -35,7 +38,9 @@ _WAYS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b])
 
 
 @lru_cache(maxsize=4)
-def sounds_of(modes: tuple[int, ...], peaks: tuple[float, ...]) -> tuple[PlateSound, ...]:
+def sounds_of(
+    modes: tuple[int, ...], peaks: tuple[float, ...], goal: Goal = "sound"
+) -> tuple[PlateSound, ...]:
     """The plate's sound in some modes with peaks in m, on the planes and in the air of chapter 6.
 
     Raises
@@ -54,21 +59,25 @@ def sounds_of(modes: tuple[int, ...], peaks: tuple[float, ...]) -> tuple[PlateSo
             refuse(
                 "modes", mode, str(error).replace("use more and smaller pistons", "a lower mode")
             )
-        if np.isnan(one.largest).all():
+        if goal == "sound" and np.isnan(one.largest).all():
             heard = 'modes that are not silent on both planes, XZ and YZ, with goal "sound"'
             refuse("modes", mode, f"allowed: {heard}")
         found.append(one)
     return tuple(found)
 
 
-def _worst_plane(sounds: Sounds, covariances: Sequence[Array]) -> Array:
-    """Field errors of the modes in %, on the plane where each is larger."""
+def _expected(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> Array:
+    """Errors of the modes in %: of the power, or of the field on the plane where it is larger."""
     pairs = zip(sounds, covariances, strict=True)
+    if goal == "sound-power":
+        return np.array([sound.expected_power_error(C) for sound, C in pairs])
     return np.array([np.nanmax(sound.expected_plane_errors(C)) for sound, C in pairs])
 
 
-def averaged(sounds: Sounds, scene: Scene, layout: Array, width: int) -> Array:
-    """Field errors of the modes in %, averaged over amplitudes and small turns of the layout.
+def averaged(
+    sounds: Sounds, scene: Scene, layout: Array, width: int, goal: Goal = "sound"
+) -> Array:
+    """Errors of the modes' sound in %, averaged over amplitudes and small turns of the layout.
 
     Over amplitudes both images of a marker are rounded independently, and which markers are
     rounded alike is taken from how they lie at rest.
@@ -77,28 +86,34 @@ def averaged(sounds: Sounds, scene: Scene, layout: Array, width: int) -> Array:
     for turn in TURNS:
         P = cameras(scene, layout + [turn, 0, 0, 0], width).P
         C = 2 * rounding.deflection_covariance(P, rest, rest, rest_is_known=True)
-        squares.append(_worst_plane(sounds, [C] * len(sounds)) ** 2)
+        squares.append(_expected(sounds, [C] * len(sounds), goal) ** 2)
     return np.asarray(np.sqrt(np.mean(squares, axis=0)))
 
 
-def predicted(sounds: Sounds, scene: Scene, layout: Array, width: int) -> Array:
-    """Field errors of the modes in % by the law of rounding, at the amplitude asked for."""
+def predicted(
+    sounds: Sounds, scene: Scene, layout: Array, width: int, goal: Goal = "sound"
+) -> Array:
+    """Errors of the modes' sound in % by the law of rounding, at the amplitude asked for."""
     P, rest = cameras(scene, layout, width).P, scene.body.points
     moved = np.moveaxis(scene.body.deflected(scene.peaks), 1, 0)
-    return _worst_plane(sounds, [rounding.deflection_covariance(P, rest, one) for one in moved])
+    covariances = [rounding.deflection_covariance(P, rest, one) for one in moved]
+    return _expected(sounds, covariances, goal)
 
 
-def simulated(sounds: Sounds, wrong: Array) -> tuple[Array, Array]:
-    """Field errors of drawn deflection errors (modes, trials, markers) in m, in %.
+def simulated(sounds: Sounds, wrong: Array, goal: Goal = "sound") -> tuple[Array, Array]:
+    """Errors of the sound of drawn deflection errors (modes, trials, markers) in m, in %.
 
     Returns
     -------
     tuple of ndarray
-        Rms over the trials on the worse plane, (modes,), and its quantiles 5 and 95 %, (2, modes).
+        Rms over the trials, of the field on the worse plane, (modes,), and the quantiles 5 and 95 %
+        of its size, (2, modes).
     """
     rms, band = [], []
     for sound, error in zip(sounds, wrong, strict=True):
-        drawn = sound.plane_errors(sound.reference + error)
+        found = sound.reference + error
+        powers = goal == "sound-power"
+        drawn = np.abs(sound.power_errors(found))[:, None] if powers else sound.plane_errors(found)
         over_trials = np.sqrt(np.mean(drawn**2, axis=0))
         worst = int(np.nanargmax(over_trials))
         rms.append(over_trials[worst])
@@ -106,15 +121,17 @@ def simulated(sounds: Sounds, wrong: Array) -> tuple[Array, Array]:
     return np.array(rms), np.array(band).T
 
 
-def moved(sounds: Sounds, about: Surroundings, layout: Array, width: int) -> Array:
-    """A layout whose cameras are moved, one by one, by ever smaller steps while the field gains.
+def moved(
+    sounds: Sounds, about: Surroundings, layout: Array, width: int, goal: Goal = "sound"
+) -> Array:
+    """A layout whose cameras are moved, one by one, by ever smaller steps while the sound gains.
 
     A camera goes to one of the eight directions about its own, as near as it sees enough there.
     The layout itself is given back where the law, at the amplitude asked for, is no better after.
     """
     scene = about.scene
     rules, found = scene.rules, layout
-    best = float(averaged(sounds, scene, found, width).max())
+    best = float(averaged(sounds, scene, found, width, goal).max())
     for step in STEPS:
         still = 0  # cameras since the last move
         for which in _ROUNDS * list(range(len(layout))):
@@ -130,9 +147,9 @@ def moved(sounds: Sounds, about: Surroundings, layout: Array, width: int) -> Arr
             others = np.delete(found, which, axis=0)
             places = places[about.permitted(places) & apart(scene, places, others)]
             tried = [np.insert(others, which, place, axis=0) for place in places]
-            costs = np.array([averaged(sounds, scene, one, width).max() for one in tried])
+            costs = np.array([averaged(sounds, scene, one, width, goal).max() for one in tried])
             if len(costs) and costs.min() < best * (1 - _HELPS):
                 least = first_least(costs)
                 found, best, still = tried[least], float(costs[least]), 0
-    now, before = (predicted(sounds, scene, one, width).max() for one in (found, layout))
+    now, before = (predicted(sounds, scene, one, width, goal).max() for one in (found, layout))
     return found if now < before * (1 - TIE) else layout
