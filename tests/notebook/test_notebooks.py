@@ -169,6 +169,8 @@ CHEAP = {
     "design-law": {"counts": [2], "frame_rates_hz": [60]},
     "planner": {"counts": [2], "resolutions_px": [[320, 180]], "step_deg": 45, "starts": 0},
 }
+LONG = [("planner", {"counts": [3]}), *(("sound-distance", values) for values in SEEN[1:])]
+"""What `make test` leaves out: the plate has the same of cameras and estimators."""
 
 
 def of_the_steps(asked: Study) -> xr.Dataset:
@@ -194,7 +196,11 @@ def of_the_steps(asked: Study) -> xr.Dataset:
 
 @pytest.mark.parametrize(
     ("name", "values"),
-    [(name, values) for name, every in OTHERWISE.items() for values in every],
+    [
+        pytest.param(name, values, marks=[pytest.mark.slow] * ((name, values) in LONG))
+        for name, every in OTHERWISE.items()
+        for values in every
+    ],
     ids=str,
 )
 def test_the_steps_are_the_first_row_of_the_cube_whatever_is_asked(
