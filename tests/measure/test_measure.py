@@ -29,7 +29,9 @@ from scenes.measure import (
     remux,
 )
 
-from thesis_lib.laboratory.example import example_manifest, example_rig
+from thesis_lib.acoustics.sources import AIR
+from thesis_lib.facts import setups
+from thesis_lib.laboratory.example import AMPLITUDE, example_manifest, example_rig
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.recordings import media
@@ -39,6 +41,7 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media_info import frame_times
 from thesis_lib.measure.tracking.tracks import Recording, _state
 from thesis_lib.studies import storage
+from thesis_lib.vibration.structure import deflection_shape
 from thesis_lib.vision.lens import project
 from thesis_lib.vision.simulation import assurance
 
@@ -380,6 +383,28 @@ def test_broken_files_are_named_in_one_line_and_leave_no_trace(example, tmp_path
     assert_words(line, words)
     assert sorted(folder.rglob("*")) == before
     assert capfd.readouterr() == ("", "")
+
+
+def test_the_sound_is_told_if_it_is_asked_for(measured, tmp_path, conforms):
+    """Far longer waves than the beam: it is a point source before a wall, of known strength."""
+    folder = copied(measured, tmp_path / "recording", results=True)
+    change_manifest(folder, lambda values: values.update(radiation={}))
+    done = thesis("measure", folder / "manifest.yaml")
+    assert (done.status, done.err) == (0, "")
+    assert "sound power at 4.25 Hz: 48." in done.out
+    page = (folder / "measured" / "report.html").read_text(encoding="utf-8")
+    assert "<h2>Sound</h2>" in page
+    assert "rigid wall (a baffle)" in page
+    assert {"heard-1.wav", "radiated.csv"} <= {p.name for p in (folder / "measured").iterdir()}
+    beam, omega = setups.beam(), 2 * np.pi * 4.25
+    x = (np.arange(4000) + 0.5) / 4000 * beam.length
+    mean = abs(np.mean(deflection_shape(beam, 1, np.stack([x, 0 * x]), AMPLITUDE)))
+    strength = omega * mean * beam.length * beam.width  # m³/s
+    true = AIR.density * (omega * strength) ** 2 / (4 * np.pi * AIR.speed_of_sound)
+    with xr.open_dataset(folder / "measured" / "radiated.nc") as found:
+        power, error = float(found["power"][0]), float(found["power_error"][0])
+    conforms.sampled(power, true, atol=3 * error)
+    assert error < 0.03 * power
 
 
 def test_a_wrong_frequency_is_told_from_the_sound(example, tmp_path):
