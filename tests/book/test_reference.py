@@ -22,7 +22,7 @@ PAGE = (project_root() / "book" / "recordings.md").read_text(encoding="utf-8")
 SOURCES = project_root() / "src" / "thesis_lib"
 FAMILIES = {
     "BoardNotFound", "CalibrationError", "ChainError", "FrequencyError", "MediaError",
-    "SynchronisationError", "TrackingError",
+    "ModalError", "SynchronisationError", "TrackingError",
 }  # fmt: skip
 # What no manifest leads to: mistakes of a caller, and errors that only pass another one on.
 INTERNAL = {

@@ -1,12 +1,17 @@
 """Several modes in tracks: frequencies, damping, shapes and their errors; and what is refused."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes.modes import BEAM, Truth, beam_modes, rest, rig, tracks
+import pyuff
+import xarray as xr
+from scenes.modes import BEAM, Truth, beam_modes, recorded, rest, rig, tracks
 
 from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
+from thesis_lib.measure.modes.write import several
+from thesis_lib.measure.recordings.manifest_model import Excitation
 from thesis_lib.vibration.motion import Component
 
 RIG = rig()
@@ -135,3 +140,52 @@ def test_too_few_markers_and_frames_are_refused():
         track.uv[:, :, 2:] = np.nan
     with pytest.raises(ModalError, match=r"2 markers are seen by two cameras .* needs 3: add"):
         identify(blind, REST, Asked(BAND))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"kind": "decay", "frequency_hz": 5.0}, "frequency_hz: given 5.0, allowed: .* null where"),
+        ({"kind": "tones", "sound": "none"}, "sound: given .* allowed for several modes"),
+        ({"kind": "sweep"}, "kind"),
+        ({"kind": "decay", "modes": {"from_hz": 9.0, "to_hz": 4.0}}, "to_hz: given 4.0"),
+        ({"kind": "decay", "modes": {"near_hz": [1.0]}}, "near_hz: given"),
+    ],
+)
+def test_what_a_manifest_may_not_ask_is_refused(given, told):
+    with pytest.raises(ValueError, match=told):
+        Excitation.model_validate_json(json.dumps(given))
+
+
+def test_one_tone_is_the_default_and_has_its_frequency():
+    assert (Excitation().kind, Excitation().frequency_hz) == ("tone", 4.25)
+    assert Excitation(kind="decay").frequency_hz is None
+
+
+def test_modes_go_to_a_report_and_files(tmp_path):
+    """From tracks on disk, as the command leaves them; other programs' readers find the same."""
+    truth = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))
+    recordings, manifest = recorded(tmp_path, RIG, truth)
+    sound = xr.Dataset(
+        {"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "by no sound at all"}
+    )
+    calibration = xr.Dataset(attrs={"notes": ""})
+    said = []
+    page = several(manifest, sound, calibration, recordings, tmp_path / "out", said.append)
+    text = page.read_text(encoding="utf-8")
+    assert text.count("data-tl-fragment=") >= 2
+    assert "stabilisation diagram" in text or "stays when another one is added" in text
+    assert said[1].startswith("mode 1: 6.31")
+    data = xr.open_dataset(tmp_path / "out" / "modes.nc")
+    np.testing.assert_allclose(data["frequency"], truth.frequency, rtol=1e-3)
+    np.testing.assert_allclose(data["damping"], truth.damping, rtol=0.05)
+    assert float(data["mac"].max("candidate").min()) > 0.999
+    sets = [one for one in pyuff.UFF(str(tmp_path / "out" / "modes.uff")).read_sets()
+            if one["type"] == 55]  # fmt: skip
+    eigenvalues = np.array([one["eig"] for one in sets])
+    np.testing.assert_allclose(np.abs(eigenvalues) / (2 * np.pi), data["frequency"], rtol=1e-5)
+    np.testing.assert_allclose(-eigenvalues.real / np.abs(eigenvalues), data["damping"], rtol=1e-4)
+    shape = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    np.testing.assert_allclose(sets[1]["r3"], shape[1], rtol=1e-4, atol=1e-9)
+    assert (tmp_path / "out" / "vtk" / "mode-2" / "period.pvd").is_file()
+    assert (tmp_path / "out" / "mode-1.mp4").stat().st_size > 1000

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
+from thesis_lib.laboratory.film import manifest_of
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import Track
+from thesis_lib.measure.recordings.manifest_model import Excitation, Manifest
 from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.recordings.sought import Sought
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens
 
@@ -108,3 +113,35 @@ def rest(own: Rig) -> Rest:
     points, _ = triangulate_seen(lens.projection_matrices(own.cameras), images)
     frame = checked_frame(own.cameras, images, own.markers)
     return Rest(images, frame, points, own.markers.centres, BEAM.thickness)
+
+
+def recorded(folder: Path, own: Rig, truth: Truth) -> tuple[list[Recording], Manifest]:
+    """The same as `measure` leaves it: half a second of rest, then the decay, tracks on disk."""
+    found = []
+    for k, (track, station) in enumerate(
+        zip(tracks(own, truth, seconds=3), own.stations, strict=True)
+    ):
+        rate = RATES[k]
+        start = float(track.times[0])
+        before = np.arange(-round(0.5 * rate), 0) / rate + start
+        world = on_surface(own.markers.extent, own.markers.centres)
+        still = lens.project(station.camera, world)
+        noise = 0.02 * np.random.default_rng(k).standard_normal((len(before), *still.shape))
+        seen = lens.distorted(station.camera, track.uv.swapaxes(0, 1)).swapaxes(0, 1)
+        centres = np.concatenate([still + noise, seen])
+        np.save(folder / f"{k}.npy", centres)
+        found.append(
+            Recording(
+                station.camera,
+                rate,
+                float(before[0]) + 0.5,
+                track.exposure,
+                track.readout,
+                folder / f"{k}.npy",
+            )
+        )
+    manifest = manifest_of(own)
+    excitation = Excitation(
+        kind="decay", rest_s=0.45, sound="room", modes=Sought(to_hz=60.0, count=2)
+    )
+    return found, manifest.model_copy(update={"excitation": excitation})

@@ -20,6 +20,7 @@ from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.fitting.calibration_error import of_cameras
 from thesis_lib.measure.fitting.clocks import in_step
 from thesis_lib.measure.fitting.result import result
+from thesis_lib.measure.modes.write import several
 from thesis_lib.measure.radiation import files as radiation_files
 from thesis_lib.measure.radiation import report as radiation_report
 from thesis_lib.measure.radiation.of_measurement import sound_of
@@ -62,7 +63,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     ------
     ManifestError, MediaError
         If the manifest or a file cannot be used.
-    CalibrationError, SynchronisationError, TrackingError, ChainError, FrequencyError
+    CalibrationError, SynchronisationError, TrackingError, ChainError, FrequencyError, ModalError
         If what was recorded does not suffice; one line that says what is missing.
     """
     manifest, folder = read_manifest(path), path.parent
@@ -75,6 +76,8 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     sound = heard(filmed, folder, steps, say)  # first: it may refuse more of the manifest
     calibration = calibrated(manifest, folder, steps, say)
     recordings = tracked(filmed, folder, steps, calibration, sound, clocks)
+    if manifest.excitation.kind != "tone":
+        return several(manifest, sound, calibration, recordings, out, say)
     say("fitting the deflection")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
@@ -111,7 +114,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         if radiated is not None:
             radiation_files.write(part, radiated)
         (part / "report.html").write_text(page, encoding="utf-8")
-        move(part, out)
+        files.move(part, out)
     for line in [
         *report.summary(data),
         *(radiation_report.summary(radiated) if radiated is not None else []),
@@ -140,15 +143,6 @@ def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
             "line, which does not tell how the structure is turned about it: move a camera, or "
             "add markers beside the line"
         )
-
-
-def move(part: Path, out: Path) -> None:
-    """Move all files of a folder to another, each in place of the one that is there."""
-    files = [path.relative_to(part) for path in part.rglob("*") if path.is_file()]
-    for folder in {file.parent for file in files}:
-        (out / folder).mkdir(parents=True, exist_ok=True)
-    for file in files:
-        (part / file).replace(out / file)
 
 
 def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:

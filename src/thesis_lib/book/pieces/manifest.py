@@ -22,6 +22,7 @@ from thesis_lib.measure.recordings.manifest_model import (
     Structure,
 )
 from thesis_lib.measure.recordings.radiation_fields import Radiation
+from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.studies.vocabulary import allowed_text, unit
 
 PARTS: dict[str, type[BaseModel]] = {
@@ -32,6 +33,7 @@ PARTS: dict[str, type[BaseModel]] = {
     "board": BoardSpec,
     "excitation": Excitation,
     "radiation": Radiation,
+    "modes": Sought,
 }
 
 REMEDIES: dict[str, dict[str, str]] = {

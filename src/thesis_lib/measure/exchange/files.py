@@ -9,7 +9,7 @@ import numpy as np
 import scipy.io
 import xarray as xr
 
-from thesis_lib.measure.exchange import cameras, uff, vtk
+from thesis_lib.measure.exchange import cameras, history, uff, vtk
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 
@@ -44,11 +44,7 @@ def write(
         The cameras.
     """
     storage.write(moved, folder / "motion.nc")
-    header = ["time_s", *(f"marker_{number}_mm" for number in moved["marker"].values)]
-    deflection = moved["displacement"].sel(axis="z").values
-    rows = np.column_stack([moved["time"].values, deflection])
-    form = ["%.6f", *["%.6g"] * deflection.shape[1]]
-    np.savetxt(folder / "motion.csv", rows, form, ",", header=",".join(header), comments="")
+    history.write_csv(folder / "motion.csv", moved)
     uff.write(folder / "shapes.uff", data)
     uff.write_motion(folder / "motion.uff", data, moved)
     matlab(folder / "measured.mat", data, moved)
@@ -78,3 +74,12 @@ def _structure(data: xr.Dataset) -> dict[str, object]:
         fields[str(name)] = np.array(variable.values, dtype=object) if texts else variable.values
     units = {str(name): str(v.attrs.get("units", "")) for name, v in data.variables.items()}
     return fields | {"units": units}
+
+
+def move(part: Path, out: Path) -> None:
+    """Move all files of a folder to another, each in place of the one that is there."""
+    files = [path.relative_to(part) for path in part.rglob("*") if path.is_file()]
+    for folder in {file.parent for file in files}:
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    for file in files:
+        (part / file).replace(out / file)

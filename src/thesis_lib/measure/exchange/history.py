@@ -10,6 +10,7 @@ amplitude.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -93,6 +94,15 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording], rest_s: float) -> 
         "axis": "T",
     }
     return _flagged(whole, data, rate)
+
+
+def write_csv(path: Path, moved: xr.Dataset) -> None:
+    """Write times in s and deflections in mm, a column for each marker."""
+    header = ["time_s", *(f"marker_{number}_mm" for number in moved["marker"].values)]
+    deflection = moved["displacement"].sel(axis="z").values
+    rows = np.column_stack([moved["time"].values, deflection])
+    form = ["%.6f", *["%.6g"] * deflection.shape[1]]
+    np.savetxt(path, rows, form, ",", header=",".join(header), comments="")
 
 
 def _places(data: xr.Dataset) -> dict[str, Array]:

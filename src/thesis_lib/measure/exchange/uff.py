@@ -52,6 +52,49 @@ def write(path: Path, data: xr.Dataset) -> None:
     _write(path, [*_geometry(name, data), mode, *responses])
 
 
+def write_modes(path: Path, data: xr.Dataset) -> None:
+    """Write the markers and several modes: datasets 151, 164, 15, 82 and, for each, 55.
+
+    Damped modes are complex eigenvectors with their eigenvalue in 1/s, steady tones are responses
+    at a frequency. Markers without a result are left out.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is overwritten.
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.modes.result.result` returns.
+    """
+    name, sets = _name(data), []
+    for k in range(data.sizes["mode"]):
+        one = data.isel(mode=k)
+        shape = one["amplitude_real"].values + 1j * one["amplitude_imag"].values
+        known = np.isfinite(shape)
+        frequency, zeta = float(one["frequency"]), float(one["damping"])
+        kind: dict[str, Any] = {"analysis_type": 5, "freq_step_n": k + 1, "freq": frequency}
+        if zeta:
+            eigenvalue = 2 * np.pi * frequency * complex(-zeta, np.sqrt(1 - zeta**2))
+            kind = {"analysis_type": 3, "mode_n": k + 1, "eig": eigenvalue,
+                    "modal_a": 1 + 0j, "modal_b": 1 + 0j}  # fmt: skip
+        sets.append(
+            pyuff.prepare_55(
+                id1=name,
+                model_type=1,
+                data_ch=2 if kind["analysis_type"] == 5 else 3,
+                spec_data_type=8,
+                data_type=5,
+                n_data_per_node=3,
+                load_case=1,
+                node_nums=np.flatnonzero(known) + 1,
+                r1=0 * shape[known],
+                r2=0 * shape[known],
+                r3=shape[known],
+                **kind,
+            )
+        )
+    _write(path, [*_geometry(name, data), *sets])
+
+
 def write_motion(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     """Write the measured time history of every marker: datasets 151, 164, 15, 82 and 58.
 

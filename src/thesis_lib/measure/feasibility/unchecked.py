@@ -30,7 +30,7 @@ def unchecked(manifest: Manifest) -> list[str]:
         if missing_text
     ]
     e = manifest.excitation
-    if e.frequency_hz is None:
+    if e.frequency_hz is None and e.kind == "tone":
         lines.append("frame rate, exposure, blur and movement: give excitation.frequency_hz")
     if e.amplitude_mm is None:
         lines.append("blur, movement and whole pixels: give excitation.amplitude_mm")

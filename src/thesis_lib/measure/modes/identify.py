@@ -116,8 +116,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         blocks = [_block(track, zero, sigma) for track, sigma in zip(own, noise, strict=True)]
         further = FURTHER if turn == ROUNDS else 0
         orders = search(blocks, asked.band, most + further, asked.damped, given)
-        if problem := _missing(blocks, orders, asked):
-            raise ModalError(problem)
+        _check_found(blocks, orders, asked)
         poles = orders[min(most, len(orders)) - 1]
         if turn == 0:
             poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
@@ -127,7 +126,9 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         if turn < ROUNDS:
             more, errors = lags(found, poles)
             if turn:  # the first fit may rest on outliers
-                late, pace = late + more, pace / (1 + paces(poles, span_of(blocks)))
+                late = late + more
+                if not asked.damped:  # a decay is too short to tell how fast clocks run
+                    pace = pace / (1 + paces(poles, span_of(blocks)))
             kept = [
                 without_outliers(track, block, poles.rates, rest.places)
                 for track, block in zip(own, blocks, strict=True)
@@ -278,17 +279,17 @@ def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
         )
 
 
-def _missing(blocks: Sequence[Block], orders: Sequence[Poles], asked: Asked) -> str:
-    """What to say where a mode that is asked for does not stand out; nothing if all do."""
+def _check_found(blocks: Sequence[Block], orders: Sequence[Poles], asked: Asked) -> None:
+    """Refuse tracks in which no mode, or not one that is given, stands out."""
     rates = orders[-1].rates if orders else np.empty((0, 2))
     hertz, seconds = rates[:, 1] / (2 * np.pi), span_of(blocks)
     lost = [f for f in asked.given if not np.any(np.abs(hertz - f) <= reach(f, seconds))]
     if orders and not lost:
-        return ""
+        return
     at, over = spectrum(blocks, rates, asked.band).peak
     band = f"from {asked.band[0]:.4g} to {asked.band[1]:.4g} Hz"
     what = f"no tone near {lost[0]:.6g} Hz" if lost else f"no mode {band}"
-    return (
+    raise ModalError(
         f"{what} stands out of the noise; the strongest line {band} is at {at:.4g} Hz, {over:.1f} "
         "times the noise: tap or drive harder, film nearer or longer, or ask for another band"
     )

@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.radiation_fields import Place, Radiation
+from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.studies.refusals import Refusing, permitted, refuse
 from thesis_lib.studies.vocabulary import (
     Azimuth,
@@ -226,7 +227,17 @@ class BoardSpec(Refusing):
 class Excitation(Refusing):
     """How the structure is driven, and what the sound tracks carry."""
 
-    frequency_hz: Positive | None = field(4.25, "frequency of the vibration; null looks for it")
+    kind: Literal["tone", "tones", "decay"] = field(
+        "tone",
+        "what is filmed after rest_s: a steady tone, several, or the free decay after a tap or a "
+        "release",
+    )
+    modes: Sought = field(Sought, "which modes, where kind is not tone", "an object")
+    frequency_hz: Positive | None = field(
+        lambda data: 4.25 if data.get("kind", "tone") == "tone" else None,
+        "frequency of the vibration; null looks for it",
+        "a number above 0, or null; null where kind is not tone",
+    )
     undersampled: bool = field(
         False,
         "whether frequency_hz is so well known that it may exceed half of the frame rate",
@@ -252,6 +263,10 @@ class Excitation(Refusing):
 
     @model_validator(mode="after")
     def _check(self) -> Excitation:
+        if self.kind != "tone" and self.frequency_hz is not None:
+            self.refuse("frequency_hz")
+        if self.kind != "tone" and self.sound == "none":
+            self.refuse("sound", 'allowed for several modes: "force" or "room"')
         if self.undersampled and self.frequency_hz is None:
             self.refuse("undersampled", "allowed with a given frequency_hz: true or false")
         if self.steady_s is not None and not 0 <= self.steady_s[0] < self.steady_s[1] <= 1e5:
@@ -275,6 +290,9 @@ class Manifest(Refusing):
 
     @model_validator(mode="after")
     def _check(self) -> Manifest:
+        if self.radiation is not None and self.excitation.kind != "tone":
+            allowed = 'allowed where radiation is given: "tone"'
+            refuse("excitation.kind", self.excitation.kind, allowed)
         for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
             for name in ("name", "video"):
                 given, allowed = getattr(other, name), allowed_text(CameraFiles, name)

@@ -86,7 +86,7 @@ def listen(manifest: Manifest, folder: Path) -> Sound:
     if manifest.excitation.sound == "none":
         return _unheard(manifest, folder)
     recordings = [Recording(camera.name, folder / camera.video) for camera in manifest.cameras]
-    if manifest.excitation.sound == "room":
+    if manifest.excitation.sound == "room" or manifest.excitation.kind != "tone":
         return _in_a_room(manifest, recordings)
     return _of_the_force(manifest, recordings)
 

@@ -1,0 +1,208 @@
+"""Modes of a measurement as one labelled dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.arrays import Array
+from thesis_lib.measure.fitting.harmonics import mean_of
+from thesis_lib.measure.fitting.models import candidates, scaled
+from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
+from thesis_lib.measure.modes.identify import Asked, Modes, assurance, identify
+from thesis_lib.measure.modes.shapes import Rest
+from thesis_lib.measure.modes.tracks import tracks_of
+from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.tracking.tracks import Recording, lost_share
+from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.vision.lens import projection_matrices
+
+VARIABLES = declared("""
+    x(marker) [m] place along the structure
+    y(marker) [m] place across the structure
+    rest_position(axis, marker) [m] place at rest, from the structure's centre
+    frequency(mode) [Hz] natural frequency
+    frequency_deviation(mode) [Hz] its standard error
+    damping(mode) [1] damping ratio; 0 for steady tones, which do not tell it
+    damping_deviation(mode) [1] its standard error
+    amplitude_real(mode, marker) [m] complex deflection at `zero`, exp(λ(t − zero)), real part
+    amplitude_imag(mode, marker) [m] the same, imaginary part
+    error_of_scatter(mode, marker) [m] standard error of each of the two parts
+    deflection(mode, marker) [m] deflection at its maximum
+    quadrature(mode, marker) [m] deflection a quarter of a period later
+    standard_error(mode, marker) [m] standard error of these two
+    scale_deviation(mode) [1] relative standard error of a whole shape, beside those
+    in_plane_excess(mode) [1] motion in the plane over what scatter explains
+    beside(mode) [1] power left near the mode over the noise
+    assurance(mode, other) [1] modal assurance criterion of the shapes among each other
+    out_of_step(mode) [degree] largest phase by which cameras are apart
+    rival(mode) [Hz] frequency that these frames show alike and fits next best; NaN if none does
+    rival_out_of_step(mode) [degree] largest phase by which cameras are then apart
+    mac(mode, candidate) [1] modal assurance criterion with the model's modes
+    model_frequency(candidate) [Hz] frequency of that mode's resonance by the model
+    reference_deflection(mode, marker) [m] the most similar of them in the size that fits best
+    zero() [s] when the amplitudes are these, on the first camera's clock
+    window(end) [s] the part that was fitted
+    noise() [px] usual scatter of a coordinate of the centres about the modes
+    lag(camera) [s] by how much the pictures start later than the sound tells
+    lag_deviation(camera) [s] its standard error
+    pace(camera) [1] how much faster than the first camera's the clock runs
+    frames(camera) [1] frames that the fit used
+    frame_rate(camera) [Hz] frames per second, by the camera's own clock
+    missing(camera, marker) [1] share of the frames in which a marker is missing
+    grid_rms() [m] rms distance of the markers at rest from their places
+    grid_scale() [1] size of the measured grid over the nominal one
+    frame_rotation(axis, i) [1] from the calibration's axes to the structure's
+    frame_origin(i) [m] the structure's centre in the calibration's frame
+    camera_centre(camera, axis) [m] centre of projection from the structure's
+    order_frequency(order, place) [Hz] frequencies of the fits with one mode, two modes, …
+    order_damping(order, place) [1] their damping ratios
+    line(line) [Hz] frequencies of the spectra
+    before(line) [1] power of the tracks over noise
+    after(line) [1] power of what the modes leave
+""")
+
+
+def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording]) -> xr.Dataset:
+    """The modes in some recordings.
+
+    Parameters are those of :func:`thesis_lib.measure.fitting.result.result`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions ``mode``, ``marker``, ``camera``; of one mode it has what exports take.
+
+    Raises
+    ------
+    ChainError
+        If the markers at rest do not fit their places.
+    ModalError
+        If the tracks do not tell what was asked.
+    """
+    rest, frame_off = rest_of(manifest, recordings)
+    begin, end = window(manifest, sound, recordings)
+    tracks = tracks_of(recordings, begin, end)
+    found = identify(tracks, rest, asked_of(manifest, recordings))
+    shape = found.shape * np.exp(-1j * _phases(found))[:, None]
+    aliases = [list(own) + [(np.nan, np.nan)] for own in found.aliases]
+    most = max(len(own.frequency) for own in found.orders)
+    models = candidates(manifest.structure)
+    values: dict[str, Any] = {
+        "x": rest.places[0],
+        "y": rest.places[1],
+        "rest_position": rest.frame.to_beam(rest.points),
+        "amplitude_real": found.shape.real,
+        "amplitude_imag": found.shape.imag,
+        "error_of_scatter": found.deviation,
+        "deflection": shape.real,
+        "quadrature": shape.imag,
+        "standard_error": np.hypot(found.deviation, frame_off * np.abs(shape)),
+        "in_plane_excess": found.excess,
+        "assurance": assurance(found.shape),
+        "out_of_step": np.degrees(np.nanmax(np.abs(found.turn), axis=1)),
+        "rival": [own[1][0] for own in aliases],
+        "rival_out_of_step": np.degrees([own[1][1] for own in aliases]),
+        "window": [begin, end],
+        "frames": [len(track.times) for track in tracks],
+        "frame_rate": [own.rate for own in recordings],
+        "missing": [lost_share(own) for own in recordings],
+        "grid_rms": rest.frame.rms,
+        "grid_scale": rest.frame.scale,
+        "frame_rotation": rest.frame.R,
+        "frame_origin": rest.frame.origin,
+        "camera_centre": rest.frame.to_beam(np.array([o.camera.centre for o in recordings]).T).T,
+        "order_frequency": [_padded(own.frequency, own.frequency, most) for own in found.orders],
+        "order_damping": [_padded(own.damping, own.frequency, most) for own in found.orders],
+        "line": found.before.frequency,
+        "before": found.before.power,
+        "after": found.after.power,
+    } | {name: getattr(found, name) for name in SAME}
+    mac = np.array([[_mac(own, model.shape) for model in models] for own in shape.real])
+    values |= {
+        "mac": mac.reshape(len(shape), len(models)),
+        "model_frequency": [model.frequency for model in models],
+        "reference_deflection": [
+            scaled(own, models[int(np.nanargmax(row))].shape) if len(models) else np.nan * own
+            for own, row in zip(shape.real, mac, strict=True)
+        ],
+    }
+    coords = {
+        "camera": ("camera", [o.camera.name for o in recordings], {"long_name": "camera"}),
+        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
+        "candidate": ("candidate", [m.name for m in models], {"long_name": "mode of the model"}),
+    }
+    return xr.Dataset(labelled(values, VARIABLES), coords)
+
+
+SAME = (
+    "frequency", "frequency_deviation", "damping", "damping_deviation", "scale_deviation", "beside",
+    "zero", "noise", "lag", "lag_deviation", "pace",
+)  # fmt: skip
+
+
+def rest_of(manifest: Manifest, recordings: Sequence[Recording]) -> tuple[Rest, float]:
+    """The markers at rest, and the relative error of sizes that their grid tells."""
+    markers, cameras = markers_of(manifest), [own.camera for own in recordings]
+    images = []
+    for own in recordings:
+        last = own.delay + manifest.excitation.rest_s - 1 / own.rate
+        images.append(mean_of(np.concatenate([uv for _, uv in own.parts(own.delay, last)])))
+    still = np.array(images)
+    frame = checked_frame(cameras, still, markers)
+    points, _ = triangulate_seen(projection_matrices(cameras), still)
+    thick = manifest.structure.thickness_mm / 1000
+    rest = Rest(still, frame, points, markers.centres, thick)
+    return rest, frame.scale - 1 if abs(frame.scale - 1) > SCALE else 0.0
+
+
+SCALE = 0.002  # by which the grid's size may be off before it counts as wrong
+
+
+def window(
+    manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording]
+) -> tuple[float, float]:
+    """From when to when the modes are fitted: of a decay, from the largest motion on, s."""
+    begin, end = (float(value) for value in sound["steady"].values)
+    if manifest.excitation.kind == "tones" or manifest.excitation.steady_s is not None:
+        return begin, end
+    largest = []
+    for own in recordings:
+        parts = [*own.parts(begin, end)]
+        times = np.concatenate([t for t, _ in parts])
+        uv = np.concatenate([part for _, part in parts])
+        moved = np.nanmedian(np.abs(uv - np.nanmedian(uv, axis=0)), axis=(1, 2))
+        largest.append(times[int(np.nanargmax(moved))] + abs(own.readout) + own.exposure)
+    return float(np.median(largest)), end
+
+
+def asked_of(manifest: Manifest, recordings: Sequence[Recording]) -> Asked:
+    """What the manifest asks for."""
+    sought = manifest.excitation.modes
+    highest = sought.to_hz or 0.5 * min(own.rate for own in recordings)
+    return Asked(
+        (sought.from_hz, highest),
+        sought.count,
+        manifest.excitation.kind == "decay",
+        sought.near_hz or (),
+    )
+
+
+def _phases(found: Modes) -> Array:
+    """Phase of each mode in which least is left a quarter of a period later, the largest upward."""
+    phase = 0.5 * np.angle(np.nansum(found.shape**2, axis=1))
+    real = np.nan_to_num(np.real(found.shape * np.exp(-1j * phase)[:, None]))
+    largest = real[np.arange(len(real)), np.argmax(np.abs(real), axis=1)]
+    return np.asarray(phase + np.where(largest < 0, np.pi, 0), float)
+
+
+def _padded(values: Array, by: Array, length: int) -> Array:
+    return np.pad(values[np.argsort(by)], (0, length - len(values)), constant_values=np.nan)
+
+
+def _mac(measured: Array, model: Array) -> float:
+    return float(assurance([measured, np.where(np.isfinite(measured), model, np.nan)])[0, 1])

@@ -1,0 +1,97 @@
+"""The last step where several modes are asked for: fit, report, files."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib import __version__
+from thesis_lib.files import staging
+from thesis_lib.measure.exchange import cameras, files, history, uff, vtk
+from thesis_lib.measure.modes import report
+from thesis_lib.measure.modes.result import result
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.report import moving
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies import storage
+from thesis_lib.studies.attributes import with_origin
+
+NEVER = 1e6  # s, after all recordings
+
+
+def several(
+    manifest: Manifest,
+    sound: xr.Dataset,
+    calibration: xr.Dataset,
+    recordings: Sequence[Recording],
+    out: Path,
+    say: Callable[[str], object],
+) -> Path:
+    """Fit the modes, and write report and files into a folder; returns the report.
+
+    Raises
+    ------
+    ChainError, ModalError
+        If what was recorded does not suffice; one line that says what is missing.
+    """
+    say("fitting the modes")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+        data = with_origin(
+            result(manifest, sound, recordings), f"measurement by thesis_lib {__version__}"
+        )
+        kind = "Modes" if manifest.excitation.kind == "decay" else "Tones"
+        data.attrs.update(
+            title=f"{kind} of a {manifest.structure.kind}, measured with {len(recordings)} cameras",
+            parameters=manifest.model_dump_json(),
+            notes=calibration.attrs["notes"],
+            synchronisation=sound.attrs["synchronisation"],
+        )
+        moved = motion(data, recordings, manifest.excitation.rest_s)
+        pictures = report.figures(data)
+        page = report.page(data, manifest, pictures)
+    with staging(out) as part:
+        (part / "figures").mkdir()
+        storage.write(data, part / "modes.nc")
+        report.modes(data).to_csv(part / "modes.csv", index=False)
+        report.shapes(data).to_csv(part / "shapes.csv", index=False)
+        for name, (form, content) in pictures.items():
+            (part / "figures" / f"{name}.{form}").write_bytes(content)
+        uff.write_modes(part / "modes.uff", data)
+        for k in range(data.sizes["mode"]):
+            one, name = data.isel(mode=k), f"mode-{k + 1}"
+            (part / "vtk" / name).mkdir(parents=True)
+            vtk.write(part / "vtk" / name, one)
+            frames = moving.shape(one)
+            moving.write_gif(part / f"{name}.gif", frames, moving.RATE)
+            moving.write_mp4(part / f"{name}.mp4", moving.PERIODS * frames, moving.RATE)
+        placed = cameras.in_structure_axes([own.camera for own in recordings], data)
+        cameras.write_opencv(part / "cameras.yaml", placed)
+        cameras.write_aniposelib(part / "cameras.toml", placed)
+        if moved is not None:
+            storage.write(moved, part / "motion.nc")
+            history.write_csv(part / "motion.csv", moved)
+            uff.write_motion(part / "motion.uff", data, moved)
+        (part / "report.html").write_text(page, encoding="utf-8")
+        files.move(part, out)
+    for line in report.summary(data):
+        say(line)
+    return out / "report.html"
+
+
+def motion(data: xr.Dataset, recordings: Sequence[Recording], rest_s: float) -> xr.Dataset | None:
+    """Every marker from frame to frame; nothing where a mode is too fast to be interpolated."""
+    highest = float(data["frequency"].max())
+    if highest > history.SLOW * min(own.rate for own in recordings):
+        return None
+    shape = data["lag"].size, data.sizes["marker"]
+    plain = data.isel(mode=0).assign(
+        centre_scatter=(("camera", "marker"), np.full(shape, float(data["noise"]))),
+        steady=("end", [NEVER, NEVER + 1]),
+        frequency=highest,
+    )
+    return with_origin(history.motion(plain, recordings, rest_s), data.attrs["source"])
