@@ -130,6 +130,23 @@ def test_a_neighbour_that_is_too_near_leaves_power_beside_its_mode():
     assert found.beside[0] > 30
 
 
+@pytest.mark.parametrize("apart", [0.45, 0.8])
+def test_errors_hold_what_a_mode_that_is_not_fitted_does(apart):
+    """The further mode is found when it is tried, and what that changes counts as error."""
+    one = beam_modes(damping=(0.0,), amplitude=(1e-3,)).shape[0]
+    alone, pair = (
+        identify(
+            tracks(RIG, Truth(np.array([20.0, 20 + apart])[:n], np.zeros(n), form), seconds=3),
+            REST,
+            Asked(BAND, 1, damped=False),
+        )
+        for n, form in ((1, one[None]), (2, np.array([one, 0.1 * one])))
+    )
+    off = np.abs(pair.frequency[0] - 20.0)
+    assert off > 5 * alone.frequency_deviation[0]  # by noise alone it could not be
+    assert off < 3 * pair.frequency_deviation[0]
+
+
 def test_too_few_markers_and_frames_are_refused():
     seen = tracks(RIG, beam_modes(), seconds=2)
     with pytest.raises(ModalError, match="8 modes need 36: ask for fewer modes, or film longer"):

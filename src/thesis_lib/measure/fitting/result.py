@@ -31,6 +31,7 @@ from thesis_lib.measure.fitting.models import Candidate, candidates, scaled
 from thesis_lib.measure.fitting.reconstruction import Frame, checked_frame, misfit_at_rest
 from thesis_lib.measure.recordings.check import ChainError, markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.tracking import tracks
 from thesis_lib.measure.tracking.tracks import Recording, lost_share
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vision.lens import Camera, distorted
@@ -110,7 +111,7 @@ SHARED = declared("""
 def result(
     manifest: Manifest,
     sound: xr.Dataset,
-    recordings: Sequence[Recording],
+    recordings: Sequence[tracks.Recording],
     covariance: Array | None = None,
 ) -> xr.Dataset:
     """Deflection shape, its standard errors, and what they rest on.
@@ -123,7 +124,7 @@ def result(
         What the sound tells: ``frequency`` in Hz, given or found, or NaN; ``of_sound`` and
         ``of_sound_deviation``, what the force's signal has, or NaN; ``force``, 0 if unknown;
         ``steady``.
-    recordings : sequence of Recording
+    recordings : sequence of tracks.Recording
         Cameras, clocks and tracks.
     covariance : ndarray, optional
         Of the calibration, see :func:`.of_cameras`; then the result has :data:`SHARED`, too.

@@ -143,7 +143,11 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
             ]
             own = [straightened(track, found, poles, rest, zero) for track in moved]
             noise = [_scatter(block, poles) for block in blocks]
-    surely, noise = _disagreeing(poles), [_scatter(block, poles) for block in blocks]
+    noise = [_scatter(block, poles) for block in blocks]
+    after = spectrum(blocks, poles.rates, asked.band)
+    most_left, mean_left = beside(after, poles, span_of(blocks))
+    wider = np.sqrt(np.maximum(mean_left, 1))  # by the noise that is near, not anywhere
+    surely = _disagreeing(poles, wider, orders[len(poles.rates) :])
     order = np.argsort(poles.frequency)
     deviations = surely.deviations
     left = {name: np.array([getattr(one, name) for one in found])[order] for name in LEFT}
@@ -153,10 +157,10 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         damping=poles.damping[order],
         damping_deviation=deviations[1][order],
         shape=left["amplitude"],
-        deviation=left["deviation"],
+        deviation=left["deviation"] * wider[order, None],
         scale_deviation=_scale(blocks[0], surely)[order],
         excess=left["excess"],
-        beside=beside(blocks, poles, asked.band)[order],
+        beside=most_left[order],
         zero=zero,
         lag=late,
         lag_deviation=errors,
@@ -165,7 +169,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         aliases=tuple(_alike(rivals, f) for f in poles.frequency[order]),
         orders=tuple(orders),
         before=spectrum(blocks, np.empty((0, 2)), asked.band),
-        after=spectrum(blocks, poles.rates, asked.band),
+        after=after,
         noise=float(np.nanmedian(np.concatenate(noise))),
     )
 
@@ -203,12 +207,23 @@ def _scatter(block: Block, poles: Poles) -> Array:
     return np.asarray(np.where(count > B.shape[1] + 2, sigma, np.nan) * block.scale, float)
 
 
-def _disagreeing(poles: Poles) -> Poles:
-    """The poles with a covariance that holds what the cameras disagree by (Birge's ratio)."""
+def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
+    """The poles with a covariance that holds more than noise.
+
+    What cameras disagree by (Birge's ratio), at least a factor `wider` for each mode, and what each
+    pole is changed by when further modes are fitted beside it.
+    """
     with np.errstate(invalid="ignore", divide="ignore"):
         squares = np.nansum((poles.each / poles.each_deviation) ** 2, axis=0)
     ratio = np.sqrt(np.maximum(squares / max(len(poles.each) - 1, 1), 1))
-    return replace(poles, covariance=poles.covariance * np.outer(ratio, ratio))
+    ratio = np.maximum(ratio, np.repeat(wider, 2))
+    covariance = poles.covariance * np.outer(ratio, ratio)
+    changed = np.zeros_like(poles.rates)
+    for more in further:
+        apart = np.abs(poles.rates[:, None, 1] - more.rates[:, 1])
+        nearest = more.rates[np.argmin(apart, axis=1)]
+        changed = np.maximum(changed, np.abs(nearest - poles.rates))
+    return replace(poles, covariance=covariance + np.diag(changed.ravel() ** 2))
 
 
 def _scale(block: Block, poles: Poles) -> Array:

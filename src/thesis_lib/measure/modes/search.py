@@ -80,17 +80,17 @@ def strongest(
     return Spectrum(seen.frequency, power).peak[0]
 
 
-def beside(blocks: Sequence[Block], poles: Poles, band: tuple[float, float]) -> Array:
-    """Power over the noise of what is left within reach of each mode, shape (modes,).
+def beside(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array, Array]:
+    """Power over the noise of what is left within reach of each mode: the most, and the mean.
 
     Much of it tells of another mode that the recording is too short to tell apart, or of a tone
-    that is not steady.
+    that is not steady. What is left there disturbs a mode, not the noise at other frequencies.
+    Both have the shape (modes,); of noise alone the mean is about one.
     """
-    seen = spectrum(blocks, poles.rates, band)
-    apart = 2 * NEAR / span_of(blocks)
-    hertz = poles.rates[:, 1] / (2 * np.pi)
-    near = np.abs(seen.frequency[:, None] - hertz) <= apart
-    return np.asarray(np.max(np.where(near, seen.power[:, None], 0.0), axis=0), float)
+    near = np.abs(after.frequency[:, None] - poles.frequency) <= 2 * NEAR / seconds
+    power = after.power[:, None]
+    mean = np.sum(np.where(near, power, 0.0), axis=0) / np.maximum(near.sum(axis=0), 1)
+    return np.max(np.where(near, power, 0.0), axis=0), mean
 
 
 def span_of(blocks: Sequence[Block]) -> float:
