@@ -1,6 +1,7 @@
 """Several modes in tracks: frequencies, damping, shapes and their errors; and what is refused."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, recorded, rest, rig, tracks
 
 from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
+from thesis_lib.measure.modes.report import warnings
 from thesis_lib.measure.modes.write import several
 from thesis_lib.measure.recordings.manifest_model import Excitation
 from thesis_lib.vibration.motion import Component
@@ -206,3 +208,20 @@ def test_modes_go_to_a_report_and_files(tmp_path):
     np.testing.assert_allclose(sets[1]["r3"], shape[1], rtol=1e-4, atol=1e-9)
     assert (tmp_path / "out" / "vtk" / "mode-2" / "period.pvd").is_file()
     assert (tmp_path / "out" / "mode-1.mp4").stat().st_size > 1000
+    changes = {
+        "Near 6.31": {"beside": ("mode", [20.0, 1.0])},
+        "6.31[0-9]* Hz may be an alias of 66 Hz": {
+            "rival": ("mode", [66.0, np.nan]), "rival_out_of_step": ("mode", [9.0, np.nan]),
+            "out_of_step": ("mode", [8.0, 1.0]),
+        },
+        "The damping at 6.31[0-9]* Hz is known to 50% only": {
+            "damping_deviation": 0.5 * data["damping"]
+        },
+        "The shapes at 6.31[0-9]* and 39.5[0-9]* Hz look alike": {
+            "assurance": (("mode", "other"), np.ones((2, 2)))
+        },
+        "Camera A lost 50%": {"missing": data["missing"].where(data["camera"] != "A", 0.5)},
+    }  # fmt: skip
+    for told, changed in changes.items():
+        assert not [one for one in warnings(data, manifest) if re.match(told, one)]
+        assert [one for one in warnings(data.assign(changed), manifest) if re.match(told, one)]

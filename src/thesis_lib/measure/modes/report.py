@@ -21,7 +21,7 @@ from thesis_lib.plotting.style import HIGHLIGHT, REFERENCE, color, in_style, sav
 from thesis_lib.web.shell import shell
 
 SAME_F, SAME_DAMPING = 0.01, 0.05  # relative, within which a pole holds from fit to fit
-CLOSE = 50.0  # power left near a mode over noise, from which on it is told
+CLOSE = 10.0  # power left near a mode over noise, from which on it is told
 ALIKE = 0.9  # MAC from which on two shapes are hardly told apart
 UNSURE = 0.2  # relative error of a damping ratio, from which on it is told
 LOST = 0.05  # share of the frames from which on a camera's lost markers are told
@@ -247,6 +247,7 @@ def assumed(data: xr.Dataset, manifest: Manifest) -> Iterator[str]:
     else:
         yield "Each tone is steady. Its shape is that of the motion, which may hold several modes."
     yield (
-        "Standard errors are those by the scatter of the centres, times what cameras disagree by "
-        "and what markers seem to do in the plane, where that is more."
+        "Standard errors are those by the scatter of the centres, times what cameras disagree by, "
+        "what is left near a mode, and what markers seem to do in the plane, where that is more; "
+        "frequency and damping also hold what a further mode, fitted beside them, changes."
     )
