@@ -1,4 +1,4 @@
-"""The page on own recordings tells of every field, warning, note and error."""
+"""The pages on own recordings tell of every field, warning, note and error."""
 
 import ast
 import re
@@ -18,7 +18,10 @@ from thesis_lib.measure.recordings.manifest import _model_at, read_manifest, wri
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.studies import vocabulary
 
-PAGE = (project_root() / "book" / "recordings.md").read_text(encoding="utf-8")
+PAGE = "".join(  # the guide, and the page of fields and messages
+    (project_root() / "book" / f"{name}.md").read_text(encoding="utf-8")
+    for name in ("recordings", "recordings-reference")
+)
 SOURCES = project_root() / "src" / "thesis_lib"
 FAMILIES = {
     "BoardNotFound", "CalibrationError", "ChainError", "FrequencyError", "MediaError",
