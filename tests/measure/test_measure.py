@@ -236,7 +236,7 @@ REFUSED = {  # what is wrong: change of the manifest, words of the refusal
     "an unknown field": (excitation(frequency=3.0), ["excitation.frequency: no such field",
                                                      "did you mean frequency_hz?"]),
     "a wrong type": (excitation(frequency_hz="4"), ['excitation.frequency_hz: given "4"',
-                                                    "allowed: null, or a number", "in Hz"]),
+                                                    "allowed: a number above 0, or null", "in Hz"]),
     "one camera": (lambda values: values["cameras"].__delitem__(slice(1, None)),
                    ["cameras: given a list of 1", "2 to 16"]),
     "17 cameras": (many, ["cameras: given a list of 17", "2 to 16"]),

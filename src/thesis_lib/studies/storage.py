@@ -26,7 +26,7 @@ from thesis_lib.studies import effort
 from thesis_lib.studies.blocks import HELD_BYTES, Outline
 
 BITS = 13  # of a rounded mantissa: to 2⁻¹⁴, 0.006 %
-STEPS = 2**11  # at least, of a large variable's largest value: each is within 0.024 % of that
+STEPS = 2**11  # at least, of a large field's largest value: each is within 0.024 % of that
 _ROUNDED = {"_QuantizeBitRoundNumberOfSignificantBits": np.int32(BITS)}
 _HDF5 = threading.RLock()  # the HDF5 library crashes if two threads use it at once
 _LOADED_BYTES = 2**20  # variables of a large cube up to this size are read when it is opened
@@ -53,7 +53,7 @@ def write(
         Where to.
     compact : bool
         Whether to compress it. Single precision, which is for what is drawn, is then rounded: to
-        ``BITS`` bits of mantissa, and what is large to multiples of a step, the largest value being
+        ``BITS`` bits of mantissa, and large fields to multiples of a step, the largest value being
         at least ``STEPS`` of them. The file says so itself, and any reader undoes it.
     steps : mapping, optional
         By variable: what its values are multiples of, to store them as whole numbers.
@@ -112,13 +112,13 @@ def _is_drawn(values: xr.Variable | xr.DataArray) -> bool:
 
 
 def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
-    """What the values of a large variable are stored as multiples of: a power of two."""
-    if values.nbytes <= _STEPPED_BYTES:
+    """What the values of a large field are stored as multiples of: a power of two.
+
+    Trials are left out, since the ledger reckons with them.
+    """
+    if values.nbytes <= _STEPPED_BYTES or "trial" in values.dims:
         return None
-    largest = max(  # a part at a time: it may be too large to be held
-        float(np.fmax.reduce(np.abs(values[i].values), axis=None, initial=0.0))
-        for i in range(values.shape[0])
-    )
+    largest = float(np.fmax.reduce(np.abs(values.values), axis=None, initial=0.0))
     if not 0 < largest < np.inf:
         return None
     return np.float32(2.0 ** math.floor(math.log2(largest / STEPS)))
@@ -148,26 +148,19 @@ def _copy(values: xr.DataArray, file: h5netcdf.File, compact: bool) -> None:
     trial_bytes = max(1, values.nbytes // (values.sizes["trial"] * values.sizes["setting"]))
     step = min(values.sizes["trial"], max(1, _STORED_BYTES * values.sizes["mode"] // trial_bytes))
     encoding, rounded = {}, compact and _is_drawn(values)
-    stepped = _step(values) if rounded else None
-    kind, said = values.dtype, values.attrs | (_ROUNDED if rounded else {})
-    if stepped:
-        attributes = _in_steps(stepped)
-        kind, said = np.dtype(attributes.pop("dtype")), values.attrs | attributes
     if compact:  # what is stored together is written at once
         stored = [1 if dim in ("setting", "mode") else values.sizes[dim] for dim in values.dims]
         stored[along] = step
         encoding = {**_compression(values, 4), "chunks": tuple(stored)}
     dims = tuple(map(str, values.dims))
-    target = _created(file, str(values.name), dims, kind, said, **encoding)
+    said = values.attrs | (_ROUNDED if rounded else {})
+    target = _created(file, str(values.name), dims, values.dtype, said, **encoding)
     for setting in range(values.sizes["setting"]):
         for first in range(0, values.sizes["trial"], step):
             here = {"setting": setting, "trial": slice(first, first + step)}
             part = values.isel(here).values
             place = tuple(here.get(str(dim), slice(None)) for dim in values.dims)
-            if stepped:
-                whole = np.rint(part / stepped)
-                part = np.where(np.isfinite(whole), whole, -(2**15)).astype(kind)
-            target[place] = _nearest(part) if rounded and not stepped else part
+            target[place] = _nearest(part) if rounded else part
 
 
 def fill_in(outline: Outline, path: Path, seconds: Callable[[], float]) -> None:

@@ -10,6 +10,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
+from thesis_lib.arrays import Mask
 from thesis_lib.measure.modes.search import STANDS_OUT
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
@@ -42,7 +43,7 @@ def figures(data: xr.Dataset) -> Pictures:
     return {name: ("svg", saved(figure, "svg")) for name, figure in made.items()}
 
 
-def holds(data: xr.Dataset) -> np.ndarray:
+def holds(data: xr.Dataset) -> Mask:
     """Which poles are where they were in the fit with one mode less, (orders, places)."""
     f, zeta = data["order_frequency"].values, data["order_damping"].values
     kept = np.zeros(f.shape, bool)
