@@ -11,6 +11,7 @@
   const KINDS = { section: "text", figure: "figure", equation: "equation", name: "library", term: "word", source: "source", claim: "claim", thesis: "thesis" };
   const WEIGHT = { section: 1.2, figure: 1.2, equation: 1.2, term: 1.5, thesis: 1.3, name: 0.5, source: 1, claim: 0.4 };
   const LONGEST = 200, MOST = 20, TERMS = 12;
+  const FEW = 2; // finds by one letter that do not spare a look for those by two
 
   // Words, numbers such as 3.24, names such as focal_px, which count as a whole and in parts.
   const wholes = (text) => text.match(/[\p{L}\p{N}]+(?:[._'-][\p{L}\p{N}]+)*/gu) ?? [];
@@ -54,7 +55,7 @@
     for (const typos of [0, 1, 2]) { // two letters that changed places are two
       const fuzzy = typos && ((term) => (typed(term) && term.length > 2 + typos ? typos : false));
       const found = index.search({ combineWith: "AND", queries }, { fuzzy, processTerm: typos ? lower : stem });
-      if (found.length) return found.map((one) => ({ ...entries[one.id], terms: one.terms }));
+      if (found.length > (typos === 1 ? FEW : 0)) return found.map((one) => ({ ...entries[one.id], terms: one.terms }));
     }
     return [];
   };
