@@ -109,6 +109,17 @@ def server(folder: Path) -> Iterator[str]:
             thread.join()
 
 
+def drag(opened: Opened, name: str, x: float, y: float = 0) -> None:
+    """Drag from the middle of what has a test id by some px to the right and down."""
+    box = opened.page.get_by_test_id(name).bounding_box()
+    assert box is not None
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    opened.page.mouse.move(*middle)
+    opened.page.mouse.down()
+    opened.page.mouse.move(middle[0] + x, middle[1] + y)
+    opened.page.mouse.up()
+
+
 @contextmanager
 def open_offline(
     running: Browser,

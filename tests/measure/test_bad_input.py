@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from command import thesis
+from scenes.manifests import change
 
 from thesis_lib.measure.recordings.media import write_png, write_video
 
@@ -60,17 +61,12 @@ Change = Callable[[Path, dict[str, Any]], None]
 def given(place: str, value: Any = ...) -> Change:
     """A field of the manifest by its path; ``...`` leaves it out."""
 
-    def change(folder: Path, values: dict[str, Any]) -> None:
-        *way, last = [int(part) if part.isdecimal() else part for part in place.split(".")]
-        inside: Any = values
-        for part in way:
-            inside = inside.setdefault(part, {}) if isinstance(inside, dict) else inside[part]
-        if value is ...:
-            del inside[last]
-        else:
-            inside[last] = value
+    way = [int(part) if part.isdecimal() else part for part in place.split(".")]
 
-    return change
+    def changed(folder: Path, values: dict[str, Any]) -> None:
+        change(values, way, value)
+
+    return changed
 
 
 def both(*changes: Change) -> Change:

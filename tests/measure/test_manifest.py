@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
+from scenes.manifests import change
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting.models import model_of
@@ -53,19 +54,6 @@ def written(folder, values, name="manifest.yaml"):
     path = folder / name
     path.write_text(values if isinstance(values, str) else yaml.safe_dump(values))
     return path
-
-
-def change(values, place, value):
-    """The values with one of them changed; ``...`` removes it."""
-    *way, last = place
-    inside = values
-    for part in way:
-        inside = inside.setdefault(part, {}) if isinstance(inside, dict) else inside[part]
-    if value is ...:
-        del inside[last]
-    else:
-        inside[last] = value
-    return values
 
 
 def refusal(path, **options):

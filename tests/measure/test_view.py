@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import xarray as xr
-from browser import Opened, open_offline
+from browser import Opened, drag, open_offline
 
 from thesis_lib.measure.report.view import shape_view
 
@@ -113,13 +113,7 @@ def test_it_turns_by_keys_and_by_dragging_and_follows_the_width(show: Show) -> N
         assert np.abs(dots(opened) - first).max() > 2
         opened.page.keyboard.press("ArrowLeft")
         np.testing.assert_allclose(dots(opened), first, atol=0.11)
-        box = canvas.bounding_box()
-        assert box is not None
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        opened.page.mouse.move(x, y)
-        opened.page.mouse.down()
-        opened.page.mouse.move(x + 60, y + 20)
-        opened.page.mouse.up()
+        drag(opened, "panel-a", 60, 20)
         assert np.abs(dots(opened) - first).max() > 10
         opened.page.set_viewport_size({"width": 390, "height": 800})
         opened.page.wait_for_function(

@@ -9,7 +9,7 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 import xarray as xr
-from browser import Opened, open_offline
+from browser import Opened, drag, open_offline
 
 from thesis_lib.planning.report import write_plan
 from thesis_lib.planning.request import plan_request
@@ -76,13 +76,7 @@ def test_arrow_keys_and_dragging_turn_it(chromium: Browser, planned: Path) -> No
         opened.page.keyboard.press("ArrowLeft")
         assert np.abs(turned - first).max() > 2
         np.testing.assert_allclose(tips(opened), first, atol=0.11)
-        box = canvas.bounding_box()
-        assert box is not None
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        opened.page.mouse.move(x, y)
-        opened.page.mouse.down()
-        opened.page.mouse.move(x + 60, y)
-        opened.page.mouse.up()
+        drag(opened, "panel-a", 60)
         assert np.abs(tips(opened) - first).max() > 10
         for _ in range(25):  # from below, too, and no farther
             opened.page.keyboard.press("ArrowDown")

@@ -11,7 +11,7 @@ import numpy as np
 import pyuff
 import xarray as xr
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.exchange.mesh import edges
 
 RESPONSE, TRANSLATION_Z = 1, 3  # UFF's numbers of a time response and of a direction
@@ -42,10 +42,7 @@ def write(path: Path, data: xr.Dataset) -> None:
     known = np.isfinite(amplitude)
     name = _name(data)
     shape = amplitude[known]
-    mode = pyuff.prepare_55(
-        id1=name, model_type=1, analysis_type=5, data_ch=2, spec_data_type=8, data_type=5,
-        n_data_per_node=3, load_case=1, freq_step_n=1, freq=frequency, node_nums=nodes[known],
-        r1=0 * shape, r2=0 * shape, r3=shape)  # fmt: skip
+    mode = _shape(name, amplitude, analysis_type=5, data_ch=2, freq_step_n=1, freq=frequency)
     times = np.arange(SAMPLES) / (SAMPLES * frequency)
     period = np.real(shape[:, None] * np.exp(2j * np.pi * frequency * times))
     responses = _responses(name, nodes[known], times, period)
@@ -69,30 +66,25 @@ def write_modes(path: Path, data: xr.Dataset) -> None:
     for k in range(data.sizes["mode"]):
         one = data.isel(mode=k)
         shape = one["amplitude_real"].values + 1j * one["amplitude_imag"].values
-        known = np.isfinite(shape)
         frequency, zeta = float(one["frequency"]), float(one["damping"])
-        kind: dict[str, Any] = {"analysis_type": 5, "freq_step_n": k + 1, "freq": frequency}
+        kind: dict[str, Any] = {"analysis_type": 5, "data_ch": 2, "freq_step_n": k + 1,
+                                "freq": frequency}  # fmt: skip
         if zeta:
             eigenvalue = 2 * np.pi * frequency * complex(-zeta, np.sqrt(1 - zeta**2))
-            kind = {"analysis_type": 3, "mode_n": k + 1, "eig": eigenvalue,
+            kind = {"analysis_type": 3, "data_ch": 3, "mode_n": k + 1, "eig": eigenvalue,
                     "modal_a": 1 + 0j, "modal_b": 1 + 0j}  # fmt: skip
-        sets.append(
-            pyuff.prepare_55(
-                id1=name,
-                model_type=1,
-                data_ch=2 if kind["analysis_type"] == 5 else 3,
-                spec_data_type=8,
-                data_type=5,
-                n_data_per_node=3,
-                load_case=1,
-                node_nums=np.flatnonzero(known) + 1,
-                r1=0 * shape[known],
-                r2=0 * shape[known],
-                r3=shape[known],
-                **kind,
-            )
-        )
+        sets.append(_shape(name, shape, **kind))
     _write(path, [*_geometry(name, data), *sets])
+
+
+def _shape(name: str, amplitude: ComplexArray, **kind: Any) -> Any:
+    """A dataset 55 of deflections along Z of the markers that have one."""
+    known = np.isfinite(amplitude)
+    shape = amplitude[known]
+    return pyuff.prepare_55(
+        id1=name, model_type=1, spec_data_type=8, data_type=5, n_data_per_node=3, load_case=1,
+        node_nums=np.flatnonzero(known) + 1, r1=0 * shape, r2=0 * shape, r3=shape, **kind
+    )  # fmt: skip
 
 
 def write_motion(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:

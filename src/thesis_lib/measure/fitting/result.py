@@ -145,7 +145,7 @@ def result(
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     excitation = manifest.excitation
     still_s = excitation.rest_s or end  # if never at rest, their mean place
-    rest = np.array([_at_rest(own, still_s) for own in recordings])
+    rest = np.array([at_rest(own, still_s) for own in recordings])
     frame = checked_frame(cameras, rest, markers)
     _check_sides(frame, cameras)
     given = float(sound["frequency"])
@@ -338,7 +338,7 @@ def _best(start: float, motion: Advance, sound: xr.Dataset) -> float:
     return value if abs(value - start) > 3 * error else start
 
 
-def _at_rest(own: Recording, seconds: float) -> Array:
+def at_rest(own: Recording, seconds: float) -> Array:
     """Mean centres before the motion, without distortion, (2, markers), px."""
     last = own.delay + seconds - 1 / own.rate
     parts = [uv for _, uv in own.parts(own.delay, last)]

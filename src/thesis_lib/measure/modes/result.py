@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.fitting.harmonics import mean_of
 from thesis_lib.measure.fitting.models import candidates, scaled
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
+from thesis_lib.measure.fitting.result import SCALE, at_rest
 from thesis_lib.measure.modes.identify import Asked, Modes, assurance, identify
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import tracks_of
@@ -148,19 +148,12 @@ SAME = (
 def rest_of(manifest: Manifest, recordings: Sequence[Recording]) -> tuple[Rest, float]:
     """The markers at rest, and the relative error of sizes that their grid tells."""
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
-    images = []
-    for own in recordings:
-        last = own.delay + manifest.excitation.rest_s - 1 / own.rate
-        images.append(mean_of(np.concatenate([uv for _, uv in own.parts(own.delay, last)])))
-    still = np.array(images)
+    still = np.array([at_rest(own, manifest.excitation.rest_s) for own in recordings])
     frame = checked_frame(cameras, still, markers)
     points, _ = triangulate_seen(projection_matrices(cameras), still)
     thick = manifest.structure.thickness_mm / 1000
     rest = Rest(still, frame, points, markers.centres, thick)
     return rest, frame.scale - 1 if abs(frame.scale - 1) > SCALE else 0.0
-
-
-SCALE = 0.002  # by which the grid's size may be off before it counts as wrong
 
 
 def window(

@@ -3,7 +3,7 @@
 import { amplitude, coloursOf, createPressure, createPlane, decode } from "./field.js";
 import { colourBar, paletteOf } from "./heatmap.js";
 import { createMotion } from "./motion.js";
-import { figure, html } from "./parts.js";
+import { figure, followWidth, html } from "./parts.js";
 
 function render({ model, el }) {
   const { planes, fields, halves, frequency, colormap, words } = model.get("data");
@@ -31,16 +31,10 @@ function render({ model, el }) {
   motion.at(frequency);
   motion.watch(panel.node);
   el.replaceChildren(root);
-  const observer = new ResizeObserver(() => requestAnimationFrame(() => {
-    const now = Math.round(panel.node.clientWidth) || 480;
-    if (now === width) return;
-    width = now;
-    draw();
-  }));
-  observer.observe(root);
   width = Math.round(panel.node.clientWidth) || 480;
   draw();
-  return () => { observer.disconnect(); motion.stop(); };
+  const unfollow = followWidth(root, panel.node, width, (now) => { width = now; draw(); });
+  return () => { unfollow(); motion.stop(); };
 }
 
 export default { render };
