@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from PIL import Image
 
@@ -24,7 +25,9 @@ from thesis_lib.book.images import (
     size_px,
     squeeze,
     themed,
+    worded,
 )
+from thesis_lib.plotting.style import svg
 
 SVG = '<?xml version="1.0"?>\n<svg xmlns="x" width="72pt" height="36.75pt" viewBox="0 0 1 1"/>'
 
@@ -123,14 +126,6 @@ def test_marks_of_one_style_share_it() -> None:
     )
 
 
-def test_letters_of_a_word_stand_at_their_places() -> None:
-    word = '<use href="#a" transform="translate(63.62 0)"/><use href="#a" transform="scale(2)"/>'
-    drawn = f'<svg><path id="a"/>{word}</svg>'
-    assert squeezed(drawn) == (
-        '<svg><path id="a"/><use href="#a" x="64"/><use href="#a" transform="scale(2)"/></svg>'
-    )
-
-
 def test_only_parts_used_again_are_named_and_shortly() -> None:
     drawn = (
         '<svg><g id="figure_1"><path id="DejaVuSans-31" d="M0 0"/><clipPath id="p7f"/>'
@@ -143,8 +138,29 @@ def test_only_parts_used_again_are_named_and_shortly() -> None:
 
 
 def test_words_in_a_drawing_keep_their_spaces() -> None:
-    drawn = "<svg>\n <text>a <tspan>b</tspan>\n <tspan>c</tspan></text></svg>"
-    assert squeezed(drawn) == drawn
+    words = "<text>a <tspan>b</tspan>\n <tspan>c</tspan></text>"
+    assert squeezed(f"<svg>\n {words}\n</svg>") == f"<svg>{words}</svg>"
+
+
+def test_parts_of_a_formula_that_have_places_need_no_spaces() -> None:
+    drawn = '<svg><text>\n <tspan x="1">a</tspan>\n <tspan x="2"> </tspan>\n</text></svg>'
+    assert squeezed(drawn) == '<svg><text><tspan x="1">a</tspan><tspan x="2"> </tspan></text></svg>'
+
+
+def test_the_font_of_words_is_told_once() -> None:
+    """Whoever has no DejaVu Sans has Verdana, which is as wide, or some font."""
+    figure = Figure(figsize=(3, 2))
+    figure.text(0.5, 0.5, "a < b")
+    figure.text(0.5, 0.2, "up", rotation=90)
+    drawn = svg(figure)
+    told = worded(drawn)
+    assert drawn.count("font-family") == 2
+    assert told.count("font-family") == 1
+    assert "svg{font-family:'DejaVu Sans',Verdana,sans-serif}" in told
+    assert "rotate(-90)" in told
+    assert "rotate(-0" not in told
+    assert ">a &lt; b</text>" in told
+    assert worded("<svg><text>a</text></svg>") == "<svg><text>a</text></svg>"
 
 
 def test_colours_of_a_drawing_are_variables_with_another_value_in_the_dark() -> None:
@@ -198,16 +214,6 @@ def test_paths_of_steps_pass_through_the_same_points() -> None:
     shorter = relative(drawn)
     assert len(shorter) < len(drawn)
     assert_allclose(points(shorter[9:-3]), points(drawn[9:-3]), atol=1e-9)
-
-
-def test_letters_are_drawn_to_a_third_of_a_hundredth_of_their_height() -> None:
-    """Their points are told on a coarser grid, and enlarged by as much."""
-    drawn = "M2188 4044L1331 1722L3047 1722Q1 2 3 4z"
-    glyph = f'<path id="DejaVuSans-41" d="{drawn}" transform="scale({{}})"/>'
-    shorter = relative(glyph.format(0.015625))
-    fine, coarse = (points(re.findall(' d="([^"]*)"', one)[0]) for one in (glyph, shorter))
-    assert_allclose(np.array(coarse) * 0.25, np.array(fine) * 0.015625, atol=0.25 / 2)
-    assert 'transform="scale(0.25)"' in shorter
 
 
 def test_styles_are_told_once() -> None:

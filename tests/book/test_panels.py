@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from io import StringIO
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 from thesis_lib.book.panels import panels, with_panels
+from thesis_lib.plotting.style import svg
 
-NEAR = 2.5  # % of the drawing: letters are not measured one by one
+NEAR = 2.0  # % of the drawing: words are taken to be as high as their font
 
 
 def drawing(figure: Figure) -> str:
-    text = StringIO()
-    figure.savefig(text, format="svg")
-    return text.getvalue()
+    return svg(figure)
 
 
 def four() -> Figure:

@@ -88,7 +88,7 @@ def places(tmp_path: Path) -> Iterator[dict[str, Path]]:
 FOREIGN = {
     "in the working directory": ("work/matplotlibrc", "font.size: 30\nlines.linewidth: 9\n", {}),
     "in the home": (
-        "home/.config/matplotlib/matplotlibrc", "text.usetex: True\nsvg.fonttype: none\n", {}
+        "home/.config/matplotlib/matplotlibrc", "text.usetex: True\nsvg.fonttype: path\n", {}
     ),
     "broken": ("work/matplotlibrc", "no such thing: 1\nfont.size\n", {}),
     "another backend": ("work/matplotlibrc", "backend: TkAgg\n", {"MPLBACKEND": "QtAgg"}),

@@ -31,19 +31,24 @@ _LONG = re.compile(r"-?\d+\.\d{3,}(?![\de])")
 _STYLE = re.compile(r'(?<=\sstyle=")[^"]*')
 _MARK = r'<use href="[^"]+" x="[^"]+" y="[^"]+"'
 _MARKS = re.compile(rf'{_MARK} style="(?P<style>[^"]*)"/>(?:{_MARK} style="(?P=style)"/>)+')
-_SHIFTED = re.compile(r'(<use href="[^"]+") transform="translate\(([\d.-]+)(?: 0)?\)"(?=/>)')
+_FAMILY = re.compile(r"(?:;\s*)?font-family:\s*'DejaVu Sans'[^;\"]*")
+_UPRIGHT = re.compile(r' transform="rotate\(-0 [^"]*"')
+_FONT = "'DejaVu Sans',Verdana,sans-serif"  # on most systems one of them, as wide as drawn
 _COLOUR = re.compile(
     r'(?<=[\s";{])((?:fill|stroke|stop-color)(?::\s*|="))(#[0-9a-fA-F]{6}|#[0-9a-fA-F]{3})\b'
 )
 _GROUND, _INK = (18, 18, 18), (222, 226, 230)  # of the book's pages in the dark
-_IDLE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)", re.DOTALL)
+_IDLE = re.compile(
+    r"(?P<words><text\b(?:(?!</text>).)*</text>)"
+    r"|<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\s*\n\s*(?=<)",
+    re.DOTALL,
+)
+_BEFORE = re.compile(r"\s+(?=<tspan x=)|(?<=</tspan>)\s+(?=</text>)")
 _GROUP = re.compile(r"(<g(?: [^>]*)?/?>|</g>)")
 _XLINK = re.compile(r'xlink:(?=href)|\sxmlns:xlink="[^"]*"')
 _ID = re.compile(r'\sid="([^"]*)"')
 _REFERENCE = re.compile(r'(href="#|url\(#)([^")]+)')
 _PATH = re.compile(r'(?<=\sd=")[MLQCz\d\s.-]+(?=")')
-_GLYPH = re.compile(r'(<path id="[^"]*" d=")([^"]*)(" transform="scale\()0\.015625(?=\))')
-_NUMBER = re.compile(r"-?[\d.]+")
 _STEP = re.compile(r"([MLQCz])([^MLQCz]*)")
 _WORN = re.compile(r'\sstyle="([^"]*)"')
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -107,7 +112,7 @@ def size_px(picture: Path) -> tuple[int, int] | None:
 def squeeze(svg: str) -> str:
     r"""The same drawing in fewer letters: short names and places, nothing idle or twice.
 
-    Places are rounded to a hundredth of their unit.
+    Places are rounded to a hundredth of their unit. Words keep their spaces.
 
     Examples
     --------
@@ -127,8 +132,9 @@ def squeeze(svg: str) -> str:
         style = f' style="{match["style"]}"'
         return f"<g{style}>{match[0].replace(style, '')}</g>"
 
-    if "<text" in svg:
-        return svg
+    def idle(match: re.Match[str]) -> str:
+        return _BEFORE.sub("", match["words"] or "")  # what stands at a place of its own
+
     spare = _XLINK.sub("", svg)  # SVG 2 needs no such names
     used, there = Counter(match[2] for match in _REFERENCE.finditer(spare)), {*_ID.findall(spare)}
     often = [one for one, _ in used.most_common() if one in there]
@@ -136,10 +142,8 @@ def squeeze(svg: str) -> str:
     spare = _ID.sub(lambda match: f' id="{names[match[1]]}"' if match[1] in names else "", spare)
     spare = _REFERENCE.sub(lambda match: match[1] + names.get(match[2], match[2]), spare)
     spare = _STYLE.sub(lambda match: re.sub(r"\s*([:;])\s*", r"\1", match[0]), spare)
-    # a letter of a word, to a tenth of a point: words are drawn at a tenth of their size
-    spare = _SHIFTED.sub(lambda match: f'{match[1]} x="{float(match[2]):.0f}"', spare)
     spare = _MOVED.sub(lambda match: _LONG.sub(short, match[0]), spare)
-    return _MARKS.sub(together, _ungrouped(_PLACES.sub(places, _IDLE.sub("", spare))))
+    return _MARKS.sub(together, _ungrouped(_PLACES.sub(places, _IDLE.sub(idle, spare))))
 
 
 def _short_names() -> Iterator[tuple[str, ...]]:
@@ -161,8 +165,7 @@ def _ungrouped(svg: str) -> str:
 def relative(svg: str) -> str:
     """The same drawing with paths whose points are told from the point before, in fewer digits.
 
-    Points have two places at most, so that sums of steps are exact; those of letters are whole
-    numbers, 304 to a letter's height in place of 4864.
+    Points have two places at most, so that sums of steps are exact.
 
     Examples
     --------
@@ -193,11 +196,14 @@ def relative(svg: str) -> str:
                 start = (x, y) if name == "M" else start
         return "".join(steps)
 
-    def coarser(match: re.Match[str]) -> str:
-        drawn = _NUMBER.sub(lambda one: f"{float(one[0]) / 16:.0f}", match[2])
-        return f"{match[1]}{drawn}{match[3]}0.25"
+    return _PATH.sub(path, svg)
 
-    return _PATH.sub(path, _GLYPH.sub(coarser, svg))
+
+def worded(svg: str) -> str:
+    """The same drawing with the font of its words told once."""
+    style = f"<style>svg{{font-family:{_FONT}}}</style>"
+    short, found = _FAMILY.subn("", _UPRIGHT.sub("", svg))
+    return _SVG.sub(lambda tag: tag[0] + style, short, count=1) if found else svg
 
 
 def classed(svg: str) -> str:

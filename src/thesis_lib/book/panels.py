@@ -6,8 +6,10 @@ as a group; its box is that of what is drawn in it, labels included.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterator
+from html import unescape
 from itertools import pairwise
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom
@@ -18,12 +20,14 @@ _DEFS = re.compile(r"<defs>.*?</defs>", re.DOTALL)
 _CLIP = re.compile(
     r'<clipPath id="([^"]+)">\s*<rect x="(\S+)" y="(\S+)" width="(\S+)" height="(\S+)"'
 )
-_TOKEN = re.compile(r"<(/?)(g|path|use|image)\b([^>]*?)(/?)>", re.DOTALL)
+_TOKEN = re.compile(r"<(/?)(g|path|text|tspan)\b([^>]*?)(/?)>([^<]*)", re.DOTALL)
 _ATTRIBUTE = re.compile(r'(\S+?)="([^"]*)"', re.DOTALL)
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
-_PLACED = re.compile(r"translate\(([-\d.]+)[ ,]([-\d.]+)\)( rotate\(-90\))?.*?scale\(([\d.]+)")
-_AWAY = re.compile(r"translate\(([-\d.]+)")
-_LETTER, _ABOVE, _BELOW = 62.0, 76.0, 22.0  # of a text, in hundredths of its size
+_PLACED = re.compile(r"translate\(([-\d.]+)[ ,]([-\d.]+)\)( rotate\(-90\))?")
+_TURNED = re.compile(r"rotate\(-90 ")
+_SIZE = re.compile(r"font-size:\s*([\d.]+)")
+_ANCHOR = {"text-anchor: middle": 0.5, "text-anchor: end": 1.0}
+_ABOVE, _BELOW = 0.76, 0.22  # of a text, in parts of its size
 _MARGIN = 3.0
 _NARROW = 0.13  # of the drawing's width
 
@@ -61,28 +65,21 @@ def _boxes(svg: str, width: float, height: float) -> Iterator[Box]:
         for x, y, w, h in [map(float, told)]
     }
     panel: list[Box] = []
-    depth, begun, text, reach = 0, 0, None, 0.0
-    for ends, tag, attributes, alone in _TOKEN.findall(_DEFS.sub("", svg)):
+    depth, begun, moved = 0, 0, (0.0, 0.0, False)
+    for ends, tag, attributes, alone, words in _TOKEN.findall(_DEFS.sub("", svg)):
         given = dict(_ATTRIBUTE.findall(attributes))
-        name = given.get("id", "")
         if tag == "g" and ends:
-            if text and depth == text[0]:
-                panel.append(_text(text[1], reach))
-                text = None
             if begun and depth == begun:
                 yield from [_around(panel, width, height)] if panel else []
                 panel, begun = [], 0
             depth -= 1
         elif tag == "g" and not alone:
             depth += 1
-            if depth == 2 and not name.startswith("patch_"):
+            if depth == 2 and not given.get("id", "").startswith("patch_"):
                 begun = depth
-            placed = _PLACED.match(given.get("transform", ""))
-            if placed and begun:
-                text, reach = (depth, placed), 0.0
-        elif begun and text:
-            away = _AWAY.search(given.get("transform", ""))
-            reach = max(reach, float(away[1]) if away else float(given.get("x", 0)))
+            moved = _moved(given)
+        elif begun and tag in ("text", "tspan") and words.strip():
+            panel.append(_text(given, unescape(words), _moved(given) if tag == "text" else moved))
         elif begun and tag == "path" and given.get("d") != "none":
             numbers = [float(one) for one in _NUMBER.findall(given.get("d", ""))]
             clip = clips.get(given.get("clip-path", "")[5:-1], (0.0, 0.0, width, height))
@@ -90,10 +87,38 @@ def _boxes(svg: str, width: float, height: float) -> Iterator[Box]:
                 panel.append(_within(numbers, clip))
 
 
-def _text(placed: re.Match[str], reach: float) -> Box:
-    x, y, size = float(placed[1]), float(placed[2]), float(placed[4])
-    long, above, below = ((reach + _LETTER) * size, _ABOVE * size, _BELOW * size)
-    return (x - above, y - long, x + below, y) if placed[3] else (x, y - above, x + long, y + below)
+def _moved(given: dict[str, str]) -> tuple[float, float, bool]:
+    """Where a text's own axes begin, and whether they are turned by a quarter."""
+    placed = _PLACED.match(given.get("transform", ""))
+    if placed:
+        return float(placed[1]), float(placed[2]), bool(placed[3])
+    return 0.0, 0.0, bool(_TURNED.match(given.get("transform", "")))
+
+
+def _text(given: dict[str, str], words: str, moved: tuple[float, float, bool]) -> Box:
+    """The box of words that begin, end or have their middle at a place."""
+    style = given.get("style", "")
+    size = float(_SIZE.findall(style)[0])
+    long, above, below = size * sum(map(_advance, words)), _ABOVE * size, _BELOW * size
+    before = long * next((part for anchor, part in _ANCHOR.items() if anchor in style), 0.0)
+    x, y = float(given.get("x", 0)), float(given.get("y", 0))
+    if moved[2] and _TURNED.match(given.get("transform", "")):  # about the place itself
+        moved, (x, y) = (x, y, True), (0.0, 0.0)
+    left, top = moved[0], moved[1]
+    if moved[2]:
+        return left + y - above, top - x + before - long, left + y + below, top - x + before
+    return left + x - before, top + y - above, left + x - before + long, top + y + below
+
+
+@functools.cache
+def _advance(letter: str) -> float:
+    """Width of a letter in parts of its size."""
+    from matplotlib.font_manager import findfont, get_font
+    from matplotlib.ft2font import LoadFlags
+
+    font = get_font(findfont("DejaVu Sans"))
+    glyph = font.load_char(ord(letter), flags=LoadFlags.NO_SCALE)
+    return float(glyph.horiAdvance / font.units_per_EM)
 
 
 def _within(numbers: list[float], clip: Box) -> Box:

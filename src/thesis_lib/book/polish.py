@@ -14,7 +14,7 @@ from thesis_lib.book.accessible import mend
 from thesis_lib.book.contents import fold
 from thesis_lib.book.drawings import paletted, rowed
 from thesis_lib.book.edition import described, launched
-from thesis_lib.book.images import classed, in_files, lazy, relative, squeeze, themed
+from thesis_lib.book.images import classed, in_files, lazy, relative, squeeze, themed, worded
 from thesis_lib.book.intervals import drawn
 from thesis_lib.book.panels import with_panels
 
@@ -60,7 +60,7 @@ def polish(book: Path, files: Iterable[Path]) -> None:
 
 def _drawing(text: str) -> str:
     """A drawing in fewer letters, in colours that follow the page."""
-    return themed(classed(relative(rowed(paletted(squeeze(with_panels(text)))))))
+    return themed(classed(relative(rowed(paletted(squeeze(worded(with_panels(text))))))))
 
 
 def _plain(text: str) -> str:
