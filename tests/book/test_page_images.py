@@ -27,7 +27,7 @@ from thesis_lib.book.images import (
     themed,
     worded,
 )
-from thesis_lib.plotting.style import svg
+from thesis_lib.plotting.style import STYLE, svg
 
 SVG = '<?xml version="1.0"?>\n<svg xmlns="x" width="72pt" height="36.75pt" viewBox="0 0 1 1"/>'
 
@@ -157,6 +157,7 @@ def test_the_font_of_words_is_told_once() -> None:
     assert drawn.count("font-family") == 2
     assert told.count("font-family") == 1
     assert "svg{font-family:'DejaVu Sans',Verdana,sans-serif}" in told
+    assert STYLE["font.sans-serif"] == ["DejaVu Sans", "Verdana", "sans-serif"]  # the same
     assert "rotate(-90)" in told
     assert "rotate(-0" not in told
     assert ">a &lt; b</text>" in told

@@ -13,10 +13,6 @@ from thesis_lib.plotting.style import svg
 NEAR = 2.0  # % of the drawing: words are taken to be as high as their font
 
 
-def drawing(figure: Figure) -> str:
-    return svg(figure)
-
-
 def four() -> Figure:
     """Labelled panels, one with lines that go on beyond it, one with a scale beside it."""
     figure = Figure(figsize=(7.6, 5.4), layout="constrained")
@@ -37,7 +33,7 @@ def boxes(told: str) -> list[list[float]]:
 
 def test_boxes_are_those_of_matplotlib() -> None:
     figure = four()
-    found = boxes(panels(drawing(figure)))
+    found = boxes(panels(svg(figure)))
     width, height = 72 * figure.get_size_inches()
     figure.set_dpi(72)
     figure.canvas.draw()
@@ -52,7 +48,7 @@ def test_boxes_are_those_of_matplotlib() -> None:
 
 
 def test_a_drawing_says_it_once_and_keeps_it() -> None:
-    drawn = drawing(four())
+    drawn = svg(four())
     told = with_panels(drawn)
     assert told.count("data-panels=") == 1
     assert panels(told) == panels(drawn)
@@ -63,7 +59,7 @@ def test_one_column_is_left_alone(rows: int) -> None:
     figure = Figure(figsize=(5, 5), layout="constrained")
     for one in np.ravel(figure.subplots(rows)):
         one.plot([1, 2])
-    drawn = drawing(figure)
+    drawn = svg(figure)
     assert panels(drawn) == ""
     assert with_panels(drawn) == drawn
 
@@ -71,3 +67,6 @@ def test_one_column_is_left_alone(rows: int) -> None:
 def test_another_drawing_has_none() -> None:
     assert panels('<svg viewBox="0 0 4 3"><g><path d="M0 0h4"/></g></svg>') == ""
     assert panels("<svg/>") == ""
+    assert (
+        panels('<svg viewBox="0 0 4 3"><g><g id="a"><text>size untold</text></g></g></svg>') == ""
+    )

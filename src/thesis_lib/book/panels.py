@@ -24,7 +24,7 @@ _TOKEN = re.compile(r"<(/?)(g|path|text|tspan)\b([^>]*?)(/?)>([^<]*)", re.DOTALL
 _ATTRIBUTE = re.compile(r'(\S+?)="([^"]*)"', re.DOTALL)
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 _PLACED = re.compile(r"translate\(([-\d.]+)[ ,]([-\d.]+)\)( rotate\(-90\))?")
-_TURNED = re.compile(r"rotate\(-90 ")
+_TURNED = re.compile(r"rotate\(-90 ([-\d.]+) ([-\d.]+)\)")
 _SIZE = re.compile(r"font-size:\s*([\d.]+)")
 _ANCHOR = {"text-anchor: middle": 0.5, "text-anchor: end": 1.0}
 _ABOVE, _BELOW = 0.76, 0.22  # of a text, in parts of its size
@@ -77,9 +77,10 @@ def _boxes(svg: str, width: float, height: float) -> Iterator[Box]:
             depth += 1
             if depth == 2 and not given.get("id", "").startswith("patch_"):
                 begun = depth
-            moved = _moved(given)
-        elif begun and tag in ("text", "tspan") and words.strip():
-            panel.append(_text(given, unescape(words), _moved(given) if tag == "text" else moved))
+            moved = _axes(given)
+        elif begun and words.strip() and (size := _SIZE.search(given.get("style", ""))):
+            axes = _axes(given) if tag == "text" else moved
+            panel.append(_text(given, unescape(words), float(size[1]), axes))
         elif begun and tag == "path" and given.get("d") != "none":
             numbers = [float(one) for one in _NUMBER.findall(given.get("d", ""))]
             clip = clips.get(given.get("clip-path", "")[5:-1], (0.0, 0.0, width, height))
@@ -87,27 +88,25 @@ def _boxes(svg: str, width: float, height: float) -> Iterator[Box]:
                 panel.append(_within(numbers, clip))
 
 
-def _moved(given: dict[str, str]) -> tuple[float, float, bool]:
+def _axes(given: dict[str, str]) -> tuple[float, float, bool]:
     """Where a text's own axes begin, and whether they are turned by a quarter."""
-    placed = _PLACED.match(given.get("transform", ""))
-    if placed:
-        return float(placed[1]), float(placed[2]), bool(placed[3])
-    return 0.0, 0.0, bool(_TURNED.match(given.get("transform", "")))
+    transform = given.get("transform", "")
+    if turned := _TURNED.match(transform):  # about a place that is told in the drawing's axes
+        x, y = float(turned[1]), float(turned[2])
+        return x - y, y + x, True
+    placed = _PLACED.match(transform)
+    return (float(placed[1]), float(placed[2]), bool(placed[3])) if placed else (0.0, 0.0, False)
 
 
-def _text(given: dict[str, str], words: str, moved: tuple[float, float, bool]) -> Box:
-    """The box of words that begin, end or have their middle at a place."""
-    style = given.get("style", "")
-    size = float(_SIZE.findall(style)[0])
+def _text(given: dict[str, str], words: str, size: float, axes: tuple[float, float, bool]) -> Box:
+    """The box of words that begin, end or have their middle at a place of their own axes."""
     long, above, below = size * sum(map(_advance, words)), _ABOVE * size, _BELOW * size
+    style, (left, top, turned) = given.get("style", ""), axes
     before = long * next((part for anchor, part in _ANCHOR.items() if anchor in style), 0.0)
-    x, y = float(given.get("x", 0)), float(given.get("y", 0))
-    if moved[2] and _TURNED.match(given.get("transform", "")):  # about the place itself
-        moved, (x, y) = (x, y, True), (0.0, 0.0)
-    left, top = moved[0], moved[1]
-    if moved[2]:
-        return left + y - above, top - x + before - long, left + y + below, top - x + before
-    return left + x - before, top + y - above, left + x - before + long, top + y + below
+    x, y = float(given.get("x", 0)) - before, float(given.get("y", 0))
+    if turned:
+        return left + y - above, top - x - long, left + y + below, top - x
+    return left + x, top + y - above, left + x + long, top + y + below
 
 
 @functools.cache

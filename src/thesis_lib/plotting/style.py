@@ -38,7 +38,7 @@ STYLE: Any = {
     "axes.axisbelow": True,
     "legend.frameon": False,
     "legend.fontsize": 8,
-    "svg.fonttype": "none",  # words are text: found, copied and read, and half the bytes
+    "svg.fonttype": "none",  # words are text: found, copied, read, and in fewer bytes
     "font.sans-serif": ["DejaVu Sans", "Verdana", "sans-serif"],  # of equal widths, and any
     "svg.hashsalt": "thesis",  # the same picture gives the same bytes
     "text.parse_math": False,  # a dollar in a reader's name is a dollar
