@@ -11,8 +11,8 @@ AREAS = {
     "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
     "The experiment": "scene lens render media corners calibration adjustment synchronisation "
     "listening tracking reconstruction laboratory tapped experiment_study lab_layouts lab_motions",
-    "Own recordings": "feasibility modes measuring measure result own_recordings foreign exchange "
-    "paper povray sync own_sound",
+    "Own recordings": "feasibility modes measuring measure result calibration_error own_recordings "
+    "foreign exchange paper povray sync own_sound",
     "Beyond the thesis": "rounding design_law dither polytope interval "
     "pixel_noise estimators planner planner_machines planner_sound finite_elements shapes",
 }

@@ -70,8 +70,19 @@ def common_errors(
             for sign in (-0.5, 0.5)
         ]
         rows.append(apart[1] - apart[0])
-    _, size, mixed = np.linalg.svd(np.nan_to_num(np.array(rows)), full_matrices=False)
-    return np.asarray(size[:DIRECTIONS, None] * mixed[:DIRECTIONS])
+    return _fewer(np.nan_to_num(np.array(rows)))
+
+
+def _fewer(rows: ComplexArray) -> ComplexArray:
+    """At most :data:`DIRECTIONS` rows with the covariance of all, but for its smallest directions.
+
+    Rows are mixed by real numbers: a complex one would turn an error of size into one of phase.
+    """
+    parts = np.concatenate([rows.real, rows.imag], axis=1)
+    _, size, mixed = np.linalg.svd(parts, full_matrices=False)
+    kept = size[:DIRECTIONS, None] * mixed[:DIRECTIONS]
+    real, imag = np.split(kept, 2, axis=1)
+    return np.asarray(real + 1j * imag)
 
 
 def _refitted(fit: Fitted, markers: Markers, step: Array) -> Fitted:
