@@ -530,20 +530,23 @@ def test_a_cube_in_another_format_is_refused_in_one_line(tmp_path, kind):
         cube_file.read(path)
 
 
+@pytest.mark.parametrize("dtype", storage.BITS, ids=str)
 @pytest.mark.parametrize("kind", ["numbers", "halves", "tiny", "large", "odd"])
-def test_rounded_mantissas_are_the_nearest(kind):
-    random = np.random.default_rng(3)
+def test_rounded_mantissas_are_the_nearest(kind, dtype):
+    random, bits, machine = np.random.default_rng(3), storage.BITS[dtype], np.finfo(dtype)
+    half = 2.0 ** -(bits + 1)
     values = {
         "numbers": random.normal(size=1000),
-        "halves": 1 + (2 * np.arange(100) + 1) * 2.0**-14,  # between two
-        "tiny": random.normal(size=1000) * 1e-42,
-        "large": np.array([3.4e38, -3.4e38]),
+        "halves": 1 + (2 * np.arange(100) + 1) * half,  # between two
+        "tiny": random.normal(size=1000) * 1e3 * float(machine.smallest_subnormal),
+        "large": np.array([0.999, -0.999]) * machine.max,
         "odd": np.array([0.0, -0.0, np.nan, np.inf, -np.inf]),
-    }[kind].astype(np.float32)
+    }[kind].astype(dtype)
     kept = storage._nearest(values)
-    left = kept[np.isfinite(kept)].view(np.uint32)
-    assert not np.any(left & np.uint32(2 ** (23 - storage.BITS) - 1))
-    np.testing.assert_allclose(kept, values, rtol=2.0**-14, atol=2.0**-136)
+    whole = np.dtype(f"u{dtype.itemsize}").type
+    left = kept[np.isfinite(kept)].view(whole)
+    assert not np.any(left & whole(2 ** (machine.nmant - bits) - 1))
+    np.testing.assert_allclose(kept, values, rtol=half, atol=half * float(machine.tiny))
     assert np.array_equal(np.signbit(kept), np.signbit(values))
 
 

@@ -25,9 +25,13 @@ from thesis_lib.files import staging, whole_file
 from thesis_lib.studies import effort
 from thesis_lib.studies.blocks import HELD_BYTES, Outline
 
-BITS = 13  # of a rounded mantissa: to 2⁻¹⁴, 0.006 %
+BITS = {  # of a rounded mantissa
+    np.dtype(np.float32): 13,  # to 2⁻¹⁴, 0.006 %: what is drawn
+    np.dtype(np.float64): 23,  # to 2⁻²⁴, as in single precision: what is compared
+}
 STEPS = 2**11  # at least, of a large field's largest value: each is within 0.024 % of that
-_ROUNDED = {"_QuantizeBitRoundNumberOfSignificantBits": np.int32(BITS)}
+_ROUNDED = "_QuantizeBitRoundNumberOfSignificantBits"
+_SMALL_BYTES = 4096  # up to here compressing costs more than it saves: HDF5 then keeps an index
 _HDF5 = threading.RLock()  # the HDF5 library crashes if two threads use it at once
 _LOADED_BYTES = 2**20  # variables of a large cube up to this size are read when it is opened
 _TEXTS: Any = {"decode_vlen_strings": True}  # to str, as xarray has it
@@ -52,9 +56,9 @@ def write(
     path : pathlib.Path
         Where to.
     compact : bool
-        Whether to compress it. Single precision, which is for what is drawn, is then rounded: to
-        ``BITS`` bits of mantissa, and large fields to multiples of a step, the largest value being
-        at least ``STEPS`` of them. The file says so itself, and any reader undoes it.
+        Whether to compress what is large. It is then rounded: to ``BITS`` bits of mantissa, and
+        large fields to multiples of a step, the largest value being at least ``STEPS`` of them. The
+        file says so itself, and any reader undoes it.
     steps : mapping, optional
         By variable: what its values are multiples of, to store them as whole numbers.
     """
@@ -65,10 +69,11 @@ def write(
     if compact:
         stored = {n: _compression(v) for n, v in small.variables.items()}
         encoding = {n: how | {"chunksizes": small[n].shape} for n, how in stored.items() if how}
-        drawn = {str(n): v for n, v in small.variables.items() if _is_drawn(v)}
-        by_steps = {n: _in_steps(least) for n, v in drawn.items() if (least := _step(v))}
+        rounded = {str(n): v.variable for n, v in small.data_vars.items() if _is_rounded(v)}
+        by_steps = {n: _in_steps(least) for n, v in rounded.items() if (least := _step(v))}
         encoding |= {n: encoding[n] | how for n, how in by_steps.items()}
-        small = small.assign({n: _rounded(v) for n, v in drawn.items() if n not in by_steps})
+        rounded = {n: v for n, v in rounded.items() if n not in {*by_steps, *(steps or {})}}
+        small = small.assign({n: _rounded(v) for n, v in rounded.items()})
     for name, step in (steps or {}).items():
         whole = {"dtype": "int32", "scale_factor": step, "_FillValue": np.int32(-(2**31))}
         encoding[name] = encoding.get(name, {}) | whole
@@ -101,14 +106,14 @@ def _room(path: Path, size: int) -> None:
 
 def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str, Any]:
     """How a variable is stored in a compact cube; level 9 takes 15 times as long as 4 for 5 %."""
-    if values.dtype.kind not in "fu" or values.size <= 1:
+    if values.dtype.kind not in "fu" or values.nbytes <= _SMALL_BYTES:
         return {}
     return {"compression": "gzip", "compression_opts": level, "shuffle": True}
 
 
-def _is_drawn(values: xr.Variable | xr.DataArray) -> bool:
+def _is_rounded(values: xr.Variable | xr.DataArray) -> bool:
     """Whether a compact cube holds a variable rounded."""
-    return values.dtype == np.float32 and values.size > 1
+    return values.dtype in BITS and bool(_compression(values))
 
 
 def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
@@ -116,7 +121,7 @@ def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
 
     Trials are left out, since the ledger reckons with them.
     """
-    if values.nbytes <= _STEPPED_BYTES or "trial" in values.dims:
+    if values.dtype != np.float32 or values.nbytes <= _STEPPED_BYTES or "trial" in values.dims:
         return None
     largest = float(np.fmax.reduce(np.abs(values.values), axis=None, initial=0.0))
     if not 0 < largest < np.inf:
@@ -131,14 +136,20 @@ def _in_steps(step: np.float32) -> dict[str, Any]:
 
 def _rounded(values: xr.Variable) -> xr.Variable:
     """A variable of which ``BITS`` bits of mantissa are left, and which says so."""
-    return xr.Variable(values.dims, _nearest(values.values), values.attrs | _ROUNDED)
+    return xr.Variable(values.dims, _nearest(values.values), values.attrs | _said(values))
 
 
-def _nearest(values: NDArray[np.float32]) -> NDArray[np.float32]:
+def _said(values: xr.Variable | xr.DataArray) -> dict[str, np.int32]:
+    """How a rounded variable says so, in the words of the netCDF library."""
+    return {_ROUNDED: np.int32(BITS[values.dtype])}
+
+
+def _nearest(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     """Numbers rounded to ``BITS`` bits of mantissa, as the netCDF library's *BitRound* does."""
-    dropped = np.uint32(23 - BITS)
-    bits = np.ascontiguousarray(values).view(np.uint32) + (np.uint32(1) << (dropped - 1))
-    rounded = ((bits >> dropped) << dropped).view(np.float32)
+    whole = np.dtype(f"u{values.itemsize}").type
+    dropped = whole(np.finfo(values.dtype).nmant - BITS[values.dtype])
+    bits = np.ascontiguousarray(values).view(whole) + (whole(1) << (dropped - whole(1)))
+    rounded = ((bits >> dropped) << dropped).view(values.dtype)
     return np.where(np.isfinite(values), rounded, values)
 
 
@@ -147,13 +158,13 @@ def _copy(values: xr.DataArray, file: h5netcdf.File, compact: bool) -> None:
     along = values.dims.index("trial")
     trial_bytes = max(1, values.nbytes // (values.sizes["trial"] * values.sizes["setting"]))
     step = min(values.sizes["trial"], max(1, _STORED_BYTES * values.sizes["mode"] // trial_bytes))
-    encoding, rounded = {}, compact and _is_drawn(values)
+    encoding, rounded = {}, compact and _is_rounded(values)
     if compact:  # what is stored together is written at once
         stored = [1 if dim in ("setting", "mode") else values.sizes[dim] for dim in values.dims]
         stored[along] = step
         encoding = {**_compression(values, 4), "chunks": tuple(stored)}
     dims = tuple(map(str, values.dims))
-    said = values.attrs | (_ROUNDED if rounded else {})
+    said = values.attrs | (_said(values) if rounded else {})
     target = _created(file, str(values.name), dims, values.dtype, said, **encoding)
     for setting in range(values.sizes["setting"]):
         for first in range(0, values.sizes["trial"], step):
