@@ -73,6 +73,7 @@ DOCTORED = {
 }
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("kind", DOCTORED)
 def test_what_is_no_cube_of_its_set_is_refused_in_one_line(cube, tmp_path, kind):
     path = tmp_path / "doctored.nc"

@@ -598,6 +598,7 @@ def test_same_request_gives_the_same_cube_and_another_seed_draws_anew_and_keeps_
         assert np.all(other[name] != one[name])
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", read_toml("captions.toml")["design-law"])
 def test_figures_are_drawn_from_the_cube_alone(cube, name):
     bare = cube.drop_attrs().assign_attrs(figure_set="design-law")

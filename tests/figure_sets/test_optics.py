@@ -414,6 +414,7 @@ def test_random_shifts_follow_seed_and_number_of_trials():
     assert not np.array_equal(same, other)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "values",
     [

@@ -113,6 +113,7 @@ def test_a_steady_tone_is_aligned_within_0_005_frame_modulo_its_period(conforms)
     conforms.sampled(np.abs(errors(tone, 30, FREQUENCY, PERIOD)).max(), below=0.005)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("signal", [transient, growing, clap])
 @pytest.mark.parametrize("frequency", [None, FREQUENCY])
 def test_a_transient_is_aligned_within_0_02_frame_without_doubt(conforms, signal, frequency):
@@ -366,6 +367,7 @@ def divided(x, seed):
     return np.split(x, [*cuts, cuts[-1]])
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("step", [1, 2, 3, 12, 14])
 @pytest.mark.parametrize("length", [20000, 20001, 19993])
 def test_a_signal_decimated_in_blocks_is_the_whole_one_decimated(conforms, step, length):
@@ -435,6 +437,7 @@ def long_recordings(signal, seed, seconds=300, spread=0.3, snr_db=20.0):
     return signals, starts - starts[0]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("signal", [growing, onset, clap, late_clap, ending])
 def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms, signal):
     signals, truth = long_recordings(signal, 1)
@@ -547,6 +550,7 @@ def test_a_room_s_report_says_what_sound_in_air_does(conforms):
     conforms.closed_form(found.delays, truth, atol=0.005 / FPS)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_voices_are_enough(conforms, seed):
     """Three seconds of something like speech in every recording, 6 dB above the noise."""

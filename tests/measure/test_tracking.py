@@ -185,6 +185,7 @@ def painted(image, where, half, grey):
     return image
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("grey", [60, 120, 200])
 @pytest.mark.parametrize("marker", [0, 31, 37, 49, 74])
 def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(
@@ -225,6 +226,7 @@ def cropped(at, image, view, left, top, right, bottom):
     return part, replace(view, camera=small, H_image_plane=shift @ view.H_image_plane)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("border", ["left", "top", "right", "bottom"])
 def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(conforms, rest, border):
     at, image, view, exact = rest
@@ -289,6 +291,7 @@ def corners(at):
     return lens.undistorted(at, seen)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("azimuth", [-10.0, 10.0, 170.0, 190.0])
 @pytest.mark.parametrize("upside_down", [False, True])
 def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_down):
@@ -304,6 +307,7 @@ def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_dow
     conforms.closed_form(off(Tracker(sharpen(image, view)).centres(image), exact).max(), below=0.12)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("width", [1920, 960])
 @pytest.mark.parametrize(
     ("azimuth", "elevation", "k1"),

@@ -194,6 +194,7 @@ def of_the_steps(asked: Study) -> xr.Dataset:
     return cube_of(asked)
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize(
     ("name", "values"),
     [

@@ -126,6 +126,7 @@ def steps_off(values, per_unit, limits):
     return np.minimum(whole, limit)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("name", "objective"),
     [(name, "mean") for name in SCENES]
@@ -140,6 +141,7 @@ def test_layouts_do_not_hang_on_last_digits(digits, name, objective):
     assert same(layouts(SCENES[name], objective), expected)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", SCENES)
 def test_of_equal_layouts_the_one_of_least_rank_is_taken(name):
     scene = SCENES[name]
@@ -161,6 +163,7 @@ def test_markers_in_another_order_have_the_same_layouts(name):
     assert same(layouts(replace(scene, body=body)), found(name))
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", [*SCENES, *ODD])
 def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
     scene = SCENES[name] if name in SCENES else scene_of(plate(), **ODD[name])
@@ -178,6 +181,7 @@ def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
         assert np.all((some[:, 0] >= low) & (some[:, 0] <= high))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(5))
 def test_a_region_that_forbids_the_rounded_place_is_respected(conforms, seed):
     """Spheres about where cameras would stand, with edges at no whole step."""
@@ -201,6 +205,7 @@ def test_a_gap_narrower_than_a_step_is_used_where_it_is_asked_for():
     assert set(np.round(distance, 9)) <= {600.2, 600.9}
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_forgotten_is_found_again(monkeypatch, name):
     expected = layouts(SCENES[name], counts=(3,))
@@ -208,6 +213,7 @@ def test_what_is_forgotten_is_found_again(monkeypatch, name):
     assert same(layouts(SCENES[name], counts=(3,)), expected)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", SCENES)
 def test_markers_are_visible_whose_images_are_in_the_picture_and_read(name):
     scene, rng = SCENES[name], np.random.default_rng(0)
@@ -252,6 +258,7 @@ def cube():
                    '"counts": [2, 4]}')  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", planner_tables.TABLES)
 def test_tables_do_not_hang_on_last_digits(cube, name):
     expected = planner_tables.TABLES[name](cube)

@@ -317,6 +317,7 @@ def job(out: Path, **values: object) -> runs.Job:
     return runs.Job(validate(SLOW, values), out / "a.ipynb", out / "a.nc")
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("edit", STALE)
 def test_what_determines_a_result_makes_it_stale(root, tmp_path, edit):
     before = runs.digest(job(tmp_path))
@@ -324,6 +325,7 @@ def test_what_determines_a_result_makes_it_stale(root, tmp_path, edit):
     assert runs.digest(job(tmp_path)) != before
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("edit", FRESH)
 def test_what_does_not_determine_a_result_does_not(root, tmp_path, edit):
     before = runs.digest(job(tmp_path))

@@ -155,6 +155,7 @@ DAMAGES = {
 }  # fmt: skip
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_what_is_damaged_is_named_and_made_anew(again, damage):
     tamper, name = DAMAGES[damage]

@@ -33,6 +33,7 @@ def on_grid(P, uv, sigma, about, spread, reach=5.0, number=61):
     return mean, (apart * mass) @ apart.T / mass.sum(), np.log(mass.sum() * cell)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("n", [2, 3, 5])
 @pytest.mark.parametrize("sigma", [0.03, 0.1, 0.3])
 def test_mean_covariance_and_evidence_are_those_of_a_fine_grid(conforms, n, sigma):
@@ -156,6 +157,7 @@ def test_pixels_that_contradict_the_noise_leave_least_squares(conforms):
 # Draws.
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("n", COUNTS)
 @pytest.mark.parametrize("sigma", [0.0, 0.05, 0.3])
 def test_scatter_of_draws_is_the_covariance(conforms, n, sigma):
@@ -192,6 +194,7 @@ def drawn(n, sigma, rules, layouts=12, markers=150):
     return np.stack(squares, axis=1), np.array(least)
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("n", COUNTS)
 @pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1, 0.3])
 def test_never_worse_than_the_better_of_both_others_by_three_percent(conforms, n, sigma):
@@ -201,6 +204,7 @@ def test_never_worse_than_the_better_of_both_others_by_three_percent(conforms, n
     conforms.sampled(mine / min(others), below=1.03)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("n", COUNTS)
 @pytest.mark.parametrize("sigma", [0.3, 0.5])
 def test_nine_tenths_of_what_the_bound_allows_from_a_third_of_a_pixel_on(conforms, n, sigma):

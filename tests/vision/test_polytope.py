@@ -303,6 +303,7 @@ def test_errors_are_those_of_an_independent_prototype(conforms, n, least_squares
     assert found[3] < found[2]
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=[pytest.mark.slow] * (name == "plate-arrays")) for name in STUDIES],

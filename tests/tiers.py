@@ -1,0 +1,24 @@
+"""Of the cases of one test that prove alike, ``make test`` runs some, ``make test-all`` all.
+
+``@pytest.mark.few(3)`` leaves three, evenly spread over the cases; the others are marked as slow.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import pytest
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m leaves out what is slow
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    cases: defaultdict[str, list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        if item.get_closest_marker("few"):
+            cases[item.nodeid.partition("[")[0]].append(item)
+    for alike in cases.values():
+        (count,) = alike[0].get_closest_marker("few").args  # type: ignore[union-attr]
+        spread = {round(i * (len(alike) - 1) / max(count - 1, 1)) for i in range(count)}
+        for index, item in enumerate(alike):
+            if index not in spread:
+                item.add_marker(pytest.mark.slow)
