@@ -172,8 +172,11 @@ def plan(
         return
     try:
         request = plan_request(assigned_values(assignments))
-        if structure is not None and "body" in request.model_fields_set:
-            raise ParameterError("plan: body is given beside --structure, allowed: one of them")
+        for name in ("body", "plate_mm") if structure is not None else ():
+            if name in request.model_fields_set:
+                raise ParameterError(
+                    f"plan: {name} is given beside --structure, allowed: one of them"
+                )
     except ParameterError as error:
         raise Refused(str(error)) from None
     folder = output_folder([f"plan-{structure.stem}" if structure else "plan"], [request], out)

@@ -82,11 +82,12 @@ def write_plan(
 def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> str:
     """The command that simulates a layout (rows of `places`) as a study; empty if none can.
 
-    The studies of chapters 3 and 4 have one distance and one lens for all cameras, above the plane.
+    The studies of chapters 3 and 4 have the thesis's structures, and one distance and one lens for
+    all cameras, above the plane.
     """
     distance, focal = 1000 * layout[:, 2], request.sensor_width_mm * layout[:, 3]
     low = np.degrees(layout[:, 1].min())
-    if np.ptp(distance) > 0.01 or np.ptp(focal) > 1e-9 or low <= 0:
+    if request.plate_mm or np.ptp(distance) > 0.01 or np.ptp(focal) > 1e-9 or low <= 0:
         return ""
     angles = np.degrees(layout[:, :2])
     angles[:, 0] = np.mod(angles[:, 0] + 180, 360) - 180
@@ -153,7 +154,7 @@ def summary(plan_: Plan, file: str = "") -> list[str]:
     study = "" if file else study_of(request, best.layout, best.resolution)
     if study:
         lines.append(f"The same as a study: {study}")
-    elif not file:
+    elif not (file or request.plate_mm):
         why = "its cameras differ in distance or lens, or stand below the plane."
         lines.append(f"No study takes this layout: {why}")
     return lines

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -58,6 +59,13 @@ class PlanRequest(Study):
         "beam",
         "what is measured, unless a file tells it",
         '"beam" or "plate"; anything else comes from a file',
+    )
+    plate_mm: tuple[Positive, Positive, Positive] | None = field(
+        None,
+        "length, width and thickness of the plate, with material, support and numbers of markers "
+        "of the thesis's; null: the thesis's",
+        'null, or with body "plate" and goal "shape" [length, width, thickness], numbers above 0, '
+        "at most 100000",
     )
     modes: Several[Mode] = field(
         lambda: [1, 2, 3],
@@ -160,8 +168,17 @@ class PlanRequest(Study):
 
     @property
     def structure(self) -> Structure:
-        """The beam or the plate of the thesis."""
-        return setups.beam() if self.body == "beam" else setups.plate()
+        """The beam or the plate of the thesis, or a plate of another size."""
+        if self.body == "beam":
+            return setups.beam()
+        plate = setups.plate()
+        if self.plate_mm is None:
+            return plate
+        length, width, thickness = (side / 1000 for side in self.plate_mm)
+        x, y = plate.force_position
+        force = (x * length / plate.length, y * width / plate.width)
+        sides = {"length": length, "width": width, "thickness": thickness}
+        return replace(plate, force_position=force, **sides)
 
     @property
     def measured(self) -> Body:
@@ -252,6 +269,8 @@ class PlanRequest(Study):
                 self.refuse("forbidden_sectors_deg")
         if self.goal != "shape" and (self.body, self.in_view, self.objective) != AUDIBLE:
             self.refuse("goal")
+        if self.plate_mm and (self.body, self.goal) != ("plate", "shape"):
+            self.refuse("plate_mm")
         if self.prices and len(self.prices) != len(self.resolutions_px):
             self.refuse("prices")
         return self

@@ -139,7 +139,7 @@ def _all(cube: xr.Dataset, quantities: tuple[str, ...]) -> str:
                 if np.isfinite(band).all():
                     factors.append(band[-1] / band[0])
         texts.append(f"{case} ×{np.median(factors):.2f}")
-    return "last over first: " + ", ".join(texts)
+    return "error of the last over that of the first: " + ", ".join(texts)
 
 
 def _askew(cube: xr.Dataset) -> str:

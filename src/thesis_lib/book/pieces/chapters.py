@@ -9,6 +9,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import Opened, of_subject
+from thesis_lib.book.pieces.results import missed
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound_sum import heard
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
@@ -29,7 +30,8 @@ def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
 def beam_results(opened: dict[str, xr.Dataset]) -> str:
     """What comes out for the beam: changes, agreement, the law of rounding."""
     chapter = _chapter(opened, "beam")
-    return "\n".join([_changes(chapter), _agreement(chapter), _law(chapter)])
+    unexplained = missed(opened) + "\n"
+    return "\n".join([_changes(chapter), _agreement(chapter), unexplained, _law(chapter)])
 
 
 def plate_results(opened: dict[str, xr.Dataset]) -> str:

@@ -21,6 +21,7 @@ from thesis_lib.vibration.structure import (
     resonance,
     single_mode_distance,
 )
+from thesis_lib.vision import cone_law
 from thesis_lib.web.markdown import columns, table
 
 GRAVITY = 9.80665
@@ -40,6 +41,16 @@ def structure_model(structure: Structure, unit: str, scale: float) -> str:
                 "one mode against all, %": f"{100 * single_mode_distance(structure, mode):.2g}",
             }
         )
+    return columns(rows)
+
+
+def motion_needed(_: dict[str, xr.Dataset]) -> str:
+    """How many pixels the largest deflection must move an image, by cameras and wanted error."""
+    rows = []
+    for count in (2, 3, 4, 8, 12):
+        error = float(cone_law.cone_deflection_error(1, 1, count, np.pi / 2))  # of 1 px of motion
+        needed = {f"{share:g} %": f"{100 * error / share:.2g} px" for share in (20, 10, 5, 2, 1)}
+        rows.append({"cameras": str(count)} | needed)
     return columns(rows)
 
 
