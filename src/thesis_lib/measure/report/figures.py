@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings import media
+from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import (
     COLORS,
     HIGHLIGHT,
@@ -149,13 +146,11 @@ def corners(data: xr.Dataset) -> Figure:
     return figure
 
 
-def motion(data: xr.Dataset, recordings: Sequence[Recording]) -> Figure:
+def motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
     """The marker that moves most, folded into one period, as each camera saw it."""
-    period = 1 / float(data["frequency"])
-    begin, end = data["steady"].values
-    marker = int(np.nanargmax(np.abs(data["deflection"].values)))
-    rows = -(-len(recordings) // 2)
-    names = drawable([f"camera {own.camera.name}" for own in recordings], "camera")
+    period, count = 1 / float(data["frequency"]), seen.sizes["camera"]
+    rows = -(-count // 2)
+    names = drawable([f"camera {name}" for name in seen["camera"].values], "camera")
     with in_style():
         figure, axes = subplots(
             rows,
@@ -165,39 +160,32 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording]) -> Figure:
             layout="constrained",
             squeeze=False,
         )
-        for k, (panel, own) in enumerate(zip(axes.flat, recordings, strict=False)):
-            parts = [
-                (t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - 2000 / own.rate), end)
-            ]
-            t = np.concatenate([times for times, _ in parts])
-            uv = np.concatenate([values for _, values in parts])
-            axis = int(np.nanargmax(np.nan_to_num(np.nanstd(uv, axis=0))))
-            moved = uv[:, axis] - np.nanmean(uv[:, axis])
-            panel.plot((t % period) / period, moved, ".", color=color(k), markersize=3)
-            panel.set(title=f"{names[k]}, {'uv'[axis]} in px")
-        for panel in axes.flat[len(recordings) :]:
+        for k, panel in enumerate(axes.flat[:count]):
+            one = seen.isel(camera=k)
+            turns = (one["track_time"].values % period) / period
+            panel.plot(turns, one["track"], ".", color=color(k), markersize=3)
+            panel.set(title=f"{names[k]}, {'uv'[int(one['track_side'])]} in px")
+        for panel in axes.flat[count:]:
             panel.set_visible(False)
         for panel in axes[-1]:
             panel.set_xlabel("time in periods")
     return figure
 
 
-def residuals(moved: xr.Dataset) -> Figure:
+def residuals(seen: xr.Dataset) -> Figure:
     """How far each camera's centres are, frame by frame, from what all cameras agree on."""
     with in_style():
         figure, axes = subplots(figsize=(WIDE, 2.8), layout="constrained")
-        for k, name in enumerate(drawable(moved["camera"].values, "camera")):
-            axes.plot(moved["time"], moved["residual"][k], color=color(k), label=name)
+        for k, name in enumerate(drawable(seen["camera"].values, "camera")):
+            axes.plot(seen["time"], seen["residual"][k], color=color(k), label=name)
         axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
         axes.legend(ncols=4)
     return figure
 
 
-def photograph(own: Recording, video: Path, manifest: Manifest, outline: Array) -> Figure:
-    """The first frame of a camera, with the markers found in it."""
-    image = next(media.read_frames(video, 0, 1))
+def photograph(image: Image, found: Array, outline: Array) -> Figure:
+    """The first frame of a camera, with the markers found in it and the structure's outline."""
     height, width = image.shape
-    found = np.array(own.centres[0])
     around = np.column_stack([found[:, np.isfinite(found[0])], outline])
     margin = 0.04 * width
     left, top = np.clip(np.min(around, axis=1) - margin, 0, None)

@@ -4,62 +4,58 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from thesis_lib.arrays import Image
 from thesis_lib.measure.exchange import files
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.feasibility.limits import Assessment
 from thesis_lib.measure.fitting.result import rms
 from thesis_lib.measure.radiation.files import MEANINGS as SOUND_FILES
 from thesis_lib.measure.radiation.report import sound_section
-from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report import html, tables
 from thesis_lib.measure.report.notes import warnings
 from thesis_lib.measure.report.view import shape_view
-from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import saved
-from thesis_lib.vision.lens import project
 from thesis_lib.web.shell import shell
 
 Pictures = dict[str, tuple[str, bytes]]  # name: kind of file and content
 
 
 def figures(
-    data: xr.Dataset,
-    moved: xr.Dataset,
-    manifest: Manifest,
-    recordings: Sequence[Recording],
-    folder: Path,
+    data: xr.Dataset, seen: xr.Dataset, manifest: Manifest, firsts: Sequence[Image]
 ) -> Pictures:
-    """All pictures of the report, by name."""
+    """All pictures of the report, by name.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        The result.
+    seen : xarray.Dataset
+        What :func:`~thesis_lib.measure.report.shown.shown` returns.
+    manifest : Manifest
+        The manifest.
+    firsts : sequence of ndarray, shape (height, width)
+        The first frame of each camera.
+    """
     made = {
         "shape": draw.shape(data, manifest),
         "cameras": draw.cameras(data, manifest),
         "corners": draw.corners(data),
-        "motion": draw.motion(data, recordings),
-        "residuals": draw.residuals(moved),
+        "motion": draw.motion(data, seen),
+        "residuals": draw.residuals(seen),
     }
     pictures = {name: ("svg", saved(figure, "svg")) for name, figure in made.items()}
-    for i, (own, filmed) in enumerate(zip(recordings, manifest.cameras, strict=True)):
-        outline = _outline(data, manifest, own)
-        photo = draw.photograph(own, folder / filmed.video, manifest, outline)
+    for i, first in enumerate(firsts):
+        one = seen.isel(camera=i)
+        photo = draw.photograph(first, one["found"].values, one["outline"].values)
         pictures[f"camera-{i:02d}"] = ("png", saved(photo, "png", dpi=140))
     return pictures
-
-
-def _outline(data: xr.Dataset, manifest: Manifest, own: Recording) -> np.ndarray:
-    """The structure's outline in a camera's picture, (2, 4), px."""
-    markers = markers_of(manifest)
-    corners = on_surface(markers.extent, markers.corners)
-    R, origin = data["frame_rotation"].values, data["frame_origin"].values
-    return project(own.camera, R.T @ corners + origin[:, None])
 
 
 def table(data: xr.Dataset) -> pd.DataFrame:

@@ -1,0 +1,126 @@
+"""What a folder of recordings holds: cameras, clocks, tracks, and the deflection fitted to them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib import __version__
+from thesis_lib.arrays import Array
+from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.rig import cameras_in
+from thesis_lib.measure.exchange import history
+from thesis_lib.measure.fitting.calibration_error import of_cameras
+from thesis_lib.measure.fitting.clocks import in_step
+from thesis_lib.measure.fitting.result import result
+from thesis_lib.measure.recordings import check as recordings_check
+from thesis_lib.measure.recordings.check import ChainError, on_one_line
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.steps import CALIBRATION, SOUND, calibrated, heard, tracked
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies.attributes import with_origin
+from thesis_lib.studies.variables import declared, labelled
+
+SHOTS = declared("shots_used(camera) [1] pictures of the board that were used")
+UNKEPT = {"single_focal", "R_camera_world", "centre", "frequency", "of_sound", "of_sound_deviation"}
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What is known before anything is fitted."""
+
+    sound: xr.Dataset  #: When the cameras started, and what their sound tells
+    calibration: xr.Dataset  #: The cameras
+    recordings: Sequence[Recording]  #: Their tracks
+
+
+def recorded(
+    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
+) -> Recorded:
+    """Check, listen, calibrate and track; each step is kept in the folder `steps`.
+
+    Raises
+    ------
+    ManifestError, MediaError, CalibrationError, SynchronisationError, TrackingError
+        If a file cannot be used, or what was recorded does not suffice.
+    """
+    say(f"checking {len(manifest.cameras)} videos")
+    clocks = recordings_check.check(manifest, folder)  # what it refuses leaves no trace
+    filmed = recordings_check.timed(manifest, clocks)
+    sound = heard(filmed, folder, steps, say)  # first: it may refuse more of the manifest
+    calibration = calibrated(manifest, folder, steps, say)
+    recordings = tracked(filmed, folder, steps, calibration, sound, clocks)
+    return Recorded(sound, calibration, recordings)
+
+
+def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset]:
+    """The shape of one tone with all that it rests on, and every marker's motion.
+
+    Returns
+    -------
+    tuple of xarray.Dataset
+        What ``measured.nc`` and ``motion.nc`` hold.
+
+    Raises
+    ------
+    ChainError, FrequencyError
+        If the markers at rest, or the motion, do not suffice.
+    """
+    excitation, sound = manifest.excitation, of.sound
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+        data = result(manifest, sound, of.recordings, _covariance(manifest, of.calibration))
+        still = excitation.rest_s or float(sound["steady"][1])  # else about its middle
+        _check_plane(data, manifest)
+        data = with_origin(
+            data.merge(_kept_of(of.calibration, sound)), f"measurement by thesis_lib {__version__}"
+        )
+        data.attrs.update(
+            title=f"Deflection of a {manifest.structure.kind}, "
+            f"measured with {len(of.recordings)} cameras",
+            parameters=manifest.model_dump_json(),
+            notes=of.calibration.attrs["notes"],
+            synchronisation=sound.attrs["synchronisation"],
+        )
+        moved = history.motion(data, in_step(data, of.recordings), still)
+        return data, with_origin(moved, data.attrs["source"])
+
+
+def _covariance(manifest: Manifest, calibration: xr.Dataset) -> Array | None:
+    """Of the cameras, as their pictures of the board leave them, if sound is asked for."""
+    if manifest.radiation is None:
+        return None
+    board = manifest.board.board
+    corners = calibration["corners"].values
+    corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
+    return of_cameras(adjust(corners, board.corners, cameras_in(calibration)))
+
+
+def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
+    """Refuse markers at rest whose places do not tell the structure's plane."""
+    seen = np.isfinite(data["rest_position"].values).all(axis=0)
+    places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
+    if on_one_line(places, manifest.structure.markers.diameter_mm):
+        raise ChainError(
+            f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on one "
+            "line, which does not tell how the structure is turned about it: move a camera, or "
+            "add markers beside the line"
+        )
+
+
+def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
+    """What of calibration and sound belongs to the result."""
+    values = {
+        name: (calibration if name in CALIBRATION else sound)[name].values
+        for name in (*CALIBRATION, *SOUND)
+        if name not in UNKEPT
+    }
+    seen = np.isfinite(values["corners"][:, :, 0, 0]).sum(axis=1)
+    table = CALIBRATION | SOUND | SHOTS
+    names = {"camera": calibration["camera"]}
+    return xr.Dataset(labelled(values | {"shots_used": seen}, table), names)

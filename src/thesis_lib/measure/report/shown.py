@@ -1,0 +1,84 @@
+"""What a report draws beside the result itself: some tracks, outlines, what each frame leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.arrays import Array
+from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.vision.lens import project
+
+FRAMES = 2000  # of a camera at most, the last ones, that show the motion
+VARIABLES = declared("""
+    found(camera, side, marker) [px] centres in the camera's first frame
+    outline(camera, side, end) [px] the structure's corners there, by the calibration
+    track_side(camera) [1] along which side of the picture the marker that moves most moves most
+    track_time(camera, frame) [s] times of frames, on the first camera's clock
+    track(camera, frame) [px] what that marker moves along that side in them
+    residual(camera, time) [px] rms distance of the centres in a frame from what the cameras agree
+        on
+""")
+
+
+def shown(
+    data: xr.Dataset, moved: xr.Dataset, manifest: Manifest, recordings: Sequence[Recording]
+) -> xr.Dataset:
+    """What :func:`~thesis_lib.measure.report.page.figures` draws.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.fitting.result.result` returns, with ``steady``.
+    moved : xarray.Dataset
+        What :func:`~thesis_lib.measure.exchange.history.motion` returns.
+    manifest : Manifest
+        Its structure.
+    recordings : sequence of Recording
+        The cameras and their tracks.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``found``, ``outline``, ``track_side``, ``track_time``, ``track``, ``residual``; NaN where a
+        camera has fewer frames than another.
+    """
+    marker = int(np.nanargmax(np.abs(data["deflection"].values)))
+    tracks = [_track(own, marker, *data["steady"].values) for own in recordings]
+    longest = max(len(t) for _, t, _ in tracks)
+
+    def padded(values: Array) -> Array:
+        return np.pad(values, (0, longest - len(values)), constant_values=np.nan)
+
+    values = {
+        "found": [own.centres[0] for own in recordings],
+        "outline": [_outline(data, manifest, own) for own in recordings],
+        "track_side": [side for side, _, _ in tracks],
+        "track_time": [padded(t) for _, t, _ in tracks],
+        "track": [padded(moves) for _, _, moves in tracks],
+        "residual": moved["residual"].values,
+    }
+    places = {"camera": data["camera"], "time": moved["time"]}
+    return xr.Dataset(labelled(values, VARIABLES), places)
+
+
+def _track(own: Recording, marker: int, begin: float, end: float) -> tuple[int, Array, Array]:
+    """Where a marker moves most, along u (0) or v (1); times; what it moves, about its mean."""
+    parts = [(t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - FRAMES / own.rate), end)]
+    t, uv = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    side = int(np.nanargmax(np.nan_to_num(np.nanstd(uv, axis=0))))
+    return side, t, uv[:, side] - np.nanmean(uv[:, side])
+
+
+def _outline(data: xr.Dataset, manifest: Manifest, own: Recording) -> Array:
+    """The structure's corners in a camera's picture, (2, 4), px."""
+    markers = markers_of(manifest)
+    corners = on_surface(markers.extent, markers.corners)
+    R, origin = data["frame_rotation"].values, data["frame_origin"].values
+    return project(own.camera, R.T @ corners + origin[:, None])
