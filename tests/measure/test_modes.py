@@ -11,7 +11,7 @@ import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, recorded, rest, rig, tracks
 
 from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
-from thesis_lib.measure.modes.report import warnings
+from thesis_lib.measure.modes.report import notes
 from thesis_lib.measure.modes.write import several
 from thesis_lib.measure.recordings.manifest_model import Excitation
 from thesis_lib.vibration.motion import Component
@@ -223,5 +223,5 @@ def test_modes_go_to_a_report_and_files(tmp_path):
         "Camera A lost 50%": {"missing": data["missing"].where(data["camera"] != "A", 0.5)},
     }  # fmt: skip
     for told, changed in changes.items():
-        assert not [one for one in warnings(data, manifest) if re.match(told, one)]
-        assert [one for one in warnings(data.assign(changed), manifest) if re.match(told, one)]
+        assert not [one for _, one in notes(data, manifest) if re.match(told, one)]
+        assert [one for _, one in notes(data.assign(changed), manifest) if re.match(told, one)]

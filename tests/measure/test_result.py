@@ -106,7 +106,7 @@ def test_standard_errors_are_the_scatter_of_repeated_recordings(conforms, tmp_pa
     # Without a camera the shape differs as its part in the whole says.
     ratio = np.array(without) / data["without_deviation"].values
     conforms.sampled(np.sqrt(np.nanmean(ratio**2)), 1, rtol=0.06)
-    assert all("lost" in line for line in report.warnings(summed(data)))
+    assert all("lost" in line for _, line in report.notes(summed(data)))
 
 
 def summed(data):
@@ -143,14 +143,14 @@ def test_a_vibration_that_dies_down_is_told(conforms, tmp_path):
     dying = Dying(BEAM, (PART,), 1.0, 0.4)
     data = result(manifest(), heard(), recordings(tmp_path, noise=0.02, motion=dying))
     conforms.closed_form(float(data["growth"]), -0.2, atol=0.02)
-    assert any("amplitude changes by -" in line for line in report.warnings(summed(data)))
+    assert any("amplitude changes by -" in line for _, line in report.notes(summed(data)))
 
 
 def test_a_camera_off_its_clock_is_told_and_mended(conforms, tmp_path):
     own = recordings(tmp_path, noise=0.02)
     own[2] = replace(own[2], delay=own[2].delay + 0.5 / 60)
     data = result(manifest(), heard(), own)
-    assert any("camera C started 8.3" in line for line in report.warnings(summed(data)))
+    assert any("camera C started 8.3" in line for _, line in report.notes(summed(data)))
     conforms.closed_form(data["lag"], [0, 0, -0.5 / 60, 0], atol=1e-4)
     conforms.sampled(np.nanmax(np.abs(data["deflection"] - TRUE)), below=0.005 * 0.004)
 
@@ -160,7 +160,7 @@ def test_two_cameras_are_enough(conforms, tmp_path):
     conforms.closed_form(data["deflection"][2:], TRUE[2:], atol=2e-5 * 0.004)
     assert np.isnan(data["deflection"][:2]).all()
     assert np.isnan(data["without_camera"]).all()
-    assert any("2 markers were seen by fewer" in line for line in report.warnings(summed(data)))
+    assert any("2 markers were seen by fewer" in line for _, line in report.notes(summed(data)))
 
 
 def test_a_grid_that_does_not_fit_is_refused(tmp_path):
@@ -175,7 +175,7 @@ def test_a_grid_that_does_not_fit_is_refused(tmp_path):
 
 def shown(data):
     """All that the report warns of, as one text."""
-    return " ".join(report.warnings(summed(data)))
+    return " ".join(note.text for note in report.notes(summed(data)))
 
 
 def edited(own, change):

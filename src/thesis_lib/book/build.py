@@ -11,7 +11,16 @@ from types import ModuleType
 
 from thesis_lib import files
 from thesis_lib.book import chapter as one_chapter
-from thesis_lib.book import crate, demos, downloads, explorer, missing, rerun_form, unchanged
+from thesis_lib.book import (
+    crate,
+    demos,
+    downloads,
+    explorer,
+    missing,
+    rerun_form,
+    sample,
+    unchanged,
+)
 from thesis_lib.book import publish as publishing
 from thesis_lib.book import site as book
 from thesis_lib.book.conclusions import figure as conclusions_figure
@@ -217,6 +226,13 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             texts(reference.PIECES),
         ),
         step(
+            "sample report",
+            lambda: sample.write(executed),
+            [sample],
+            [recorded.folder() / "example.json"],
+            [sample.NAME],
+        ),
+        step(
             "index, assumptions, explorer, form",
             lambda: _tell(executed),
             [thesis_index, assumptions, explorer, demos, rerun_form],
@@ -252,6 +268,8 @@ def _render(plan: Plan) -> None:
     def finish(html: Path) -> None:
         downloads.fill(html, [job.cube for job in plan.ran], plan.tables)
         crate.write(html, [(job.notebook, job.cube) for job in plan.ran])
+        if (report := plan.executed / sample.NAME).is_file():
+            shutil.copyfile(report, html / sample.NAME)
 
     if plan.chapter:
         notebooks = [job.notebook for job in plan.jobs]

@@ -19,6 +19,7 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.report import moving
 from thesis_lib.measure.report import page as report
+from thesis_lib.measure.report.notes import notes
 from thesis_lib.measure.report.shown import shown
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
@@ -88,4 +89,6 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         *(radiation_report.summary(radiated) if radiated is not None else []),
     ]:
         say(line)
+    for note in notes(data):
+        say(f"note: {note.text} [{note.code}]")
     return out / "report.html"

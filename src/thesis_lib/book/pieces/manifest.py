@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from thesis_lib.book.pieces import filming as guidance
 from thesis_lib.files import whole_text
 from thesis_lib.measure.feasibility.limits import THRESHOLDS
+from thesis_lib.measure.feasibility.remedies import NEW, REMEDIES, UNCHECKED, reason_of
 from thesis_lib.measure.recordings.manifest_model import (
     BoardSpec,
     CameraFiles,
@@ -23,6 +24,7 @@ from thesis_lib.measure.recordings.manifest_model import (
 )
 from thesis_lib.measure.recordings.radiation_fields import Radiation
 from thesis_lib.measure.recordings.sought import Sought
+from thesis_lib.measure.report.meanings import OF_A_SHAPE, OF_MODES, OF_SOUND, Meaning
 from thesis_lib.studies.vocabulary import allowed_text, unit
 
 PARTS: dict[str, type[BaseModel]] = {
@@ -34,52 +36,6 @@ PARTS: dict[str, type[BaseModel]] = {
     "excitation": Excitation,
     "radiation": Radiation,
     "modes": Sought,
-}
-
-REMEDIES: dict[str, dict[str, str]] = {
-    "Time": {
-        "short-rest": "Start all cameras, and let nothing move for a second or two.",
-        "few-rest-frames": "Lengthen the rest: the structure's frame comes from its mean.",
-        "few-frames": "Lengthen the steady part.",
-        "few-periods": "Lengthen the steady part.",
-        "steady-at-rest": "Let `steady_s` begin when the vibration has settled.",
-    },
-    "Frame rate": {
-        "undersampled": "Film faster; or set `undersampled: true` if you know the frequency from "
-        "elsewhere, as from the generator.",
-        "near-nyquist": "Film faster, or record long: the fit of all frames bears it, single "
-        "frames do not.",
-        "few-samples": "Film faster if you can. Else the fit leaves the second harmonic out.",
-        "alias": "Take the frequency from the generator, to as many digits as the warning asks "
-        "for; or shorten the steady part.",
-        "alias-edge": "Change the frame rate or the frequency a little, or record longer.",
-        "higher-modes": "Begin gently, and let the steady part begin when what rings has died "
-        "away; or film faster.",
-    },
-    "Exposure and lens": {
-        "long-exposure": "Shorten the exposure and add light. The fit puts the loss right, but not "
-        "the noise that grows with it.",
-        "motion-blur": "Shorten the exposure and add light, or vibrate less.",
-        "depth-of-field": "Close the aperture and add light, or go farther away.",
-        "too-near": "One of distance and focal length is wrong: put it right.",
-    },
-    "View": {
-        "coarse": "Go nearer, or take more pixels, a longer lens or larger markers.",
-        "foreshortened": "Raise the camera, go nearer, or take larger markers.",
-        "crowded-markers": "Raise the camera, go nearer, or leave more room between markers.",
-        "out-of-view": "Go farther away or take a shorter lens. If all markers are seen and only "
-        "corners are cut off, give `corners_px`.",
-        "shallow-view": "Raise the camera.",
-        "steep-view": "Lower the camera: seen from above, deflection does not move an image.",
-        "large-move": "Let the motion grow over some periods, film faster, or leave more room "
-        "between markers.",
-    },
-    "All cameras together": {
-        "lost-markers": "Move or turn cameras until two see each marker.",
-        "same-line": "Move one of the two cameras: from one place they tell the same.",
-        "weak-markers": "Let cameras on other sides see these markers, too.",
-        "below-noise": "Go nearer, take more pixels, record longer, or vibrate more.",
-    },
 }
 
 
@@ -133,17 +89,35 @@ def warnings() -> str:
         for code, remedy in remedies.items():
             limit = THRESHOLDS[code]
             space = "" if limit.unit == "°" else " "
-            reason = _sentence(f"{limit.reason}.")
-            entries.append((f"`{code}` · {limit.value:g}{space}{limit.unit}", f"{reason} {remedy}"))
+            term = f"{_named(code)} · {limit.value:g}{space}{limit.unit}"
+            entries.append((term, f"{reason_of(code)} {remedy}"))
         parts.append(f"*{title}*\n\n{_definitions(entries)}")
     return "\n".join(parts)
+
+
+def meanings(of: Mapping[str, Meaning]) -> str:
+    """Notes, what each means, and what to do, as a Markdown definition list."""
+    return _definitions(
+        (f"{_named(code)} · {one.says.rstrip('… ')} …", f"{one.means} {one.do}")
+        for code, one in of.items()
+    )
+
+
+def said(of: Mapping[str, str]) -> str:
+    """Lines by how they begin, and what to do about each, as a Markdown definition list."""
+    return _definitions(of.items())
+
+
+def _named(code: str) -> str:
+    """A name that links lead to."""
+    return f"[`{code}`]{{#{code}}}"
 
 
 def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _definitions(entries: list[tuple[str, str]]) -> str:
+def _definitions(entries: Iterable[tuple[str, str]]) -> str:
     """A Markdown definition list."""
     escaped = ((term, text.replace("*", r"\*")) for term, text in entries)
     return "\n".join(f"{term}\n: {text}\n" for term, text in escaped)
@@ -152,6 +126,11 @@ def _definitions(entries: list[tuple[str, str]]) -> str:
 PIECES: dict[str, Callable[[], str]] = {
     **{f"record-{part}": partial(fields, part) for part in PARTS},
     "record-warnings": warnings,
+    "record-unchecked": partial(said, UNCHECKED),
+    "record-new": partial(said, NEW),
+    "record-notes": partial(meanings, OF_A_SHAPE),
+    "record-notes-modes": partial(meanings, OF_MODES),
+    "record-notes-sound": partial(meanings, OF_SOUND),
     **guidance.PIECES,
 }
 

@@ -15,6 +15,7 @@ from thesis_lib.measure.modes.search import STANDS_OUT
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
 from thesis_lib.measure.report.figures import WIDE
+from thesis_lib.measure.report.meanings import Note
 from thesis_lib.measure.report.page import Pictures
 from thesis_lib.measure.report.tables import texts
 from thesis_lib.measure.report.view import shape_view
@@ -151,54 +152,64 @@ def summary(data: xr.Dataset) -> list[str]:
     return lines
 
 
-def warnings(data: xr.Dataset, manifest: Manifest) -> Iterator[str]:
-    """What a reader should know before trusting the result, one line each."""
+def notes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
+    """What a reader should know before trusting the result."""
     hertz, sought = data["frequency"].values, manifest.excitation.modes
     seconds = float(np.diff(data["window"].values)[0])
     if sought.count and len(hertz) < sought.count:
-        yield (
+        yield Note(
+            "fewer-modes",
             f"{len(hertz)} of the {sought.count} modes that are asked for stand out of the noise: "
-            "tap or drive harder or elsewhere, film nearer, or ask for fewer."
+            "tap or drive harder or elsewhere, film nearer, or ask for fewer.",
         )
     for k, f in enumerate(hertz):
         one = data.isel(mode=k)
         own, other = float(one["out_of_step"]), float(one["rival_out_of_step"])
         if other < 3 * own:
-            yield (
+            yield Note(
+                "mode-alias",
                 f"{f:.6g} Hz may be an alias of {float(one['rival']):.6g} Hz: cameras are "
                 f"{own:.0f}° out of step with the one, {other:.0f}° with the other. Film with "
-                "unlike frame rates, or narrow modes.from_hz and to_hz."
+                "unlike frame rates, or narrow modes.from_hz and to_hz.",
             )
         if float(one["beside"]) > CLOSE:
-            yield (
-                f"Near {f:.5g} Hz {float(one['beside']):.0f} times the noise is left: another mode "
-                f"closer than the {1 / seconds:.2g} Hz that {seconds:.3g} s tell apart, or a "
-                "vibration that changes. Film longer, or end steady_s before it changes."
+            yield Note(
+                "left-near-mode",
+                f"Near {f:.5g} Hz {float(one['beside']):.0f} times the noise is left: another "
+                f"mode closer than the {1 / seconds:.2g} Hz that {seconds:.3g} s tell apart, or a "
+                "vibration that changes. Film longer, or end steady_s before it changes.",
             )
         error, zeta = float(one["damping_deviation"]), float(one["damping"])
         if zeta and error > UNSURE * abs(zeta):
-            yield (
+            yield Note(
+                "damping-unsure",
                 f"The damping at {f:.5g} Hz is known to {error / abs(zeta):.0%} only: film longer "
-                "or nearer, or tap where this mode moves most."
+                "or nearer, or tap where this mode moves most.",
             )
     mac = np.triu(data["assurance"].values, 1)
     for i, j in np.argwhere(mac > ALIKE):
-        yield (
+        yield Note(
+            "shapes-alike",
             f"The shapes at {hertz[i]:.5g} and {hertz[j]:.5g} Hz look alike at these markers (MAC "
-            f"{mac[i, j]:.2f}): add markers where they differ, as between those there are."
+            f"{mac[i, j]:.2f}): add markers where they differ, as between those there are.",
         )
     for k, name in enumerate(data["camera"].values):
         if (lost := float(data["missing"][k].mean())) > LOST:
-            yield f"Camera {name} lost {lost:.0%} of its marker images."
+            yield Note(
+                "markers-lost",
+                f"Camera {name} lost {lost:.0%} of its marker images.",
+            )
         if late := float(data["lag"][k]):
-            yield (
+            yield Note(
+                "start-by-pictures",
                 f"By the pictures camera {name} started {1e3 * abs(late):.2g} ms "
-                f"{'later' if late > 0 else 'earlier'} than by the sound; the pictures decide."
+                f"{'later' if late > 0 else 'earlier'} than by the sound; the pictures decide.",
             )
         if fast := 1e6 * float(data["pace"][k]):
-            yield (
+            yield Note(
+                "clock-drift",
                 f"Camera {name}'s clock runs {abs(fast):.3g} ppm {'fast' if fast > 0 else 'slow'} "
-                f"against that of {data['camera'].values[0]}; its times were corrected."
+                f"against that of {data['camera'].values[0]}; its times were corrected.",
             )
 
 
@@ -208,7 +219,7 @@ def page(data: xr.Dataset, manifest: Manifest, pictures: Pictures) -> str:
     parts = [
         f"<h1>{escape(data.attrs['title'])}</h1>",
         html.items(summary(data)),
-        html.warned([*warnings(data, manifest)]),
+        html.warned([*notes(data, manifest)]),
         "<h2>Modes</h2>" + html.frame(modes(data)),
         html.figure(
             pictures, "stabilisation",

@@ -80,6 +80,8 @@ def several(
         files.move(part, out)
     for line in report.summary(data):
         say(line)
+    for note in report.notes(data, manifest):
+        say(f"note: {note.text} [{note.code}]")
     return out / "report.html"
 
 

@@ -12,6 +12,7 @@ from thesis_lib.measure.radiation.bands import octaves
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
+from thesis_lib.measure.report.meanings import Note
 from thesis_lib.plotting.maps import DIVERGING
 from thesis_lib.plotting.viewer_data import encoded
 from thesis_lib.web.fragment import VIEWER_CSS, joined, static_html
@@ -46,7 +47,7 @@ def _pm(one: xr.Dataset, name: str, form: str) -> str:
 
 def sound_section(data: xr.Dataset, manifest: Manifest) -> str:
     """A part of the report: levels, fields, modes, warnings, assumptions."""
-    parts = ["<h2>Sound</h2>", html.items(summary(data)), html.warned(list(_warnings(data)))]
+    parts = ["<h2>Sound</h2>", html.items(summary(data)), html.warned([*_notes(data)])]
     parts += [_played(data.isel(tone=tone), manifest) for tone in range(data.sizes["tone"])]
     parts.append(html.frame(_points(data)))
     if data.sizes["tone"] > 1:
@@ -135,28 +136,33 @@ def _modes(data: xr.Dataset) -> pd.DataFrame:
     return frame
 
 
-def _warnings(data: xr.Dataset) -> Iterator[str]:
+def _notes(data: xr.Dataset) -> Iterator[Note]:
     """What a reader should know before trusting the sound."""
     highest, step = float(data.attrs["highest"]), 1000 * float(data.attrs["spacing"])
     for tone in range(data.sizes["tone"]):
         one = data.isel(tone=tone)
         hertz = float(one["frequency"])
         if hertz > highest:
-            yield (
-                f"At {hertz:.4g} Hz flexural waves of the manifest's material are shorter than two "
-                f"spacings of {step:.3g} mm, which markers tell up to {highest:.4g} Hz: put them "
-                "closer, or film lower frequencies."
+            yield Note(
+                "waves-too-short",
+                f"At {hertz:.4g} Hz flexural waves of the manifest's material are shorter than "
+                f"two spacings of {step:.3g} mm, which markers tell up to {highest:.4g} Hz: put "
+                "them closer, or film lower frequencies.",
             )
         left, noise = float(one["left"]), float(one["left_by_noise"])
         if left > LEFT * noise:
             what = "the model's modes leave" if data.attrs["between"] == "model" else "others miss"
-            yield (
+            yield Note(
+                "surface-unknown",
                 f"At {hertz:.4g} Hz {what} {left:.1%} of the markers' motion, noise explains "
                 f"{noise:.1%}: between markers the surface is no better known, which standard "
-                "errors do not hold. More markers would tell."
+                "errors do not hold. More markers would tell.",
             )
         if hertz < HEARD:
-            yield f"{hertz:.4g} Hz is below what is heard; the sound files hold it nevertheless."
+            yield Note(
+                "not-heard",
+                f"{hertz:.4g} Hz is below what is heard; the sound files hold it nevertheless.",
+            )
 
 
 def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterator[str]:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 import pandas as pd
+
+from thesis_lib.measure.feasibility.remedies import reason_of, remedy_of
+from thesis_lib.measure.report.meanings import MEANINGS, Note
 
 
 def frame(data: pd.DataFrame) -> str:
@@ -20,9 +24,30 @@ def items(lines: Iterable[str]) -> str:
     return f"<ul>{found}</ul>" if found else "<p>None.</p>"
 
 
-def warned(lines: Sequence[str]) -> str:
-    """Lines in a note; nothing of none."""
-    return f"<aside><p><strong>Note</strong></p>{items(lines)}</aside>" if lines else ""
+def warned(notes: Sequence[Note]) -> str:
+    """Notes, each with its meaning folded beside it; nothing of none."""
+    if not notes:
+        return ""
+    told = "".join(f"<li>{escape(note.text)}{_meaning(note.code)}</li>" for note in notes)
+    return f"<aside><p><strong>Note</strong></p><ul>{told}</ul></aside>"
+
+
+def _meaning(code: str) -> str:
+    """What a note means and what to do, folded."""
+    meaning = MEANINGS[code]
+    words = f"<p>{_coded(meaning.means)}</p><p><em>What to do.</em> {_coded(meaning.do)}</p>"
+    return details(f"What this means, and what to do: {code}", words)
+
+
+def remedy(code: str) -> str:
+    """Why a warning before measuring has its limit, and what to do, folded."""
+    words = f"<p>{_coded(reason_of(code))}</p><p><em>What to do.</em> {_coded(remedy_of(code))}</p>"
+    return details(f"What this means, and what to do: {code}", words)
+
+
+def _coded(text: str) -> str:
+    """Words, in which names of fields stand between backticks."""
+    return re.sub(r"`(.*?)`", r"<code>\1</code>", escape(text))
 
 
 def details(title: str, inner: str) -> str:

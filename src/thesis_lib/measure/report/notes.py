@@ -9,6 +9,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.result import SCALE, rms
+from thesis_lib.measure.report.meanings import Note
 
 LOST = 0.05  # share of the frames from which on a camera's lost markers are told
 DRIFT = 0.05  # change of the amplitude from which on the vibration is not called steady
@@ -22,40 +23,41 @@ UNEVEN = 0.05  # frames by which they may come early or late
 APART = 10.0  # degrees by which cameras are out of step if a frequency may be an alias
 
 
-def warnings(data: xr.Dataset) -> list[str]:
-    """What a reader should know before trusting the result, one line each."""
+def notes(data: xr.Dataset) -> list[Note]:
+    """What a reader should know before trusting the result."""
     return [*_of_frequency(data), *_of_cameras(data), *_of_markers(data), *_of_shape(data)]
 
 
-def _of_frequency(data: xr.Dataset) -> Iterator[str]:
+def _of_frequency(data: xr.Dataset) -> Iterator[Note]:
     used, given = float(data["frequency"]), float(data["frequency_given"])
     error = float(data["frequency_deviation"])
     seconds = float((data["frames"] / data["frame_rate"]).max())
     if abs(used - given) * seconds > SLIPPED:
-        yield (
+        yield Note(
+            "frequency-replaced",
             f"The manifest's {given:.6g} Hz was replaced by {used:.6g} Hz, which the tracks show "
-            "to "
-            f"± {error:.1g} Hz."
+            f"to ± {error:.1g} Hz.",
         )
     other, ratio = float(data["other_frequency"]), float(data["other_amplitude"])
     explained = float(data["explained"])
     if ratio > 1:
-        yield (
+        yield Note(
+            "frequency-wrong",
             f"{used:.6g} Hz explains {explained:.0%} of the motion; most of it is at {other:.4g} "
-            "Hz: "
-            "is frequency_hz wrong?"
+            "Hz: is frequency_hz wrong?",
         )
     elif ratio > OTHER:
-        yield (
+        yield Note(
+            "other-tone",
             f"{used:.6g} Hz explains {explained:.1%} of the motion; another tone, at {other:.4g} "
-            "Hz, "
-            f"has {ratio:.0%} of its amplitude."
+            f"Hz, has {ratio:.0%} of its amplitude.",
         )
     elif explained < LITTLE:
-        yield (
-            f"{used:.6g} Hz explains only {explained:.0%} of the motion, and no other tone much of "
-            "the rest: is frequency_hz wrong, so that markers are not followed, or the motion lost "
-            "in noise?"
+        yield Note(
+            "little-explained",
+            f"{used:.6g} Hz explains only {explained:.0%} of the motion, and no other tone much "
+            "of the rest: is frequency_hz wrong, so that markers are not followed, or the motion "
+            "lost in noise?",
         )
     lags = dict(zip(data["alias"].values, data["alias_lag"].values, strict=True))
     own, rivals = lags.pop(data["alias"].values[0]), lags
@@ -63,80 +65,88 @@ def _of_frequency(data: xr.Dataset) -> Iterator[str]:
     told = ", ".join(f"{f:.6g} Hz ({lag:.0f}°)" for f, lag in sorted(rivals.items()))
     if own > APART and better:
         best = min(better, key=lambda f: better[f])
-        yield (
+        yield Note(
+            "maybe-alias",
             f"{used:.6g} Hz may be an alias of {best:.6g} Hz: with it the cameras are {own:.0f}° "
-            "out "
-            f"of step by their starts, with the other {better[best]:.0f}°. These frames show "
-            "alike: "
-            f"{told}."
+            f"out of step by their starts, with the other {better[best]:.0f}°. These frames show "
+            f"alike: {told}.",
         )
     elif used > 0.5 * float(data["frame_rate"].min()) and rivals and np.isnan(own):
-        yield (
-            f"These frames show alike {', '.join(f'{f:.6g} Hz' for f in [used, *rivals])}: that it "
-            "is the first, the manifest says, and nothing else."
+        yield Note(
+            "alike",
+            f"These frames show alike {', '.join(f'{f:.6g} Hz' for f in [used, *rivals])}: that "
+            "it is the first, the manifest says, and nothing else.",
         )
     elif used > 0.5 * float(data["frame_rate"].min()) and rivals:
-        yield (
+        yield Note(
+            "alike",
             f"These frames show alike {used:.6g} Hz ({own:.0f}° out of step by the cameras' "
-            "starts) "
-            f"and {told}: that it is the first, the manifest says."
+            f"starts) and {told}: that it is the first, the manifest says.",
         )
 
 
-def _of_cameras(data: xr.Dataset) -> Iterator[str]:
+def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
     for k, name in enumerate(data["camera"].values):
         one = data.isel(camera=k)
         rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
         if abs(rate / given - 1) > NOMINAL:
-            yield (
+            yield Note(
+                "file-rate",
                 f"Camera {name}'s file has {rate:.8g} frames per second, the manifest "
-                f"{given:.8g}: each frame counts at the file's time."
+                f"{given:.8g}: each frame counts at the file's time.",
             )
         if (uneven := float(one["uneven"])) > UNEVEN / rate:
-            yield (
-                f"Camera {name}'s frames come unevenly, {1e3 * uneven:.2g} ms (rms) early or late: "
-                "each counts at its own time stamp."
+            yield Note(
+                "uneven-frames",
+                f"Camera {name}'s frames come unevenly, {1e3 * uneven:.2g} ms (rms) early or "
+                "late: each counts at its own time stamp.",
             )
         if (lost := float(one["missing"].mean())) > LOST:
-            yield f"Camera {name} lost {lost:.0%} of its marker images."
+            yield Note(
+                "markers-lost",
+                f"Camera {name} lost {lost:.0%} of its marker images.",
+            )
         if float(one["jump"]):
-            yield (
+            yield Note(
+                "camera-jumped",
                 f"All that camera {name} sees jumped by {float(one['jump']):.2g} px at "
                 f"{float(one['jump_time']):.2f} s: the camera was touched, or the structure "
-                "slipped. End steady_s before, or film again."
+                "slipped. End steady_s before, or film again.",
             )
         if float(one["corrected"]):
             pace, error = 1e6 * float(one["pace"]), 1e6 * float(one["pace_deviation"])
-            yield (
+            yield Note(
+                "clock-drift",
                 f"Camera {name}'s clock runs {abs(pace):.3g} ± {error:.1g} ppm "
-                f"{'fast' if pace > 0 else 'slow'} against that of {data['camera'].values[0]}; its "
-                "times were corrected."
+                f"{'fast' if pace > 0 else 'slow'} against that of {data['camera'].values[0]}; "
+                "its times were corrected.",
             )
         if float(one["lag"]) and data.attrs.get("sound") != "none":
             late, error = 1e3 * float(one["lag"]), 1e3 * float(one["lag_deviation"])
-            yield (
+            yield Note(
+                "start-by-pictures",
                 f"By the pictures camera {name} started {abs(late):.2g} ± {error:.1g} ms "
                 f"{'later' if late > 0 else 'earlier'} than by the sound, whose way to it may be "
-                "longer or shorter; the pictures decide, to within whole periods."
+                "longer or shorter; the pictures decide, to within whole periods.",
             )
         if float(one["rest_misfit"]) > MISFIT:
-            yield (
+            yield Note(
+                "rest-misfit",
                 f"Camera {name} sees the markers at rest {float(one['rest_misfit']):.2g} px from "
-                "where "
-                "all cameras put them: it moved, zoomed or cropped since the board was filmed, or "
-                "another one did."
+                "where all cameras put them: it moved, zoomed or cropped since the board was "
+                "filmed, or another one did.",
             )
     off = float(data["grid_scale"]) - 1
     if abs(off) > SCALE:
-        yield (
+        yield Note(
+            "grid-scale",
             f"The markers' grid comes out {off:+.2%} in size: tile, spacing, or a zoom or crop "
-            "since "
-            "the board was filmed. Deflections are wrong by as much if it is not the spacing; "
-            "standard errors hold that."
+            "since the board was filmed. Deflections are wrong by as much if it is not the "
+            "spacing; standard errors hold that.",
         )
 
 
-def _of_markers(data: xr.Dataset) -> Iterator[str]:
+def _of_markers(data: xr.Dataset) -> Iterator[Note]:
     still = data["frozen"].values.astype(bool)
     if still.any():
         most = 1e3 * float(np.nanmax(data["standard_error"].values[still.any(axis=0)]))
@@ -145,51 +155,55 @@ def _of_markers(data: xr.Dataset) -> Iterator[str]:
             for name, size in zip(data["camera"].values, data["held_back"].values, strict=True)
             if size
         )
-        yield (
+        yield Note(
+            "held-still",
             f"{still.any(axis=0).sum()} markers hardly scatter in some camera: the video's "
             f"compression holds still what moves by less ({held}). Their deflections come out too "
-            f"small, by up to {most:.2g} mm, which their standard errors hold."
+            f"small, by up to {most:.2g} mm, which their standard errors hold.",
         )
     if unknown := int(np.isnan(data["deflection"].values).sum()):
-        yield (
+        yield Note(
+            "unseen-markers",
             f"{unknown} markers were seen by fewer than two cameras, or in too few frames: they "
-            "have "
-            "no result."
+            "have no result.",
         )
 
 
-def _of_shape(data: xr.Dataset) -> Iterator[str]:
+def _of_shape(data: xr.Dataset) -> Iterator[Note]:
     if (wide := float(data["in_plane_excess"])) > WIDE:
-        yield (
+        yield Note(
+            "in-plane",
             f"Markers seem to move in the structure's plane by {wide:.1f} times what the centres' "
             "scatter explains: compression, clocks or calibration are off, or the structure does "
-            "not move along its normal alone. Standard errors were multiplied by that."
+            "not move along its normal alone. Standard errors were multiplied by that.",
         )
     growth = float(data["growth"])
     if abs(growth) > DRIFT:
-        yield (
+        yield Note(
+            "growth",
             f"The amplitude changes by {growth:+.0%} over the steady part: the shape is that of "
-            "its "
-            "mean."
+            "its mean.",
         )
     if int(data["ambiguous"]):
-        yield (
-            "The cameras' starts are in doubt by whole periods. A steady vibration's shape and its "
-            "phase to the force are right nevertheless."
+        yield Note(
+            "whole-periods",
+            "The cameras' starts are in doubt by whole periods. A steady vibration's shape and "
+            "its phase to the force are right nevertheless.",
         )
     off = rms(data["quadrature"].values) / rms(data["deflection"].values)
     if off > 0.05:
-        yield (
+        yield Note(
+            "quadrature",
             f"A quarter of a period after the maximum {off:.0%} of the deflection is left: this "
-            "is no "
-            "standing wave of one mode."
+            "is no standing wave of one mode.",
         )
     change: Array = data["without_camera"].values - data["deflection"].values
     with np.errstate(invalid="ignore", divide="ignore"):
         spread = rms(change / data["without_deviation"].values)
     if spread > 3:
-        yield (
+        yield Note(
+            "cameras-contradict",
             f"Shapes without one of the cameras differ by {spread:.1f} times what the centres' "
-            "scatter "
-            "explains: calibration, clocks or centres are off by more than that scatter tells."
+            "scatter explains: calibration, clocks or centres are off by more than that scatter "
+            "tells.",
         )

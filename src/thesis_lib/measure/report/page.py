@@ -19,7 +19,7 @@ from thesis_lib.measure.radiation.report import sound_section
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report import html, tables
-from thesis_lib.measure.report.notes import warnings
+from thesis_lib.measure.report.notes import notes
 from thesis_lib.measure.report.view import shape_view
 from thesis_lib.plotting.style import saved
 from thesis_lib.web.shell import shell
@@ -107,7 +107,7 @@ def page(
     parts = [
         f"<h1>{escape(data.attrs['title'])}</h1>",
         html.items(summary(data)),
-        html.warned(warnings(data)),
+        html.warned(notes(data)),
         shape_view(data, (manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3)),
         html.figure(pictures, "shape", "Deflection of the markers at the instant of its maximum."),
         html.details("The numbers, marker by marker", html.frame(table(data))),
@@ -154,6 +154,7 @@ def page(
         + html.items([*files.MEANINGS, *(() if radiated is None else SOUND_FILES)]),
         "<h2>Feasibility, from the manifest alone</h2>",
         f"<pre>{escape(chr(10).join(describe(assessment)))}</pre>",
+        *map(html.remedy, dict.fromkeys(warning.code for warning in assessment.warnings)),
         "<h2>What was assumed</h2>" + html.items(_assumed(data, manifest)),
         html.details("The manifest", f"<pre>{escape(manifest.model_dump_json(indent=1))}</pre>"),
         html.details(

@@ -18,7 +18,7 @@ from thesis_lib.vision.lens import project
 FRAMES = 2000  # of a camera at most, the last ones, that show the motion
 VARIABLES = declared("""
     found(camera, side, marker) [px] centres in the camera's first frame
-    outline(camera, side, end) [px] the structure's corners there, by the calibration
+    outline(camera, side, vertex) [px] the structure's corners there, by the calibration
     track_side(camera) [1] along which side of the picture the marker that moves most moves most
     track_time(camera, frame) [s] times of frames, on the first camera's clock
     track(camera, frame) [px] what that marker moves along that side in them

@@ -1,0 +1,206 @@
+"""What each note of a report means, and what to do: for the report itself, and for the book."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Note(NamedTuple):
+    """What a reader should know before trusting a result."""
+
+    code: str  #: Its name, under which its meaning stands
+    text: str  #: One line
+
+
+class Meaning(NamedTuple):
+    """What a note means, and what to do."""
+
+    says: str  #: How it begins, with dots for names and numbers
+    means: str
+    do: str
+
+
+OF_A_SHAPE = {
+    "frequency-replaced": Meaning(
+        "The manifest's … Hz was replaced by … Hz",
+        "The markers do not move at the frequency of the manifest, but at one near it.",
+        "Nothing, if the new one is what the generator shows. Else look at the generator and at "
+        "the cameras' clocks, and put `frequency_hz` right.",
+    ),
+    "frequency-wrong": Meaning(
+        "… Hz explains … of the motion; most of it is at … Hz",
+        "Most of what the markers do has another frequency than the one that was fitted.",
+        "Give the frequency that is told, or `frequency_hz: null`, and measure again.",
+    ),
+    "other-tone": Meaning(
+        "… Hz explains … of the motion; another tone, at … Hz",
+        "Something else vibrates, too. It is left out of the shape, but adds to its scatter.",
+        "Find what it is: a fan, a second mode that still rings, the stand of a camera. To measure "
+        "both, use `kind: tones`.",
+    ),
+    "little-explained": Meaning(
+        "… Hz explains only … of the motion, and no other tone much of the rest",
+        "Either the frequency is so wrong that markers were taken for their neighbours, or the "
+        "motion is lost in noise.",
+        "Look at the first frames and at the folded motion in the report. Check `frequency_hz`; "
+        "vibrate more, come nearer, or film longer.",
+    ),
+    "maybe-alias": Meaning(
+        "… Hz may be an alias of … Hz: with it the cameras are",
+        "Frames cannot tell these frequencies apart. Cameras that start at different times can: "
+        "with the wrong one they seem to be out of step, by the degrees that are told.",
+        "Give the other frequency, and see whether the cameras agree. If in doubt, film at "
+        "another frame rate.",
+    ),
+    "alike": Meaning(
+        "These frames show alike …",
+        "Above half of the frame rate several frequencies look the same. That it is the one of the "
+        "manifest rests on your word.",
+        "Nothing, if you know the frequency from the generator. Else film faster, or with cameras "
+        "of unlike frame rates.",
+    ),
+    "file-rate": Meaning(
+        "Camera …'s file has … frames per second, the manifest",
+        "The file is right; each frame counts at its own time stamp.",
+        "Nothing. If the film was slowed down, give it at its true speed.",
+    ),
+    "uneven-frames": Meaning(
+        "Camera …'s frames come unevenly",
+        "Phones do so when light is short. Each frame counts at its own time stamp.",
+        "Nothing; more light makes frames even.",
+    ),
+    "markers-lost": Meaning(
+        "Camera … lost … of its marker images",
+        "Markers were hidden, left the picture, or moved too fast to be followed. Points without "
+        "them rest on fewer cameras.",
+        "Look at the first frames in the report, at the share that each camera lost, and at "
+        "`tracked.mp4`. Move the camera, or vibrate less.",
+    ),
+    "camera-jumped": Meaning(
+        "All that camera … sees jumped by … px at … s",
+        "The camera was touched at that second, or the structure slipped.",
+        "End `steady_s` before it, or film again.",
+    ),
+    "clock-drift": Meaning(
+        "Camera …'s clock runs …",
+        "Each camera sees the vibration's frequency by its own clock. This one's differs, and its "
+        "times were corrected.",
+        "Nothing: cheap clocks are off by some tens of ppm. Hundreds tell of a film that was "
+        "converted; take the file as the camera wrote it.",
+    ),
+    "start-by-pictures": Meaning(
+        "By the pictures camera … started …",
+        "Sound takes 2.9 ms for a metre, and sound and picture of a camera may not start together. "
+        "What moves along the normal tells each camera's phase, so the pictures decide, to within "
+        "whole periods.",
+        "Nothing. More than a few hundredths of a second tell of a phone whose sound is late: clap "
+        "in view of all cameras, and compare.",
+    ),
+    "rest-misfit": Meaning(
+        "Camera … sees the markers at rest … px from where",
+        "This camera, or another one, moved, zoomed or cropped after the board was filmed.",
+        "Film board and structure again with focus, zoom and mode locked, and leave the cameras "
+        "alone in between.",
+    ),
+    "grid-scale": Meaning(
+        "The markers' grid comes out … in size",
+        "Size comes from the board's tiles. By them the markers are farther apart, or closer, than "
+        "the manifest says.",
+        "Measure across many tiles and many markers with a good ruler, and put `tile_mm` and "
+        "`spacing_mm` right. If both were right, a camera zoomed or cropped.",
+    ),
+    "held-still": Meaning(
+        "… markers hardly scatter in some camera",
+        "The video was compressed so much that small motions were swallowed there. How small is "
+        "read from the markers beside them that do move. Standard errors hold what may be lost.",
+        "Film at a higher bit rate, or without loss; or vibrate more.",
+    ),
+    "unseen-markers": Meaning(
+        "… markers were seen by fewer than two cameras, or in too few frames",
+        "Two cameras are needed to place a marker in space. These are left out.",
+        "If they matter, move a camera so that two see them.",
+    ),
+    "in-plane": Meaning(
+        "Markers seem to move in the structure's plane by …",
+        "A structure that bends moves along its normal. What is left in its plane is an error of "
+        "compression, clocks or calibration, or the structure does move so. Standard errors are "
+        "multiplied by that factor. This check needs two cameras only.",
+        "Look for other notes that name a camera. Else take more and better pictures of the board, "
+        "and a higher bit rate.",
+    ),
+    "growth": Meaning(
+        "The amplitude changes by … over the steady part",
+        "The vibration grew or died away while it was filmed.",
+        "Give a later or shorter `steady_s`, or wait longer before filming.",
+    ),
+    "whole-periods": Meaning(
+        "The cameras' starts are in doubt by whole periods",
+        "The sound had nothing but a steady tone. The shape is right as long as the vibration is "
+        "steady.",
+        "To be sure, let the sound hold the start of the vibration, or clap.",
+    ),
+    "quadrature": Meaning(
+        "A quarter of a period after the maximum … of the deflection is left",
+        "Several modes move at once, or the structure carries a travelling wave, or the clocks of "
+        "the cameras are wrong.",
+        "Drive nearer to the resonance of one mode; compare `quadrature` in the results.",
+    ),
+    "cameras-contradict": Meaning(
+        "Shapes without one of the cameras differ by …",
+        "The cameras contradict each other. Usual reasons: a camera that was touched after its "
+        "calibration, a clock that is off, a rolling shutter, compression.",
+        "`without_camera` in `measured.nc` tells whose absence changes most. Give `readout_s` if "
+        "the shutter rolls; else film again, or leave that camera out of the manifest.",
+    ),
+}
+"""Of one tone; some of them of several modes, too."""
+OF_MODES = {
+    "fewer-modes": Meaning(
+        "… of the … modes that are asked for stand out of the noise",
+        "The other modes moved too little to be told from noise.",
+        "Tap or drive harder or elsewhere, film nearer, or ask for fewer.",
+    ),
+    "mode-alias": Meaning(
+        "… Hz may be an alias of … Hz: cameras are",
+        "Frames show both frequencies alike, and the cameras are not enough out of step to tell "
+        "which one it is.",
+        "Film with unlike frame rates, or narrow `from_hz` and `to_hz`.",
+    ),
+    "left-near-mode": Meaning(
+        "Near … Hz … times the noise is left",
+        "Another mode lies so close that the film is too short to tell both, or the vibration "
+        "changed while it was filmed.",
+        "Film longer, or end `steady_s` before it changes.",
+    ),
+    "damping-unsure": Meaning(
+        "The damping at … Hz is known to … only",
+        "The mode is weak, or the film too short for it to die away.",
+        "Film longer or nearer, or tap where this mode moves most.",
+    ),
+    "shapes-alike": Meaning(
+        "The shapes at … and … Hz look alike at these markers",
+        "Where the markers are, the two modes move alike, so their names may be exchanged.",
+        "Add markers where they differ, as between those there are.",
+    ),
+}
+"""Of several modes alone."""
+OF_SOUND = {
+    "waves-too-short": Meaning(
+        "At … Hz flexural waves of the manifest's material are shorter than two spacings",
+        "Between markers the structure may bend as no marker tells.",
+        "Put markers closer, or film lower frequencies.",
+    ),
+    "surface-unknown": Meaning(
+        "At … Hz … … of the markers' motion, noise explains",
+        "The surface that was laid through the markers misses them by more than noise does, so "
+        "that it is no better known between them. Standard errors do not hold that.",
+        "Add markers; check the edges and the material in the manifest.",
+    ),
+    "not-heard": Meaning(
+        "… Hz is below what is heard",
+        "Nobody hears so low a tone.",
+        "Nothing; the sound files hold it nevertheless.",
+    ),
+}
+"""Of what is radiated."""
+MEANINGS = OF_A_SHAPE | OF_MODES | OF_SOUND
