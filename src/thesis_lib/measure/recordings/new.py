@@ -5,13 +5,15 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from thesis_lib.files import whole_text
+from thesis_lib.files import whole_file, whole_text
+from thesis_lib.measure.recordings.check import rate_of
 from thesis_lib.measure.recordings.manifest import (
     PICTURES,
     ManifestError,
@@ -19,7 +21,10 @@ from thesis_lib.measure.recordings.manifest import (
     shot_paths,
 )
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.media_info import VideoInfo, probe
+from thesis_lib.measure.recordings.media import read_frames
+from thesis_lib.measure.recordings.media_info import VideoInfo, frame_clock, probe
+from thesis_lib.measure.recordings.ruled import ruled
+from thesis_lib.plotting.style import saved
 
 VIDEOS = {".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts"}
 FEWEST, POSES = 3, 12  # pictures of the board that are needed, that are wanted
@@ -29,7 +34,8 @@ ASKED = (  # what no file shows
     "structure.markers.rows", "structure.markers.columns", "structure.markers.spacing_mm",
     "structure.markers.row_spacing_mm", "structure.markers.diameter_mm", "structure.markers.tone",
     "board.columns", "board.rows", "board.tile_mm", "board.two_sided",
-    "excitation.frequency_hz", "excitation.sound", "excitation.rest_s", "cameras.exposure_s",
+    "excitation.frequency_hz", "excitation.sound", "excitation.rest_s", "excitation.steady_s",
+    "cameras.exposure_s",
 )  # fmt: skip
 EXPOSURE = 0.25  # of the shortest frame, which stands for an exposure that is not given
 
@@ -75,7 +81,8 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     except ValidationError as error:
         raise ManifestError(f"-p: {first_problem(values, error)}") from None
     whole_text(path, "\n".join(_text(manifest, given)) + "\n")
-    return path, [*_told(manifest, folder, infos), *_assumed(manifest, given)]
+    told = [*_told(manifest, folder, infos), *_cornered(manifest, folder)]
+    return path, [*told, *_assumed(manifest, given)]
 
 
 def _values(
@@ -89,7 +96,7 @@ def _values(
             "video": video.name,
             "width_px": info.size[0],
             "height_px": info.size[1],
-            "frame_rate_hz": float(f"{info.frame_rate:.6g}"),
+            "frame_rate_hz": float(f"{rate_of(frame_clock(video), info.frame_rate):.8g}"),
             "exposure_s": exposure,
             "shots": _shots(folder, video.stem),
         }
@@ -110,6 +117,9 @@ def _values(
                     f"-p: {name} is inside what is given, too; allowed: one of them"
                 )
         inside[last] = value
+    markers = values.get("structure", {}).get("markers", {})
+    if isinstance(markers, dict) and "spacing_mm" in markers:  # as on the printed sheet
+        markers.setdefault("row_spacing_mm", markers["spacing_mm"])
     return values
 
 
@@ -159,6 +169,26 @@ def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Itera
         )
 
 
+def _cornered(manifest: Manifest, folder: Path) -> Iterator[str]:
+    """What is asked for where no hole tells which end is which, and pictures to read it in."""
+    lacking = [camera for camera in manifest.cameras if camera.corners_px is None]
+    if manifest.structure.hole is not None or not lacking:
+        return
+    for camera in lacking:
+        image = next(read_frames(folder / camera.video, 0, 1))
+        file, picture = folder / "corners" / f"{camera.name}.png", saved(ruled(image), "png")
+        file.parent.mkdir(exist_ok=True)
+        whole_file(file, partial(Path.write_bytes, data=picture))
+    yield (
+        f"missing: corners_px of {_and([camera.name for camera in lacking])}, which tell how the "
+        f"structure lies: read them in {folder / 'corners'}, beginning with the same corner"
+    )
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
 def _assumed(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
     """What no file shows and was not given, with what stands for it."""
     for name in ASKED:
@@ -179,29 +209,34 @@ def _is_given(name: str, given: Mapping[str, Any]) -> bool:
 def _text(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
     """The manifest as commented YAML; what must be checked is marked."""
     yield "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them."
+    asked = ASKED if manifest.structure.hole is not None else (*ASKED, "cameras.corners_px")
     for part in ("structure", "board", "excitation"):
-        yield from _part(getattr(manifest, part), part, 0, given)
+        yield from _part(getattr(manifest, part), part, 0, asked, given)
     yield "cameras:"
     for camera in manifest.cameras:
-        lines = [*_fields(camera, "cameras", 2, given)]
+        lines = [*_fields(camera, "cameras", 2, asked, given)]
         yield f"  - {lines[0].lstrip()}"
         yield from lines[1:]
 
 
-def _part(part: BaseModel, path: str, indent: int, given: Mapping[str, Any]) -> Iterator[str]:
+def _part(
+    part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
+) -> Iterator[str]:
     yield f"{' ' * indent}{path.rpartition('.')[2]}:"
-    yield from _fields(part, path, indent, given)
+    yield from _fields(part, path, indent, asked, given)
 
 
-def _fields(part: BaseModel, path: str, indent: int, given: Mapping[str, Any]) -> Iterator[str]:
+def _fields(
+    part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
+) -> Iterator[str]:
     """A line for each field, with its meaning; those that may be left out are left out."""
     space = " " * (indent + 2)
     for name, info in type(part).model_fields.items():
         value, place = getattr(part, name), f"{path}.{name}"
         if isinstance(value, BaseModel):
-            yield from _part(value, place, indent + 2, given)
-        elif value is not None or place in ASKED or _is_given(place, given):
-            check = "CHECK: " if place in ASKED and not _is_given(place, given) else ""
+            yield from _part(value, place, indent + 2, asked, given)
+        elif value is not None or place in asked or _is_given(place, given):
+            check = "CHECK: " if place in asked and not _is_given(place, given) else ""
             text = json.dumps(part.model_dump(mode="json")[name], ensure_ascii=False)
             if isinstance(value, float):  # YAML takes JSON's 5e-05 for text
                 text = yaml.safe_dump(value).splitlines()[0]

@@ -35,8 +35,9 @@ OF_A_SHAPE = {
     "other-tone": Meaning(
         "… Hz explains … of the motion; another tone, at … Hz",
         "Something else vibrates, too. It is left out of the shape, but adds to its scatter.",
-        "Find what it is: a fan, a second mode that still rings, the stand of a camera. To measure "
-        "both, use `kind: tones`.",
+        "If it is nearly the same frequency, the vibration grew or died away: give a later "
+        "`steady_s`. Else find what it is: a fan, a second mode that still rings, the stand of a "
+        "camera. To measure both, use `kind: tones`.",
     ),
     "little-explained": Meaning(
         "… Hz explains only … of the motion, and no other tone much of the rest",
@@ -130,7 +131,8 @@ OF_A_SHAPE = {
     ),
     "growth": Meaning(
         "The amplitude changes by … over the steady part",
-        "The vibration grew or died away while it was filmed.",
+        "The vibration grew or died away in the part that was fitted, or that part holds some of "
+        "the rest. The largest deflection is then too small.",
         "Give a later or shorter `steady_s`, or wait longer before filming.",
     ),
     "whole-periods": Meaning(
