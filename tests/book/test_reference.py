@@ -8,29 +8,37 @@ import numpy as np
 import pytest
 import yaml
 
+from thesis_lib.book import sample
 from thesis_lib.book.pieces import filming as guidance
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.cli import cli
 from thesis_lib.files import project_root
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.limits import THRESHOLDS
+from thesis_lib.measure.feasibility.remedies import NEW, UNCHECKED
 from thesis_lib.measure.recordings.manifest import _model_at, read_manifest, write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.report.meanings import MEANINGS
 from thesis_lib.studies import vocabulary
 
-PAGE = "".join(  # the guide, and the page of fields and messages
-    (project_root() / "book" / f"{name}.md").read_text(encoding="utf-8")
-    for name in ("recordings", "recordings-reference")
-)
+NAMES = ("recordings", "recordings-filming", "recordings-results", "recordings-warnings",
+         "recordings-reference")  # fmt: skip
+TEXTS = {
+    name: (project_root() / "book" / f"{name}.md").read_text(encoding="utf-8") for name in NAMES
+}
+PAGE = "".join(TEXTS.values())
 SOURCES = project_root() / "src" / "thesis_lib"
 FAMILIES = {
     "BoardNotFound", "CalibrationError", "ChainError", "FrequencyError", "MediaError",
     "ModalError", "SynchronisationError", "TrackingError",
 }  # fmt: skip
+OF_RECORDINGS = {"check.py", "steps.py", "listen.py"}  # which hold manifest and recordings together
+SIZES = "…, allowed: … …"  # of a picture, each as … × … px
 # What no manifest leads to: mistakes of a caller, and errors that only pass another one on.
 INTERNAL = {
     "…", "……", "…: …", "…: frame 0: …", "…: no frames to write",
     "…: given the ending …, allowed: .mkv", "given … recordings, allowed: at least 2",
+    "…: …: …", "cameras[…].video: …", "cameras[…].shots: …",
     "board: given … by … corners, needs … by … or more",
 }  # fmt: skip
 
@@ -55,24 +63,63 @@ def literal(node):
     return "…"
 
 
+def nodes(path):
+    return ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+
+
 def messages():
     """Every message of the families, with where it is raised."""
     found = {}
     for path in sorted(SOURCES.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        family = FAMILIES | ({"ManifestError"} if path.name in OF_RECORDINGS else set())
+        for node in nodes(path):
             if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
                 name = ast.unparse(node.exc.func).split(".")[-1]
-                text = literal(node.exc.args[0]) if name in FAMILIES else ""
+                text = literal(node.exc.args[0]) if name in family else ""
                 if text and text not in INTERNAL and "of shape …" not in text:
                     found[text] = f"{path.name}:{node.lineno}"
+    return found | lines_of(SOURCES / "measure" / "recordings" / "check.py")
+
+
+def lines_of(path):
+    """Lines that a module collects in lists, yields, or returns in a list, with where it does."""
+    found = {}
+    for node in nodes(path):
+        if isinstance(node, ast.Yield):
+            said = [node.value]
+        elif isinstance(node, ast.Return) and isinstance(node.value, ast.List):
+            said = node.value.elts
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(".append"):
+            said = node.args
+        else:
+            continue
+        for one in said:
+            text = literal(one).replace(SIZES, "… px, allowed: … px as the manifest says")
+            if text not in INTERNAL:
+                found[text] = f"{path.name}:{node.lineno}"
     return found
 
 
 def notes():
-    """Every note that a report can give."""
-    source = (SOURCES / "measure" / "report" / "notes.py").read_text(encoding="utf-8")
-    said = [node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Yield)]
-    return {literal(text): text.lineno for text in said if text is not None}
+    """Every note that a report can give, of one tone, of modes, of sound: code, text and place."""
+    return [
+        (ast.literal_eval(node.args[0]), literal(node.args[1]), f"{path.name}:{node.lineno}")
+        for path in sorted((SOURCES / "measure").rglob("*.py"))
+        for node in nodes(path)
+        if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "Note"
+    ]
+
+
+def warned():
+    """Every code with which the check of a manifest can warn, as its source has them."""
+    found = set()
+    for node in nodes(SOURCES / "measure" / "feasibility" / "assess.py"):
+        if isinstance(node, ast.Dict):
+            keys = [literal(key) for key in node.keys]
+            found |= {key.split()[-1] for key in keys}
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "Warning":
+            found.add(literal(node.args[0]))
+    return found - {"…"}
 
 
 @pytest.mark.parametrize("part", reference.PARTS)
@@ -109,25 +156,57 @@ def test_every_part_that_a_manifest_holds_is_told():
 def test_every_warning_has_its_limit_and_a_remedy():
     codes = [code for remedies in reference.REMEDIES.values() for code in remedies]
     assert sorted(codes) == sorted(THRESHOLDS)
+    assert warned() == set(THRESHOLDS)
     listed = dict(terms(reference.warnings()))
     assert len(listed) == len(codes)
     for remedies in reference.REMEDIES.values():
         for code, remedy in remedies.items():
-            (term,) = [term for term in listed if term.startswith(f"`{code}` ")]
+            (term,) = [term for term in listed if term.startswith(f"[`{code}`]{{#{code}}} ")]
             assert f" {THRESHOLDS[code].value:g}" in term
             assert listed[term].endswith(remedy)
             assert remedy.endswith(".")
 
 
-def test_the_page_explains_every_note():
-    listed = [term for term, _ in terms(section("Notes in the report"))]
-    told = [one for term in listed for one in term.split(" · ")]
-    texts = notes()
-    assert len(texts) > 15
-    for term in told:
-        assert any(term in text for text in texts), term
-    for text, line in texts.items():
-        assert any(term in text for term in told), f"notes.py:{line}: {text}"
+def test_every_note_has_a_name_a_meaning_and_a_remedy():
+    said = notes()
+    assert len(said) > 30
+    assert {code for code, *_ in said} == set(MEANINGS)
+    for code, text, where in said:
+        assert MEANINGS[code].says in text, where
+    for path in sorted((SOURCES / "measure").glob("*/notes.py")):  # none but under a name
+        for node in nodes(path):
+            if isinstance(node, ast.Yield):
+                assert ast.unparse(node.value).startswith("Note("), f"{path}:{node.lineno}"
+    for meaning in MEANINGS.values():
+        assert meaning.means.endswith(".")
+        assert meaning.do.endswith(".")
+    pieces = [f"record-{name}" for name in ("notes", "notes-modes", "notes-sound")]
+    listed = [one for name in pieces for one in terms(reference.PIECES[name]())]
+    assert len(listed) == len(MEANINGS)
+    for code, meaning in MEANINGS.items():
+        (words,) = [words for term, words in listed if f"{{#{code}}}" in term]
+        assert words == f"{meaning.means} {meaning.do}"
+
+
+def test_names_of_warnings_and_notes_are_unlike():
+    assert set(MEANINGS).isdisjoint(THRESHOLDS)
+    anchors = re.findall(r"\{#([\w-]+)\}", "".join(piece() for piece in reference.PIECES.values()))
+    assert sorted(anchors) == sorted([*MEANINGS, *THRESHOLDS])
+
+
+@pytest.mark.parametrize(
+    ("module", "listed", "least"),
+    [("feasibility/unchecked.py", UNCHECKED, 5), ("recordings/new.py", NEW, 5)],
+)
+def test_every_line_about_what_is_left_open_is_told(module, listed, least):
+    texts = lines_of(SOURCES / "measure" / module)
+    if module.startswith("feasibility"):
+        texts["… of camera…: give …"] = "the comprehension"
+    begins = "missing: |not given, " if module.endswith("new.py") else ".*: "
+    said = [text for text in texts if re.match(begins, text)]
+    assert len(said) >= least
+    assert [text for text in said if not any(told in text for told in listed)] == []
+    assert [told for told in listed if not any(told in text for text in said)] == []
 
 
 def test_the_page_explains_every_error():
@@ -196,14 +275,15 @@ def test_what_the_page_says_of_fields_is_in_the_models():
 def test_pieces_have_no_gaps(name):
     text = reference.PIECES[name]()
     assert text.strip()
-    assert "nan" not in text.lower().replace("nanometres", "")
+    assert not re.search(r"\bnan\b", text, re.IGNORECASE)
     assert "None" not in text
 
 
 def test_pieces_are_written_as_the_page_includes_them(tmp_path):
     reference.write(tmp_path)
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", PAGE))
-    assert {path.stem for path in Path(tmp_path).glob("*.md")} == included
+    of_sample = {Path(name).stem for name in sample.NAMES}
+    assert {path.stem for path in Path(tmp_path).glob("*.md")} == included - of_sample
 
 
 def test_sides_and_elevations_are_as_the_page_says():

@@ -230,7 +230,7 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             lambda: sample.write(executed),
             [sample],
             [recorded.folder() / "example.json"],
-            [sample.NAME],
+            sample.NAMES,
         ),
         step(
             "index, assumptions, explorer, form",
@@ -268,8 +268,8 @@ def _render(plan: Plan) -> None:
     def finish(html: Path) -> None:
         downloads.fill(html, [job.cube for job in plan.ran], plan.tables)
         crate.write(html, [(job.notebook, job.cube) for job in plan.ran])
-        if (report := plan.executed / sample.NAME).is_file():
-            shutil.copyfile(report, html / sample.NAME)
+        if (report := plan.executed / sample.PAGE).is_file():
+            shutil.copyfile(report, html / sample.PAGE)
 
     if plan.chapter:
         notebooks = [job.notebook for job in plan.jobs]

@@ -1,29 +1,42 @@
-"""The report on the shipped example, as `thesis measure` writes it: a page of the book's folder.
+"""The report on the shipped example, as `thesis measure` writes it, and what the guide shows of it.
 
-It is no page of Sphinx: it loads nothing, and is the file that a user would get.
+The report is no page of Sphinx: it loads nothing, and is the file that a user would get.
 """
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
+
+import xarray as xr
 
 from thesis_lib import files
 from thesis_lib.figure_sets import sample
 from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report import page as report
+from thesis_lib.measure.report.notes import notes
+from thesis_lib.plotting.style import svg
 
-NAME = "sample-report.html"
+PAGE = "sample-report.html"
+NAMES = (PAGE, "guide-shape.svg", "guide-summary.md")
 
 
-def page() -> str:
+def page(data: xr.Dataset) -> str:
     """The report, written from what was measured."""
-    data = sample.sample()
     manifest = sample.manifest_of(data)
     pictures = report.figures(data, data, manifest, sample.first_frames())
     return report.page(data, manifest, assess(manifest), pictures)
 
 
+def summary(data: xr.Dataset) -> str:
+    """The last lines that the measurement prints, as a block of text."""
+    lines = [*report.summary(data), *(f"note: {n.text} [{n.code}]" for n in notes(data))]
+    return "\n".join(["```text", *lines, "```", ""])
+
+
 def write(folder: Path) -> None:
-    """Write :data:`NAME` into a folder."""
-    files.whole_file(folder / NAME, partial(Path.write_text, data=page(), encoding="utf-8"))
+    """Write :data:`NAMES` into a folder."""
+    data = sample.sample()
+    shape = svg(draw.shape(data, sample.manifest_of(data)))
+    for name, text in zip(NAMES, (page(data), shape, summary(data)), strict=True):
+        files.whole_text(folder / name, text)

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from thesis_lib import files
 from thesis_lib.book import missing
-from thesis_lib.book.pieces.schematics import OF_FACTS
+from thesis_lib.book.pieces import guide, schematics
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.plotting.selection import error_bars, select
 from thesis_lib.plotting.style import (
@@ -177,6 +177,8 @@ OF_CUBES: dict[str, tuple[str, Draw]] = {
     "motions-plate.svg": ("lab-plate", own_errors),
 }
 """By file: the figure set whose cube is drawn, and what draws it."""
+OF_FACTS = schematics.OF_FACTS | guide.DRAWINGS
+"""By file: what draws it of the thesis's facts, or of nothing."""
 NAMES = (*OF_CUBES, *OF_FACTS)
 
 

@@ -75,6 +75,9 @@ NEW = {
     "missing: as many pictures of the board by every camera": "Delete what shows no board, so "
     "that the k-th picture of each camera shows the same pose. Where one camera has none of a "
     "pose, list the names in `shots`, with `null` in its place.",
+    "missing: corners_px of …, which tell how the structure lies": "Open the pictures in that "
+    "folder in any viewer, and read the four corners between the rulers, in the same order for "
+    "every camera. A hole in the structure, `hole_mm`, does instead.",
     "not given, so assumed: -p …": "Put the line right in the manifest, where it is marked "
     "`CHECK`.",
 }
