@@ -9,7 +9,7 @@ import xarray as xr
 
 from thesis_lib import asides, files
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import recorded, repeated
+from thesis_lib.figure_sets import recorded, repeated, sample
 from thesis_lib.figure_sets.lab_layout import recordings as lab_layout_film
 from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
 from thesis_lib.figure_sets.recorded import STEP
@@ -26,10 +26,15 @@ def test_the_data_are_of_this_code(name):
     assert EVERY[name].kept() is not None
 
 
+def test_the_example_is_of_this_code():
+    """If not, `thesis record example` makes it anew, in a minute."""
+    assert sample.current() is not None
+
+
 def test_they_are_small_and_no_file_is_left_over():
     folder = setups.data_folder().parent / "recordings"
     there = {path.name for path in folder.iterdir()} - {"README.md"}
-    names = [*EVERY, *(others.path.stem for others in repeated.every())]
+    names = [*EVERY, *(others.path.stem for others in repeated.every()), sample.path().stem]
     assert there == {f"{name}.{kind}" for name in names for kind in ("nc", "json")}
     assert sum(path.stat().st_size for path in folder.iterdir()) <= 10e6
 

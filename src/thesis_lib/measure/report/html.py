@@ -15,7 +15,8 @@ from thesis_lib.measure.report.meanings import MEANINGS, Note
 
 def frame(data: pd.DataFrame) -> str:
     """A table."""
-    return f'<div class="scroll">{data.to_html(index=False, border=0, na_rep="—")}</div>'
+    rows = data.to_html(index=False, border=0, na_rep="—")
+    return f'<div class="scroll" tabindex="0">{rows}</div>'
 
 
 def items(lines: Iterable[str]) -> str:

@@ -1,0 +1,146 @@
+"""The report on the shipped example that the book shows: as measured, and as users get theirs."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import axe
+import numpy as np
+import pytest
+import xarray as xr
+from browser import open_offline
+
+from thesis_lib import files
+from thesis_lib.book import sample
+from thesis_lib.figure_sets import sample as example
+from thesis_lib.figure_sets.sample import STEP, TRACKS
+from thesis_lib.measure.report import page as report
+from thesis_lib.measure.report.meanings import MEANINGS
+from thesis_lib.measure.report.notes import notes
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+BOOK = files.project_root() / "build" / "html"
+
+
+@pytest.fixture(scope="module")
+def data() -> xr.Dataset:
+    return example.sample()
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the book makes of it."""
+    folder, begun = tmp_path_factory.mktemp("sample"), time.process_time()
+    sample.write(folder)
+    assert time.process_time() - begun < 10
+    return folder / sample.PAGE
+
+
+def test_it_is_small_and_its_files_are_those_that_the_step_names(page: Path) -> None:
+    assert page.stat().st_size < 1.5e6
+    assert {file.name for file in page.parent.iterdir()} == {*sample.NAMES}
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_it_opens_offline_without_an_error(
+    chromium: Browser, page: Path, width: int, dark: bool
+) -> None:
+    with open_offline(chromium, page, width=width, dark=dark, fresh=True) as opened:
+        opened.page.mouse.wheel(0, 20_000)
+        assert opened.trouble == []
+        assert opened.said == []
+        assert opened.sideways_px() <= 0
+        pictures = "all => all.map(one => [one.naturalWidth, one.alt])"
+        shown = opened.page.locator("figure img").evaluate_all(pictures)
+        assert len(shown) == 8
+        assert all(wide > 0 and words.strip() for wide, words in shown)
+        assert opened.page.locator(".tl-dot").count() == 75
+
+
+def test_nothing_is_amiss_for_those_who_cannot_see_well(chromium: Browser, page: Path) -> None:
+    if axe.absent():
+        pytest.skip(axe.absent())
+    with open_offline(chromium, page, fresh=True) as opened:
+        assert axe.light_and_dark(opened.page) == []
+
+
+def test_every_note_unfolds_into_its_meaning(
+    chromium: Browser, page: Path, data: xr.Dataset
+) -> None:
+    said = notes(data)
+    assert said
+    with open_offline(chromium, page) as opened:
+        items = opened.page.locator("aside > ul > li")
+        assert items.count() == len(said)
+        for item, note in zip(items.all(), said, strict=True):
+            assert note.text in item.inner_text()
+            words = item.locator("details p").first
+            assert not words.is_visible()
+            item.locator("summary").click()
+            assert words.is_visible()
+            assert words.inner_text() == MEANINGS[note.code].means.replace("`", "")
+
+
+def test_it_tells_what_was_measured(page: Path, data: xr.Dataset) -> None:
+    text = page.read_text(encoding="utf-8")
+    for line in report.summary(data):
+        assert html.escape(line) in text
+    block = (page.parent / "guide-summary.md").read_text(encoding="utf-8")
+    assert [*block.splitlines()][1 : 1 + len(report.summary(data))] == report.summary(data)
+
+
+def test_the_measured_tip_is_the_true_one(data: xr.Dataset) -> None:
+    tip = np.abs(data["deflection"].values).max()
+    error = data["standard_error"].values[np.abs(data["deflection"].values).argmax()]
+    truth = example.example_rig().motion.components[0]
+    shape = truth.shape(example.example_rig().motion.structure, [[data["x"].max()], [0.0]])
+    assert tip == pytest.approx(truth.amplitude * abs(float(shape[0])), abs=3 * error)
+
+
+@pytest.mark.parametrize("how", ["cut", "other code"])
+def test_what_is_not_as_it_was_made_is_said_and_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    kept, told = tmp_path / "example.nc", list[str]()
+    record = json.loads(example.path().with_suffix(".json").read_text())
+    content = example.path().read_bytes()
+    kept.write_bytes(content[:-1] if how == "cut" else content)
+    if how == "other code":
+        record["made_from"] = "another digest"
+    kept.with_suffix(".json").write_text(json.dumps(record))
+    monkeypatch.setattr(example, "path", lambda: kept)
+    monkeypatch.setattr(example, "aside", told.append)
+    assert example.current() is None
+    assert len(told) == 1
+    assert str(kept) in told[0]
+
+
+@pytest.mark.book
+@pytest.mark.skipif(not BOOK.is_dir(), reason="no book in build/html: render it first")
+def test_the_book_has_it_and_leads_to_it() -> None:
+    assert (BOOK / sample.PAGE).read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    guide = (BOOK / "recordings.html").read_text(encoding="utf-8")
+    assert len(re.findall(f'href="{sample.PAGE}"', guide)) >= 2
+
+
+@pytest.mark.slow
+def test_rendered_and_measured_now_it_is_the_same(data: xr.Dataset) -> None:
+    """But for last digits, which another processor has otherwise."""
+    now = example.measured_now()
+    assert set(now.variables) == set(data.variables)
+    error = data["standard_error"].values
+    far = np.abs(now["deflection"].values - data["deflection"].values) / error
+    assert far.max() < 0.05
+    for name in TRACKS:
+        one, other = now[name].values, data[name].values
+        assert np.array_equal(np.isnan(one), np.isnan(other)), name
+        assert np.nanquantile(np.abs(one - other), 0.99) < 20 * STEP, name
+    assert [note.code for note in notes(now)] == [note.code for note in notes(data)]
