@@ -1,0 +1,141 @@
+"""What is rendered: plate, beam and L-shaped plate, driven by a steady tone at one place.
+
+All are as thin as what such cameras are for: the thesis's plate with another thickness, an L cut
+from it, and the thesis's beam. A structure moves in its first :data:`MODES` modes, each as the
+force drives it (thesis, eq. 3.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+
+import numpy as np
+
+from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.facts import setups
+from thesis_lib.measure.recordings.markers import Markers, rows_on
+from thesis_lib.vibration.beam import Beam
+from thesis_lib.vibration.finite_elements import SIMPLY_SUPPORTED
+from thesis_lib.vibration.motion import Component
+from thesis_lib.vibration.panel import Panel
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.polygons import Point
+from thesis_lib.vibration.structure import modal_coordinates, resonance
+
+MODES = 40  # that move
+THICKNESS = 0.003  # m, of the plates
+ELEMENT = 0.02  # m, of the L
+FORCE = (0.22, 0.22)  # m, where plates are driven: some way from their edges
+GRID = (7, 5)  # markers along and across the box around a plate
+DENSE = (12, 8)  # the same where a tone between modes moves many of them
+PLATE_MARKER, DENSE_MARKER, BEAM_MARKER = 0.024, 0.018, 0.007  # diameters, m
+ROW_SPACING, COLUMNS = 0.014, 13  # of the beam's two rows
+FINE = 41  # places along each side of the box, for the largest deflection
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A structure that a force makes vibrate at one frequency."""
+
+    structure: Beam | Plate | Panel
+    markers: Markers  #: What is printed on it
+    corners: tuple[Point, ...]  #: Of its outline in m, from its box's corner
+    frequency: float  #: Of the force, Hz
+    name: str  #: What moves
+
+    @cached_property
+    def coordinates(self) -> ComplexArray:
+        """Of the first modes, for a largest deflection of 1, shape (:data:`MODES`,)."""
+        q = modal_coordinates(self.structure, np.array(2 * np.pi * self.frequency), MODES)
+        x, y = (np.linspace(0, side, FINE) for side in self.structure.extent)
+        points = np.stack([np.tile(x, FINE), np.repeat(y, FINE)])
+        shapes = self.structure.mode_shapes(range(1, MODES + 1), points)
+        return np.asarray(q / np.nanmax(np.abs(q @ shapes)), complex)
+
+    def shape(self, points: Array) -> ComplexArray:
+        """Complex deflection at points (2, n) for a largest one of 1, against the force."""
+        shapes = self.structure.mode_shapes(range(1, MODES + 1), points)
+        return np.asarray(self.coordinates @ shapes, complex)
+
+    def components(self, peak: float) -> tuple[Component, ...]:
+        """The modes as parts of a motion whose largest deflection is `peak` in m."""
+        parts = []
+        for n, q in enumerate(self.coordinates, 1):
+            up = (-1) ** (n + 1) if isinstance(self.structure, Beam) else 1  # as a part has it
+            size = peak * q * up * self.structure.shape_peak(n)
+            parts.append(
+                Component("bending", n, self.frequency, float(abs(size)), float(np.angle(size)))
+            )
+        return tuple(parts)
+
+
+def plate(grid: tuple[int, int] = GRID) -> Plate:
+    """The thesis's plate, but thin."""
+    return replace(setups.plate(grid), thickness=THICKNESS, force_position=FORCE)
+
+
+@cache
+def driven(case: str) -> Driven:
+    """The structure of a case, with its tone."""
+    if case == "beam":
+        beam = setups.beam()
+        row = replace(beam, n_markers=COLUMNS, marker_spacing=beam.length / COLUMNS)
+        markers = rows_on(row, 2, ROW_SPACING, BEAM_MARKER, None)
+        return _at(beam, markers, _box(beam.extent), 3, "beam, third mode")
+    flat = plate()
+    if case == "l":
+        corners = _corners_of_l()
+        panel = Panel(
+            corners,
+            (SIMPLY_SUPPORTED,) * len(corners),
+            (),
+            flat.thickness,
+            flat.density,
+            flat.youngs_modulus,
+            flat.poisson,
+            flat.damping,
+            flat.force_position,
+            GRID,
+            ELEMENT,
+        )
+        markers = Markers(panel.extent, _clear(panel), PLATE_MARKER)
+        return _at(panel, markers, corners, 1, "L-shaped plate, first mode")
+    markers = Markers(flat.extent, flat.markers, PLATE_MARKER)
+    own = _at(flat, markers, _box(flat.extent), 1, "plate, first mode")
+    if case == "plate":
+        return own
+    second = resonance(flat, 2) / (2 * np.pi)
+    between, many = float(np.sqrt(own.frequency * second)), plate(DENSE)
+    dense = Markers(many.extent, many.markers, DENSE_MARKER)
+    return Driven(many, dense, own.corners, between, "plate, between two modes")
+
+
+def _at(
+    structure: Beam | Plate | Panel,
+    markers: Markers,
+    corners: tuple[Point, ...],
+    mode: int,
+    name: str,
+) -> Driven:
+    """A structure that is driven at the resonance of a mode."""
+    return Driven(structure, markers, corners, resonance(structure, mode) / (2 * np.pi), name)
+
+
+def _box(extent: tuple[float, float]) -> tuple[Point, ...]:
+    x, y = extent
+    return (0.0, 0.0), (x, 0.0), (x, y), (0.0, y)
+
+
+def _corners_of_l() -> tuple[Point, ...]:
+    given = setups.table("shape", "l")["outline_mm"]
+    return tuple((x / 1000, y / 1000) for x, y in given)
+
+
+def _clear(panel: Panel) -> Array:
+    """Places of a panel's markers that keep a diameter from its edges, shape (2, n)."""
+    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    ring = PLATE_MARKER * np.stack([np.cos(turn), np.sin(turn)])
+    around = panel.markers[:, :, None] + ring[:, None]
+    on = panel.covers(around.reshape(2, -1)).reshape(around.shape[1:]).all(axis=1)
+    return np.asarray(panel.markers[:, on], float)
