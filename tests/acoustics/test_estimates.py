@@ -113,13 +113,13 @@ def test_a_simply_supported_plate_radiates_at_low_frequency_as_wallace_has_it(m,
     """C. E. Wallace, J. Acoust. Soc. Am. 51 (1972), the leading terms far below coincidence."""
     a, b = 0.5, 0.4
     surface = Surface.of(SQUARE * [a, b], 3000, (a / 2, b / 2))
-    x, y = surface.places
+    x, y = surface.spots
     shape = np.sin(m * np.pi * x / a) * np.sin(n * np.pi * y / b)
     k = 0.05 * np.pi / a
     omega = k * AIR.speed_of_sound
     forms = (
-        surface.power_form(shape[:, None], omega),
-        surface.plane_wave_form(shape[:, None], omega),
+        surface.power_form(shape[..., None], omega),
+        surface.plane_wave_form(shape[..., None], omega),
     )
     found = float(forms[0][0, 0] / forms[1][0, 0])
     even = (m % 2 == 0) + (n % 2 == 0)
@@ -129,6 +129,21 @@ def test_a_simply_supported_plate_radiates_at_low_frequency_as_wallace_has_it(m,
         2: 2 * k**6 * a**3 * b**3 / (15 * m**2 * n**2 * np.pi**5),
     }[even]
     conforms.closed_form(found, leading, rtol=4e-3)
+
+
+def test_cells_move_as_the_mean_of_what_moves_in_them(conforms):
+    """As few cells then make the power of many; their middles alone would make too much."""
+    omega, powers = 2 * np.pi * 100, {}
+    for cells in (400, 6400):
+        surface = Surface.of(SQUARE * [0.5, 0.4], cells)
+        for name, (x, y) in (("spots", surface.spots), ("places", surface.places)):
+            shape = (np.sin(2 * np.pi * x) * np.sin(np.pi * y / 0.4))[..., None]
+            powers[name, cells] = float(surface.power_form(shape, omega)[0, 0])
+            plain = float(surface.plane_wave_form(shape, omega)[0, 0])
+            whole = AIR.density * AIR.speed_of_sound * 0.2 * omega**2 / 8  # ⟨sin² sin²⟩ = 1/4
+            conforms.closed_form(plain, whole, rtol=1e-4)
+    conforms.invariance(powers["spots", 400], powers["spots", 6400], rtol=1e-3)
+    assert powers["places", 400] / powers["places", 6400] > 1.003
 
 
 def test_two_pistons_are_a_pair_of_monopoles(conforms):

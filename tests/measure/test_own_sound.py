@@ -73,8 +73,8 @@ def measurement(shape=TRUE, height=0.0, noise=NOISE):
 def exact():
     """Power of the true shape by Rayleigh's sum over 3600 cells."""
     fine = Surface.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 3600)
-    w = deflection_shape(PLATE, 1, fine.places, 1e-3)
-    return float(np.ravel(fine.power_form(w[:, None], OMEGA))[0])
+    w = deflection_shape(PLATE, 1, fine.spots, 1e-3)
+    return float(np.ravel(fine.power_form(w[..., None], OMEGA))[0])
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +157,15 @@ def test_a_spline_holds_planes_and_edges_at_rest(conforms):
     conforms.closed_form(held[0], 0 * held[0], atol=1e-12)
     still = between.by_spline(markers, held, held).moving @ plane
     conforms.closed_form(still, 0 * still, atol=1e-9)
+
+
+def test_close_rows_do_not_make_markers_close_along_them():
+    x, y = np.meshgrid(0.046 * np.arange(13), [0.008, 0.0225])
+    rows = np.stack([x.ravel(), y.ravel()])
+    assert between.spacing(rows) == pytest.approx(0.046)
+    assert between.spacing(rows[::-1]) == pytest.approx(0.046)
+    assert between.spacing(rows[:, :13]) == pytest.approx(0.046)  # one row has nothing across
+    assert between.spacing(PLATE.markers) == pytest.approx(0.668 / 9)
 
 
 def test_octaves_sum_tones_and_their_errors(conforms):

@@ -23,14 +23,16 @@ from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import zhang
+from thesis_lib.measure.fitting.reconstruction import fit_grid, triangulate_seen
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.markers import on_surface
-from thesis_lib.measure.tracking.homography import TrackingError, View, apply, homography, view_of
+from thesis_lib.measure.tracking.homography import TrackingError, View, view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
 from thesis_lib.vibration.meshing import pieces
 from thesis_lib.vibration.polygons import Point
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
+from thesis_lib.vision.pinhole import project
 
 AIM = 1.0  # ° about each axis, standard deviation of how cameras are aimed
 TILES, TILE = (5, 4), 0.12  # of the board, and their size over the cameras' distance
@@ -127,12 +129,24 @@ class OutlinedView(BeamView):
         self.shapes = rig.motion.shapes(self.points)
 
 
-def marked(rig: Rig, index: int, camera: Camera, corners: Sequence[Point]) -> View:
-    """How a camera, as calibrated, sees the plane of a structure whose corners are marked."""
-    points = np.array(corners).T
-    by_hand = np.rint(lens.project(rig.cameras[index], on_surface(rig.markers.extent, points)))
-    H = homography(points, lens.undistorted(camera, by_hand))
-    return view_of(camera, rig.markers, apply(H, rig.markers.corners))
+def marked(rig: Rig, cameras: Sequence[Camera], corners: Sequence[Point]) -> list[View]:
+    """How cameras, as calibrated, see the plane of a structure whose corners are marked.
+
+    Marked to a pixel in every picture, corners are triangulated, and the outline is put there as a
+    rigid body: four corners of a narrow structure in one picture would leave its perspective open.
+    """
+    outline = on_surface(rig.markers.extent, np.array(corners).T)
+    images = np.array(
+        [
+            lens.undistorted(camera, np.rint(lens.project(true, outline)))
+            for true, camera in zip(rig.cameras, cameras, strict=True)
+        ]
+    )
+    P = lens.projection_matrices(cameras)
+    frame = fit_grid(triangulate_seen(P, images)[0], outline)
+    box = frame.R.T @ on_surface(rig.markers.extent, rig.markers.corners) + frame.origin[:, None]
+    pairs = zip(cameras, project(P, box), strict=True)
+    return [view_of(camera, rig.markers, four) for camera, four in pairs]
 
 
 def followed(rig: Rig, index: int, view: View, corners: Sequence[Point]) -> Seen:

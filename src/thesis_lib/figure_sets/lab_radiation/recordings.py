@@ -100,9 +100,7 @@ def _measured(film: Radiation, rig: Rig, own: Driven) -> dict[str, Any]:
     omega, exposure = 2 * np.pi * own.frequency, film.exposure_ms / 1000
     calibration = outlined.calibrated(rig)
     rig, cameras = outlined.cropped(rig, calibration.cameras)
-    views = [
-        outlined.marked(rig, index, camera, own.corners) for index, camera in enumerate(cameras)
-    ]
+    views = outlined.marked(rig, cameras, own.corners)
     seen = [outlined.followed(rig, index, view, own.corners) for index, view in enumerate(views)]
     fit = direct.fit_of(outlined.seen_by(rig, cameras), seen, omega)
     exposures = np.full(len(cameras), exposure)

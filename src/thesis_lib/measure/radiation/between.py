@@ -13,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 from scipy.interpolate import RBFInterpolator
-from scipy.spatial import KDTree
 
 from thesis_lib.acoustics.estimates import Amplitudes
 from thesis_lib.arrays import Array, ComplexArray
@@ -33,7 +32,8 @@ class Between:
     """How the surface moves by its markers."""
 
     kind: Literal["model", "spline"]
-    moving: Array  #: Displacement of places by that of the markers, shape (places, markers)
+    #: Displacement of places by that of the markers, shape (..., markers) for places (2, ...)
+    moving: Array
     #: The markers' own by all of them, as fitted, (markers, markers); by a spline, each as the
     #: others have it
     fitted: Array
@@ -51,13 +51,20 @@ class Between:
 
 
 def spacing(markers: Array) -> float:
-    """Distance in m to the next marker where that is largest, of markers (2, n)."""
-    distance, _ = KDTree(markers.T).query(markers.T, k=2)
-    return float(np.max(distance[:, 1]))
+    """Distance in m to the next marker where that is largest, of markers (2, n).
+
+    Along the structure and across it by themselves: close rows of markers that are far apart tell
+    no shorter waves along the rows.
+    """
+    x, y = np.abs(markers[:, :, None] - markers[:, None])
+    distance = np.hypot(x, y)
+    np.fill_diagonal(distance, np.inf)
+    sides = [np.where(side, distance, np.inf).min(axis=1) for side in (x >= y, x < y)]
+    return float(max(np.max(side, initial=0, where=np.isfinite(side)) for side in sides))
 
 
 def by_model(model: Model, markers: Array, radius: float, places: Array) -> Between:
-    """By the first modes of a model, from markers (2, n) with a radius in m, at places (2, m)."""
+    """By the first modes of a model, from markers (2, n) with a radius in m, at places (2, ...)."""
     waves = 2 * np.pi / (MARKERS * spacing(markers))
     turn = 2 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
     circle = radius * np.stack([np.cos(turn), np.sin(turn)])
@@ -68,8 +75,9 @@ def by_model(model: Model, markers: Array, radius: float, places: Array) -> Betw
     while count > 1 and np.linalg.cond(A[:, :count]) > TELL_APART:
         count -= 1
     fit = np.linalg.pinv(A[:, :count])
-    at = _shapes(model, _inside(model, places, places), waves)[:count].T
-    return Between("model", at @ fit, A[:, :count] @ fit, count)
+    flat = places.reshape(2, -1)
+    at = _shapes(model, _inside(model, flat, flat), waves)[:count].T
+    return Between("model", (at @ fit).reshape(*places.shape[1:], -1), A[:, :count] @ fit, count)
 
 
 def _inside(model: Model, points: Array, instead: Array) -> Array:
@@ -101,7 +109,7 @@ def _shapes(model: Model, points: Array, waves: float) -> Array:
 
 
 def by_spline(markers: Array, held: Array, places: Array) -> Between:
-    """By a thin plate spline through markers (2, n), at rest at `held` (2, k), at places (2, m)."""
+    """By a thin plate spline through markers (2, n), at rest at `held` (2, k), at places (2, ...)."""
     n = markers.shape[1]
     every = np.concatenate([markers, held], axis=1).T
     unit = np.eye(len(every))[:, :n]
@@ -111,7 +119,8 @@ def by_spline(markers: Array, held: Array, places: Array) -> Between:
         left = np.delete(np.arange(len(every)), i)
         without = RBFInterpolator(every[left], unit[left], kernel="thin_plate_spline", degree=1)
         others[i] = without(every[[i]])[0]
-    return Between("spline", surface(places.T), others)
+    moving = surface(places.reshape(2, -1).T).reshape(*places.shape[1:], -1)
+    return Between("spline", moving, others)
 
 
 def along(corners: Array, edges: list[int], step: float) -> Array:

@@ -117,13 +117,13 @@ def _chosen(
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
         radius = structure.markers.diameter_mm / 2000
-        found = interpolation.by_model(model, markers, radius, surface.places)
+        found = interpolation.by_model(model, markers, radius, surface.spots)
         left, noise = found.left(shape)
         if asked.between == "model" or left <= FITS * noise:
             return found
     step = interpolation.spacing(markers)
     held = interpolation.along(corners, asked.held(structure.kind, len(corners)), step)
-    return interpolation.by_spline(markers, held, surface.places)
+    return interpolation.by_spline(markers, held, surface.spots)
 
 
 def _planes(asked: Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:

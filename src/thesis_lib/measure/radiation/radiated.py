@@ -79,7 +79,7 @@ def radiated(
     surface : Surface
         What moves, as cells.
     between : Between
-        How the cells move by the markers.
+        How the cells, or their spots, move by the markers.
     tones : sequence of Tone
         Frequencies and shapes.
     points : ndarray, shape (3, n)
