@@ -9,6 +9,7 @@ from scenes.equal_pixels import equal_pixels
 from scenes.laboratory import recordings
 from scenes.layouts import layouts
 from scenes.motions import films
+from scenes.sounding import sounding
 
 from thesis_lib import files
 from thesis_lib.book.conformance import report as conformance
@@ -26,6 +27,7 @@ from thesis_lib.figure_sets.lab_equal_pixels import compute as lab_equal_pixels_
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate_study
+from thesis_lib.figure_sets.lab_radiation import compute as lab_radiation_study
 from thesis_lib.figure_sets.misses import compute as misses_study
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -63,6 +65,8 @@ def opened():
             cube = lab_layout_study.run(request, layouts(request, sigma=0.02))
         elif name == "lab-equal-pixels":
             cube = lab_equal_pixels_study.run(request, equal_pixels(request))
+        elif name == "lab-radiation":
+            cube = lab_radiation_study.run(request, sounding(request))
         elif name == "lab-modes":
             cube = lab_modes_study.run(request, films(request, sigma=0.02))
         elif name == "lab-plate":

@@ -7,7 +7,8 @@ from pathlib import Path
 AREAS = {
     "Beam and plate": "structures plate",
     "Vision": "cameras triangulation optics compiled explorer recompute",
-    "Acoustics": "radiation planes quadrature radiating estimates sound sound_sum sound_turn",
+    "Acoustics": "radiation planes quadrature radiating estimates sound sound_sum sound_turn "
+    "lab_radiation",
     "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
     "The experiment": "scene lens render media corners calibration adjustment synchronisation "
     "listening tracking reconstruction laboratory tapped experiment_study lab_layouts lab_motions",

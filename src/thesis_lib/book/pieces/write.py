@@ -69,8 +69,15 @@ def _lab(piece: str, cube: xr.Dataset) -> str:
     from thesis_lib.figure_sets.lab_equal_pixels.tables import results
     from thesis_lib.figure_sets.lab_modes.tables import modes_results
     from thesis_lib.figure_sets.lab_plate.tables import plate_results
+    from thesis_lib.figure_sets.lab_radiation import tables as radiation
 
-    made = {"equal": results, "modes_results": modes_results, "plate_results": plate_results}
+    made = {
+        "equal": results,
+        "modes_results": modes_results,
+        "plate_results": plate_results,
+        "radiation_results": radiation.results,
+        "radiation_sentences": radiation.sentences,
+    }
     return made[piece](cube)
 
 
@@ -120,6 +127,8 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "lab-layout-results": lambda opened: _layout("lab-layout", opened["lab-layout"]),
     "lab-equal-pixels-results": lambda opened: _lab("equal", opened["lab-equal-pixels"]),
     "lab-modes-results": lambda opened: _lab("modes_results", opened["lab-modes"]),
+    "lab-radiation-results": lambda opened: _lab("radiation_results", opened["lab-radiation"]),
+    "lab-radiation-sentences": lambda opened: _lab("radiation_sentences", opened["lab-radiation"]),
     "lab-plate-results": lambda opened: _lab("plate_results", opened["lab-plate"]),
     "sound-results": sound_results,
     "sound-scatter": scatter_table,

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from thesis_lib.acoustics.estimates import Amplitudes, circular
 from thesis_lib.acoustics.sources import Medium
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ComplexArray, Image
 from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
 from thesis_lib.figure_sets.lab_radiation.recordings import rig_of
 from thesis_lib.figure_sets.lab_radiation.sound import PLANE, Heard, Truth, truth, with_grid
@@ -222,7 +222,7 @@ def _over_grids(study: LabRadiation, medium: Medium) -> dict[str, Any]:
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 
-def _picture(study: LabRadiation, case: str) -> Array:
+def _picture(study: LabRadiation, case: str) -> Image:
     """The first frame that the first camera takes in the first recording, (rows, columns)."""
     rig = rig_of(study, case, 0)
     rig, _ = cropped(rig, rig.cameras)
@@ -231,11 +231,11 @@ def _picture(study: LabRadiation, case: str) -> Array:
     return view.frame(station.start, rig.generator(1, 0, 0))
 
 
-def _padded(pictures: list[Array]) -> Array:
+def _padded(pictures: list[Image]) -> Image:
     """Pictures side by side in one array of the largest size, 0 beyond them."""
     size = np.max([one.shape for one in pictures], axis=0)
-    return np.stack([np.pad(one, [(0, m - n) for m, n in zip(size, one.shape, strict=True)])
-                     for one in pictures])  # fmt: skip
+    beyond = [[(0, m - n) for m, n in zip(size, one.shape, strict=True)] for one in pictures]
+    return np.stack([np.pad(*each) for each in zip(pictures, beyond, strict=True)])
 
 
 def _listed(cube: xr.Dataset) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from thesis_lib.figure_sets.lab_radiation.structures import MODES, Driven
 from thesis_lib.measure.radiation.between import Between, by_model
 from thesis_lib.measure.radiation.radiated import cells_for
 from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.vibration.plate import Plate
 
 FINE_CELLS = 3600  # of the true surface
 ROUND = 32  # places on a marker's edge
@@ -111,8 +112,9 @@ class Heard:
 
 def with_grid(own: Driven, grid: tuple[int, int]) -> Driven:
     """A plate with other markers, at most as large as its own and half as wide as their cells."""
+    assert isinstance(own.structure, Plate)
     cells = np.array(own.structure.extent) / grid
-    structure = replace(own.structure, grid=grid)  # type: ignore[call-arg]  # a plate's
+    structure = replace(own.structure, grid=grid)
     diameter = min(own.markers.diameter, 0.5 * float(cells.min()))
     markers = Markers(structure.extent, structure.markers, diameter)
     return replace(own, structure=structure, markers=markers)

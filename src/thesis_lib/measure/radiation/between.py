@@ -109,7 +109,7 @@ def _shapes(model: Model, points: Array, waves: float) -> Array:
 
 
 def by_spline(markers: Array, held: Array, places: Array) -> Between:
-    """By a thin plate spline through markers (2, n), at rest at `held` (2, k), at places (2, ...)."""
+    """By a thin plate spline through markers (2, n), at rest at held (2, k), at places (2, ...)."""
     n = markers.shape[1]
     every = np.concatenate([markers, held], axis=1).T
     unit = np.eye(len(every))[:, :n]

@@ -1,0 +1,123 @@
+"""Figures of ``lab-radiation``: what was seen, how the sound errs, the field, and the markers."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from thesis_lib.plotting.maps import draw_map
+from thesis_lib.plotting.style import (
+    COLORS,
+    HIGHLIGHT,
+    INK,
+    REFERENCE,
+    color,
+    logarithmic,
+    subplots,
+)
+
+SHOWN = "between"  # whose field is drawn, or the first
+
+
+def structures(cube: xr.Dataset) -> Figure:
+    """First frames of the first camera, one for each structure."""
+    drawing, panels = _panels(cube, (6.4, 4.6))
+    for axes, case in zip(panels, cube["case"].values, strict=False):
+        own = cube.sel(case=case)
+        picture = own["picture"].values
+        rows, columns = np.flatnonzero(picture.any(axis=1)), np.flatnonzero(picture.any(axis=0))
+        axes.imshow(picture[: rows[-1] + 1, : columns[-1] + 1], cmap="gray", vmin=0, vmax=255)
+        axes.set_title(f"{own['name'].item()}: {float(own['tone']):.1f} Hz")
+        axes.axis("off")
+    return drawing
+
+
+def powers(cube: xr.Dataset) -> Figure:
+    """Error of the power of every recording, with two stated standard errors, by size."""
+    drawing, panels = _panels(cube, (6.4, 4.8), sharex=True)
+    for i, (axes, case) in enumerate(zip(panels, cube["case"].values, strict=False)):
+        own = cube.sel(case=case)
+        true = float(own["true_power"])
+        off = 100 * (own["power"].values / true - 1)
+        stated = 200 * own["power_error"].values / true
+        order = np.argsort(off)
+        off, stated, at = off[order], stated[order], np.arange(1, len(off) + 1)
+        missed = np.abs(off) > stated
+        axes.axhline(0, color=INK, linewidth=0.8)
+        for of, ink in ((~missed, color(i)), (missed, HIGHLIGHT)):
+            axes.errorbar(at[of], off[of], stated[of], fmt="o", color=ink, ms=3, lw=1)
+        axes.set_title(str(own["name"].item()))
+        axes.set_ylabel("error of the power, %")
+    for axes in panels[-2:]:
+        axes.set_xlabel("recordings, by their error")
+    return drawing
+
+
+def field(cube: xr.Dataset) -> Figure:
+    """The pressure that one recording tells, and what it is off by."""
+    cases = cube["case"].values.tolist()
+    own = cube.sel(case=SHOWN if SHOWN in cases else cases[0])
+    both = own["field_real"].values + 1j * own["field_imag"].values
+    true, measured = both
+    turn = np.exp(-1j * np.angle(true.ravel()[np.argmax(np.abs(true))]))
+    largest = float(np.abs(true).max())
+    drawing, panels = subplots(1, 2, figsize=(6.4, 2.9), layout="constrained")
+    across, up = 1000 * cube["u"].values, 1000 * cube["z"].values
+    off = 100 * np.real((measured - true) * turn) / largest
+    shown = (
+        (np.real(measured * turn), largest, "(a) pressure as measured, Pa"),
+        (off, float(np.abs(off).max()), "(b) its error, % of the largest"),
+    )
+    for axes, (values, limit, title) in zip(panels, shown, strict=True):
+        picture = draw_map(axes, values.T, across, up, limit)
+        drawing.colorbar(picture, ax=axes, orientation="horizontal", shrink=0.9)
+        axes.set(title=title, xlabel="X, mm")
+    panels[0].set_ylabel("Z, mm")
+    return drawing
+
+
+def markers(cube: xr.Dataset) -> Figure:
+    """What too few markers do to the power between two modes, beside the stated error."""
+    drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
+    spacing = 1000 * cube["grid_spacing"].values
+    axes.plot(
+        spacing,
+        np.abs(cube["grid_interpolation"].values),
+        "o-",
+        color=COLORS[0],
+        label="error of the power without noise, %",
+    )
+    axes.plot(
+        spacing,
+        cube["grid_left"].values,
+        "s--",
+        color=COLORS[4],
+        label="what the fitted modes leave of the markers' motion, %",
+    )
+    if SHOWN in cube["case"].values:
+        own = cube.sel(case=SHOWN)
+        stated = 100 * float((own["power_error"] / own["true_power"]).mean())
+        axes.axhline(stated, color=REFERENCE, linewidth=1)
+        axes.text(spacing.max(), stated * 1.1, "stated standard error", ha="right", color=INK)
+    logarithmic(axes.xaxis, [50, 60, 70, 80, 100, 130])
+    logarithmic(axes.yaxis, [0.01, 0.03, 0.1, 0.3, 1, 3])
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high * (high / low) ** 0.3)  # room for the key
+    axes.set(xlabel="distance to the next marker, mm")
+    axes.legend(loc="upper left")
+    return drawing
+
+
+def _panels(cube: xr.Dataset, size: tuple[float, float], **how: bool) -> tuple[Figure, list[Axes]]:
+    """Panels for the structures, two in a row."""
+    rows = -(-cube.sizes["case"] // 2)
+    height = size[1] * rows / 2
+    drawing, panels = subplots(
+        rows, 2, figsize=(size[0], height), layout="constrained", squeeze=False, **how
+    )
+    flat = panels.ravel().tolist()
+    for spare in flat[cube.sizes["case"] :]:
+        spare.set_visible(False)
+    return drawing, flat

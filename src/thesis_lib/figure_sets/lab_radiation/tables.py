@@ -1,0 +1,147 @@
+"""Tables of ``lab-radiation``, from its cube, and its sentences of result."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from IPython.display import Markdown
+from scipy.stats import binom
+
+from thesis_lib.studies.cubes import percent_text
+from thesis_lib.web.markdown import columns
+
+CLOSE = 0.10  # by which scatter and stated errors may differ and yet be called alike
+CHANCE = 0.95449973610364  # of two standard errors
+RARE = 0.01  # chance of as few recordings within, below which stated errors are called too small
+LEFT = 3.0  # times what errors explain, from which on the report says that modes miss something
+
+
+def results(cube: xr.Dataset) -> str:
+    """Power, efficiency and field of every structure, held against their stated errors."""
+    rows = []
+    for case in cube["case"].values.tolist():
+        own, power = cube.sel(case=case), cube.sel(group=case, quantity_of="power")
+        level = 10 * np.log10(float(own["true_power"]) / 1e-12)
+        rows.append(
+            {
+                "structure": str(own["name"].item()),
+                "tone, Hz": f"{float(own['tone']):.1f}",
+                "power, dB": f"{level:.1f}",
+                "stated error, %": percent_text(stated(own)),
+                "within two": f"{int(power['within'])} of {int(power['count'])}",
+                "error over stated": _ratio(power),
+                "field, %": f"{percent_text(_rms(own['field_error']))} · "
+                f"{percent_text(_rms(own['field_stated']))}",
+            }
+        )
+    power = cube.sel(group="all", quantity_of="power")
+    last = dict.fromkeys(rows[0], "")
+    last |= {
+        "structure": "all",
+        "within two": f"{int(power['within'])} of {int(power['count'])}",
+        "error over stated": _ratio(power),
+    }
+    note = (
+        "Level of the true power re 1 pW, the standard error that a recording states of it in the "
+        "mean, recordings within two of these, and rms error over the stated one (5–95 %). "
+        "*Field*: rms error of the pressure over the plane, in % of its largest, · as stated."
+    )
+    return f"{columns([*rows, last])}\n{note}\n"
+
+
+def stated(own: xr.Dataset, name: str = "power") -> float:
+    """Mean stated standard error of one structure in %."""
+    return 100 * float((own[f"{name}_error"] / own[f"true_{name}"]).mean())
+
+
+def results_table(cube: xr.Dataset) -> Markdown:
+    """The same, to show."""
+    return Markdown(results(cube))
+
+
+def efficiency_table(cube: xr.Dataset) -> Markdown:
+    """Radiation efficiency, held against its stated errors."""
+    rows = []
+    for case in cube["case"].values.tolist():
+        own, of = cube.sel(case=case), cube.sel(group=case, quantity_of="efficiency")
+        rows.append(
+            {
+                "structure": str(own["name"].item()),
+                "efficiency": f"{float(own['true_efficiency']):.3g}",
+                "stated error, %": percent_text(stated(own, "efficiency")),
+                "within two": f"{int(of['within'])} of {int(of['count'])}",
+                "error over stated": _ratio(of),
+                "mean error, %": _mean(of),
+            }
+        )
+    return Markdown(columns(rows))
+
+
+def parts_table(cube: xr.Dataset) -> Markdown:
+    """What is behind the errors: markers, modes, the calibration, what markers do not tell."""
+    rows = []
+    for case in cube["case"].values.tolist():
+        own, of = cube.sel(case=case), cube.sel(group=case, quantity_of="power")
+        rows.append(
+            {
+                "structure": str(own["name"].item()),
+                "markers": f"{int(own['markers'])}",
+                "spacing, mm": f"{1000 * float(own['spacing']):.0f}",
+                "modes fitted": f"{int(own['modes'])}",
+                "lost, %": f"{100 * float(own['missing'].mean()):.1f}",
+                "centres, px": f"{float(own['centre_scatter'].mean()):.4f}",
+                "shape, %": percent_text(_rms(own["shape_error"])),
+                "mean error of the power, %": _mean(of),
+                "without noise, %": f"{float(own['interpolation']):+.3f}",
+                "calibration, % of the variance": f"{float(own['by_calibration']):.1f}",
+            }
+        )
+    note = (
+        "*Shape*: rms error of what markers show, in % of the largest deflection. *Without noise*: "
+        "what markers and modes alone put into the power."
+    )
+    return Markdown(f"{columns(rows)}\n{note}")
+
+
+def sentences(cube: xr.Dataset) -> str:
+    """Three sentences of result."""
+    of = cube.sel(group="all", quantity_of="power")
+    within, count, ratio = int(of["within"]), int(of["count"]), float(of["ratio"])
+    low, high = of["ratio_band"].values
+    rare = binom.cdf(within, count, CHANCE) < RARE
+    verdict = (
+        "which is fewer than chance explains"
+        if rare
+        else f"of which chance alone would leave {CHANCE * count:.0f}"
+    )
+    alike = "as large as stated" if abs(ratio - 1) <= CLOSE else "not as large as stated"
+    fields = [
+        (_rms(one["field_error"]), _rms(one["field_stated"]))
+        for one in (cube.sel(case=case) for case in cube["case"].values)
+    ]
+    least, most = min(e for e, _ in fields), max(e for e, _ in fields)
+    coarse = int(np.argmax(np.abs(cube["grid_interpolation"].values)))
+    wrong = float(cube["grid_interpolation"].values[coarse])
+    return (
+        f"From rendered video to sound, {within} of {count} recordings have the power of the true "
+        f"motion within two of the standard errors that they state, {verdict}; errors are "
+        f"{ratio:.2f} times the stated ones ({low:.2f}–{high:.2f}), {alike}.\n\n"
+        f"The pressure on the plane above is right to {percent_text(least)} to "
+        f"{percent_text(most)} % of its largest.\n\n"
+        "What stated errors do not hold is what markers do not tell: between two modes "
+        f"{int(cube['grid_markers'].values[coarse])} markers put {abs(wrong):.1f} % into the power "
+        "without any noise.\n"
+    )
+
+
+def _mean(of: xr.Dataset) -> str:
+    return f"{float(of['bias']):+.3f} ± {float(of['bias_error']):.3f}"
+
+
+def _ratio(of: xr.Dataset) -> str:
+    low, high = of["ratio_band"].values
+    return f"{float(of['ratio']):.2f} ({low:.2f}–{high:.2f})"
+
+
+def _rms(values: xr.DataArray) -> float:
+    return float(np.sqrt((values**2).mean()))
