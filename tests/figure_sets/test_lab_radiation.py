@@ -46,7 +46,7 @@ def made(request, data):
         ({"exposure_ms": 15}, "exposure_ms"),
         ({"plate_distance_mm": 300}, "plate_distance_mm"),
         ({"beam_distance_mm": 400}, "see the whole structure"),
-        ({"plate_distance_mm": 12000}, "plate_distance_mm"),
+        ({"plate_distance_mm": 12000}, "at least 1 px high"),
         ({"amplitude_mm": 20}, "amplitude_mm"),
         ({"read_noise": -1}, "read_noise"),
         ({"air_density_kg_m3": 0}, "air_density_kg_m3"),
