@@ -335,3 +335,25 @@ def test_where_many_coarse_cameras_lose_and_win():
     whole = (cube["rounded_error"] / cube["rms_error"])[cube["case"] == "30 mm"]
     assert (whole > 20).all()
     assert (cube["pose_error"] ** 2 < 0.05 * cube["rms_error"] ** 2)[pixels].all()
+
+
+# from video to sound
+
+
+def test_which_powers_are_certain_and_what_markers_do_not_tell():
+    cube = book("lab-radiation")
+    stated = (cube["power_error"] / cube["true_power"]).mean("trial")
+    assert stated.idxmax() == "beam"  # "the least certain"
+    image = cube["centre_scatter"].mean("trial")
+    assert image.idxmax() == "beam"
+    assert (cube["by_calibration"] < 50).all()  # noise "makes nearly all of them"
+    spacing, off = cube["grid_spacing"].values, np.abs(cube["grid_interpolation"].values)
+    of = float(stated.sel(case="between"))
+    assert (off[spacing > 0.1] > 100 * of).all()  # "do not tell them"
+    assert (off[spacing < 0.06] < 100 * of / 2).all()
+    between = cube.sel(case="between")
+    assert float(between["spacing"]) < 0.06  # "as close as that takes"
+    assert float(between["unexplained"].mean()) < 1.5
+    assert (cube["grid_left"].values[spacing > 0.1] > 2).all()  # far more than scatter explains
+    assert (cube["shape_error"] < 1).all()
+    assert (cube["efficiency_error"] / cube["true_efficiency"]).mean("trial").values.max() < 0.05

@@ -41,7 +41,17 @@ STEP = 0.004  # m, between the places of an outline that are drawn
 
 
 def aimed(rig: Rig, distance: float, draw: np.random.Generator) -> Rig:
-    """The rig with cameras that are a little off their aim, and a board held over the structure."""
+    """The rig with cameras that are a little off their aim, and a board held over the structure.
+
+    Parameters
+    ----------
+    rig : Rig
+        Cameras that look at the structure's centre.
+    distance : float
+        Of the cameras, m; the board is as large as it needs.
+    draw : numpy.random.Generator
+        Turns of the cameras, and poses of the board.
+    """
     turns = Rotation.from_rotvec(np.radians(AIM) * draw.standard_normal((len(rig.stations), 3)))
     cameras = [
         replace(camera, R_camera_world=turn @ camera.R_camera_world)
@@ -93,7 +103,17 @@ def calibrated(rig: Rig) -> Adjustment:
 def cropped(rig: Rig, cameras: Sequence[Camera]) -> tuple[Rig, list[Camera]]:
     """The rig with cameras that read the part of their sensors which the structure reaches.
 
-    The same parts of other cameras, these as calibrated, come with it.
+    Parameters
+    ----------
+    rig : Rig
+        Cameras that read all of their sensors.
+    cameras : sequence of Camera
+        The same as they are calibrated.
+
+    Returns
+    -------
+    tuple of Rig and list of Camera
+        Both with these parts alone.
     """
     lift = sum(abs(part.amplitude) for part in rig.motion.components)
     box = on_surface(
@@ -130,7 +150,7 @@ class OutlinedView(BeamView):
 
 
 def marked(rig: Rig, cameras: Sequence[Camera], corners: Sequence[Point]) -> list[View]:
-    """How cameras, as calibrated, see the plane of a structure whose corners are marked.
+    """How cameras, as calibrated, see the plane of a structure whose corners (n, 2) are marked, m.
 
     Marked to a pixel in every picture, corners are triangulated, and the outline is put there as a
     rigid body: four corners of a narrow structure in one picture would leave its perspective open.
@@ -150,7 +170,11 @@ def marked(rig: Rig, cameras: Sequence[Camera], corners: Sequence[Point]) -> lis
 
 
 def followed(rig: Rig, index: int, view: View, corners: Sequence[Point]) -> Seen:
-    """What one camera sees, rendered and tracked; all is NaN if it does not find the markers."""
+    """What one camera of a rig sees, rendered and tracked, of a structure with corners (n, 2) in m.
+
+    `view` is how it is thought to see the structure. All is NaN if it does not find the markers in
+    its first frame.
+    """
     station = rig.stations[index]
     times = times_of(rig, station)
     truth = true_centres(rig, station, times)
