@@ -16,6 +16,7 @@ import xarray as xr
 from scenes.foreign import photographs
 from scenes.foreign.rays import Optics, Sensor, airy, gaussian, looking, sharp
 from scenes.foreign.recording import FREQUENCY, RATE, SOUND_RATE, TIP, Scene, Take
+from scenes.jackknife import deviations_of, differences, refitted
 
 from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.experiment import chain
@@ -23,6 +24,7 @@ from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.measure.calibration.alignment import align, camera_deviations
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
 from thesis_lib.measure.calibration.corners import find_corners
+from thesis_lib.measure.calibration.jackknife import jackknife
 from thesis_lib.measure.calibration.rig import adjusted
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import Calibration, zhang
@@ -143,6 +145,41 @@ def test_calibration_of_photographs_agrees_with_that_by_opencvs_own_corners(conf
     # Its focal length is one for both axes and goes with a k₃, which trades with the others.
     conforms.independent(ours[0, :2], theirs[:2], rtol=5e-3)
     conforms.independent(ours[0, 2:4], theirs[2:4], atol=1)
+
+
+def stated_over_refitted(corners, cameras):
+    """Deviations by the linearised jackknife, and the adjustment's, over those by the full one."""
+    full = adjust(corners, TILES.corners, cameras)
+    known = refitted(corners, TILES.corners, full)
+    return [deviations_of(each) / known for each in (jackknife(corners, TILES.corners, full), full)]
+
+
+@needs_photographs
+@pytest.mark.parametrize("sides", [[0], [1], [0, 1]])
+def test_stated_deviations_are_those_of_refits_without_each_photograph(conforms, pair, sides):
+    cameras = [pair.single[k].camera() for k in sides]
+    stated, plain = stated_over_refitted(pair.corners[sides], cameras)
+    conforms.independent(stated, 1, atol=0.05)  # 0.977 to 1.021
+    conforms.independent(plain, below=0.8)  # of independent corners: a quarter to three quarters
+
+
+@needs_photographs
+@pytest.mark.parametrize("shots", [3, 4, 5, 6])
+def test_halves_of_the_photographs_differ_by_what_is_stated(conforms, pair, shots):
+    """Of calibrations that share no photograph, even from three of them."""
+    draw, pulls = np.random.default_rng(0), []
+    cameras = [one.camera() for one in pair.single]
+    for _ in range(60):
+        mixed = draw.permutation(len(photographs.SHOTS))
+        halves = [pair.corners[:, mixed[:shots]], pair.corners[:, mixed[shots : 2 * shots]]]
+        full = [adjust(half, TILES.corners, cameras) for half in halves]
+        stated = [
+            deviations_of(jackknife(half, TILES.corners, one))
+            for half, one in zip(halves, full, strict=True)
+        ]
+        pulls.append(differences(full[0].cameras, full[1].cameras) / np.hypot(*stated))
+    conforms.sampled(np.mean(np.abs(pulls) < 2), above=0.92)  # 0.94 to 0.97; else 0.61 to 0.67
+    conforms.sampled(np.median(np.abs(pulls)), above=0.25, below=0.9)  # 0.67 if normal and exact
 
 
 # Another renderer.

@@ -47,7 +47,8 @@ from thesis_lib.vision.simulation import assurance
 
 pytestmark = pytest.mark.slow  # for the report of conformance
 
-WHOLE = [".calibration.nc.sha256", ".sound.nc.sha256", "calibration.nc", "sound.nc"]
+NETCDF = ["calibration.nc", "cameras.nc", "sound.nc"]
+WHOLE = [*(f".{name}.sha256" for name in NETCDF), *NETCDF]
 STEPS = WHOLE + [f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")]
 LATER = "the same command goes on where this one stopped"
 

@@ -61,6 +61,7 @@ def measurement(shape=TRUE, height=0.0, noise=NOISE):
             "amplitude_imag": ("marker", shape.imag),
             "deflection": ("marker", np.abs(shape)),
             "in_plane_excess": ((), 0.9),
+            "grid_scale": ((), 1.0),
             "frequency": ((), OMEGA / 2 / np.pi),
             "rest_position": (("axis", "marker"), rest),
             "shared_real": (("row", "marker"), common.real),

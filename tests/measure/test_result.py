@@ -9,6 +9,7 @@ import xarray as xr
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.film import manifest_of
 from thesis_lib.laboratory.rig import default_rig
+from thesis_lib.measure.calibration.reprojection import Network, stepped
 from thesis_lib.measure.fitting.frequency import FrequencyError
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings.check import ChainError
@@ -299,3 +300,29 @@ def test_motion_in_the_plane_widens_standard_errors(conforms, tmp_path):
     conforms.sampled(np.sqrt(np.nanmean(off**2)), below=4)
     off = (data["deflection"] - TRUE) / data["error_of_scatter"]
     conforms.sampled(np.sqrt(np.nanmean(off**2)), above=15)
+
+
+@pytest.mark.slow
+def test_standard_errors_hold_what_drawn_calibrations_do(conforms, tmp_path):
+    """Cameras that are off as a covariance says: shapes scatter by what standard errors say."""
+    own = recordings(tmp_path, noise=0.002)
+    network = Network(tuple(one.camera for one in own), np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    each = [np.repeat([2e-4, 2e-4], 3)] * 4 + [np.array([1, 1, 1, 1, 1e-3, 1e-3, 1e-4, 1e-4])] * 4
+    scale, rng = np.concatenate(each), np.random.default_rng(1)
+    errors = []
+    for _ in range(20):
+        cameras = stepped(network, scale * rng.standard_normal(len(scale))).cameras
+        off = [replace(one, camera=camera) for one, camera in zip(own, cameras, strict=True)]
+        errors.append(result(manifest(), heard(), off)["deflection"] - TRUE)
+    data = result(manifest(), heard(), own, np.diag(scale**2))
+    errors, stated = np.array(errors)[:, 6:], data["standard_error"].values[6:]
+    alone = data["error_of_scatter"].values[6:]
+    conforms.sampled(np.sqrt(np.mean(errors**2)), np.sqrt(np.mean(stated**2)), rtol=0.25)
+    conforms.sampled(np.mean(np.abs(errors) < 2 * stated), above=0.88)
+    assert np.sqrt(np.mean(errors**2)) > 3 * np.sqrt(np.mean(alone**2))
+
+
+def test_few_poses_of_the_board_are_told(tmp_path):
+    data = result(manifest(), heard(), recordings(tmp_path))
+    assert "4 poses" in shown(data.assign(board_poses=4))
+    assert "poses" not in shown(data.assign(board_poses=5))

@@ -11,11 +11,8 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib import __version__
-from thesis_lib.arrays import Array
-from thesis_lib.measure.calibration.bundle_adjustment import adjust
-from thesis_lib.measure.calibration.rig import cameras_in
+from thesis_lib.measure.calibration import exactness
 from thesis_lib.measure.exchange import history
-from thesis_lib.measure.fitting.calibration_error import of_cameras
 from thesis_lib.measure.fitting.clocks import in_step
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import check as recordings_check
@@ -27,7 +24,10 @@ from thesis_lib.studies.attributes import with_origin
 from thesis_lib.studies.variables import declared, labelled
 
 SHOTS = declared("shots_used(camera) [1] pictures of the board that were used")
-UNKEPT = {"single_focal", "R_camera_world", "centre", "frequency", "of_sound", "of_sound_deviation"}
+UNKEPT = {
+    "single_focal", "R_camera_world", "centre", "covariance",
+    "frequency", "of_sound", "of_sound_deviation",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,9 @@ def recorded(
     clocks = recordings_check.check(manifest, folder)  # what it refuses leaves no trace
     filmed = recordings_check.timed(manifest, clocks)
     sound = heard(filmed, folder, steps, say)  # first: it may refuse more of the manifest
-    calibration = calibrated(manifest, folder, steps, say)
+    calibration = exactness.exact(
+        calibrated(manifest, folder, steps, say), manifest.board.board, steps
+    )
     recordings = tracked(filmed, folder, steps, calibration, sound, clocks)
     return Recorded(sound, calibration, recordings)
 
@@ -74,7 +76,7 @@ def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        data = result(manifest, sound, of.recordings, _covariance(manifest, of.calibration))
+        data = result(manifest, sound, of.recordings, of.calibration["covariance"].values)
         still = excitation.rest_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
         data = with_origin(
@@ -91,16 +93,6 @@ def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset
         return data, with_origin(moved, data.attrs["source"])
 
 
-def _covariance(manifest: Manifest, calibration: xr.Dataset) -> Array | None:
-    """Of the cameras, as their pictures of the board leave them, if sound is asked for."""
-    if manifest.radiation is None:
-        return None
-    board = manifest.board.board
-    corners = calibration["corners"].values
-    corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
-    return of_cameras(adjust(corners, board.corners, cameras_in(calibration)))
-
-
 def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
     """Refuse markers at rest whose places do not tell the structure's plane."""
     seen = np.isfinite(data["rest_position"].values).all(axis=0)
@@ -115,12 +107,13 @@ def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
 
 def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
     """What of calibration and sound belongs to the result."""
+    of_cameras = CALIBRATION | exactness.VARIABLES
     values = {
-        name: (calibration if name in CALIBRATION else sound)[name].values
-        for name in (*CALIBRATION, *SOUND)
+        name: (calibration if name in of_cameras else sound)[name].values
+        for name in (*of_cameras, *SOUND)
         if name not in UNKEPT
     }
     seen = np.isfinite(values["corners"][:, :, 0, 0]).sum(axis=1)
-    table = CALIBRATION | SOUND | SHOTS
+    table = of_cameras | SOUND | SHOTS
     names = {"camera": calibration["camera"]}
     return xr.Dataset(labelled(values | {"shots_used": seen}, table), names)

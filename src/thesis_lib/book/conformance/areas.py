@@ -10,8 +10,9 @@ AREAS = {
     "Acoustics": "radiation planes quadrature radiating estimates sound sound_sum sound_turn "
     "lab_radiation",
     "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
-    "The experiment": "scene lens render media corners calibration adjustment synchronisation "
-    "listening tracking reconstruction laboratory tapped experiment_study lab_layouts lab_motions",
+    "The experiment": "scene lens render media corners calibration adjustment jackknife "
+    "synchronisation listening tracking reconstruction laboratory tapped experiment_study "
+    "lab_layouts lab_motions",
     "Own recordings": "feasibility modes measuring measure result calibration_error own_recordings "
     "foreign exchange paper povray sync own_sound",
     "Beyond the thesis": "rounding design_law dither polytope interval "

@@ -24,9 +24,10 @@ from thesis_lib.files import code, workplace
 from thesis_lib.laboratory import direct, outlined
 from thesis_lib.laboratory.recordings import film_seed, sensor, settled
 from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.measure.calibration.jackknife import of_cameras
 from thesis_lib.measure.calibration.rig import alike
 from thesis_lib.measure.calibration.zhang import CalibrationError
-from thesis_lib.measure.fitting.calibration_error import common_errors, of_cameras
+from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.consistency import excess, in_plane
 from thesis_lib.measure.fitting.harmonics import amplitude, deviation
 from thesis_lib.studies import reach

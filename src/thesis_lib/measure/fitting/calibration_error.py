@@ -3,7 +3,7 @@
 An error of a focal length or of a camera's place turns and stretches what the cameras measure, for
 all markers alike. Noise of the centres averages out where many markers are summed, as in sound;
 this does not. The amplitudes are triangulated anew by cameras that are off by a standard deviation
-in each of the independent directions of the adjustment's covariance. Where the world lies is free
+in each of the independent directions of the calibration's covariance. Where the world lies is free
 in it, and does not matter: the structure's frame comes from its markers at rest.
 """
 
@@ -15,21 +15,13 @@ import numpy as np
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.calibration import reprojection
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment
-from thesis_lib.measure.calibration.reprojection import LENS, POSE, Network
+from thesis_lib.measure.calibration.reprojection import Network
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, fitted
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 
 DIRECTIONS = 16  # of the covariance that are kept, the largest ones
-
-
-def of_cameras(adjustment: Adjustment) -> Array:
-    """Covariance of the cameras alone: their poses, then their lenses, (14 n, 14 n)."""
-    n = len(adjustment.cameras)
-    which = np.r_[: POSE * n, len(adjustment.covariance) - LENS * n : len(adjustment.covariance)]
-    return adjustment.covariance[np.ix_(which, which)]
 
 
 def common_errors(
@@ -48,7 +40,7 @@ def common_errors(
     exposures : ndarray
         Exposure times in s.
     covariance : ndarray, shape (14 n, 14 n)
-        Of the cameras, see :func:`of_cameras`.
+        Of the cameras, see :func:`~thesis_lib.measure.calibration.jackknife.jackknife`.
 
     Returns
     -------

@@ -127,7 +127,8 @@ def result(
     recordings : sequence of tracks.Recording
         Cameras, clocks and tracks.
     covariance : ndarray, optional
-        Of the calibration, see :func:`.of_cameras`; then the result has :data:`SHARED`, too.
+        Of the cameras, see :func:`~thesis_lib.measure.calibration.jackknife.jackknife`; then the
+        result has :data:`SHARED`, too, and standard errors hold it.
 
     Returns
     -------
@@ -173,7 +174,6 @@ def result(
         fit, omega, exposures, markers.centres, manifest.structure.thickness_mm / 1000
     )
     more = excess(moved[:, ~still.any(axis=0)], allowed[:, ~still.any(axis=0)])
-    off = frame.scale - 1 if abs(frame.scale - 1) > SCALE else 0.0
     tone = share(recordings, begin, end, frequency, order)
     _check_explained(tone, given)
     jumps = [
@@ -190,7 +190,9 @@ def result(
         "x": markers.centres[0],
         "y": markers.centres[1],
         "deflection": shape,
-        "standard_error": np.hypot(max(np.nan_to_num(more), 1.0) * error, off * shape),
+        "standard_error": np.hypot(
+            max(np.nan_to_num(more), 1.0) * error, size_off(frame.scale) * shape
+        ),
         "error_of_scatter": error,
         "in_plane": np.sqrt(np.sum(np.abs(moved) ** 2, axis=0)),
         "in_plane_excess": more,
@@ -247,6 +249,8 @@ def result(
     if covariance is None:
         return data
     rows = common_errors(fit, markers, omega, exposures, covariance)
+    shared = np.sqrt(np.sum((rows * np.exp(-1j * phase)).real ** 2, axis=0))
+    data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
     return data.assign(labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED))
 
 
@@ -416,6 +420,11 @@ def _compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str
         "mean_error": rms(error),
     }
     return values, best.name if best else ""
+
+
+def size_off(scale: float) -> float:
+    """By how much shapes may be off in size if a grid measures `scale` of its own; 0 if it fits."""
+    return scale - 1 if abs(scale - 1) > SCALE else 0.0
 
 
 def rms(values: Array) -> float:

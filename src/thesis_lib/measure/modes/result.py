@@ -11,7 +11,7 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.models import candidates, scaled
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
-from thesis_lib.measure.fitting.result import SCALE, at_rest
+from thesis_lib.measure.fitting.result import at_rest, size_off
 from thesis_lib.measure.modes.identify import Asked, Modes, assurance, identify
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import tracks_of
@@ -153,7 +153,7 @@ def rest_of(manifest: Manifest, recordings: Sequence[Recording]) -> tuple[Rest, 
     points, _ = triangulate_seen(projection_matrices(cameras), still)
     thick = manifest.structure.thickness_mm / 1000
     rest = Rest(still, frame, points, markers.centres, thick)
-    return rest, frame.scale - 1 if abs(frame.scale - 1) > SCALE else 0.0
+    return rest, size_off(frame.scale)
 
 
 def window(

@@ -10,6 +10,7 @@ from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.models import model_of
+from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.radiation import between as interpolation
 from thesis_lib.measure.radiation.between import Between
 from thesis_lib.measure.radiation.radiated import Tone, cells_for, complex_of, radiated
@@ -94,14 +95,12 @@ def _amplitudes(
 ) -> estimates.Amplitudes:
     """The shape with the covariance of its errors: each marker's own, and what they share.
 
-    An error of size, which standard errors hold where the grid does not fit, is shared.
+    An error of size, where the grid does not fit, is shared.
     """
-    error, shape = data["standard_error"].values[known], data["deflection"].values[known]
     scatter = data["error_of_scatter"].values[known]
     wide = max(float(np.nan_to_num(data["in_plane_excess"])), 1.0)
-    shared = np.sqrt(np.maximum(error**2 - (wide * scatter) ** 2, 0))
-    size = float(np.sqrt(np.sum(shared**2) / np.sum(shape**2)))
-    rows = np.concatenate([common[:, known], size * amplitude[known][None]])
+    size = size_off(float(data["grid_scale"])) * amplitude[known]
+    rows = np.concatenate([common[:, known], size[None]])
     return estimates.circular(amplitude[known], (wide * scatter) ** 2, rows)
 
 

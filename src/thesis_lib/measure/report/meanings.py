@@ -103,6 +103,13 @@ OF_A_SHAPE = {
         "Film board and structure again with focus, zoom and mode locked, and leave the cameras "
         "alone in between.",
     ),
+    "few-poses": Meaning(
+        "The board was used in … poses, which is few",
+        "How far the cameras may be off is seen by leaving out one pose of the board after the "
+        "other. Of fewer than five none can be spared: each corner then counts as a witness of its "
+        "own, and the deviations are widened by as much as the poses contradict each other.",
+        "Film the board in more poses, tilted all ways: five at least, ten are better.",
+    ),
     "grid-scale": Meaning(
         "The markers' grid comes out … in size",
         "Size comes from the board's tiles. By them the markers are farther apart, or closer, than "

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
+from thesis_lib.measure.calibration.jackknife import FEWEST
 from thesis_lib.measure.fitting.result import SCALE, rms
 from thesis_lib.measure.report.meanings import Note
 
@@ -136,6 +137,13 @@ def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
                 "where all cameras put them: it moved, zoomed or cropped since the board was "
                 "filmed, or another one did.",
             )
+    if (poses := int(data.get("board_poses", FEWEST))) < FEWEST:
+        yield Note(
+            "few-poses",
+            f"The board was used in {poses} poses, which is few to tell how exact the calibration "
+            "is: its deviations are those by single corners, widened by as much as the poses "
+            f"differ more. {FEWEST} or more tell it by themselves.",
+        )
     off = float(data["grid_scale"]) - 1
     if abs(off) > SCALE:
         yield Note(

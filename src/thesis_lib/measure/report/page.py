@@ -204,9 +204,9 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
         "Standard errors are those by the scatter of the centres, times the motion in the plane "
         "over "
         "what that scatter explains, "
-        f"{max(float(np.nan_to_num(data['in_plane_excess'])), 1.0):.2g}. Errors that show "
-        "neither as "
-        "scatter nor in the plane they do not know."
+        f"{max(float(np.nan_to_num(data['in_plane_excess'])), 1.0):.2g}, and what the "
+        "calibration's own errors add, as its pictures of the board tell by leaving one out. "
+        "Errors that show in none of these they do not know."
     )
     if manifest.excitation.undersampled:
         yield "The frequency is known from elsewhere: the frames alone would show an alias."

@@ -1,0 +1,35 @@
+"""Calibrations compared: how far they are apart, and how far they say they may be."""
+
+import numpy as np
+
+from thesis_lib.measure.calibration.alignment import align, camera_deviations
+from thesis_lib.measure.calibration.bundle_adjustment import adjust
+
+
+def differences(cameras, others):
+    """Lenses, then centres and turns about a common frame, of all cameras less others."""
+    lenses = [
+        np.r_[(p.K - q.K)[[0, 1, 0, 1], [0, 1, 2, 2]], (p.distortion - q.distortion)[:4]]
+        for p, q in zip(cameras, others, strict=True)
+    ]
+    places = [each.ravel() for each in align(cameras, others)[1:]] if len(cameras) > 1 else []
+    return np.concatenate([*lenses, *places])
+
+
+def deviations_of(adjustment):
+    """What an adjustment states of these; a single camera's place is free."""
+    lenses = adjustment.deviations.ravel()
+    if len(adjustment.cameras) == 1:
+        return lenses
+    return np.concatenate([lenses, *(each.ravel() for each in camera_deviations(adjustment))])
+
+
+def refitted(observations, points, full):
+    """The same deviations by the full jackknife: adjusted anew without each shot."""
+    count = observations.shape[1]
+    rest = [
+        adjust(np.delete(observations, shot, axis=1), points, full.cameras).cameras
+        for shot in range(count)
+    ]
+    apart = np.array([differences(cameras, full.cameras) for cameras in rest])
+    return np.sqrt((count - 1) * np.var(apart, axis=0))
