@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import struct
 from collections.abc import Callable
@@ -163,6 +164,43 @@ def text(content: str) -> Change:
     return change
 
 
+def calibration(
+    change: Callable[[list[dict[str, Any]]], Any] = lambda cameras: None,
+    name: str = "c.toml",
+    **asked: Any,
+) -> Change:
+    """A calibration of both cameras to be reused, in TOML, after a change of its values."""
+
+    def changed(folder: Path, values: dict[str, Any]) -> None:
+        cameras = [
+            {
+                "name": camera, "size": [WIDTH, HEIGHT],
+                "matrix": [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]],
+                "distortions": [0.0] * 5, "rotation": [0.1 * k, 0.0, 0.0],
+                "translation": [0.5 * k, 0.0, 1.0],
+            }
+            for k, camera in enumerate("AB")
+        ]  # fmt: skip
+        change(cameras)
+        lines = [
+            "\n".join([f"[cam_{k}]", *(f"{key} = {json.dumps(one[key])}" for key in one)])
+            for k, one in enumerate(cameras)
+        ]
+        (folder / "c.toml").write_text("\n".join(lines), encoding="utf-8")
+        values["calibration"] = {"file": name, **asked} if asked else name
+
+    return changed
+
+
+def second(**values: Any) -> Change:
+    """The second camera of that calibration with other values; None leaves one out."""
+
+    def change(cameras: list[dict[str, Any]]) -> None:
+        cameras[1] = {k: v for k, v in (cameras[1] | values).items() if v is not None}
+
+    return calibration(change)
+
+
 WRONG, FAILED = 2, 1  # exit status: the request, or what is in the files
 CASES: dict[str, tuple[Change, int, list[str]]] = {
     # The manifest as a text.
@@ -267,6 +305,45 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
                           ["2.png: 32 × 24 px, allowed: 64 × 48 px"]),
     "no board in any": (both(), FAILED, ["A: 0 of 4 shots show the board", "9 × 9 tiles"]),
     "corners counted for tiles": (given("board.columns", 3), WRONG, ["board.columns: given 3"]),
+    # A calibration that is reused.
+    "no calibration": (given("calibration", "other"), WRONG, ["other: no calibration there"]),
+    "a path that is none": (given("calibration", 7), WRONG, ["calibration: given 7", "a path"]),
+    "an unknown wish": (calibration(poses="new"), WRONG, ["calibration.poses", '"anew"']),
+    "a text for a calibration": (
+        both(calibration(), file("c.toml", b"x = [")), WRONG, ["c.toml: not a calibration"]),
+    "no camera in it": (both(calibration(), file("c.toml", b"x = 1")), WRONG, ["no camera in it"]),
+    "a video for a calibration": (given("calibration", "A.mkv"), WRONG, ["A.mkv: not a calib"]),
+    "a cut netCDF file": (both(calibration(name="c.nc"), renamed("c.toml", "c.nc")), WRONG,
+                          ["c.nc: no calibration"]),
+    "calibrated in another size": (second(size=[32, 24]), WRONG,
+                                   ["camera B is of 32 × 24 px, allowed: 64 × 48 px"]),
+    "a size that is missing": (second(size=None), WRONG, ["camera B: no image_width"]),
+    "a camera that is missing": (second(name="C"), WRONG, ["no camera B in it; there are A, C"]),
+    "two cameras of one name": (
+        both(calibration(lambda cameras: cameras.append(cameras[1]))), WRONG, ["two cameras B"]),
+    "a fisheye": (second(fisheye=True), WRONG, ['camera B: distortion model "fisheye"', "Brown"]),
+    "an equidistant lens": (second(distortion_model="equidistant"), WRONG, ['"equidistant"']),
+    "a rational lens": (second(distortions=[0.1] * 8), WRONG, ["camera B: 8", "rational model"]),
+    "three coefficients": (second(distortions=[0.1] * 3), WRONG, ["camera B: 3 coefficients"]),
+    "a mirror": (second(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, -1]]), WRONG,
+                 ["camera B: mirrored axes", "x right, y down"]),
+    "a picture upside down": (
+        second(matrix=[[60, 0, 31.5], [0, -60, 23.5], [0, 0, 1]]), WRONG, ["mirrored axes"]),
+    "no rotation": (second(rotation=[[1, 0, 0], [0, 2, 0], [0, 0, 1]]), WRONG,
+                    ["camera B: rotation: no rotation matrix"]),
+    "no intrinsic matrix": (second(matrix=[[60, 0, 31.5], [0, 60, 23.5], [0, 1, 0]]), WRONG,
+                            ["camera B: camera_matrix"]),
+    "a number that is none": (second(translation=["x", 0, 1]), WRONG, ["camera B: translation"]),
+    "calibrated in mm": (second(translation=[500.0, 0.0, 1000.0]), WRONG,
+                         ["m apart", "calibration.unit: mm"]),
+    "calibrated in feet": (
+        both(calibration(), lambda folder, values: (folder / "c.toml").write_text(
+            (folder / "c.toml").read_text() + '\n[metadata]\nunits = "ft"') and None),
+        WRONG, ['lengths in "ft", allowed: m or mm']),
+    "no places": (second(translation=None), WRONG, ["does not say where", "poses: anew"]),
+    "no pictures for places": (
+        both(calibration(poses="anew"), given("cameras.1.shots")), WRONG,
+        ["cameras[1].shots: given null"]),
     "a tile of nothing": (given("board.tile_mm", 0), WRONG, ["board.tile_mm: given 0"]),
 }  # fmt: skip
 

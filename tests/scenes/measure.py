@@ -19,9 +19,9 @@ import yaml
 from command import Done, hears_signals
 
 RESULTS = {
-    "cameras.toml", "cameras.yaml", "figures", "measured.mat", "measured.nc", "motion.csv",
-    "motion.nc", "motion.uff", "report.html", "shape.gif", "shape.mp4", "shapes.csv", "shapes.uff",
-    "tracked.mp4", "vtk",
+    "calibration.nc", "cameras.toml", "cameras.yaml", "figures", "measured.mat", "measured.nc",
+    "motion.csv", "motion.nc", "motion.uff", "report.html", "shape.gif", "shape.mp4", "shapes.csv",
+    "shapes.uff", "tracked.mp4", "vtk",
 }  # fmt: skip
 SAMPLE_RATE = 48000
 

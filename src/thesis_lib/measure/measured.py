@@ -12,7 +12,10 @@ import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.measure.calibration import exactness
+from thesis_lib.measure.calibration.reprojection import LENS
+from thesis_lib.measure.calibration.reused import as_calibrated, reused
 from thesis_lib.measure.exchange import history
+from thesis_lib.measure.exchange.reading import Found
 from thesis_lib.measure.fitting.clocks import in_step
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import check as recordings_check
@@ -51,11 +54,9 @@ def recorded(
     """
     say(f"checking {len(manifest.cameras)} videos")
     clocks = recordings_check.check(manifest, folder)  # what it refuses leaves no trace
-    filmed = recordings_check.timed(manifest, clocks)
+    given, filmed = reused(manifest, folder), recordings_check.timed(manifest, clocks)
     sound = heard(filmed, folder, steps, say)  # first: it may refuse more of the manifest
-    calibration = exactness.exact(
-        calibrated(manifest, folder, steps, say), manifest.board.board, steps
-    )
+    calibration = _calibration(manifest, folder, steps, given, say)
     recordings = tracked(filmed, folder, steps, calibration, sound, clocks)
     return Recorded(sound, calibration, recordings)
 
@@ -76,7 +77,9 @@ def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        data = result(manifest, sound, of.recordings, of.calibration["covariance"].values)
+        covariance = of.calibration["covariance"].values
+        known = bool(np.isfinite(covariance).all())
+        data = result(manifest, sound, of.recordings, covariance if known else None)
         still = excitation.rest_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
         data = with_origin(
@@ -91,6 +94,22 @@ def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset
         )
         moved = history.motion(data, in_step(data, of.recordings), still)
         return data, with_origin(moved, data.attrs["source"])
+
+
+def _calibration(
+    manifest: Manifest, folder: Path, steps: Path, given: Found | None, say: Callable[[str], object]
+) -> xr.Dataset:
+    """The cameras by pictures of the board, or reused, and how exact they are."""
+    board = manifest.board.board
+    if given is None:
+        return exactness.exact(calibrated(manifest, folder, steps, say), board, steps)
+    assert manifest.calibration is not None
+    if manifest.calibration.poses == "kept":
+        return exactness.stated(as_calibrated(given), given.covariance)
+    n = LENS * len(given.cameras)
+    held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
+    placed = calibrated(manifest, folder, steps, say, given.cameras)
+    return exactness.exact(placed, board, steps, held)
 
 
 def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:

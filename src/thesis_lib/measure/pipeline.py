@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from thesis_lib.files import staging
-from thesis_lib.measure.exchange import files
+from thesis_lib.measure.calibration import exactness
+from thesis_lib.measure.exchange import files, reading
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.measured import deflection, recorded
@@ -75,6 +76,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     with staging(out) as part:
         (part / "figures").mkdir()
         storage.write(data, part / "measured.nc")
+        storage.write(exactness.to_keep(of.calibration), part / reading.OWN)
         for name, (kind, content) in pictures.items():
             (part / "figures" / f"{name}.{kind}").write_bytes(content)
         report.table(data).to_csv(part / "shapes.csv", index=False)

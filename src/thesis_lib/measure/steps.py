@@ -21,6 +21,7 @@ from thesis_lib.measure.tracking.tracks import Recording, record
 from thesis_lib.studies.cache import kept, key_of
 from thesis_lib.studies.parallel import abreast
 from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.vision.lens import Camera
 
 CALIBRATION = declared("""
     reprojection_rms() [px] rms residual of a coordinate of the board's corners
@@ -57,20 +58,25 @@ def _silent(_: str) -> None:
 
 
 def calibrated(
-    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object] = _silent
+    manifest: Manifest,
+    folder: Path,
+    steps: Path,
+    say: Callable[[str], object] = _silent,
+    lenses: Sequence[Camera] = (),
 ) -> xr.Dataset:
-    """The cameras, adjusted together from all pictures of the board."""
+    """The cameras, adjusted together from all pictures of the board; with `lenses` their places."""
     rows = [shot_paths(camera, folder) for camera in manifest.cameras]
     shots = [shot for row in rows for shot in row if shot]
     what = [manifest.board.model_dump(mode="json")] + [
         [c.name, c.size, [shot and shot.name for shot in row]]
         for c, row in zip(manifest.cameras, rows, strict=True)
     ]
+    what += [[lens.K.tolist(), lens.distortion.tolist()] for lens in lenses]
 
     def compute() -> xr.Dataset:
         say(f"calibrating from {len(shots)} pictures of the board")
         with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
-            corners, lost, single, full = adjusted(manifest, folder, lambda: bar.update())
+            corners, lost, single, full = adjusted(manifest, folder, lambda: bar.update(), lenses)
         poses = ("K", "distortion", "R_camera_world", "centre", "size")
         values = {name: [getattr(c, name) for c in full.cameras] for name in poses} | {
             "reprojection_rms": full.rms,

@@ -23,6 +23,7 @@ from thesis_lib.measure.recordings.manifest_model import (
     Structure,
 )
 from thesis_lib.measure.recordings.radiation_fields import Radiation
+from thesis_lib.measure.recordings.reuse import Reuse
 from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.measure.report.meanings import OF_A_SHAPE, OF_MODES, OF_SOUND, Meaning
 from thesis_lib.studies.vocabulary import allowed_text, unit
@@ -34,6 +35,7 @@ PARTS: dict[str, type[BaseModel]] = {
     "cameras": CameraFiles,
     "board": BoardSpec,
     "excitation": Excitation,
+    "calibration": Reuse,
     "radiation": Radiation,
     "modes": Sought,
 }
@@ -63,7 +65,7 @@ def _default(model: type[BaseModel], name: str) -> str:
     """A field's default with its unit, or what it says of being given."""
     if model.model_fields[name].is_required():
         return "required" + (f", in {unit(name)}" if unit(name) else "")
-    whole: Any = model() if model is not CameraFiles and model is not Manifest else None
+    whole: Any = model() if model not in (CameraFiles, Manifest, Reuse) else None
     field = model.model_fields[name]
     value = getattr(whole, name) if whole else field.get_default(call_default_factory=True)
     if isinstance(value, BaseModel):

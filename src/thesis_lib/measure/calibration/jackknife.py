@@ -83,6 +83,37 @@ def of_cameras(adjustment: Adjustment) -> Array:
     return adjustment.covariance[np.ix_(which, which)]
 
 
+def with_lenses(
+    observations: Array, points: Array, adjustment: Adjustment, held: Array, poses: Array
+) -> Array:
+    """Covariance of cameras whose lenses were held fixed, errors of these lenses included.
+
+    An error of the lenses moves the poses by −N_pp⁻¹ N_pl of it.
+
+    Parameters
+    ----------
+    observations, points, adjustment
+        As of :func:`jackknife`, the lenses held fixed.
+    held : ndarray, shape (8 n, 8 n)
+        Covariance of the lenses.
+    poses : ndarray, shape (14 n, 14 n)
+        What :func:`jackknife` says of the poses alone.
+
+    Returns
+    -------
+    ndarray, shape (14 n, 14 n)
+    """
+    cut = POSE * len(adjustment.cameras)
+    units = np.sqrt(np.diag(poses)[:cut])
+    N = _contributions(observations, points, adjustment)[0].sum(axis=0)
+    own = N[:cut, :cut] * units[:, None] * units
+    bare = Network(adjustment.cameras, np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    Q, _ = np.linalg.qr(reprojection.gauge(bare)[:cut] / units[:, None])
+    moved = -np.linalg.solve(own + Q @ Q.T, units[:, None] * N[:cut, cut:]) * units[:, None]
+    T = np.concatenate([moved, np.eye(len(held))])
+    return np.asarray(poses + T @ held @ T.T)
+
+
 def _contributions(observations: Array, points: Array, network: Network) -> tuple[Array, Array]:
     """What each shot says of the cameras: Nₛ, shape (shots, 14 n, 14 n), and gₛ, (shots, 14 n)."""
     seen: Mask = np.all(np.isfinite(observations), axis=(2, 3))

@@ -65,7 +65,7 @@ def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Came
     views = [(int(c), int(s)) for c, s in np.argwhere(seen)]
     while pending := [(c, s) for c, s in views if (c in placed) != (s in boards)]:
         c, s = pending[0]
-        R, t = _planar_pose(cameras[c], points, observations[c, s])
+        R, t = planar_pose(cameras[c], points, observations[c, s])
         if s in boards:
             Rs, ts = boards[s]
             rotation = R @ Rs.T
@@ -84,7 +84,7 @@ def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Came
     )
 
 
-def _planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]:
+def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]:
     """Rotation and translation from a board to a camera that sees it."""
     xy = undistort(from_pixels(camera.K, uv), camera.distortion)
     _, turn, t = cv2.solvePnP(points.T.copy(), xy.T.copy(), np.eye(3), np.zeros(4))

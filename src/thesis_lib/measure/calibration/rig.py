@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +14,11 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
+from thesis_lib.measure.calibration.reprojection import planar_pose
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError, zhang
 from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.studies.parallel import abreast
@@ -36,9 +38,14 @@ def alike() -> Iterator[None]:
 
 @alike()
 def adjusted(
-    manifest: Manifest, folder: Path, tick: Callable[[], object] = lambda: None
+    manifest: Manifest,
+    folder: Path,
+    tick: Callable[[], object] = lambda: None,
+    lenses: Sequence[Camera] = (),
 ) -> tuple[Array, list[str], list[Calibration], Adjustment]:
     """All cameras from all corners of the board, adjusted together; `tick` is called per picture.
+
+    With `lenses` of the cameras these are kept, and only their places are found.
 
     Returns
     -------
@@ -83,7 +90,7 @@ def adjusted(
                 corners_of = None
             shots[-1].append(corners_of)
     try:
-        single = [
+        single = [posed(row, board, lens) for row, lens in zip(shots, lenses, strict=False)] or [
             zhang(row, board, camera.size, True, camera.name)
             for camera, row in zip(manifest.cameras, shots, strict=True)
         ]
@@ -97,10 +104,21 @@ def adjusted(
         why = f"{1e3 * off:.1f} mm off the rig of the others" if off else "no camera sees the board"
         files = ", ".join(path.name for row in paths if (path := row[pose]))
         lost.append(f"pose {pose + 1} ({files or 'no picture'}): {why}; it is left out")
-    full = adjust(corners[:, seen], board.corners, [one.camera() for one in single])
+    cameras = [one.camera() for one in single]
+    full = adjust(corners[:, seen], board.corners, cameras, not lenses, not lenses)
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)
+
+
+def posed(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibration:
+    """A camera with a known lens, and the board's pose in each of its shots."""
+    poses = [(None, None) if uv is None else planar_pose(lens, board.corners, uv) for uv in shots]
+    rotations, translations = zip(*poses, strict=True)
+    size, unknown = lens.size, np.full(4, np.nan)
+    return Calibration(
+        lens.name, size, lens.K, lens.distortion, rotations, translations, np.nan, unknown
+    )
 
 
 def cameras_in(calibration: xr.Dataset) -> list[Camera]:

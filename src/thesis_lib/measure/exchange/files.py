@@ -22,6 +22,7 @@ MEANINGS = (
     "measured.mat: both for MATLAB and Octave",
     "vtk/period.pvd: one period for ParaView",
     "cameras.yaml, cameras.toml: the calibrated cameras for OpenCV, and for aniposelib",
+    "calibration.nc: the same with their errors, as calibration of another manifest can reuse it",
     "shape.mp4, shape.gif: the shape in motion",
     "tracked.mp4: frames of the first camera, slowed, with the markers as they were followed",
 )

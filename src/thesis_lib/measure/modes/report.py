@@ -16,6 +16,7 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
 from thesis_lib.measure.report.figures import WIDE
 from thesis_lib.measure.report.meanings import Note
+from thesis_lib.measure.report.notes import source_of_size
 from thesis_lib.measure.report.page import Pictures
 from thesis_lib.measure.report.tables import texts
 from thesis_lib.measure.report.view import shape_view
@@ -35,6 +36,7 @@ FILES = (
     "mode-1.mp4, mode-1.gif and so on: each mode in motion",
     "motion.nc, motion.csv, motion.uff: every marker from frame to frame, if no mode is too fast",
     "cameras.yaml, cameras.toml: the calibrated cameras for OpenCV, and for aniposelib",
+    "calibration.nc: the same with their errors, as calibration of another manifest can reuse it",
 )
 
 
@@ -249,8 +251,8 @@ def page(data: xr.Dataset, manifest: Manifest, pictures: Pictures) -> str:
 def assumed(data: xr.Dataset, manifest: Manifest) -> Iterator[str]:
     """What the result rests on and nothing in it can prove."""
     yield (
-        f"The size of everything comes from the board's tiles of {manifest.board.tile_mm:g} mm; by "
-        f"them the markers' grid is {100 * (float(data['grid_scale']) - 1):+.3f} % larger than the "
+        f"The size of everything comes from {source_of_size(manifest)}; by "
+        f"that the markers' grid is {100 * (float(data['grid_scale']) - 1):+.3f} % larger than the "
         "manifest says."
     )
     yield "The structure is flat at rest, and moves along its normal."

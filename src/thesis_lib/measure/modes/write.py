@@ -11,7 +11,9 @@ import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.files import staging
+from thesis_lib.measure.calibration.exactness import to_keep
 from thesis_lib.measure.exchange import cameras, files, history, uff, vtk
+from thesis_lib.measure.exchange.reading import OWN
 from thesis_lib.measure.modes import report
 from thesis_lib.measure.modes.result import result
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -72,6 +74,7 @@ def several(
         placed = cameras.in_structure_axes([own.camera for own in recordings], data)
         cameras.write_opencv(part / "cameras.yaml", placed)
         cameras.write_aniposelib(part / "cameras.toml", placed)
+        storage.write(to_keep(calibration), part / OWN)
         if moved is not None:
             storage.write(moved, part / "motion.nc")
             history.write_csv(part / "motion.csv", moved)

@@ -29,8 +29,8 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     Parameters
     ----------
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.result` returns with the calibration's
-        covariance.
+        What :func:`~thesis_lib.measure.fitting.result.result` returns, if it is known with the
+        calibration's covariance.
     manifest : Manifest
         With ``radiation``.
 
@@ -56,7 +56,9 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     omega = 2 * np.pi * float(data["frequency"])
     count = cells_for(tuple(np.ptp(corners, axis=0)), omega, asked.medium)
     surface = Surface.of(corners, count, (size[0] / 2, size[1] / 2))
-    shape = _amplitudes(data, amplitude, known, complex_of(data, "shared"))
+    none = np.zeros((0, amplitude.size), complex)  # of a calibration whose errors are unknown
+    common = complex_of(data, "shared") if "shared_real" in data else none
+    shape = _amplitudes(data, amplitude, known, common)
     between = _chosen(asked, structure, surface, corners, markers, shape)
     made = radiated(
         surface, between, [Tone(omega, shape)], asked.points, _planes(asked, size), asked.medium

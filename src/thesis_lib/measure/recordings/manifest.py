@@ -139,6 +139,8 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
 
     Those of a folder or pattern are in the order of their names, numbers by value.
     """
+    if camera.shots is None:
+        return []
     if not isinstance(camera.shots, str):
         return [None if shot is None else folder / shot for shot in camera.shots]
     place = folder / camera.shots
@@ -177,6 +179,8 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
     for i, camera in enumerate(manifest.cameras):
         named.append((f"cameras[{i}].video", camera.video))
         where = f"cameras[{i}].shots"
+        if camera.shots is None:
+            continue
         if isinstance(camera.shots, str):
             if outside(camera.shots):
                 yield f"{where}: given {shown(camera.shots)}, allowed: {INSIDE}"

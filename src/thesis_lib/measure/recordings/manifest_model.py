@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.radiation_fields import Place, Radiation
+from thesis_lib.measure.recordings.reuse import Reuse
 from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.studies.refusals import Refusing, permitted, refuse
 from thesis_lib.studies.vocabulary import (
@@ -165,9 +166,10 @@ class CameraFiles(Refusing):
         ge=-1,
         le=1,
     )
-    shots: FileName | tuple[FileName | None, ...] = field(
-        ...,
-        "pictures of the calibration board; the k-th of every camera shows the same pose",
+    shots: FileName | tuple[FileName | None, ...] | None = field(
+        None,
+        "pictures of the calibration board; the k-th of every camera shows the same pose; null if "
+        "calibration has the cameras' places",
         "a folder of pictures, a pattern such as shots/A-*.png, or a list of 3 to 200 files with "
         "null where there is none, each inside the manifest's folder",
     )
@@ -283,6 +285,11 @@ class Manifest(Refusing):
     )
     board: BoardSpec = field(BoardSpec, "the calibration board", "an object")
     excitation: Excitation = field(Excitation, "the excitation", "an object")
+    calibration: Reuse | None = field(
+        None,
+        "a calibration that is reused; null calibrates from the pictures of the board",
+        "null, a path, or an object",
+    )
     radiation: Radiation | None = field(
         None, "the sound that is wanted of it", "null, or an object; {} takes the defaults"
     )
@@ -293,6 +300,11 @@ class Manifest(Refusing):
         if self.radiation is not None and self.excitation.kind != "tone":
             allowed = 'allowed where radiation is given: "tone"'
             refuse("excitation.kind", self.excitation.kind, allowed)
+        if self.calibration is None or self.calibration.poses == "anew":
+            for i, camera in enumerate(self.cameras):
+                if camera.shots is None:
+                    allowed = allowed_text(CameraFiles, "shots")
+                    refuse(f"cameras[{i}].shots", None, f"allowed without calibration: {allowed}")
         for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
             for name in ("name", "video"):
                 given, allowed = getattr(other, name), allowed_text(CameraFiles, name)

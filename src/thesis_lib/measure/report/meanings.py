@@ -103,6 +103,12 @@ OF_A_SHAPE = {
         "Film board and structure again with focus, zoom and mode locked, and leave the cameras "
         "alone in between.",
     ),
+    "calibration-untold": Meaning(
+        "The calibration that was reused does not tell how exact it is",
+        "It is from another program. Errors of its lenses and places turn and stretch the shape as "
+        "a whole, by an unknown amount.",
+        "Reuse the folder of an earlier measurement, or give pictures of the board.",
+    ),
     "few-poses": Meaning(
         "The board was used in … poses, which is few",
         "How far the cameras may be off is seen by leaving out one pose of the board after the "

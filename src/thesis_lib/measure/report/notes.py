@@ -10,6 +10,7 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.jackknife import FEWEST
 from thesis_lib.measure.fitting.result import SCALE, rms
+from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report.meanings import Note
 
 LOST = 0.05  # share of the frames from which on a camera's lost markers are told
@@ -27,6 +28,13 @@ APART = 10.0  # degrees by which cameras are out of step if a frequency may be a
 def notes(data: xr.Dataset) -> list[Note]:
     """What a reader should know before trusting the result."""
     return [*_of_frequency(data), *_of_cameras(data), *_of_markers(data), *_of_shape(data)]
+
+
+def source_of_size(manifest: Manifest) -> str:
+    """What tells how large things are."""
+    if manifest.calibration is not None and manifest.calibration.poses == "kept":
+        return f"the calibration that was reused, {manifest.calibration.file}"
+    return f"the board's tiles of {manifest.board.tile_mm:g} mm"
 
 
 def _of_frequency(data: xr.Dataset) -> Iterator[Note]:
@@ -137,6 +145,12 @@ def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
                 "where all cameras put them: it moved, zoomed or cropped since the board was "
                 "filmed, or another one did.",
             )
+    if not np.isfinite(data.get("focal_deviation", 0.0)).all():
+        yield Note(
+            "calibration-untold",
+            "The calibration that was reused does not tell how exact it is: standard errors hold "
+            "nothing of its errors, which all markers share.",
+        )
     if (poses := int(data.get("board_poses", FEWEST))) < FEWEST:
         yield Note(
             "few-poses",

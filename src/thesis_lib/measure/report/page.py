@@ -19,7 +19,7 @@ from thesis_lib.measure.radiation.report import sound_section
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report import html, tables
-from thesis_lib.measure.report.notes import notes
+from thesis_lib.measure.report.notes import notes, source_of_size
 from thesis_lib.measure.report.view import shape_view
 from thesis_lib.plotting.style import saved
 from thesis_lib.web.shell import shell
@@ -46,10 +46,11 @@ def figures(
     made = {
         "shape": draw.shape(data, manifest),
         "cameras": draw.cameras(data, manifest),
-        "corners": draw.corners(data),
         "motion": draw.motion(data, seen),
         "residuals": draw.residuals(seen),
     }
+    if data["shots_used"].any():
+        made["corners"] = draw.corners(data)
     pictures = {name: ("svg", saved(figure, "svg")) for name, figure in made.items()}
     for i, first in enumerate(firsts):
         one = seen.isel(camera=i)
@@ -122,7 +123,9 @@ def page(
             "Residuals of the board's corners. They should scatter about "
             "zero; a pattern tells of a lens that the model does not describe, or of a board "
             "that is not flat.",
-        ),
+        )
+        if "corners" in pictures
+        else "",
         html.details("Pictures of the board that were not used", html.items(_lines(data, "notes"))),
         "<h2>Synchronisation</h2>" + html.items(_lines(data, "synchronisation")),
         "<h2>Markers</h2>",
@@ -178,8 +181,8 @@ def _lines(data: xr.Dataset, name: str) -> list[str]:
 def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
     """What the result rests on and nothing in it can prove."""
     yield (
-        f"The size of everything comes from the board's tiles of {manifest.board.tile_mm:g} mm. "
-        f"By them the markers' grid is {100 * (float(data['grid_scale']) - 1):+.3f} % larger than "
+        f"The size of everything comes from {source_of_size(manifest)}. By that the markers' grid "
+        f"is {100 * (float(data['grid_scale']) - 1):+.3f} % larger than "
         f"the manifest says, and its markers lie {1e3 * float(data['grid_rms']):.3f} mm (rms) off "
         "their places."
     )
@@ -193,7 +196,7 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
             "All rows of a frame are exposed at once. A rolling shutter sees markers lower in the "
             "picture later: give readout_s, else their phase errs by up to 2πf times that."
         )
-    if manifest.board.two_sided:
+    if manifest.board.two_sided and data["shots_used"].any():
         yield "The two sides of the board are printed in one place; its thickness is neglected."
     order = int(data["harmonics"])
     yield (

@@ -1,0 +1,219 @@
+"""Calibrations that are reused: an earlier measurement's, and those of other programs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+from scenes import own
+from scenes.calibration import BOARD, observations, rig
+from scenes.jackknife import deviations_of, differences
+
+from thesis_lib.facts import setups
+from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.jackknife import jackknife, with_lenses
+from thesis_lib.measure.exchange import cameras as written
+from thesis_lib.measure.exchange.reading import read_cameras
+from thesis_lib.measure.pipeline import measure
+from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
+from thesis_lib.measure.report import notes
+from thesis_lib.vibration.motion import Component
+
+CAMERAS = rig()
+
+
+def assert_same(found, expected=CAMERAS, placed=True):
+    """The same cameras, in numbers as a text has them."""
+    assert [one.name for one in found.cameras] == [one.name for one in expected]
+    assert found.placed == placed
+    for one, other in zip(found.cameras, expected, strict=True):
+        assert one.size == other.size
+        np.testing.assert_allclose(one.K, other.K, rtol=1e-12)
+        np.testing.assert_allclose(one.distortion, other.distortion, rtol=1e-12)
+        if placed:
+            np.testing.assert_allclose(one.R_camera_world, other.R_camera_world, atol=1e-12)
+            np.testing.assert_allclose(one.centre, other.centre, atol=1e-12)
+
+
+# What other programs write.
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [("c.yaml", written.write_opencv), ("c.toml", written.write_aniposelib)],
+)
+def test_what_is_written_is_read(tmp_path, name, write):
+    write(tmp_path / name, CAMERAS)
+    assert_same(read_cameras(tmp_path / name))
+
+
+def opencv(path, camera, **more):
+    """As OpenCV's own camera_calibration writes one camera."""
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    K = camera.K.copy()
+    K[:2, 2] -= 0.5
+    file.write("calibration_time", "Wed Nov 25 10:16:02 2026")
+    file.write("image_width", camera.size[0])
+    file.write("image_height", camera.size[1])
+    file.write("fisheye_model", 0)
+    file.write("camera_matrix", K)
+    file.write("distortion_coefficients", camera.distortion[:, None])
+    for key, value in more.items():
+        file.write(key, value)
+    file.release()
+
+
+def test_a_file_of_opencv_for_each_camera(tmp_path):
+    for camera in CAMERAS:
+        opencv(tmp_path / f"{camera.name}.yml", camera)
+    assert_same(read_cameras(tmp_path), placed=False)
+
+
+def test_a_file_of_ros(tmp_path):
+    camera = CAMERAS[2]
+    K = camera.K - 0.5 * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+    values = {
+        "image_width": 1920, "image_height": 1080, "camera_name": "C",
+        "camera_matrix": {"rows": 3, "cols": 3, "data": K.ravel().tolist()},
+        "distortion_model": "plumb_bob",
+        "distortion_coefficients": {"rows": 1, "cols": 5, "data": camera.distortion.tolist()},
+    }  # fmt: skip
+    (tmp_path / "ros.yaml").write_text(yaml.safe_dump(values), encoding="utf-8")
+    assert_same(read_cameras(tmp_path / "ros.yaml"), [camera], placed=False)
+
+
+def toml(unit="", scale=1.0, matrix=False, key="name"):
+    """As aniposelib, or caliscope, writes cameras."""
+    lines = []
+    for k, one in enumerate(CAMERAS):
+        K = one.K - 0.5 * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+        turn = one.R_camera_world if matrix else np.ravel(cv2.Rodrigues(one.R_camera_world)[0])
+        lines += [
+            f"[cam_{k}]",
+            f"{key} = {json.dumps(one.name)}",
+            f"size = {list(one.size)}",
+            f"matrix = {K.tolist()}",
+            f"distortions = {one.distortion.tolist()}",
+            f"rotation = {turn.tolist()}",
+            f"translation = {(scale * one.t).tolist()}",
+        ]
+    return "\n".join([*lines, *(["[metadata]", f'units = "{unit}"'] if unit else [])])
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [(toml(), None), (toml("mm", 1e3), None), (toml(scale=1e3), "mm"),
+     (toml(matrix=True, key="cam_id"), None)],
+)  # fmt: skip
+def test_toml_in_metres_or_millimetres(tmp_path, text, unit):
+    (tmp_path / "array.toml").write_text(text, encoding="utf-8")
+    assert_same(read_cameras(tmp_path / "array.toml", unit))
+
+
+# How exact lenses that were calibrated before leave the cameras' places.
+
+
+def test_places_by_reused_lenses_are_as_exact_as_stated(conforms):
+    """Lenses that are off as their covariance says, and then few pictures for the places."""
+    points, n = BOARD.corners, 4
+    held = np.diag(np.tile([2.0, 2, 2, 2, 2e-3, 2e-3, 1e-4, 1e-4], n) ** 2)
+    errors, stated, alone = [], [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        uv = observations(0.02, seed)[:, rng.permutation(12)[:6]]
+        off = np.sqrt(np.diag(held)).reshape(n, 8) * rng.standard_normal((n, 8))
+        lenses = [
+            replace(
+                one,
+                K=one.K + np.array([[d[0], 0, d[2]], [0, d[1], d[3]], [0, 0, 0]]),
+                distortion=one.distortion + np.r_[d[4:], 0],
+            )
+            for one, d in zip(CAMERAS, off, strict=True)
+        ]
+        full = adjust(uv, points, lenses, intrinsics=False, distortion=False)
+        own = jackknife(uv, points, full)
+        whole = with_lenses(uv, points, full, held, own.covariance)
+        errors.append(differences(full.cameras, CAMERAS)[8 * n :])
+        stated.append(deviations_of(replace(own, covariance=whole))[8 * n :])
+        alone.append(deviations_of(own)[8 * n :])
+    ratio = np.sqrt(np.mean(np.square(stated), axis=0) / np.mean(np.square(errors), axis=0))
+    # Wrong lenses show as misfits, too, which the jackknife alone has already: a little too large.
+    conforms.sampled(np.exp(np.mean(np.log(ratio))), above=0.95, below=1.35)
+    conforms.sampled(np.mean(np.abs(errors) < 2 * np.array(stated)), above=0.9)
+    conforms.sampled(np.mean(np.abs(errors) < 2 * np.array(alone)), below=0.85)
+
+
+# From folder to shape.
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    """A measurement with a calibration of its own, its folder and manifest."""
+    folder = tmp_path_factory.mktemp("first")
+    part = Component(amplitude=0.003, frequency=6.3)
+    scene = own.short_rig(setups.beam(), [(12, 30), (-150, 35)], part, steady=0.8)
+    path = own.make(folder, scene, {})
+    measure(path, folder / "measured", lambda line: None)
+    return folder
+
+
+def again(first, calibration, change=lambda values: None):
+    """The same recordings measured by another calibration."""
+    values = yaml.safe_load((first / "manifest.yaml").read_text(encoding="utf-8"))
+    values["calibration"] = calibration
+    change(values)
+    path = first / "again.yaml"
+    path.write_text(yaml.safe_dump(values), encoding="utf-8")
+    measure(path, first / "again", lambda line: None)
+    with xr.open_dataset(first / "again" / "measured.nc") as data:
+        return data.load()
+
+
+def without_pictures(values):
+    for camera in values["cameras"]:
+        del camera["shots"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "calibration",
+    ["measured", "measured/calibration.nc", "measured/cameras.toml", "measured/cameras.yaml",
+     {"file": "measured", "poses": "anew"}, {"file": "measured/cameras.toml", "poses": "anew"}],
+)  # fmt: skip
+def test_a_reused_calibration_gives_the_same_shape(conforms, first, calibration):
+    with xr.open_dataset(first / "measured" / "measured.nc") as before:
+        before.load()
+    placed = isinstance(calibration, str)
+    data = again(first, calibration, without_pictures if placed else lambda values: None)
+    most = float(np.abs(before["deflection"]).max())
+    conforms.independent(data["deflection"], before["deflection"], atol=1e-4 * most)
+    exact = "cameras." not in str(calibration)
+    told = " ".join(notes.warnings(data))
+    assert ("does not tell how exact" in told) == (not exact)
+    ratio = float(np.sqrt(np.mean(data["standard_error"] ** 2 / before["standard_error"] ** 2)))
+    if exact:  # of the same pictures, twice, if places are found anew
+        conforms.independent(ratio, 1, atol=1e-3 if placed else 0.3)
+        np.testing.assert_allclose(data["focal_deviation"], before["focal_deviation"])
+    else:
+        assert np.isnan(data["focal_deviation"]).all()
+    assert (data["shots_used"] == 0).all() == placed
+    page = (first / "again" / "report.html").read_text(encoding="utf-8")
+    assert ("comes from the calibration that was reused" in page) == placed
+
+
+def test_pictures_are_needed_unless_the_places_are_known(tmp_path):
+    cameras = [{"name": n, "video": f"{n}.mkv", "exposure_s": 0.001} for n in "AB"]
+    path = tmp_path / "manifest.yaml"
+    for calibration, allowed in (("c.nc", True), ({"file": "c.nc", "poses": "anew"}, False)):
+        values = {"cameras": cameras, "calibration": calibration}
+        path.write_text(yaml.safe_dump(values), encoding="utf-8")
+        if allowed:
+            assert read_manifest(path, check_files=False).calibration.file == "c.nc"
+        else:
+            with pytest.raises(ManifestError, match=r"cameras\[0\]\.shots: given null"):
+                read_manifest(path, check_files=False)
