@@ -176,9 +176,13 @@ class PlanRequest(Study):
             return plate
         length, width, thickness = (side / 1000 for side in self.plate_mm)
         x, y = plate.force_position
-        force = (x * length / plate.length, y * width / plate.width)
-        sides = {"length": length, "width": width, "thickness": thickness}
-        return replace(plate, force_position=force, **sides)
+        return replace(
+            plate,
+            length=length,
+            width=width,
+            thickness=thickness,
+            force_position=(x * length / plate.length, y * width / plate.width),
+        )
 
     @property
     def measured(self) -> Body:
