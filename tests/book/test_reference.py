@@ -185,7 +185,7 @@ def test_every_note_has_a_name_a_meaning_and_a_remedy():
     assert len(listed) == len(MEANINGS)
     for code, meaning in MEANINGS.items():
         (words,) = [words for term, words in listed if f"{{#{code}}}" in term]
-        assert words == f"{meaning.means} {meaning.do}"
+        assert words == f"{meaning.means} _What to do._ {meaning.do}"
 
 
 def test_names_of_warnings_and_notes_are_unlike():

@@ -1,15 +1,21 @@
 """``thesis measure --new``: a folder is looked at, and a commented manifest is in it."""
 
+import re
+import shlex
+
 import cv2
 import numpy as np
 import pytest
 from command import thesis
 
+from thesis_lib.book.pieces import guide
+from thesis_lib.files import project_root
 from thesis_lib.laboratory.example import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.drawing import drawings
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
+from thesis_lib.measure.recordings.ruled import ruled
 from thesis_lib.measure.report.moving import write_mp4
 
 
@@ -107,6 +113,69 @@ def test_folders_that_are_none_or_have_no_videos_or_a_manifest(folder, tmp_path)
     done = thesis("measure", folder / "manifest.yaml", "-p", "a=1")
     assert done.status == 2
     assert "-p is given" in done.err
+
+
+def test_where_no_hole_tells_the_ends_corners_are_asked_for_between_rulers(folder):
+    done = thesis("measure", "--new", folder, "-p", "structure.markers.rows=2")
+    (line,) = [line for line in done.out.splitlines() if "corners_px" in line]
+    assert line.startswith("missing: corners_px of left and right")
+    text = (folder / "manifest.yaml").read_text(encoding="utf-8")
+    assert text.count("    corners_px: null  # CHECK: where the structure's corners lie") == 2
+    for name in ("left", "right"):
+        assert cv2.imread(str(folder / "corners" / f"{name}.png")).shape[1] >= 1200
+    (folder / "manifest.yaml").unlink()
+    done = thesis("measure", "--new", folder)  # the thesis's beam has a hole
+    assert "corners_px" not in done.out + (folder / "manifest.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("width", "step"), [(64, 5), (640, 25), (1920, 50), (4000, 100)])
+def test_rulers_count_pixels_from_the_upper_left_corner(width, step):
+    image = np.zeros((width // 2, width), np.uint8)
+    axes = ruled(image).axes[0]
+    assert axes.get_xlim() == (0, width)
+    assert axes.get_ylim() == (width // 2, 0)
+    np.testing.assert_array_equal(axes.get_xticks(), np.arange(0, width + 1, 2 * step))
+    assert axes.images[0].get_extent() == [0, width, width // 2, 0]
+
+
+def test_rows_are_as_far_apart_as_the_printed_sheet_has_them(folder):
+    given = {"markers.spacing_mm": 36, "markers.diameter_mm": 12, "markers.columns": 6,
+             "markers.rows": 4, "width_mm": 160, "kind": "plate"}  # fmt: skip
+    options = [part for name, one in given.items() for part in ("-p", f"structure.{name}={one}")]
+    done = thesis("measure", "--new", folder, *options)
+    assert done.err == ""
+    markers = read_manifest(folder / "manifest.yaml", check_files=False).structure.markers
+    assert markers.row_spacing_mm == markers.spacing_mm == 36
+
+
+def test_the_guides_commands_lead_to_a_manifest_that_passes_the_check(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = (project_root() / "book" / "recordings.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```console\n(.*?)```", page, flags=re.DOTALL)
+    lines = "".join(blocks).replace("\\\n", " ").splitlines()
+    commands = [shlex.split(line.removeprefix("$ ")) for line in lines]
+    assert [one[1] for one in commands] == ["print", "print", "measure", "measure", "measure"]
+    names = re.findall(r"(\w+)\.mp4", re.findall(r"```text\n(plate/.*?)```", page, re.DOTALL)[0])
+    assert len(names) == 4
+    picture = np.full((120, 160), 90, np.uint8)
+    for name in names:
+        (tmp_path / "plate" / "board" / name).mkdir(parents=True)
+        write_mp4(tmp_path / "plate" / f"{name}.mp4", [np.dstack([picture] * 3)] * 20, 60)
+        for k in range(3):
+            cv2.imwrite(str(tmp_path / "plate" / "board" / name / f"{k}.jpg"), picture)
+    for command in commands[:-1]:
+        done = thesis(*command[1:])
+        assert (done.status, done.err) == (0, ""), command
+    assert {path.name for path in tmp_path.glob("*.pdf")} == {"board.pdf", "markers.pdf"}
+    assert (tmp_path / commands[-1][2]).is_file()
+    manifest = read_manifest(tmp_path / commands[-1][2], check_files=False)
+    structure = manifest.structure
+    assert (structure.length_mm, structure.width_mm) == (guide.LENGTH, guide.WIDTH)
+    markers = structure.markers
+    drawn = guide.COLUMNS, guide.ROWS, guide.SPACING, guide.SPACING, guide.DIAMETER
+    assert drawn == (markers.columns, markers.rows, markers.spacing_mm, markers.row_spacing_mm,
+                     markers.diameter_mm)  # fmt: skip
+    assert (manifest.board.columns, manifest.board.rows) == (guide.BOARD.columns, guide.BOARD.rows)
 
 
 def test_the_check_draws_where_cameras_stand_and_what_they_reach(tmp_path):

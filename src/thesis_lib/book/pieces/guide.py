@@ -69,7 +69,8 @@ def plate() -> Figure:
     for end, name in (((left + 75, low - 16), "x"), ((left - 16, low + 75), "y")):
         start = (left, end[1]) if name == "x" else (end[0], low)
         axis.annotate("", end, start, arrowprops={"arrowstyle": "->", "color": COLORS[0]})
-        axis.text(*end, f" {name}", color=COLORS[0], va="center", ha="left")
+        away = (7, 0) if name == "x" else (0, 8)
+        axis.text(*np.add(end, away), name, color=COLORS[0], va="center", ha="center")
     for number, (x, y) in enumerate(_corners().T, 1):
         axis.text(1.06 * x, 1.08 * y, str(number), color=HIGHLIGHT, ha="center", va="center")
     row = _markers()[:, :2]
@@ -81,7 +82,7 @@ def plate() -> Figure:
         (row[0, 0], low + 5),
         arrowprops={"arrowstyle": "<->", "color": INK},
     )
-    axis.text(row[0, 1] + 4, low + 5, f"{SPACING:g} mm", color=INK, fontsize=8, va="center")
+    axis.text(row[0, 1] + 4, low + 5, f"{SPACING:g} mm", color=INK, va="center")
     axis.set(xlim=(-150, 145), ylim=(-105, 100))
     return drawing
 
@@ -134,7 +135,7 @@ def poses() -> Figure:
 
 def times() -> Figure:
     """Starts of the phones, claps, rest and steady motion, and the fields that tell of them."""
-    drawing, axis = subplots(figsize=(7.2, 2.7))
+    drawing, axis = subplots(figsize=(5.0, 2.8))
     drawing.subplots_adjust(0.01, 0.01, 0.99, 0.99)
     axis.set_axis_off()
     starts, end = (0.4, 0.0, 1.0, 0.7), 10.0
@@ -152,7 +153,7 @@ def times() -> Figure:
         span = {"arrowstyle": "<->", "color": COLORS[0]}
         axis.annotate("", (stop, -2.3), (begin, -2.3), arrowprops=span)
         axis.text((begin + stop) / 2, -2.75, name, color=COLORS[0], ha="center", fontsize=8)
-    axis.set(xlim=(-1.1, 10.1), ylim=(-3.1, 4.1))
+    axis.set(xlim=(-1.5, 10.1), ylim=(-3.1, 4.2))
     return drawing
 
 

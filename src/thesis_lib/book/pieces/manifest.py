@@ -100,7 +100,7 @@ def warnings() -> str:
 def meanings(of: Mapping[str, Meaning]) -> str:
     """Notes, what each means, and what to do, as a Markdown definition list."""
     return _definitions(
-        (f"{_named(code)} · {one.says.rstrip('… ')} …", f"{one.means} {one.do}")
+        (f"{_named(code)} · {one.says.rstrip('… ')} …", f"{one.means} _What to do._ {one.do}")
         for code, one in of.items()
     )
 
