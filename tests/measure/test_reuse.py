@@ -16,12 +16,17 @@ from scenes.jackknife import deviations_of, differences
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.exactness import stated, to_keep
 from thesis_lib.measure.calibration.jackknife import jackknife, with_lenses
+from thesis_lib.measure.calibration.reused import reused
 from thesis_lib.measure.exchange import cameras as written
 from thesis_lib.measure.exchange.reading import read_cameras
 from thesis_lib.measure.pipeline import measure
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.report import notes
+from thesis_lib.measure.steps import CALIBRATION
+from thesis_lib.studies import storage
+from thesis_lib.studies.variables import labelled
 from thesis_lib.vibration.motion import Component
 
 CAMERAS = rig()
@@ -115,6 +120,29 @@ def test_toml_in_metres_or_millimetres(tmp_path, text, unit):
     assert_same(read_cameras(tmp_path / "array.toml", unit))
 
 
+def test_errors_go_with_their_cameras(tmp_path):
+    """Two of the four, in another order."""
+    whole = [replace(one, name=name) for one, name in zip(CAMERAS, "ABCD", strict=True)]
+    draw = np.random.default_rng(0).standard_normal((56, 80))
+    names = {"camera": [one.name for one in whole]}
+    values = {n: [getattr(one, n) for one in whole] for n in ("K", "distortion", "size")}
+    values |= {n: [getattr(one, n) for one in whole] for n in ("R_camera_world", "centre")}
+    table = {n: CALIBRATION[n] for n in values}
+    known = stated(xr.Dataset(labelled(values, table), names), draw @ draw.T)
+    storage.write(to_keep(known), tmp_path / "calibration.nc")
+    assert_same(read_cameras(tmp_path), whole)
+    files = [{"name": name, "video": f"{name}.mkv", "exposure_s": 0.001} for name in "CA"]
+    (tmp_path / "manifest.yaml").write_text(
+        yaml.safe_dump({"cameras": files, "calibration": "calibration.nc"}), encoding="utf-8"
+    )
+    manifest = read_manifest(tmp_path / "manifest.yaml", check_files=False)
+    found = reused(manifest, tmp_path)
+    assert_same(found, [whole[2], whole[0]])
+    poses, lenses = np.r_[12:18, 0:6], 24 + np.r_[16:24, 0:8]
+    own = draw[np.r_[poses, lenses]]
+    np.testing.assert_allclose(found.covariance, own @ own.T, rtol=1e-12)
+
+
 # How exact lenses that were calibrated before leave the cameras' places.
 
 
@@ -122,7 +150,7 @@ def test_places_by_reused_lenses_are_as_exact_as_stated(conforms):
     """Lenses that are off as their covariance says, and then few pictures for the places."""
     points, n = BOARD.corners, 4
     held = np.diag(np.tile([2.0, 2, 2, 2, 2e-3, 2e-3, 1e-4, 1e-4], n) ** 2)
-    errors, stated, alone = [], [], []
+    errors, said, alone = [], [], []
     for seed in range(40):
         rng = np.random.default_rng(seed)
         uv = observations(0.02, seed)[:, rng.permutation(12)[:6]]
@@ -139,12 +167,12 @@ def test_places_by_reused_lenses_are_as_exact_as_stated(conforms):
         own = jackknife(uv, points, full)
         whole = with_lenses(uv, points, full, held, own.covariance)
         errors.append(differences(full.cameras, CAMERAS)[8 * n :])
-        stated.append(deviations_of(replace(own, covariance=whole))[8 * n :])
+        said.append(deviations_of(replace(own, covariance=whole))[8 * n :])
         alone.append(deviations_of(own)[8 * n :])
-    ratio = np.sqrt(np.mean(np.square(stated), axis=0) / np.mean(np.square(errors), axis=0))
+    ratio = np.sqrt(np.mean(np.square(said), axis=0) / np.mean(np.square(errors), axis=0))
     # Wrong lenses show as misfits, too, which the jackknife alone has already: a little too large.
     conforms.sampled(np.exp(np.mean(np.log(ratio))), above=0.95, below=1.35)
-    conforms.sampled(np.mean(np.abs(errors) < 2 * np.array(stated)), above=0.9)
+    conforms.sampled(np.mean(np.abs(errors) < 2 * np.array(said)), above=0.9)
     conforms.sampled(np.mean(np.abs(errors) < 2 * np.array(alone)), below=0.85)
 
 

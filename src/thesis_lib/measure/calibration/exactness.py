@@ -12,7 +12,7 @@ from thesis_lib import __version__
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.alignment import camera_deviations
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
-from thesis_lib.measure.calibration.jackknife import FEWEST, jackknife, with_lenses
+from thesis_lib.measure.calibration.jackknife import jackknife, with_lenses
 from thesis_lib.measure.calibration.reprojection import LENS, POSE
 from thesis_lib.measure.calibration.rig import cameras_in
 from thesis_lib.measure.recordings.board import Board
@@ -21,7 +21,7 @@ from thesis_lib.studies.cache import kept, key_of
 from thesis_lib.studies.variables import declared, labelled
 
 VARIABLES = declared("""
-    board_poses() [1] poses of the board that were used
+    board_poses() [1] poses of the board that were used; 0 of a calibration that is reused
     focal_deviation(camera) [px] standard deviation of the focal length
     centre_deviation(camera) [m] standard deviation of the centre of projection
     covariance(unknown, other) [1] of all cameras' poses (rotation in rad, centre in m), then their
@@ -84,7 +84,7 @@ def stated(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:
     none = np.zeros((0, 3, 3)), np.zeros((0, 3))
     bare = Adjustment(tuple(cameras), *none, np.zeros(0), 0, 0, np.zeros((n, LENS)), known, 0)
     values = {
-        "board_poses": FEWEST,
+        "board_poses": 0,
         "focal_deviation": np.sqrt(np.diag(known)[POSE * n :: LENS]),
         "centre_deviation": np.linalg.norm(camera_deviations(bare)[0], axis=1),
         "covariance": known,

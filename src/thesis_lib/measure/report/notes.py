@@ -151,7 +151,7 @@ def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
             "The calibration that was reused does not tell how exact it is: standard errors hold "
             "nothing of its errors, which all markers share.",
         )
-    if (poses := int(data.get("board_poses", FEWEST))) < FEWEST:
+    if 0 < (poses := int(data.get("board_poses", 0))) < FEWEST:
         yield Note(
             "few-poses",
             f"The board was used in {poses} poses, which is few to tell how exact the calibration "
