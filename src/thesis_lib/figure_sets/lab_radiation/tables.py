@@ -112,7 +112,7 @@ def sentences(cube: xr.Dataset) -> str:
     verdict = (
         "which is fewer than chance explains"
         if rare
-        else f"of which chance alone would leave {CHANCE * count:.0f}"
+        else f"where right standard errors hold {CHANCE * count:.0f} in the mean"
     )
     alike = "as large as stated" if abs(ratio - 1) <= CLOSE else "not as large as stated"
     fields = [
