@@ -29,7 +29,8 @@ TEXTS = {
 PAGE = "".join(TEXTS.values())
 SOURCES = project_root() / "src" / "thesis_lib"
 FAMILIES = {
-    "BoardNotFound", "CalibrationError", "ChainError", "FrequencyError", "MediaError",
+    "BoardNotFound", "CalibrationError", "ChainError", "ForceError", "FrequencyError",
+    "MediaError",
     "ModalError", "SynchronisationError", "TrackingError",
 }  # fmt: skip
 OF_RECORDINGS = {"check.py", "steps.py", "listen.py"}  # which hold manifest and recordings together
@@ -180,7 +181,7 @@ def test_every_note_has_a_name_a_meaning_and_a_remedy():
     for meaning in MEANINGS.values():
         assert meaning.means.endswith(".")
         assert meaning.do.endswith(".")
-    pieces = [f"record-{name}" for name in ("notes", "notes-modes", "notes-sound")]
+    pieces = [f"record-{name}" for name in ("notes", "notes-modes", "notes-sound", "notes-force")]
     listed = [one for name in pieces for one in terms(reference.PIECES[name]())]
     assert len(listed) == len(MEANINGS)
     for code, meaning in MEANINGS.items():

@@ -10,8 +10,9 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory import film as laboratory_film
 from thesis_lib.laboratory import rig as laboratory
 from thesis_lib.measure.recordings.check import check_excitation
+from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Excitation, Manifest
+from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 from thesis_lib.measure.recordings.media import opened_audio, read_audio, write_video
 from thesis_lib.measure.synchronisation import audio as hearing
 from thesis_lib.measure.synchronisation.listen import listen

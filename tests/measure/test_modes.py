@@ -13,7 +13,7 @@ from scenes.modes import BEAM, Truth, beam_modes, recorded, rest, rig, tracks
 from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
 from thesis_lib.measure.modes.report import notes
 from thesis_lib.measure.modes.write import several
-from thesis_lib.measure.recordings.manifest_model import Excitation
+from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.vibration.motion import Component
 
 RIG = rig()
@@ -166,7 +166,7 @@ def test_too_few_markers_and_frames_are_refused():
     [
         ({"kind": "decay", "frequency_hz": 5.0}, "frequency_hz: given 5.0, allowed: .* null where"),
         ({"kind": "tones", "sound": "none"}, "sound: given .* allowed for several modes"),
-        ({"kind": "sweep"}, "kind"),
+        ({"kind": "chirp"}, "kind"),
         ({"kind": "decay", "modes": {"from_hz": 9.0, "to_hz": 4.0}}, "to_hz: given 4.0"),
         ({"kind": "decay", "modes": {"near_hz": [1.0]}}, "near_hz: given"),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import Track
-from thesis_lib.measure.recordings.manifest_model import Excitation, Manifest
+from thesis_lib.measure.recordings.force_fields import Excitation
+from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.measure.tracking.tracks import Recording
@@ -24,6 +26,13 @@ from thesis_lib.vision import lens
 BEAM = setups.beam()
 DIRECTIONS = [(-60.0, 25.0), (-20.0, 35.0), (25.0, 30.0), (65.0, 40.0)]
 RATES = (60.0, 50.0, 29.97, 60.0)  # frames per second
+
+
+class Motion(Protocol):
+    """What moves the markers."""
+
+    def at(self, times: Array) -> Array:
+        """Deflection at times (..., markers), m."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +78,7 @@ def beam_modes(
 
 def tracks(
     own: Rig,
-    truth: Truth,
+    truth: Motion,
     seconds: float = 4.0,
     rates: tuple[float, ...] = RATES,
     readout: float = 0.012,
@@ -115,20 +124,28 @@ def rest(own: Rig) -> Rest:
     return Rest(images, frame, points, own.markers.centres, BEAM.thickness)
 
 
-def recorded(folder: Path, own: Rig, truth: Truth) -> tuple[list[Recording], Manifest]:
-    """The same as `measure` leaves it: half a second of rest, then the decay, tracks on disk."""
+def recorded(
+    folder: Path,
+    own: Rig,
+    truth: Motion,
+    seconds: float = 3,
+    rates: tuple[float, ...] = RATES,
+    noise: float = 0.02,
+    seed: int = 0,
+) -> tuple[list[Recording], Manifest]:
+    """The same as `measure` leaves it: half a second of rest, then the motion, tracks on disk."""
     found = []
     for k, (track, station) in enumerate(
-        zip(tracks(own, truth, seconds=3), own.stations, strict=True)
+        zip(tracks(own, truth, seconds, rates, noise=noise, seed=seed), own.stations, strict=True)
     ):
-        rate = RATES[k]
+        rate = rates[k]
         start = float(track.times[0])
         before = np.arange(-round(0.5 * rate), 0) / rate + start
         world = on_surface(own.markers.extent, own.markers.centres)
         still = lens.project(station.camera, world)
-        noise = 0.02 * np.random.default_rng(k).standard_normal((len(before), *still.shape))
+        own_noise = noise * np.random.default_rng(k).standard_normal((len(before), *still.shape))
         seen = lens.distorted(station.camera, track.uv.swapaxes(0, 1)).swapaxes(0, 1)
-        centres = np.concatenate([still + noise, seen])
+        centres = np.concatenate([still + own_noise, seen])
         np.save(folder / f"{k}.npy", centres)
         found.append(
             Recording(

@@ -11,17 +11,20 @@ from thesis_lib.measure.calibration import exactness
 from thesis_lib.measure.exchange import files, reading
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.describe import describe
-from thesis_lib.measure.measured import deflection, recorded
+from thesis_lib.measure.measured import Recorded, deflection, recorded
 from thesis_lib.measure.modes.write import several
 from thesis_lib.measure.radiation import files as radiation_files
 from thesis_lib.measure.radiation import report as radiation_report
 from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.force_fields import FORCED
 from thesis_lib.measure.recordings.manifest import read_manifest
+from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import moving
 from thesis_lib.measure.report import page as report
 from thesis_lib.measure.report.notes import notes
 from thesis_lib.measure.report.shown import shown
+from thesis_lib.measure.response.write import alone, over_force
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
 
@@ -60,7 +63,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         say(line)
     of = recorded(manifest, folder, out / STEPS, say)
     if manifest.excitation.kind != "tone":
-        return several(manifest, of.sound, of.calibration, of.recordings, out, say)
+        return _not_one_tone(manifest, folder, of, out, say)
     say("fitting the deflection")
     data, moved = deflection(manifest, of)
     videos = [folder / camera.video for camera in manifest.cameras]
@@ -94,3 +97,18 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     for note in notes(data):
         say(f"note: {note.text} [{note.code}]")
     return out / "report.html"
+
+
+def _not_one_tone(
+    manifest: Manifest, folder: Path, of: Recorded, out: Path, say: Callable[[str], object]
+) -> Path:
+    """Modes, motion over a force, or both; returns the report."""
+    section, pictures = "", report.Pictures()
+    if manifest.force is not None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+            section, pictures = over_force(manifest, of.sound, of.recordings, folder, out, say)
+    if manifest.excitation.kind in FORCED[1:]:
+        left_out = str(of.calibration.attrs["notes"])
+        return alone(manifest, of.sound, left_out, section, pictures, out)
+    return several(manifest, of.sound, of.calibration, of.recordings, out, say, section, pictures)

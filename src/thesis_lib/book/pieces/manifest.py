@@ -14,10 +14,10 @@ from thesis_lib.book.pieces import filming as guidance
 from thesis_lib.files import whole_text
 from thesis_lib.measure.feasibility.limits import THRESHOLDS
 from thesis_lib.measure.feasibility.remedies import NEW, REMEDIES, UNCHECKED, reason_of
+from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
 from thesis_lib.measure.recordings.manifest_model import (
     BoardSpec,
     CameraFiles,
-    Excitation,
     Manifest,
     Markers,
     Structure,
@@ -25,7 +25,7 @@ from thesis_lib.measure.recordings.manifest_model import (
 from thesis_lib.measure.recordings.radiation_fields import Radiation
 from thesis_lib.measure.recordings.reuse import Reuse
 from thesis_lib.measure.recordings.sought import Sought
-from thesis_lib.measure.report.meanings import OF_A_SHAPE, OF_MODES, OF_SOUND, Meaning
+from thesis_lib.measure.report.meanings import OF_A_SHAPE, OF_FORCE, OF_MODES, OF_SOUND, Meaning
 from thesis_lib.studies.vocabulary import allowed_text, unit
 
 PARTS: dict[str, type[BaseModel]] = {
@@ -38,6 +38,8 @@ PARTS: dict[str, type[BaseModel]] = {
     "calibration": Reuse,
     "radiation": Radiation,
     "modes": Sought,
+    "force": Force,
+    "sweep": Sweep,
 }
 
 
@@ -65,7 +67,8 @@ def _default(model: type[BaseModel], name: str) -> str:
     """A field's default with its unit, or what it says of being given."""
     if model.model_fields[name].is_required():
         return "required" + (f", in {unit(name)}" if unit(name) else "")
-    whole: Any = model() if model not in (CameraFiles, Manifest, Reuse) else None
+    required = any(field.is_required() for field in model.model_fields.values())
+    whole: Any = None if required else model()
     field = model.model_fields[name]
     value = getattr(whole, name) if whole else field.get_default(call_default_factory=True)
     if isinstance(value, BaseModel):
@@ -133,6 +136,7 @@ PIECES: dict[str, Callable[[], str]] = {
     "record-notes": partial(meanings, OF_A_SHAPE),
     "record-notes-modes": partial(meanings, OF_MODES),
     "record-notes-sound": partial(meanings, OF_SOUND),
+    "record-notes-force": partial(meanings, OF_FORCE),
     **guidance.PIECES,
 }
 

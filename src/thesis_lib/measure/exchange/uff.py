@@ -14,7 +14,12 @@ import xarray as xr
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.exchange.mesh import edges
 
-RESPONSE, TRANSLATION_Z = 1, 3  # UFF's numbers of a time response and of a direction
+RESPONSE, RECEPTANCE, COHERENCE, TRANSLATION_Z = (
+    1,
+    4,
+    6,
+    3,
+)  # UFF's numbers of functions, a direction
 SAMPLES = 64  # of the period that is written
 LINES = 40  # in one dataset 82, which some programs read to its 125th node only
 EVEN = 1e-6  # of a step, within which times are even
@@ -108,6 +113,51 @@ def write_motion(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     rows = np.nan_to_num(deflection[seen].astype(float))
     responses = _responses(name, nodes, moved["time"].values, rows)
     _write(path, [*_geometry(name, data), *responses])
+
+
+def write_response(path: Path, data: xr.Dataset) -> None:
+    """Write receptances by H1 and coherences of every marker: datasets 151, 164, 15, 82 and 58.
+
+    The node after the markers' is where the force acts. Functions are of type 4, motion along Z in
+    m over a force along Z in N, and coherences of type 6; markers that were lost are left out.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is overwritten.
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.response.result.responded` returns.
+    """
+    name, f = _name(data), data["frequency"].values
+    curves = data["receptance_real"].values[0] + 1j * data["receptance_imag"].values[0]
+    step = float(f[-1] - f[0]) / (len(f) - 1)
+    sets = [*_geometry(name, _with_force(data))]
+    for k in np.flatnonzero(np.isfinite(curves).all(axis=1)):
+        for kind, row in ((RECEPTANCE, curves[k]), (COHERENCE, data["coherence"].values[k])):
+            over = kind == RECEPTANCE
+            sets.append(pyuff.prepare_58(
+                binary=0, id1=name, func_type=kind, rsp_node=int(k) + 1, rsp_dir=TRANSLATION_Z,
+                ref_node=len(curves) + 1, ref_dir=TRANSLATION_Z, abscissa_spacing=1,
+                abscissa_min=float(f[0]), abscissa_inc=step, abscissa_spec_data_type=18,
+                abscissa_axis_units_lab="Hz", ordinate_spec_data_type=8 if over else 0,
+                ordinate_axis_units_lab="m" if over else "", z_axis_spec_data_type=0,
+                orddenom_spec_data_type=13 if over else 0,
+                orddenom_axis_units_lab="N" if over else "", data=row, x=f))  # fmt: skip
+    _write(path, sets)
+
+
+def _with_force(data: xr.Dataset) -> xr.Dataset:
+    """The markers with the force's point after them."""
+    x, y = data["force_place"].values
+    middle = np.array([data["x"].values.mean(), data["y"].values.mean()])
+    shift = np.nanmean(data["rest_position"].values[:2], axis=1) - middle
+    point = np.array([x + shift[0], y + shift[1], 0.0])
+    values = {
+        "x": ("node", np.append(data["x"].values, x)),
+        "y": ("node", np.append(data["y"].values, y)),
+        "rest_position": (("axis", "node"), np.c_[data["rest_position"].values, point]),
+    }
+    return xr.Dataset(values, attrs=data.attrs)
 
 
 def _name(data: xr.Dataset) -> str:

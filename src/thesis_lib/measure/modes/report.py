@@ -35,6 +35,7 @@ FILES = (
     "vtk/mode-1/period.pvd and so on: one period of each mode for ParaView",
     "mode-1.mp4, mode-1.gif and so on: each mode in motion",
     "motion.nc, motion.csv, motion.uff: every marker from frame to frame, if no mode is too fast",
+    "response.nc, response.uff: motion over force, if a force was recorded",
     "cameras.yaml, cameras.toml: the calibrated cameras for OpenCV, and for aniposelib",
     "calibration.nc: the same with their errors, as calibration of another manifest can reuse it",
 )
@@ -215,8 +216,8 @@ def notes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
             )
 
 
-def page(data: xr.Dataset, manifest: Manifest, pictures: Pictures) -> str:
-    """The report as one HTML page."""
+def page(data: xr.Dataset, manifest: Manifest, pictures: Pictures, further: str = "") -> str:
+    """The report as one HTML page, with a further section."""
     extent = manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
     parts = [
         f"<h1>{escape(data.attrs['title'])}</h1>",
@@ -240,6 +241,7 @@ def page(data: xr.Dataset, manifest: Manifest, pictures: Pictures) -> str:
             for k, f in enumerate(data["frequency"].values)
         ),
         html.details("The numbers, marker by marker", html.frame(shapes(data))),
+        further,
         "<h2>Files</h2>" + html.items(FILES),
         "<h2>What was assumed</h2>" + html.items(assumed(data, manifest)),
         html.details("Synchronisation", html.items(str(data.attrs["synchronisation"]).split("\n"))),

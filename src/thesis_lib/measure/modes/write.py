@@ -18,6 +18,7 @@ from thesis_lib.measure.modes import report
 from thesis_lib.measure.modes.result import result
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import moving
+from thesis_lib.measure.report.page import Pictures
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
@@ -32,8 +33,12 @@ def several(
     recordings: Sequence[Recording],
     out: Path,
     say: Callable[[str], object],
+    further: str = "",
+    beside: Pictures | None = None,
 ) -> Path:
     """Fit the modes, and write report and files into a folder; returns the report.
+
+    A `further` section of the report has pictures of its own, given `beside`.
 
     Raises
     ------
@@ -55,7 +60,8 @@ def several(
         )
         moved = motion(data, recordings, manifest.excitation.rest_s)
         pictures = report.figures(data)
-        page = report.page(data, manifest, pictures)
+        page = report.page(data, manifest, pictures, further)
+        pictures |= beside or {}
     with staging(out) as part:
         (part / "figures").mkdir()
         storage.write(data, part / "modes.nc")

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
+from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_model import Excitation, Manifest, Structure
+from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.measure.recordings.media_info import (

@@ -199,6 +199,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             for shot in files:  # which may be links
                 if outside(str(shot.relative_to(folder))):
                     yield f"{where}: {shown(shot.name)} leads outside, allowed: {INSIDE}"
+    named += [("force.file", manifest.force.file)] if manifest.force else []  # or a video named
     videos: dict[Path, str] = {}
     for where, text in named:
         if outside(text):

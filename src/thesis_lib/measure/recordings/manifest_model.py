@@ -14,9 +14,9 @@ from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.force_fields import FORCED, Excitation, Force
 from thesis_lib.measure.recordings.radiation_fields import Place, Radiation
 from thesis_lib.measure.recordings.reuse import Reuse
-from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.studies.refusals import Refusing, permitted, refuse
 from thesis_lib.studies.vocabulary import (
     Azimuth,
@@ -143,6 +143,12 @@ class Structure(Refusing):
         return np.stack([np.tile(x, m.rows), np.repeat(y, m.columns)]) / 1000
 
     @property
+    def force_place(self) -> Array:
+        """Where the force acts, shape (2,), in m, from the clamped corner."""
+        across = self.force_across_mm or self.width_mm / 2
+        return np.array([self.force_position_mm, across]) / 1000
+
+    @property
     def hole(self) -> Array | None:
         """Centre of the hole, shape (2,), in m."""
         return None if self.markers.hole_mm is None else np.array(self.markers.hole_mm) / 1000
@@ -226,56 +232,6 @@ class BoardSpec(Refusing):
         return Board(self.columns, self.rows, self.tile_mm / 1000, self.margin_mm / 1000)
 
 
-class Excitation(Refusing):
-    """How the structure is driven, and what the sound tracks carry."""
-
-    kind: Literal["tone", "tones", "decay"] = field(
-        "tone",
-        "what is filmed after rest_s: a steady tone, several, or the free decay after a tap or a "
-        "release",
-    )
-    modes: Sought = field(Sought, "which modes, where kind is not tone", "an object")
-    frequency_hz: Positive | None = field(
-        lambda data: 4.25 if data.get("kind", "tone") == "tone" else None,
-        "frequency of the vibration; null looks for it",
-        "a number above 0, or null; null where kind is not tone",
-    )
-    undersampled: bool = field(
-        False,
-        "whether frequency_hz is so well known that it may exceed half of the frame rate",
-    )
-    amplitude_mm: Positive | None = field(
-        None, "largest deflection that is expected, for the warnings before measuring"
-    )
-    sound: Literal["force", "room", "none"] = field(
-        "force",
-        "what the sound tracks carry: the force's signal, what microphones hear, or none that is "
-        "needed, since the vibration is steady and the pictures tell its phase",
-    )
-    steady_s: tuple[float, float] | None = field(
-        None,
-        "from when to when the vibration is steady, on the first camera's clock; null looks for it "
-        "in the force's signal, or takes all after rest_s",
-        "null, or [begin, end] in this order, from 0 to 100000",
-    )
-    rest_s: float = field(
-        1.0, "time at rest at the start; 0 without sound if there is none", ge=0, le=3600
-    )
-    force_per_full_scale_n: Positive | None = field(None, "force at the sound's full scale")
-
-    @model_validator(mode="after")
-    def _check(self) -> Excitation:
-        if self.kind != "tone" and self.frequency_hz is not None:
-            self.refuse("frequency_hz")
-        if self.kind != "tone" and self.sound == "none":
-            self.refuse("sound", 'allowed for several modes: "force" or "room"')
-        if self.undersampled and self.frequency_hz is None:
-            self.refuse("undersampled", "allowed with a given frequency_hz: true or false")
-        if self.steady_s is not None and not 0 <= self.steady_s[0] < self.steady_s[1] <= 1e5:
-            self.refuse("steady_s")
-        return self
-
-
 class Manifest(Refusing):
     """Recordings of one structure by 2 to 16 cameras."""
 
@@ -290,6 +246,11 @@ class Manifest(Refusing):
         "a calibration that is reused; null calibrates from the pictures of the board",
         "null, a path, or an object",
     )
+    force: Force | None = field(
+        None,
+        "the force that was recorded beside the cameras, for motion over force",
+        "null, or an object",
+    )
     radiation: Radiation | None = field(
         None, "the sound that is wanted of it", "null, or an object; {} takes the defaults"
     )
@@ -297,6 +258,17 @@ class Manifest(Refusing):
 
     @model_validator(mode="after")
     def _check(self) -> Manifest:
+        kind, own = self.excitation.kind, self.structure
+        if self.force is None and kind in FORCED[1:]:
+            refuse("force", None, f"allowed where excitation.kind is {kind}: an object")
+        if self.force is not None:
+            if kind not in FORCED:
+                refuse(
+                    "excitation.kind", kind, 'allowed with a force: "decay", "sweep" or "random"'
+                )
+            self.force.check((own.length_mm, own.width_mm))
+            if self.excitation.sound == "none" and self.force.offset_s is None:
+                refuse("force.offset_s", None, "allowed without sound: a number")
         if self.radiation is not None and self.excitation.kind != "tone":
             allowed = 'allowed where radiation is given: "tone"'
             refuse("excitation.kind", self.excitation.kind, allowed)
@@ -312,7 +284,6 @@ class Manifest(Refusing):
                     why = f"the same as cameras[{i}].{name}, allowed: {allowed}"
                     refuse(f"cameras[{j}].{name}", given, why)
         if self.radiation is not None:
-            own = self.structure
             size = own.length_mm / 1000, own.width_mm / 1000
             self.radiation.check(own.kind, size, own.marker_points, own.markers.diameter_mm / 1000)
         return self

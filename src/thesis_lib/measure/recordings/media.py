@@ -191,19 +191,23 @@ class Audio:
 
 
 @contextmanager
-def opened_audio(path: Path) -> Iterator[Audio]:
-    """Sound of a video, however long, while the file is open.
+def opened_audio(path: Path, channel: int | None = None) -> Iterator[Audio]:
+    """Sound of a video or a sound file, however long, while the file is open.
+
+    All channels are mixed to one, or one of them is taken, the first as 1.
 
     Raises
     ------
     MediaError
-        As :func:`probe`, or if there is no audio track; while the blocks are taken, if it is
-        damaged or has a gap.
+        As :func:`probe`, or if there is no audio track, or no such channel; while the blocks are
+        taken, if it is damaged or has a gap.
     """
     with opened(path) as file:
         if not file.streams.audio:
             raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
         track = file.streams.audio[0]
+        if channel is not None and channel > track.channels:
+            raise MediaError(f"{path}: given channel {channel}, allowed: 1 to {track.channels}")
         picture = start_of(file.streams.video[0]) if file.streams.video else 0.0
         try:
             frames = file.decode(track)
@@ -213,11 +217,12 @@ def opened_audio(path: Path) -> Iterator[Audio]:
         if first is None:
             raise MediaError(f"{path}: the audio track is empty")
         start, rate = first.time or 0.0, track.sample_rate
-        yield Audio(rate, start - picture, _audio_blocks(path, chain([first], frames), start, rate))
+        whole = chain([first], frames)
+        yield Audio(rate, start - picture, _audio_blocks(path, whole, start, rate, channel))
 
 
 def _audio_blocks(
-    path: Path, frames: Iterable[av.AudioFrame], start: float, rate: int
+    path: Path, frames: Iterable[av.AudioFrame], start: float, rate: int, channel: int | None
 ) -> Iterator[Array]:
     convert = av.AudioResampler(format="fltp")
     blocks: list[NDArray[np.float32]] = []
@@ -226,7 +231,8 @@ def _audio_blocks(
         for frame in frames:
             if abs((frame.time or 0.0) - start - count / rate) > GAP:
                 raise MediaError(f"{path}: the audio has a gap at {start + count / rate:.3f} s")
-            blocks += [block.to_ndarray().mean(axis=0) for block in convert.resample(frame)]
+            taken = [block.to_ndarray() for block in convert.resample(frame)]
+            blocks += [x.mean(axis=0) if channel is None else x[channel - 1] for x in taken]
             count, held = count + frame.samples, held + frame.samples
             if held >= BLOCK:
                 yield np.concatenate(blocks, dtype=float)

@@ -218,4 +218,65 @@ OF_SOUND = {
     ),
 }
 """Of what is radiated."""
-MEANINGS = OF_A_SHAPE | OF_MODES | OF_SOUND
+OF_FORCE = {
+    "force-short": Meaning(
+        "The force covers … of the … s that all cameras recorded",
+        "The force's file begins later or ends earlier than the film. What has no force is left "
+        "out.",
+        "Nothing, if what was meant to be measured lies within. Else start the sound card first "
+        "and stop it last.",
+    ),
+    "force-apart": Meaning(
+        "The force acts … mm from marker …, the nearest",
+        "A receptance at the drive point is that of the point itself. The nearest marker moves "
+        "otherwise, the more so at high frequencies.",
+        "Put a marker where the force acts, on the other side if need be, or put `at_mm` right.",
+    ),
+    "few-averages": Meaning(
+        "The curves rest on … averages",
+        "Noise is told from motion by how much segments of the recording agree. A few segments "
+        "agree by chance.",
+        "Record longer, or take a shorter `force.segment_s`.",
+    ),
+    "incoherent": Meaning(
+        "Half of the lines of marker … have a coherence below …",
+        "Half of what the marker does, or more, does not follow the force: noise of the centres, "
+        "or something else that moves the structure.",
+        "Drive harder, film nearer, or look for what else moves it.",
+    ),
+    "force-clock-unsure": Meaning(
+        "The force's clock is known to … ms",
+        "A time that is off turns phases in proportion to the frequency.",
+        "Record a sound that the sound card and all cameras hear, as claps.",
+    ),
+    "force-clock-drift": Meaning(
+        "The force's clock runs … ppm",
+        "The sound card and the first camera count seconds of unlike length; the force's times "
+        "were corrected.",
+        "Nothing: some tens of ppm are usual.",
+    ),
+    "force-too-fast": Meaning(
+        "… of the force's power lies above half of the lowest frame rate",
+        "Frames show such motion at other frequencies, where it spoils the curves.",
+        "Filter the force before it drives the shaker, strike with a softer tip, or film faster.",
+    ),
+    "still-ringing": Meaning(
+        "At the end the structure still moves by … of its most",
+        "One segment holds the answer to the force as a whole only if it ends at rest.",
+        "Film until it is at rest.",
+    ),
+    "segment-short": Meaning(
+        "Segments of … s make a peak at … Hz with a damping of … % lower",
+        "A short segment has few lines. A peak that is narrower than their distance is cut off.",
+        "Take the `force.segment_s` that is told, or record from rest to rest and take it whole.",
+    ),
+    "sweep-fast": Meaning(
+        "The sweep from … to … Hz in … s stays … s in the resonance",
+        "A resonance needs time to answer. One that is passed too fast comes out too low and too "
+        "wide.",
+        "Sweep as much more slowly as is told; or film until all is at rest, and take "
+        "`segment_s: whole`.",
+    ),
+}
+"""Of motion over a force."""
+MEANINGS = OF_A_SHAPE | OF_MODES | OF_SOUND | OF_FORCE

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -28,10 +28,15 @@ BUTTONS = 0.5  # s at either end of a room's recording, in which buttons are pre
 
 @dataclass(frozen=True)
 class Recording:
-    """A camera's file with sound."""
+    """A file with sound, mostly a camera's."""
 
     name: str  #: Of the camera, for errors
     path: Path  #: The file
+    channel: int | None = None  #: Which channel counts, the first is 1; None: all of them, mixed
+
+    def opened(self) -> AbstractContextManager[media.Audio]:
+        """Its sound, while the file is open."""
+        return media.opened_audio(self.path, self.channel)
 
 
 @dataclass(frozen=True)
@@ -108,7 +113,7 @@ def hear(recordings: Sequence[Recording], frequency: float | None, skip: float) 
     rates: list[float] = []
     starts, ends, tones, skipped = [], [], [], []
     for recording in recordings:
-        with media.opened_audio(recording.path) as audio:
+        with recording.opened() as audio:
             rates.append(audio.rate)
             same_rate(rates, [one.name for one in recordings[: len(rates)]])
             lengths: list[int] = []
@@ -166,7 +171,7 @@ def low_track(recording: Recording, least: float, skip: float) -> tuple[Track, f
     float
         Time of its first sample after the first frame, s.
     """
-    with media.opened_audio(recording.path) as audio:
+    with recording.opened() as audio:
         step = step_to(audio.rate, max(CORRELATION_RATE, least))
         rate = audio.rate / step
         blocks = checked(audio.blocks, audio.rate, shortest_of(None), recording.name)
@@ -176,7 +181,7 @@ def low_track(recording: Recording, least: float, skip: float) -> tuple[Track, f
 
 def low_part(recording: Recording, wanted: float, first: int, last: int) -> Iterator[Array]:
     """Samples `first` to `last` of a track at the lowest rate above `wanted`, in blocks."""
-    with media.opened_audio(recording.path) as audio:
+    with recording.opened() as audio:
         low = decimate(audio.blocks, step_to(audio.rate, wanted))
         yield from part_of(low, first, last)
 
@@ -205,7 +210,7 @@ def matches(
     with ExitStack() as files:
         tracks = []
         for recording in recordings:
-            audio = files.enter_context(media.opened_audio(recording.path))
+            audio = files.enter_context(recording.opened())
             step = step_to(audio.rate, wanted)
             low_rate = audio.rate / step
             blocks = decimate(audio.blocks, step)

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thesis_lib.arrays import Signal
-from thesis_lib.measure.recordings import media
 from thesis_lib.measure.synchronisation.audio import Recording, part_of
 from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
 from thesis_lib.measure.synchronisation.drift import Drift, drift_of, loudness_match
@@ -55,7 +54,7 @@ def beside_first(
 
 def track_of(recording: Recording) -> tuple[Signal, float, float]:
     """Sound, its sample rate in Hz, and the time of its first sample in the video, s."""
-    with media.opened_audio(recording.path) as audio:
+    with recording.opened() as audio:
         step = step_to(audio.rate, RATE)
         rate = audio.rate / step
         part = part_of(decimate(audio.blocks, step), 0, round(LONGEST * rate))

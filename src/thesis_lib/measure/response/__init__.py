@@ -1,0 +1,1 @@
+"""How much a structure moves for a force that was recorded beside it, frequency by frequency."""

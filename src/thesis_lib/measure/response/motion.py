@@ -1,0 +1,73 @@
+"""Deflections of all markers at common times, whatever the cameras' own.
+
+Each camera's centres are brought there from its own time stamps, rows of a rolling shutter and
+exposure (:mod:`~thesis_lib.measure.response.band`), then triangulated, instant by instant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import welch
+
+from thesis_lib.arrays import Array
+from thesis_lib.measure.fitting.reconstruction import triangulate_seen
+from thesis_lib.measure.modes.shapes import Rest
+from thesis_lib.measure.response.band import CHUNK, NEAR, at_times
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.vision.lens import distorted, projection_matrices, undistorted_tracks
+from thesis_lib.vision.pinhole import project
+
+
+def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """From when to when all cameras see all rows, s."""
+    pads = [1 / own.rate + abs(own.readout) / 2 for own in recordings]
+    ends = [(own.times[0] + pad, own.times[-1] - pad)
+            for own, pad in zip(recordings, pads, strict=True)]  # fmt: skip
+    return max(first for first, _ in ends), min(last for _, last in ends)
+
+
+def deflections(recordings: Sequence[Recording], rest: Rest, times: Array) -> Array:
+    """Deflections along the structure's normal at some times, m, shape (times, markers).
+
+    NaN where fewer than two cameras see a marker.
+    """
+    P = projection_matrices([own.camera for own in recordings])
+    off = rest.images - project(P, rest.points)  # what the cameras disagree by at rest
+    still = rest.frame.to_beam(rest.points)[2]
+    found = []
+    for start in range(0, len(times), CHUNK):
+        at = times[start : start + CHUNK]
+        seen = [_images(own, rest.images[k], at) for k, own in enumerate(recordings)]
+        points, _ = triangulate_seen(P, np.array(seen) - off[:, :, None])
+        found.append(rest.frame.to_beam(points)[2] - still)
+    return np.concatenate(found)
+
+
+def _images(own: Recording, still: Array, at: Array) -> Array:
+    """A camera's images at some times without distortion, px, shape (2, times, markers)."""
+    pad = (NEAR + 1) / own.rate + abs(own.readout)
+    first, last = own.between(at[0] - pad, at[-1] + pad)
+    seen, height = np.array(own.centres[first:last], float), own.camera.size[1]
+    uv = undistorted_tracks(own.camera, seen) - still
+    rows = distorted(own.camera, still)[1]
+    late = np.nan_to_num(own.readout * (rows / height - 0.5))
+    later = own.readout * (seen[:, 1] - rows) / height  # since the marker has moved across rows
+    uv = uv - np.nan_to_num(np.gradient(uv, own.times[first:last], axis=0) * later[:, None])
+    both = uv.reshape(len(uv), -1)
+    found = at_times(own.times[first:last], both, own.rate, at, np.tile(late, 2), own.exposure)
+    return np.asarray(still[:, None] + np.moveaxis(found.reshape(-1, *still.shape), 1, 0), float)
+
+
+def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
+    """Power of noise in a band in Hz, m²/Hz, (markers,), of deflections at rest (times, markers).
+
+    NaN where the rest is too short to tell.
+    """
+    f, power = welch(np.nan_to_num(still), rate, axis=0, nperseg=len(still))
+    inside = (f >= band[0]) & (f <= band[1])
+    if np.count_nonzero(inside) < 4:
+        return np.full(still.shape[1], np.nan)
+    found = power[inside].mean(axis=0)
+    return np.asarray(np.where(np.isfinite(still).all(axis=0), found, np.nan), float)

@@ -1,0 +1,177 @@
+"""A force as it was recorded: read, checked, and put on the first camera's clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import resample_poly
+
+from thesis_lib.arrays import Array
+from thesis_lib.measure.recordings.force_fields import Force
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.synchronisation import audio
+from thesis_lib.measure.synchronisation.checks import FULL_SCALE, SILENCE
+from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
+from thesis_lib.measure.synchronisation.drift import drift_of, loudness_match
+from thesis_lib.measure.synchronisation.pairs import track_of
+from thesis_lib.measure.synchronisation.transients import room_match
+
+FINE = 10  # times the frame rate to which a fast recording of a force is reduced
+CLIPPED = 3  # samples at full scale from which on a force counts as clipped
+FEWEST = 100  # samples of a table
+
+
+class ForceError(ValueError):
+    """A force that cannot be used; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What of a force's file is at which time of the first camera's clock."""
+
+    delay: float  #: When the file begins, s
+    delay_deviation: float  #: Its standard error, s; 0 if it was given
+    pace: float = 1.0  #: Seconds of the first camera's clock for one of the file's
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A force over time."""
+
+    times: Array  #: On the first camera's clock, s, shape (samples,)
+    newtons: Array  #: N, shape (samples,)
+    clock: Clock  #: How the times were found
+
+    @property
+    def rate(self) -> float:
+        """Samples per second."""
+        return (len(self.times) - 1) / float(self.times[-1] - self.times[0])
+
+
+def recorded_force(manifest: Manifest, folder: Path, delays: Array) -> Recorded:
+    """The force of a manifest.
+
+    Parameters
+    ----------
+    manifest : Manifest
+        With a force.
+    folder : Path
+        The manifest's.
+    delays : ndarray, shape (cameras,)
+        When each camera started, on the first one's clock, s.
+
+    Raises
+    ------
+    ForceError
+        If it is silent, clipped, no table of numbers, or no sound tells when it began.
+    MediaError
+        If the file is none that can be read.
+    """
+    given = manifest.force
+    assert given is not None
+    path = folder / given.file
+    if given.is_table:
+        own, newtons = _table(path)
+    else:
+        fastest = max(camera.frame_rate_hz for camera in manifest.cameras)
+        own, newtons = _sound(path, given, FINE * fastest)
+    if not np.ptp(newtons) > 0:
+        raise ForceError(f"{path}: silent, allowed: a force that changes")
+    clock = _clock(manifest, folder, delays)
+    return Recorded(own * clock.pace + clock.delay, newtons, clock)
+
+
+def _table(path: Path) -> tuple[Array, Array]:
+    """Times in s and forces in N of a table, whose first line may tell what they are."""
+    rows: list[tuple[float, float]] = []
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for number, line in enumerate(file, 1):
+            try:
+                time, newtons = map(float, line.replace(";", ",").split(",")[:2])
+                whole = bool(np.isfinite([time, newtons]).all())
+            except ValueError:
+                whole = False
+            if whole and rows and time <= rows[-1][0]:
+                raise ForceError(
+                    f"{path}: line {number}: {time:g} s, allowed: after the line before"
+                )
+            if whole:
+                rows.append((time, newtons))
+            elif line.strip() and number > 1:
+                told = line.strip()[:40]
+                raise ForceError(
+                    f"{path}: line {number}: {told!r}, allowed: a time in s, a force in N"
+                )
+    if len(rows) < FEWEST:
+        raise ForceError(f"{path}: {len(rows)} samples, allowed: {FEWEST} or more")
+    times, newtons = np.array(rows).T
+    return times, newtons
+
+
+def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
+    """The same of a sound file, at the lowest rate above a wanted one in Hz."""
+    assert given.n_per_full_scale is not None
+    largest: list[float] = []
+    full: list[int] = []
+
+    def noted(blocks: Iterator[Array]) -> Iterator[Array]:
+        for block in blocks:
+            largest.append(float(np.abs(block).max(initial=0.0)))
+            full.append(int(np.count_nonzero(np.abs(block) >= FULL_SCALE)))
+            yield block
+
+    with audio.Recording("the force", path, given.channel).opened() as file:
+        step = step_to(file.rate, wanted)
+        rate = file.rate / step
+        values = np.concatenate([np.empty(0), *decimate(noted(file.blocks), step)])
+        start = file.start + cut_off(file.rate, rate)
+    peak = max(largest, default=0.0)
+    if peak < SILENCE:
+        raise ForceError(
+            f"{path}: channel {given.channel} is silent (at most {peak:.1e} of full scale), "
+            f"allowed: at least {SILENCE}"
+        )
+    if sum(full) >= CLIPPED:
+        raise ForceError(
+            f"{path}: channel {given.channel} is clipped ({sum(full)} samples at full scale), "
+            "allowed: none; turn its gain down"
+        )
+    return start + np.arange(len(values)) / rate, values * given.n_per_full_scale
+
+
+def _clock(manifest: Manifest, folder: Path, delays: Array) -> Clock:
+    """Given, that of a camera whose sound track it is, or found by sound."""
+    given = manifest.force
+    assert given is not None
+    if given.offset_s is not None:
+        return Clock(given.offset_s, 0.0)
+    path, first = folder / given.file, manifest.cameras[0]
+    for camera, delay in zip(manifest.cameras, delays, strict=True):
+        if (folder / camera.video).resolve() == path.resolve():
+            return Clock(float(delay), 0.0)
+    channel = given.sound_channel or given.channel
+    reference, rate, start = track_of(audio.Recording(first.name, folder / first.video))
+    other, its_rate, its_start = track_of(audio.Recording("the force", path, channel))
+    if its_rate != rate:
+        ratio = Fraction(rate / its_rate).limit_denominator(1000)
+        other = resample_poly(other, ratio.numerator, ratio.denominator).astype(np.float32)
+    match = room_match(reference, other, rate)
+    if not match.certain:
+        match = loudness_match(reference, other, rate)
+    if not match.certain:
+        raise ForceError(
+            f"{path}: no sound in channel {channel} matches that of camera {first.name} beyond "
+            "doubt; record a microphone beside the force and name its channel as "
+            "force.sound_channel, or give force.offset_s"
+        )
+    known = match.delay + start - its_start
+    found = drift_of(reference, other, rate, (start, its_start), known)
+    if not np.isfinite(found.delay_deviation):
+        return Clock(known, 1 / rate)
+    pace = 1 - found.drift if abs(found.drift) > 2 * found.drift_deviation else 1.0
+    middle = len(other) / rate / 2  # where the line is best known
+    return Clock(found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace)

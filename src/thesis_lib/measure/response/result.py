@@ -1,0 +1,218 @@
+"""From tracks and a force to receptance and mobility, labelled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.signal import welch
+
+from thesis_lib.arrays import Array
+from thesis_lib.measure.modes.result import rest_of
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.response.band import TOLD, at_times
+from thesis_lib.measure.response.motion import deflections, noise_of, span_of
+from thesis_lib.measure.response.recorded import ForceError, Recorded, recorded_force
+from thesis_lib.measure.response.spectra import ESTIMATORS, Response, cut_of, response, segments
+from thesis_lib.measure.response.sweep import found_sweep
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies.variables import declared, labelled
+
+PARTS = 8  # into which a recording is cut
+FINEST = 8  # times the frames' rate at which a force is sampled
+SHORTEST = 8  # periods of the lowest frequency that a recording has
+VARIABLES = declared("""
+    receptance_real(estimator, marker, frequency) [m/N] deflection over force, real part
+    receptance_imag(estimator, marker, frequency) [m/N] deflection over force, imaginary part
+    mobility_real(estimator, marker, frequency) [m/(N s)] velocity over force, real part
+    mobility_imag(estimator, marker, frequency) [m/(N s)] velocity over force, imaginary part
+    standard_error(marker, frequency) [m/N] standard error of either part of the receptance, by
+        noise
+    coherence(marker, frequency) [1] share of the motion that the force explains
+    averages(marker) [1] independent segments that were averaged
+    force_power(frequency) [N2/Hz] power of the force
+    phase_deviation(frequency) [rad] standard error of all phases by the force's clock
+    displacement(time, marker) [m] deflection along the normal
+    force(force_time) [N] the force
+    x(marker) [m] place along the structure, from its first corner
+    y(marker) [m] place across the structure, from its first corner
+    rest_position(axis, marker) [m] place at rest, from the structure's centre
+    force_place(xy) [m] where the force acts, from the structure's first corner
+    drive() [1] number of the marker that is nearest to the force
+    segment() [s] length of the segments
+    segments() [1] how many there are
+    delay() [s] when the force's file begins on the first camera's clock
+    delay_deviation() [s] its standard error
+    pace() [1] how much faster than the first camera's the force's clock runs
+    beyond() [1] share of the force's power above half of the lowest frame rate
+    ringing() [1] rms of the last eighth of the motion over that of the largest
+    noise(marker) [m] rms of the noise in the deflection, as at rest
+    filmed(end) [s] from when to when all cameras recorded
+    sweep(end) [Hz] frequencies from which to which a sweep goes; NaN of another force
+    sweep_duration() [s] how long it takes
+""")
+
+
+def responded(
+    manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording], folder: Path
+) -> xr.Dataset:
+    """Motion of every marker over the force.
+
+    Parameters
+    ----------
+    manifest : Manifest
+        With a force.
+    sound : xarray.Dataset
+        What :func:`~thesis_lib.measure.steps.heard` returns.
+    recordings : sequence of Recording
+        The cameras and their tracks.
+    folder : Path
+        The manifest's.
+
+    Raises
+    ------
+    ForceError
+        If the force cannot be used; one line that says what would do.
+    ChainError
+        If the markers at rest do not fit their places.
+    """
+    given, excitation = manifest.force, manifest.excitation
+    assert given is not None
+    force = recorded_force(manifest, folder, np.array([own.delay for own in recordings]))
+    rest, _ = rest_of(manifest, recordings)
+    rate, slowest = (float(pick(own.rate for own in recordings)) for pick in (max, min))
+    filmed = span_of(recordings)
+    low, high = _band(manifest, force, slowest)
+    begin, end = _common(manifest, force, filmed, low)
+    times = begin + np.arange(int((end - begin) * rate + 1e-6)) / rate
+    finer = min(FINEST, int(np.ceil(force.rate / rate)))
+    fine = begin + np.arange(finer * len(times)) / (finer * rate)
+    mean = float(force.newtons.mean())
+    newtons = at_times(force.times, force.newtons[:, None] - mean, force.rate, fine)[:, 0]
+    pushed = np.nan_to_num(newtons)
+    sweep = None
+    if excitation.kind == "sweep":
+        sweep = found_sweep(pushed, finer * rate, excitation.sweep)
+        ends = sorted([float(sweep.from_hz or low), float(sweep.to_hz or high)])
+        low, high = max(low, ends[0]), min(high, ends[1])
+    moved = deflections(recordings, rest, times)
+    still = np.arange(filmed[0], filmed[0] + excitation.rest_s, 1 / rate)
+    noise = noise_of(deflections(recordings, rest, still), rate, (low, high))
+    cut = cut_of(len(times), rate, _segment(manifest, len(times) / rate))
+    spectra = segments(pushed[:, None], cut, finer)[:, :, 0]
+    found = response(spectra, segments(moved, cut), cut, noise)
+    place = given.place(manifest.structure.force_place)
+    apart = np.linalg.norm(rest.places - place[:, None], axis=0)
+    parts = [np.nanstd(part) for part in np.array_split(moved, PARTS)]
+    values: dict[str, Any] = _curves(found, (low, high), force.clock.delay_deviation) | {
+        "averages": found.averages,
+        "displacement": moved,
+        "force": pushed,
+        "x": rest.places[0],
+        "y": rest.places[1],
+        "rest_position": rest.frame.to_beam(rest.points),
+        "force_place": place,
+        "drive": int(np.argmin(np.where(found.averages > 0, apart, np.inf))) + 1,
+        "segment": cut.length / rate,
+        "segments": cut.count,
+        "delay": force.clock.delay,
+        "delay_deviation": force.clock.delay_deviation,
+        "pace": 1 / force.clock.pace - 1,
+        "beyond": _beyond(pushed, finer * rate, slowest),
+        "ringing": parts[-1] / max(parts),
+        "noise": np.sqrt(noise * rate / 2),
+        "filmed": filmed,
+        "sweep": [sweep.from_hz, sweep.to_hz] if sweep else [np.nan, np.nan],
+        "sweep_duration": sweep.duration_s if sweep else np.nan,
+    }
+    inside = (found.frequency >= low) & (found.frequency <= high)
+    coords = {
+        "estimator": ("estimator", list(ESTIMATORS), {"long_name": "estimator"}),
+        "frequency": (
+            "frequency",
+            found.frequency[inside],
+            {"units": "Hz", "long_name": "frequency"},
+        ),
+        "time": ("time", times, {"units": "s", "long_name": "time on the first camera's clock"}),
+        "force_time": ("force_time", fine, {"units": "s", "long_name": "time on the same clock"}),
+        "marker": ("marker", np.arange(1, len(apart) + 1), {"long_name": "number of the marker"}),
+        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
+    }
+    return xr.Dataset(labelled(values, VARIABLES), coords)
+
+
+def _band(manifest: Manifest, force: Recorded, slowest: float) -> tuple[float, float]:
+    """The frequencies that are told, Hz; refused where frames or force do not resolve them."""
+    excitation, path = manifest.excitation, manifest.force and manifest.force.file
+    sought, sweep = excitation.modes, excitation.sweep
+    most = TOLD * slowest
+    if excitation.kind == "sweep" and min(sweep.from_hz or 0, sweep.to_hz or 0) >= most:
+        raise ForceError(
+            f"excitation.sweep: given {sweep.from_hz:g} to {sweep.to_hz:g} Hz, allowed: below "
+            f"{most:.4g} Hz, {TOLD} of the lowest frame rate; film faster"
+        )
+    if sought.from_hz >= most:
+        raise ForceError(
+            f"excitation.modes.from_hz: given {sought.from_hz:g}, allowed: below {most:.4g} Hz, "
+            f"{TOLD} of the lowest frame rate; film faster"
+        )
+    high = min(sought.to_hz or most, most)
+    if TOLD * force.rate < high * (1 - 1e-6):
+        raise ForceError(
+            f"force.file: {path}: {force.rate:.4g} samples a second, allowed: at least "
+            f"{high / TOLD:.4g} for {high:.4g} Hz; or a lower excitation.modes.to_hz"
+        )
+    return sought.from_hz, high
+
+
+def _common(
+    manifest: Manifest, force: Recorded, filmed: tuple[float, float], low: float
+) -> tuple[float, float]:
+    """From when to when all cameras and the force were recorded, s."""
+    first, last = manifest.excitation.steady_s or filmed
+    begin = max(first, filmed[0], float(force.times[0]))
+    end = min(last, filmed[1], float(force.times[-1]))
+    if not end - begin > SHORTEST / low:
+        raise ForceError(
+            f"force.file: {manifest.force and manifest.force.file}: from {force.times[0]:.3f} to "
+            f"{force.times[-1]:.3f} s on the first camera's clock, and the cameras recorded from "
+            f"{first:.3f} to {last:.3f} s, allowed: {SHORTEST / low:.3g} s or more in common, "
+            f"{SHORTEST} periods of {low:g} Hz"
+        )
+    return begin, end
+
+
+def _segment(manifest: Manifest, seconds: float) -> float | None:
+    """Length of the segments in s; None is the whole."""
+    assert manifest.force is not None
+    asked = manifest.force.segment_s
+    if asked is None:
+        return seconds / PARTS if manifest.excitation.kind == "random" else None
+    return None if asked == "whole" else asked
+
+
+def _curves(found: Response, band: tuple[float, float], late: float) -> dict[str, Array]:
+    """What is told line by line."""
+    inside = (found.frequency >= band[0]) & (found.frequency <= band[1])
+    omega = 2 * np.pi * found.frequency[inside]
+    receptance = found.receptance[:, :, inside]
+    mobility = 1j * omega * receptance
+    return {
+        "receptance_real": receptance.real,
+        "receptance_imag": receptance.imag,
+        "mobility_real": mobility.real,
+        "mobility_imag": mobility.imag,
+        "standard_error": found.deviation[:, inside],
+        "coherence": found.coherence[:, inside],
+        "force_power": found.force[inside],
+        "phase_deviation": omega * late,
+    }
+
+
+def _beyond(newtons: Array, rate: float, frames: float) -> float:
+    """Share of a force's power above half of a frame rate, where frames show aliases."""
+    f, power = welch(newtons, rate, nperseg=min(len(newtons), 4096))
+    return float(power[f > frames / 2].sum() / power.sum())

@@ -1,0 +1,113 @@
+"""Receptance by averaged spectra: H1, H2, Hv, coherence and standard errors.
+
+Of segments of force F and motion X, with ⟨⟩ their mean: H1 = ⟨XF*⟩ / ⟨FF*⟩, which noise in the
+motion leaves right and noise in the force makes too small; H2 = ⟨XX*⟩ / ⟨FX*⟩, which noise in the
+force leaves right and noise in the motion makes too large; Hv, between them, has the size
+√(⟨XX*⟩ / ⟨FF*⟩). The coherence γ² = H1 / H2 tells what share of the motion the force explains
+(Bendat and Piersol, Random Data, chapters 6 and 9).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import ShortTimeFFT, get_window
+
+from thesis_lib.arrays import Array, ComplexArray
+
+ESTIMATORS = ("H1", "H2", "Hv")
+
+
+@dataclass(frozen=True)
+class Cut:
+    """How a recording is cut into segments."""
+
+    rate: float  #: Samples per second of the motion, Hz
+    length: int  #: Samples of it in a segment, even
+    count: int  #: Segments; more than one overlap by half, and have a Hann window
+
+    @property
+    def window(self) -> str:
+        """Name of the window: a whole recording begins and ends at rest, and needs none."""
+        return "hann" if self.count > 1 else "boxcar"
+
+    @property
+    def averages(self) -> float:
+        """How many independent segments tell as much (Welch 1967)."""
+        w = get_window(self.window, self.length)
+        like = float(np.sum(w[self.length // 2 :] * w[: self.length // 2]) / np.sum(w**2)) ** 2
+        return self.count / (1 + 2 * (1 - 1 / self.count) * like)
+
+
+def cut_of(samples: int, rate: float, seconds: float | None) -> Cut:
+    """Segments of at most so many seconds; None takes the whole as one."""
+    whole = samples // 2 * 2
+    length = whole if seconds is None else max(min(round(seconds * rate / 2) * 2, whole), 4)
+    return Cut(rate, length, 1 + (samples - length) // (length // 2) if length < whole else 1)
+
+
+def segments(values: Array, cut: Cut, finer: int = 1) -> ComplexArray:
+    """Spectra of segments of series (samples · finer, series), shape (lines, segments, series).
+
+    `finer` samples stand for one of the motion's: lines are the same for all. Amplitudes are those
+    of densities, so that a mean of squares is a power in units²/Hz.
+    """
+    length = cut.length * finer
+    window = get_window(cut.window, length)
+    made = ShortTimeFFT(window, length // 2, cut.rate * finer, scale_to="psd")
+    first = -(-length // 2 // made.hop)  # the first slice that is inside, and its middle
+    found = made.stft_detrend(values, "constant", p0=first, p1=first + cut.count, axis=0)
+    lines = cut.length // 2 + 1
+    one_sided = np.sqrt(2)
+    return np.asarray(one_sided * np.moveaxis(found[:lines], -1, 1), complex)
+
+
+@dataclass(frozen=True)
+class Response:
+    """Motion over force of every marker."""
+
+    frequency: Array  #: Hz, shape (lines,)
+    receptance: ComplexArray  #: By H1, H2, Hv, m/N, shape (3, markers, lines)
+    coherence: Array  #: Shape (markers, lines); one throughout where there is one segment
+    deviation: Array  #: Standard error of real and of imaginary part, m/N, (markers, lines)
+    force: Array  #: Power of the force, N²/Hz, shape (lines,)
+    averages: Array  #: Independent segments of each marker, shape (markers,)
+
+
+def response(force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array) -> Response:
+    """Receptance from spectra of segments.
+
+    Parameters
+    ----------
+    force : ndarray, shape (lines, segments)
+        Of the force, N/√Hz.
+    moved : ndarray, shape (lines, segments, markers)
+        Of the motion, m/√Hz; NaN in segments in which a marker is lost.
+    cut : Cut
+        How they were made.
+    noise : ndarray, shape (markers,)
+        Power of the noise in the motion, m²/Hz, from which one segment has its error.
+    """
+    known = np.isfinite(moved).all(axis=0)  # (segments, markers)
+    X = np.where(known, moved, 0.0)
+    count = known.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ff = (np.abs(force) ** 2) @ (known / count)
+        xx = np.sum(np.abs(X) ** 2, axis=1) / count
+        xf = np.sum(X * force.conj()[:, :, None], axis=1) / count
+        first, second = xf / ff, xx / xf.conj()
+        coherence = np.minimum(np.abs(xf) ** 2 / (ff * xx), 1.0)
+        averages = cut.averages * count / cut.count
+        scatter = (1 - coherence) / (2 * averages * coherence) * np.abs(first) ** 2
+        alone = noise / (2 * ff * averages)
+        error = np.sqrt(np.where(count > 1, scatter, alone))
+        whole = np.array([first, second, first / np.sqrt(coherence)])
+    return Response(
+        np.arange(len(force)) * cut.rate / cut.length,
+        whole.transpose(0, 2, 1),
+        coherence.T,
+        error.T,
+        np.mean(np.abs(force) ** 2, axis=1),
+        averages,
+    )

@@ -1,0 +1,501 @@
+"""Motion over a recorded force, against the exact receptance; and forces that cannot be used."""
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyuff
+import xarray as xr
+from scenes.driven import (
+    FINE,
+    PLACE,
+    RATES,
+    Driven,
+    random_force,
+    swept_force,
+    write_wav,
+)
+from scenes.modes import recorded, rig
+from scipy.signal import resample_poly
+from sdypy import EMA
+
+from thesis_lib.measure.modes.identify import assurance
+from thesis_lib.measure.pipeline import _not_one_tone
+from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.media import write_video
+from thesis_lib.measure.recordings.media_info import MediaError
+from thesis_lib.measure.recordings.sought import Sought
+from thesis_lib.measure.response.band import at_times
+from thesis_lib.measure.response.motion import noise_of
+from thesis_lib.measure.response.recorded import ForceError, recorded_force
+from thesis_lib.measure.response.report import complex_of, warnings
+from thesis_lib.measure.response.result import responded
+from thesis_lib.measure.response.spectra import cut_of, response, segments
+from thesis_lib.measure.response.sweep import dwell, found_sweep, settling
+from thesis_lib.measure.tracking.tracks import Recording
+
+SILENT = xr.Dataset(attrs={"synchronisation": "by no sound at all"})
+SCALE = 2.0  # N at full scale
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Tracks of a driven beam, on disk, and what is true of them."""
+
+    folder: Path
+    truth: Driven
+    recordings: list[Recording]
+    manifest: Manifest
+
+    def asked(self, kind: str = "random", to_hz: float | None = None, **force: Any) -> Manifest:
+        """The manifest with a kind of excitation, and fields of the force."""
+        at = tuple(1e3 * x for x in self.truth.place)
+        given = {"file": "force.wav", "n_per_full_scale": SCALE, "offset_s": 0.5, "at_mm": at}
+        changed = {
+            "excitation": Excitation(
+                kind=kind, rest_s=0.45, sound="room", modes=Sought(to_hz=to_hz)
+            ),
+            "force": Force(**given | force),
+        }
+        return self.manifest.model_copy(update=changed)
+
+    def responded(self, manifest: Manifest) -> xr.Dataset:
+        """What is found."""
+        return responded(manifest, SILENT, self.recordings, self.folder)
+
+
+def scene(
+    folder: Path, newtons, damping, seconds, noise=0.02, heard=None, rates=RATES, place=PLACE
+) -> Scene:
+    """A force is written as it is heard, which may be with noise."""
+    truth = Driven(newtons, damping, place)
+    found, manifest = recorded(folder, rig(), truth, seconds, rates, noise)
+    write_wav(folder / "force.wav", (newtons if heard is None else heard) / SCALE)
+    cameras = zip(manifest.cameras, rates, strict=True)
+    own = tuple(c.model_copy(update={"frame_rate_hz": r}) for c, r in cameras)
+    beam = manifest.structure.model_copy(update={"damping": damping[0]})
+    return Scene(
+        folder, truth, found, manifest.model_copy(update={"cameras": own, "structure": beam})
+    )
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """Noise of half a minute: unlike rates, rolling shutters, 3 of 4 cameras' clocks their own."""
+    folder = tmp_path_factory.mktemp("driven")
+    return scene(folder, random_force(31, 0.05), (0.1, 0.03), 30.0)
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """A fast sweep, from rest to rest."""
+    folder = tmp_path_factory.mktemp("swept")
+    return scene(folder, swept_force(15, 8, 3, 44, 0.05), (0.02, 0.02), 14.0)
+
+
+def off(data, truth, marker):
+    """H1 over what is true, less one, and its standard error."""
+    true = truth.receptance(data["frequency"].values)[marker]
+    error = data["standard_error"].values[marker] / np.abs(true)
+    return complex_of(data)[0, marker] / true - 1, error
+
+
+# From one clock to another.
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2, 0.3, 0.4])
+def test_a_band_is_known_between_uneven_stamps_rows_and_exposures(share):
+    rng = np.random.default_rng(0)
+    times = (np.arange(900) + rng.uniform(-0.1, 0.1, 900)) / 60
+    late, exposure, f = np.array([0.0, 0.005, -0.006]), 1 / 100, 60 * share
+    tone = np.sinc(f * exposure) * np.sin(2 * np.pi * f * (times[:, None] + late))
+    wanted = np.arange(1.0, 14.0, 1 / 47)
+    found = at_times(times, tone, 60.0, wanted, late, exposure)
+    np.testing.assert_allclose(
+        found, np.sin(2 * np.pi * f * wanted)[:, None] * np.ones(3), atol=0.015
+    )
+
+
+def test_missing_samples_are_bridged_and_gaps_are_told():
+    times = np.arange(600) / 60
+    values = np.sin(2 * np.pi * 5 * times)[:, None] * np.ones(2)
+    values[300, 0] = np.nan
+    values[100:140, 1] = np.nan
+    found = at_times(times, values, 60.0, times)
+    np.testing.assert_allclose(found[295:305, 0], np.sin(2 * np.pi * 5 * times[295:305]), atol=0.1)
+    assert np.isnan(found[110:130, 1]).all()
+    assert np.isfinite(found[:, 0]).all()
+
+
+# Spectra.
+
+
+def drawn(noise_of_force, noise_of_motion, seed, count=400):
+    """H1 and H2 of a gain of 3, by white force and noise of so much power, a whole draw."""
+    rng = np.random.default_rng(seed)
+    cut = cut_of(64 * count, 64.0, 1.0)
+    force = rng.standard_normal(64 * count)
+    moved = 3 * force + 3 * np.sqrt(noise_of_motion) * rng.standard_normal(64 * count)
+    heard = force + np.sqrt(noise_of_force) * rng.standard_normal(64 * count)
+    found = segments(np.stack([heard, moved], axis=1), cut)
+    return response(found[:, :, 0], found[:, :, 1:], cut, np.array([np.nan]))
+
+
+def test_noise_in_the_force_makes_h1_small_and_noise_in_the_motion_h2_large():
+    """H1 = H / (1 + noise of force), H2 = H (1 + noise of motion): Bendat and Piersol."""
+    for force, motion in ((0.25, 0.0), (0.0, 0.25), (0.25, 0.1)):
+        first, second, _ = np.abs(drawn(force, motion, 1).receptance[:, 0, 2:-2]).mean(axis=1)
+        assert first == pytest.approx(3 / (1 + force), rel=0.02)
+        assert second == pytest.approx(3 * (1 + motion), rel=0.02)
+
+
+def test_standard_errors_are_what_draws_scatter_by():
+    draws = [drawn(0.0, 0.5, seed, 40) for seed in range(60)]
+    found = np.array([one.receptance[0, 0, 2:-2] for one in draws])
+    told = np.sqrt(np.mean([one.deviation[0, 2:-2] ** 2 for one in draws]))
+    for part in (found.real - 3, found.imag):
+        assert np.sqrt(np.mean(part**2)) == pytest.approx(told, rel=0.06)
+
+
+def test_a_force_may_be_sampled_more_finely():
+    """Lines of both are the same, and their ratio is the gain and the delay."""
+    fine = np.arange(8 * 1200) / 800
+    tone = np.cos(2 * np.pi * 7 * fine)
+    cut = cut_of(1200, 100.0, 2.0)
+    force = segments(tone[:, None], cut, 8)
+    moved = segments(2 * np.cos(2 * np.pi * 7 * (fine[::8] - 0.01))[:, None], cut)
+    found = response(force[:, :, 0], moved, cut, np.array([np.nan]))
+    line = int(np.argmin(np.abs(found.frequency - 7)))
+    gain = found.receptance[0, 0, line]
+    np.testing.assert_allclose(gain, 2 * np.exp(-2j * np.pi * 7 * 0.01), rtol=1e-6)
+
+
+# The whole chain.
+
+
+def test_receptance_is_that_of_the_structure_within_its_errors(driven):
+    data = driven.responded(driven.asked(segment_s=5.0))
+    f = data["frequency"].values
+    assert f[-1] == pytest.approx(0.4 * min(RATES), abs=0.2)
+    for marker in (10, 45, 74):
+        apart, error = off(data, driven.truth, marker)
+        quiet = f > 9  # where segments are long enough for what rings
+        scatter = np.sqrt(np.mean(np.abs(apart / error)[quiet] ** 2) / 2)
+        assert 0.8 < scatter < 1.2
+    assert np.median(error) < 0.05
+    mobility = complex_of(data, "mobility")
+    np.testing.assert_allclose(mobility, 2j * np.pi * f * complex_of(data), rtol=1e-12)
+    assert int(data["drive"]) in (46, 21, 71)
+
+
+def test_a_table_tells_the_same_as_a_sound_file(driven):
+    times = np.arange(len(driven.truth.newtons)) / FINE
+    rows = np.column_stack([times, driven.truth.newtons])[::4]
+    np.savetxt(driven.folder / "force.csv", rows, "%.6f", ",", header="time_s,force_n", comments="")
+    sound, table = (
+        driven.responded(driven.asked(segment_s=5.0, **how))
+        for how in ({}, {"file": "force.csv", "n_per_full_scale": None})
+    )
+    apart = complex_of(table)[0] / complex_of(sound)[0] - 1
+    assert np.median(np.abs(apart)) < 2e-3
+
+
+def test_noise_on_both_channels_parts_h1_from_h2(tmp_path):
+    """Truth is between them; a fifth of the force's power is noise."""
+    force = random_force(31, 0.05)
+    heard = force + np.sqrt(0.2) * random_force(31, 0.05, seed=1)
+    own = scene(tmp_path, force, (0.1, 0.03), 30.0, noise=0.1, heard=heard)
+    data = own.responded(own.asked(segment_s=5.0))
+    f, k = data["frequency"].values, int(data["drive"]) - 1
+    true = np.abs(own.truth.receptance(f)[k])
+    low, high = ((f > 8) & (f < 13)), ((f > 20) & (f < 30))
+    first, second, middle = (np.abs(one[k]) / true for one in complex_of(data))
+    assert first[low].mean() == pytest.approx(1 / 1.2, abs=0.07)
+    assert second[low].mean() == pytest.approx(1.0, abs=0.07)  # the motion is far above noise
+    assert np.median(second[high]) > 1.2 > 1 > np.median(first[high])
+    assert np.all((first <= middle) & (middle <= second))
+
+
+def test_a_sweep_from_rest_to_rest_is_right_however_fast(swept):
+    manifest = swept.asked("sweep")
+    data = swept.responded(manifest)
+    k = int(data["drive"]) - 1
+    apart, error = off(data, swept.truth, k)
+    f = data["frequency"].values
+    top = int(np.argmax(np.abs(swept.truth.receptance(f)[k])))
+    assert abs(apart[top]) < 0.01
+    inner = (f > 5) & (f < 38)
+    assert 0.7 < np.sqrt(np.mean(np.abs(apart / error)[inner] ** 2) / 2) < 1.4
+    np.testing.assert_allclose(data["sweep"], [3, 44], atol=1.3)  # it fades in and out
+    assert float(data["sweep_duration"]) == pytest.approx(8, rel=0.1)
+    codes = {one.code for one in warnings(data, manifest)}
+    assert not codes & {"sweep-fast", "still-ringing"}
+
+
+def test_a_sweep_that_is_too_fast_for_its_segments_is_told_with_what_would_do(swept):
+    manifest = swept.asked("sweep", segment_s=2.0)
+    data = swept.responded(manifest)
+    k = int(data["drive"]) - 1
+    f = data["frequency"].values
+    true = np.abs(swept.truth.receptance(f)[k])
+    assert abs(np.max(np.abs(complex_of(data)[0, k])) / true.max() - 1) > 0.1
+    told = [one for one in warnings(data, manifest) if one.code == "sweep-fast"]
+    assert len(told) == 1
+    assert "more slowly, or take force.segment_s: whole" in told[0].text
+
+
+def test_a_sweep_that_still_rings_at_the_end_is_told(swept):
+    manifest = swept.asked("sweep")
+    early = manifest.excitation.model_copy(update={"steady_s": (0.5, 5.0)})
+    cut = manifest.model_copy(update={"excitation": early})
+    assert [one for one in warnings(swept.responded(cut), cut) if one.code == "still-ringing"]
+
+
+def test_a_slow_sweep_dwells_until_a_resonance_settles():
+    slow = Sweep(from_hz=5.0, to_hz=10.0, duration_s=100.0)
+    assert dwell(slow, 6.0, 0.01) == pytest.approx(2.4)  # s, for 0.12 Hz at 0.05 Hz a second
+    assert settling(6.0, 0.01) == pytest.approx(4 / (2 * np.pi * 0.06))
+
+
+def test_a_sweep_is_found_in_the_force():
+    found = found_sweep(swept_force(14, 10, 20, 5), FINE, Sweep())
+    assert found.from_hz == pytest.approx(20, rel=0.1)
+    assert found.to_hz == pytest.approx(5, rel=0.2)
+    assert found.duration_s == pytest.approx(10, rel=0.1)
+    assert found_sweep(swept_force(14, 10, 20, 5), FINE, Sweep(from_hz=21.0)).from_hz == 21
+
+
+def test_noise_at_rest_has_its_power():
+    noise = 1e-5 * np.random.default_rng(0).standard_normal((4000, 3))
+    np.testing.assert_allclose(noise_of(noise, 100.0, (5, 40)), 1e-10 / 50, rtol=0.1)
+    assert np.isnan(noise_of(noise[:6], 100.0, (5, 40))).all()
+
+
+# Clocks.
+
+
+def test_the_clock_of_a_sound_card_is_found_by_a_microphone_beside_the_force(tmp_path):
+    """Started 1.234 s later, 60 ppm fast, at another sample rate, with a force of its own."""
+    rng = np.random.default_rng(0)
+    fast, late, rate, card = 6e-5, 1.234, 48000, 44100
+    heard = 0.1 * rng.standard_normal(25 * rate)
+    frames = (np.zeros((16, 16), np.uint8) for _ in range(250))
+    write_video(tmp_path / "A.mkv", frames, 10.0, heard, rate)
+    at = (np.arange(20 * card) / card) / (1 + fast) + late
+    fine = resample_poly(heard, 4, 1)
+    other = np.interp(at, np.arange(len(fine)) / (4 * rate), fine)
+    tone = 0.5 * np.sin(2 * np.pi * 7 * at)
+    write_wav(tmp_path / "force.wav", tone, other, rate=card)
+    manifest = manifest_for(tmp_path, sound_channel=2, offset_s=None)
+    found = recorded_force(manifest, tmp_path, np.zeros(2))
+    assert found.clock.delay == pytest.approx(late, abs=2e-5)
+    assert found.clock.pace == pytest.approx(1 - fast, abs=3e-6)
+    true = SCALE * 0.5 * np.sin(2 * np.pi * 7 * found.times)
+    np.testing.assert_allclose(found.newtons, true, atol=2e-3 * SCALE)
+    with pytest.raises(ForceError, match=r"channel 1 matches that of camera A .*sound_channel"):
+        recorded_force(manifest_for(tmp_path, offset_s=None), tmp_path, np.zeros(2))
+
+
+def test_a_sound_track_of_a_camera_has_its_clock(tmp_path):
+    tone = 0.5 * np.sin(2 * np.pi * 7 * np.arange(96000) / 48000)
+    write_video(tmp_path / "B.mkv", (np.zeros((16, 16), np.uint8) for _ in range(20)), 10.0, tone)
+    manifest = manifest_for(tmp_path, file="B.mkv", offset_s=None)
+    assert recorded_force(manifest, tmp_path, np.array([0.0, 0.7])).clock.delay == 0.7
+
+
+def manifest_for(folder, **force):
+    """Two cameras of 10 Hz, and a force."""
+    given = {
+        "file": "force.wav",
+        "n_per_full_scale": SCALE,
+        "offset_s": 0.0,
+        "at_mm": [100.0, 15.0],
+    }
+    cameras = [
+        {"name": name, "video": f"{name}.mkv", "shots": "x*.png", "exposure_s": 0.01,
+         "frame_rate_hz": 10.0} for name in "AB"
+    ]  # fmt: skip
+    values = {"cameras": cameras, "force": given | force, "excitation": {"kind": "random"}}
+    return Manifest.model_validate_json(json.dumps(values))
+
+
+# What cannot be used.
+
+
+def clipped(newtons):
+    return np.clip(newtons, -SCALE, SCALE * (1 - 2**-15))
+
+
+@pytest.mark.parametrize(
+    ("made", "how", "told"),
+    [
+        (lambda n: 0 * n, {}, r"channel 1 is silent .* allowed"),
+        (lambda n: clipped(40 * n), {}, r"channel 1 is clipped \(\d+ samples .* gain down"),
+        (lambda n: n, {"channel": 2}, r"given channel 2, allowed: 1 to 1"),
+        (lambda n: n, {"offset_s": 90.0}, r"from 90.000 to .* allowed: 4 s or more in common"),
+        (lambda n: n[: int(2 * FINE)], {}, r"from 0.500 to 2.5.* allowed: 4 s or more"),
+    ],
+)
+def test_a_force_that_cannot_be_used_is_refused_in_one_line(driven, tmp_path, made, how, told):
+    write_wav(tmp_path / "force.wav", made(driven.truth.newtons) / SCALE)
+    with pytest.raises((ForceError, MediaError), match=told) as error:
+        responded(driven.asked(**how), SILENT, driven.recordings, tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_force_sampled_too_rarely_is_refused(driven):
+    rows = np.column_stack([np.arange(0, 30, 0.02), random_force(30)[::40]])
+    np.savetxt(driven.folder / "slow.csv", rows, delimiter=",")
+    manifest = driven.asked(file="slow.csv", n_per_full_scale=None)
+    with pytest.raises(ForceError, match=r"slow.csv: 50 samples a second, allowed: at least 100"):
+        driven.responded(manifest)
+
+
+def test_a_film_too_slow_for_a_sweep_is_refused(driven):
+    manifest = driven.asked("sweep")
+    sweep = Sweep(from_hz=60.0, to_hz=90.0)
+    fast = manifest.excitation.model_copy(update={"sweep": sweep})
+    with pytest.raises(ForceError, match=r"sweep: given 60 to 90 Hz, allowed: below 40 Hz.*faster"):
+        driven.responded(manifest.model_copy(update={"excitation": fast}))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("t,n\n0,1\n0.1,x\n", r"line 3: '0.1,x', allowed: a time in s, a force in N"),
+        ("t,n\n0,1\n0,2\n", r"line 3: 0 s, allowed: after the line before"),
+        ("t,n\n0,1\n1,2\n", r"2 samples, allowed: 100 or more"),
+        ("\n".join(f"{k / 1000},1" for k in range(200)), r"silent, allowed: a force that changes"),
+    ],
+)
+def test_tables_that_are_none_are_refused(tmp_path, text, told):
+    (tmp_path / "force.csv").write_text(text)
+    manifest = manifest_for(tmp_path, file="force.csv", n_per_full_scale=None)
+    with pytest.raises(ForceError, match=told):
+        recorded_force(manifest, tmp_path, np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("force", "kind", "told"),
+    [
+        ({"n_per_full_scale": None}, "random", "n_per_full_scale: given null.*above 0, in N"),
+        ({"file": "x.csv"}, "random", "n_per_full_scale: given 2.0, allowed with a table"),
+        ({"file": "x.csv", "n_per_full_scale": None, "offset_s": None}, "random",
+         "offset_s: given null, allowed with a table"),
+        ({"at_mm": [700.0, 15.0]}, "random", "at_mm: given .700.0, 15.0., allowed: null, or"),
+        (None, "sweep", "force: given null, allowed where excitation.kind is sweep"),
+        ({}, "tones", 'kind: given "tones", allowed with a force'),
+    ],
+)  # fmt: skip
+def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path, force, kind, told):
+    values = manifest_for(tmp_path).model_dump(mode="json")
+    given = None if force is None else values["force"] | force
+    values |= {"force": given, "excitation": {"kind": kind}}
+    with pytest.raises(ValueError, match=told):
+        Manifest.model_validate_json(json.dumps(values))
+
+
+# Report and files.
+
+
+def test_curves_go_to_a_report_and_files(driven, tmp_path):
+    calibration, said = xr.Dataset(attrs={"notes": ""}), []
+    page = _not_one_tone(
+        driven.asked(), driven.folder, SILENT, calibration, driven.recordings, tmp_path, said.append
+    )
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<figure>") == 3
+    assert "marker 46, nearest to the force" in text
+    assert said[1].startswith("receptance of 75 markers from 2")
+    data = xr.open_dataset(tmp_path / "response.nc")
+    sets = [one for one in pyuff.UFF(str(tmp_path / "response.uff")).read_sets()
+            if one["type"] == 58]  # fmt: skip
+    curves = [one for one in sets if one["func_type"] == 4]
+    assert [one["rsp_node"] for one in curves] == list(range(1, 76))
+    assert {(one["ref_node"], one["rsp_dir"], one["ref_dir"]) for one in curves} == {(76, 3, 3)}
+    assert {one["ordinate_spec_data_type"] for one in curves} == {8}
+    np.testing.assert_allclose(curves[45]["data"], complex_of(data)[0, 45], rtol=1e-4)
+    np.testing.assert_allclose(curves[45]["x"], data["frequency"], rtol=1e-4)
+    same = [one["data"] for one in sets if one["func_type"] == 6]
+    np.testing.assert_allclose(same[45], data["coherence"][45], rtol=1e-4)
+
+
+@pytest.fixture(scope="module")
+def tapped(tmp_path_factory):
+    """A hammer's pulse of 4 ms; the structure rings as long as it is filmed. Truth, results."""
+    folder, damping = tmp_path_factory.mktemp("tapped"), (0.02, 0.01)
+    t = np.arange(int(9 * FINE)) / FINE
+    pulse = np.where(t < 0.004, 1.8 * np.sin(np.pi * t / 0.004), 0.0)
+    rates = (240.0, 200.0, 239.76, 200.0)
+    own = scene(folder, pulse, damping, 8.0, 0.002, rates=rates, place=(0.3, 0.015))
+    sound = SILENT.assign(steady=("end", [0.52, 8.0]))
+    calibration, out = xr.Dataset(attrs={"notes": ""}), folder / "out"
+    manifest = own.asked("decay", to_hz=60.0)
+    _not_one_tone(manifest, folder, sound, calibration, own.recordings, out, lambda _: None)
+    return own.truth, out
+
+
+@pytest.mark.slow
+def test_a_tap_has_modes_and_curves_in_one_report(tapped):
+    truth, out = tapped
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "<h2>Motion over force</h2>" in text
+    assert "<h2>Modes</h2>" in text
+    data = xr.open_dataset(out / "response.nc")
+    apart, error = off(data, truth, int(data["drive"]) - 1)
+    assert 0.9 < np.median(np.abs(apart / error)) < 1.7  # of two normal parts it is 1.2
+    assert np.min(error) < 0.01
+    modes = xr.open_dataset(out / "modes.nc")
+    np.testing.assert_allclose(modes["damping"], truth.damping, rtol=0.05)
+
+
+@pytest.mark.slow
+def test_another_library_finds_the_same_modes_in_the_exported_curves(tapped):
+    """Complex poles by LSCF, shapes by LSFD, of the receptances in the universal file."""
+    truth, out = tapped
+    sets = [one for one in pyuff.UFF(str(out / "response.uff")).read_sets()
+            if one["type"] == 58 and one["func_type"] == 4]  # fmt: skip
+    f = sets[0]["x"]
+    before = round(f[0] / (f[1] - f[0]))  # lines that it needs from 0 Hz on
+    curves = np.pad([one["data"] for one in sets], ((0, 0), (before, 0)))
+    lines = np.arange(curves.shape[1]) * (f[-1] - f[0]) / (len(f) - 1)
+    model = EMA.Model(curves, lines, lower=3, upper=59, pol_order_high=12, frf_form="receptance")
+    model.get_poles(method="lscf", show_progress=False)
+    found, zeta = np.array(model.pole_freq[-1]), np.array(model.pole_xi[-1])
+    modes = xr.open_dataset(out / "modes.nc")
+    own = [int(np.argmin(np.abs(found - hertz))) for hertz in modes["frequency"].values]
+    np.testing.assert_allclose(found[own], modes["frequency"], rtol=1e-3)
+    np.testing.assert_allclose(zeta[own], modes["damping"], rtol=0.05)
+    np.testing.assert_allclose(found[own], truth.omega / (2 * np.pi), rtol=1e-3)
+    model.nat_freq, model.nat_xi = found[own], zeta[own]
+    model.pole_ind = [[len(model.pole_freq) - 1, k] for k in own]
+    model.get_constants()
+    shape = modes["amplitude_real"].values + 1j * modes["amplitude_imag"].values
+    assert min(assurance([a, b])[0, 1] for a, b in zip(model.A.T, shape, strict=True)) > 0.999
+
+
+def test_what_a_reader_should_know_is_told(driven):
+    manifest = driven.asked(segment_s=5.0)
+    data = driven.responded(manifest)
+    changes = {
+        "The force covers": {"filmed": ("end", [0.0, 90.0])},
+        "The force acts 1[0-9]{2} mm": {"force_place": ("xy", [0.65, 0.015])},
+        "The curves rest on 3.0 averages": {"averages": 0 * data["averages"] + 3},
+        "Half of the lines of marker 46": {"coherence": 0.5 * data["coherence"]},
+        "The force's clock is known to 3 ms": {
+            "phase_deviation": 0 * data["phase_deviation"] + 0.5, "delay_deviation": 0.003
+        },
+        "The force's clock runs 40 ppm fast": {"pace": 4e-5},
+        "30% of the force's power": {"beyond": 0.3},
+        "Segments of 0.5 s": {"segment": 0.5},
+    }  # fmt: skip
+    for told, changed in changes.items():
+        assert not [one for one in warnings(data, manifest) if re.match(told, one.text)]
+        noted = warnings(data.assign(changed), manifest)
+        there = [one for one in noted if re.match(told, one.text)]
+        assert there, told
