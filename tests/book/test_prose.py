@@ -12,6 +12,7 @@ from scenes.motions import films
 from scenes.sounding import sounding
 
 from thesis_lib import files
+from thesis_lib.book import sample
 from thesis_lib.book.conformance import report as conformance
 from thesis_lib.book.pieces import assumptions, results, shown, thesis_index
 from thesis_lib.book.pieces import manifest as reference
@@ -100,7 +101,7 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
     included -= {*shown.names(book.glob("*.md"))}  # of notebooks
-    pieces = (pieces_write, numbers, reference, thesis_index, assumptions, conformance)
+    pieces = (pieces_write, numbers, reference, thesis_index, assumptions, conformance, sample)
     assert included == {piece for module in pieces for piece in module.PIECES}
 
 

@@ -5,6 +5,7 @@ The report is no page of Sphinx: it loads nothing, and is the file that a user w
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import xarray as xr
@@ -18,7 +19,7 @@ from thesis_lib.measure.report.notes import notes
 from thesis_lib.plotting.style import svg
 
 PAGE = "sample-report.html"
-NAMES = (PAGE, "guide-shape.svg", "guide-summary.md")
+SHAPE = "guide-shape.svg"
 
 
 def page(data: xr.Dataset) -> str:
@@ -34,9 +35,14 @@ def summary(data: xr.Dataset) -> str:
     return "\n".join(["```text", *lines, "```", ""])
 
 
+PIECES: dict[str, Callable[[xr.Dataset], str]] = {"guide-summary": summary}
+NAMES = (PAGE, SHAPE, *(f"{name}.md" for name in PIECES))
+
+
 def write(folder: Path) -> None:
     """Write :data:`NAMES` into a folder."""
     data = sample.sample()
-    shape = svg(draw.shape(data, sample.manifest_of(data)))
-    for name, text in zip(NAMES, (page(data), shape, summary(data)), strict=True):
-        files.whole_text(folder / name, text)
+    files.whole_text(folder / PAGE, page(data))
+    files.whole_text(folder / SHAPE, svg(draw.shape(data, sample.manifest_of(data))))
+    for name, piece in PIECES.items():
+        files.whole_text(folder / f"{name}.md", piece(data))
