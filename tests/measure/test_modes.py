@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import pyuff
 import xarray as xr
-from scenes.modes import BEAM, Truth, beam_modes, recorded, rest, rig, tracks
+from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
 from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
 from thesis_lib.measure.modes.report import notes
@@ -188,7 +188,7 @@ def test_modes_go_to_a_report_and_files(tmp_path):
     sound = xr.Dataset(
         {"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "by no sound at all"}
     )
-    calibration = xr.Dataset(attrs={"notes": ""})
+    calibration = calibration_of(recordings)
     said = []
     page = several(manifest, sound, calibration, recordings, tmp_path / "out", said.append)
     text = page.read_text(encoding="utf-8")

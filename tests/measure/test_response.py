@@ -19,10 +19,11 @@ from scenes.driven import (
     swept_force,
     write_wav,
 )
-from scenes.modes import recorded, rig
+from scenes.modes import calibration_of, recorded, rig
 from scipy.signal import resample_poly
 from sdypy import EMA
 
+from thesis_lib.measure.measured import Recorded
 from thesis_lib.measure.modes.identify import assurance
 from thesis_lib.measure.pipeline import _not_one_tone
 from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
@@ -404,10 +405,8 @@ def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path, force, kind
 
 
 def test_curves_go_to_a_report_and_files(driven, tmp_path):
-    calibration, said = xr.Dataset(attrs={"notes": ""}), []
-    page = _not_one_tone(
-        driven.asked(), driven.folder, SILENT, calibration, driven.recordings, tmp_path, said.append
-    )
+    of, said = Recorded(SILENT, calibration_of(driven.recordings), driven.recordings), []
+    page = _not_one_tone(driven.asked(), driven.folder, of, tmp_path, said.append)
     text = page.read_text(encoding="utf-8")
     assert text.count("<figure>") == 3
     assert "marker 46, nearest to the force" in text
@@ -434,9 +433,8 @@ def tapped(tmp_path_factory):
     rates = (240.0, 200.0, 239.76, 200.0)
     own = scene(folder, pulse, damping, 8.0, 0.002, rates=rates, place=(0.3, 0.015))
     sound = SILENT.assign(steady=("end", [0.52, 8.0]))
-    calibration, out = xr.Dataset(attrs={"notes": ""}), folder / "out"
-    manifest = own.asked("decay", to_hz=60.0)
-    _not_one_tone(manifest, folder, sound, calibration, own.recordings, out, lambda _: None)
+    of, out = Recorded(sound, calibration_of(own.recordings), own.recordings), folder / "out"
+    _not_one_tone(own.asked("decay", to_hz=60.0), folder, of, out, lambda _: None)
     return own.truth, out
 
 

@@ -7,11 +7,15 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.film import manifest_of
 from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.measure.calibration import exactness
+from thesis_lib.measure.calibration.reused import as_calibrated
+from thesis_lib.measure.exchange.reading import Found
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import Track
@@ -162,3 +166,9 @@ def recorded(
         kind="decay", rest_s=0.45, sound="room", modes=Sought(to_hz=60.0, count=2)
     )
     return found, manifest.model_copy(update={"excitation": excitation})
+
+
+def calibration_of(recordings: list[Recording]) -> xr.Dataset:
+    """These cameras as a calibration that does not tell how exact it is."""
+    found = Found([own.camera for own in recordings], placed=True)
+    return exactness.stated(as_calibrated(found), found.covariance)

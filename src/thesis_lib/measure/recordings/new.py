@@ -222,8 +222,10 @@ def _text(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
 def _part(
     part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
 ) -> Iterator[str]:
-    yield f"{' ' * indent}{path.rpartition('.')[2]}:"
-    yield from _fields(part, path, indent, asked, given)
+    lines = [*_fields(part, path, indent, asked, given)]
+    if lines:  # else all of it is left out
+        yield f"{' ' * indent}{path.rpartition('.')[2]}:"
+        yield from lines
 
 
 def _fields(
