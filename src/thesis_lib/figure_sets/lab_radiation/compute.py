@@ -1,7 +1,7 @@
 """The cube of ``lab-radiation``: the sound of every recording, with its error and the stated one.
 
 Each recording has the power, the efficiency and the field on a plane by its own amplitudes and
-their covariance, as :mod:`thesis_lib.measure.radiation` has them. The truth is the sound of the
+their covariance, as ``measure.radiation`` has them. The truth is the sound of the
 true motion by the same law of radiation, on a finer grid; that law is tested against closed forms.
 """
 
