@@ -348,10 +348,10 @@ def test_which_powers_are_certain_and_what_markers_do_not_tell():
     assert image.idxmax() == "beam"
     assert (cube["by_calibration"] < 10).all()  # noise "makes nearly all of them"
     spacing, off = cube["grid_spacing"].values, np.abs(cube["grid_interpolation"].values)
-    of = float(stated.sel(case="between"))
+    of = float(stated.sel(structure="between"))
     assert (off[spacing > 0.1] > 100 * of).all()  # "do not tell them"
     assert (off[spacing < 0.06] < 100 * of / 2).all()
-    between = cube.sel(case="between")
+    between = cube.sel(structure="between")
     assert float(between["spacing"]) < 0.06  # "as close as that takes"
     assert float(between["unexplained"].mean()) < 1.5
     assert (cube["grid_left"].values[spacing > 0.1] > 2).all()  # far more than scatter explains

@@ -226,7 +226,7 @@ def test_two_standard_errors_hold_what_they_should(kept):
     assert count == 4 * (RECORDED + 1)
     assert int(of["within"]) >= binom.ppf(0.01, count, tables.CHANCE)
     assert 0.9 < float(of["ratio"]) < 1.1
-    for case in cube["case"].values:
+    for case in cube["structure"].values:
         own = cube.sel(group=case, quantity_of="power")
         n = int(own["count"])
         assert int(own["within"]) >= binom.ppf(0.01 / 4, n, tables.CHANCE), case

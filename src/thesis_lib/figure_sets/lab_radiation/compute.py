@@ -1,8 +1,9 @@
 """The cube of ``lab-radiation``: the sound of every recording, with its error and the stated one.
 
 Each recording has the power, the efficiency and the field on a plane by its own amplitudes and
-their covariance, as ``measure.radiation`` has them. The truth is the sound of the
-true motion by the same law of radiation, on a finer grid; that law is tested against closed forms.
+their covariance, as :mod:`thesis_lib.measure.radiation.radiated` has them. The truth is the sound
+of the true motion by the same law of radiation, on a finer grid; that law is tested against closed
+forms.
 """
 
 from __future__ import annotations
@@ -29,35 +30,37 @@ BAND = (0.05, 0.95)
 GRIDS = ((5, 4), (6, 4), (7, 5), (8, 6), (10, 7), (12, 8), (14, 9))
 QUANTITIES = ("power", "efficiency")
 _VARIABLES = declared("""
-    power(case, trial) [W] sound power as measured
-    power_error(case, trial) [W] its stated standard error
-    true_power(case) [W] sound power of the true motion
-    efficiency(case, trial) [1] radiation efficiency as measured
-    efficiency_error(case, trial) [1] its stated standard error
-    true_efficiency(case) [1] radiation efficiency of the true motion
-    shape_error(case, trial) [percent] rms error of what markers show, over the largest deflection
-    field_error(case, trial) [percent] rms error of the pressure over the plane, over its largest
-        true size
-    field_stated(case, trial) [percent] the same by the stated errors
-    unexplained(case, trial) [1] what the fitted modes leave of the markers' motion, over what
+    power(structure, trial) [W] sound power as measured
+    power_error(structure, trial) [W] its stated standard error
+    true_power(structure) [W] sound power of the true motion
+    efficiency(structure, trial) [1] radiation efficiency as measured
+    efficiency_error(structure, trial) [1] its stated standard error
+    true_efficiency(structure) [1] radiation efficiency of the true motion
+    shape_error(structure, trial) [percent] rms error of what markers show, over the
+        largest deflection
+    field_error(structure, trial) [percent] rms error of the pressure over the plane, over its
+        largest true size
+    field_stated(structure, trial) [percent] the same by the stated errors
+    unexplained(structure, trial) [1] what the fitted modes leave of the markers' motion, over what
         errors make of it
-    missing(case, trial) [1] share of the marker images that are missing
-    centre_scatter(case, trial) [px] scatter of the centres about their harmonics
-    by_calibration(case) [percent] share of the calibration in the variance of the power
-    interpolation(case) [percent] error of the power by what markers do not tell, without any noise
-    markers(case) [1] number of markers
-    modes(case) [1] modes of the model that are fitted
-    spacing(case) [m] largest distance to the next marker, along or across
-    tone(case) [Hz] frequency of the force
+    missing(structure, trial) [1] share of the marker images that are missing
+    centre_scatter(structure, trial) [px] scatter of the centres about their harmonics
+    by_calibration(structure) [percent] share of the calibration in the variance of the power
+    interpolation(structure) [percent] error of the power by what markers do not tell, without
+        any noise
+    markers(structure) [1] number of markers
+    modes(structure) [1] modes of the model that are fitted
+    spacing(structure) [m] largest distance to the next marker, along or across
+    tone(structure) [Hz] frequency of the force
     within(quantity_of, group) [1] recordings whose error is within two stated standard errors
     count(group) [1] recordings
     ratio(quantity_of, group) [1] rms error over the stated one
     ratio_band(quantity_of, group, end) [1] 5 and 95 % of that ratio, of as many recordings
     bias(quantity_of, group) [percent] mean error
     bias_error(quantity_of, group) [percent] its standard error, by the scatter of recordings
-    field_real(source, case, u, z) [Pa] pressure, true and of the first recording, real part
-    field_imag(source, case, u, z) [Pa] the same, imaginary part
-    picture(case, row, column) [1] first frame of the first camera, grey values from 0 to 255
+    field_real(source, structure, u, z) [Pa] pressure, true and of the first recording, real part
+    field_imag(source, structure, u, z) [Pa] the same, imaginary part
+    picture(structure, row, column) [1] first frame of the first camera, grey values from 0 to 255
     grid_spacing(grid) [m] largest distance to the next marker, of more and more markers on the
         plate between its modes
     grid_markers(grid) [1] how many these are
@@ -65,11 +68,11 @@ _VARIABLES = declared("""
     grid_left(grid) [percent] what the fitted modes leave of their motion
 """)
 _COORDINATES = declared("""
-    case(case) [1] what vibrates
-    name(case) [1] what vibrates, in words
+    structure(structure) [1] what vibrates
+    name(structure) [1] what vibrates, in words
     trial(trial) [1] recording
     quantity_of(quantity_of) [1] what errs
-    group(group) [1] a case, or all of them
+    group(group) [1] a structure, or all of them
     end(end) [1] quantile
     source(source) [1] true, or as measured
     u(u) [m] X on the plane
@@ -95,7 +98,7 @@ def run(study: LabRadiation, data: xr.Dataset) -> xr.Dataset:
         values[name] = np.moveaxis(values[name], 1, 0).astype("float32")
     values |= _judged(values) | _over_grids(study, medium) | {"picture": pictures}
     coords = {
-        "case": study.cases,
+        "structure": study.cases,
         "name": [driven(case).name for case in study.cases],
         "trial": np.arange(study.trials + 1),
         "quantity_of": list(QUANTITIES),
@@ -241,8 +244,8 @@ def _padded(pictures: list[Image]) -> Image:
 def _listed(cube: xr.Dataset) -> dict[str, Any]:
     """What runs are compared by."""
     rows: list[tuple[str, float, str]] = []
-    for case in cube["case"].values.tolist():
-        own = cube.sel(case=case)
+    for case in cube["structure"].values.tolist():
+        own = cube.sel(structure=case)
         words = str(own["name"].item())
         rows += [
             (f"{words}: sound power", float(own["true_power"]), "W"),
@@ -251,7 +254,7 @@ def _listed(cube: xr.Dataset) -> dict[str, Any]:
             (f"{words}: stated", _rms(own["field_stated"].values), "percent"),
         ]
     for group in cube["group"].values.tolist():
-        words = group if group == "all" else str(cube["name"].sel(case=group).item())
+        words = group if group == "all" else str(cube["name"].sel(structure=group).item())
         for of in QUANTITIES:
             own = cube.sel(group=group, quantity_of=of)
             rows += [

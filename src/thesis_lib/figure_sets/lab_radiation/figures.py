@@ -24,8 +24,8 @@ SHOWN = "between"  # whose field is drawn, or the first
 def structures(cube: xr.Dataset) -> Figure:
     """First frames of the first camera, one for each structure."""
     drawing, panels = _panels(cube, (6.4, 4.6))
-    for axes, case in zip(panels, cube["case"].values, strict=False):
-        own = cube.sel(case=case)
+    for axes, case in zip(panels, cube["structure"].values, strict=False):
+        own = cube.sel(structure=case)
         picture = own["picture"].values
         rows, columns = np.flatnonzero(picture.any(axis=1)), np.flatnonzero(picture.any(axis=0))
         axes.imshow(picture[: rows[-1] + 1, : columns[-1] + 1], cmap="gray", vmin=0, vmax=255)
@@ -37,8 +37,8 @@ def structures(cube: xr.Dataset) -> Figure:
 def powers(cube: xr.Dataset) -> Figure:
     """Error of the power of every recording, with two stated standard errors, by size."""
     drawing, panels = _panels(cube, (6.4, 4.8), sharex=True)
-    for i, (axes, case) in enumerate(zip(panels, cube["case"].values, strict=False)):
-        own = cube.sel(case=case)
+    for i, (axes, case) in enumerate(zip(panels, cube["structure"].values, strict=False)):
+        own = cube.sel(structure=case)
         true = float(own["true_power"])
         off = 100 * (own["power"].values / true - 1)
         stated = 200 * own["power_error"].values / true
@@ -57,8 +57,8 @@ def powers(cube: xr.Dataset) -> Figure:
 
 def field(cube: xr.Dataset) -> Figure:
     """The pressure that one recording tells, and what it is off by."""
-    cases = cube["case"].values.tolist()
-    own = cube.sel(case=SHOWN if SHOWN in cases else cases[0])
+    cases = cube["structure"].values.tolist()
+    own = cube.sel(structure=SHOWN if SHOWN in cases else cases[0])
     both = own["field_real"].values + 1j * own["field_imag"].values
     true, measured = both
     turn = np.exp(-1j * np.angle(true.ravel()[np.argmax(np.abs(true))]))
@@ -96,8 +96,8 @@ def markers(cube: xr.Dataset) -> Figure:
         color=COLORS[4],
         label="what the fitted modes leave of the markers' motion, %",
     )
-    if SHOWN in cube["case"].values:
-        own = cube.sel(case=SHOWN)
+    if SHOWN in cube["structure"].values:
+        own = cube.sel(structure=SHOWN)
         stated = 100 * float((own["power_error"] / own["true_power"]).mean())
         axes.axhline(stated, color=REFERENCE, linewidth=1)
         axes.text(spacing.max(), stated * 1.1, "stated standard error", ha="right", color=INK)
@@ -112,12 +112,12 @@ def markers(cube: xr.Dataset) -> Figure:
 
 def _panels(cube: xr.Dataset, size: tuple[float, float], **how: bool) -> tuple[Figure, list[Axes]]:
     """Panels for the structures, two in a row."""
-    rows = -(-cube.sizes["case"] // 2)
+    rows = -(-cube.sizes["structure"] // 2)
     height = size[1] * rows / 2
     drawing, panels = subplots(
         rows, 2, figsize=(size[0], height), layout="constrained", squeeze=False, **how
     )
     flat = panels.ravel().tolist()
-    for spare in flat[cube.sizes["case"] :]:
+    for spare in flat[cube.sizes["structure"] :]:
         spare.set_visible(False)
     return drawing, flat

@@ -19,8 +19,8 @@ SEEN = 3.0  # standard errors of a mean, from which on it is an error of all rec
 def results(cube: xr.Dataset) -> str:
     """Power, efficiency and field of every structure, held against their stated errors."""
     rows = []
-    for case in cube["case"].values.tolist():
-        own, power = cube.sel(case=case), cube.sel(group=case, quantity_of="power")
+    for case in cube["structure"].values.tolist():
+        own, power = cube.sel(structure=case), cube.sel(group=case, quantity_of="power")
         level = 10 * np.log10(float(own["true_power"]) / 1e-12)
         rows.append(
             {
@@ -52,8 +52,8 @@ def results(cube: xr.Dataset) -> str:
 def _off_in_the_mean(cube: xr.Dataset) -> str:
     """Structures whose power errs in the mean by more than scatter explains."""
     found = []
-    for case in cube["case"].values.tolist():
-        of, own = cube.sel(group=case, quantity_of="power"), cube.sel(case=case)
+    for case in cube["structure"].values.tolist():
+        of, own = cube.sel(group=case, quantity_of="power"), cube.sel(structure=case)
         if abs(float(of["bias"])) > SEEN * float(of["bias_error"]):
             mean, error = float(of["bias"]), float(of["bias_error"])
             found.append(
@@ -77,8 +77,8 @@ def results_table(cube: xr.Dataset) -> Markdown:
 def efficiency_table(cube: xr.Dataset) -> Markdown:
     """Radiation efficiency, held against its stated errors."""
     rows = []
-    for case in cube["case"].values.tolist():
-        own, of = cube.sel(case=case), cube.sel(group=case, quantity_of="efficiency")
+    for case in cube["structure"].values.tolist():
+        own, of = cube.sel(structure=case), cube.sel(group=case, quantity_of="efficiency")
         rows.append(
             {
                 "structure": str(own["name"].item()),
@@ -95,8 +95,8 @@ def efficiency_table(cube: xr.Dataset) -> Markdown:
 def parts_table(cube: xr.Dataset) -> Markdown:
     """What is behind the errors: markers, modes, the calibration, what markers do not tell."""
     rows = []
-    for case in cube["case"].values.tolist():
-        own, of = cube.sel(case=case), cube.sel(group=case, quantity_of="power")
+    for case in cube["structure"].values.tolist():
+        own, of = cube.sel(structure=case), cube.sel(group=case, quantity_of="power")
         rows.append(
             {
                 "structure": str(own["name"].item()),
@@ -132,7 +132,7 @@ def sentences(cube: xr.Dataset) -> str:
     alike = "as large as stated" if abs(ratio - 1) <= CLOSE else "not as large as stated"
     fields = [
         (_rms(one["field_error"]), _rms(one["field_stated"]))
-        for one in (cube.sel(case=case) for case in cube["case"].values)
+        for one in (cube.sel(structure=case) for case in cube["structure"].values)
     ]
     least, most = min(e for e, _ in fields), max(e for e, _ in fields)
     coarse = int(np.argmax(np.abs(cube["grid_interpolation"].values)))
