@@ -107,7 +107,8 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
 
 LONG = {"shapes-convergence"}  # computes meshes
 RESULTS = {*results.PIECES} - {"conclusions-result"}  # sentences; that one is a table
-NO_ROWS = {*RESULTS, "lab-repeats"}  # the latter of small cubes, whose trials are drawn
+SENTENCES = {"lab-radiation-sentences"}
+NO_ROWS = {*RESULTS, *SENTENCES, "lab-repeats"}  # the last of small cubes, with drawn trials
 
 
 @pytest.mark.parametrize(
@@ -123,7 +124,7 @@ def test_piece_is_a_table_without_gaps(text, name):
     assert "nan" not in text(name).lower()
 
 
-@pytest.mark.parametrize("name", sorted(RESULTS))
+@pytest.mark.parametrize("name", sorted(RESULTS | SENTENCES))
 def test_a_result_is_a_few_sentences_with_numbers(text, name):
     sentences = re.split(r"(?<=[.])\s+(?=[A-Z])", text(name).strip())
     assert 2 <= len(sentences) <= 5

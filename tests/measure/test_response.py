@@ -56,7 +56,7 @@ class Scene:
     def asked(self, kind: str = "random", to_hz: float | None = None, **force: Any) -> Manifest:
         """The manifest with a kind of excitation, and fields of the force."""
         at = tuple(1e3 * x for x in self.truth.place)
-        given = {"file": "force.wav", "n_per_full_scale": SCALE, "offset_s": 0.5, "at_mm": at}
+        given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.5, "at_mm": at}
         changed = {
             "excitation": Excitation(
                 kind=kind, rest_s=0.45, sound="room", modes=Sought(to_hz=to_hz)
@@ -200,7 +200,7 @@ def test_a_table_tells_the_same_as_a_sound_file(driven):
     np.savetxt(driven.folder / "force.csv", rows, "%.6f", ",", header="time_s,force_n", comments="")
     sound, table = (
         driven.responded(driven.asked(segment_s=5.0, **how))
-        for how in ({}, {"file": "force.csv", "n_per_full_scale": None})
+        for how in ({}, {"file": "force.csv", "full_scale_n": None})
     )
     apart = complex_of(table)[0] / complex_of(sound)[0] - 1
     assert np.median(np.abs(apart)) < 2e-3
@@ -313,7 +313,7 @@ def manifest_for(folder, **force):
     """Two cameras of 10 Hz, and a force."""
     given = {
         "file": "force.wav",
-        "n_per_full_scale": SCALE,
+        "full_scale_n": SCALE,
         "offset_s": 0.0,
         "at_mm": [100.0, 15.0],
     }
@@ -352,7 +352,7 @@ def test_a_force_that_cannot_be_used_is_refused_in_one_line(driven, tmp_path, ma
 def test_a_force_sampled_too_rarely_is_refused(driven):
     rows = np.column_stack([np.arange(0, 30, 0.02), random_force(30)[::40]])
     np.savetxt(driven.folder / "slow.csv", rows, delimiter=",")
-    manifest = driven.asked(file="slow.csv", n_per_full_scale=None)
+    manifest = driven.asked(file="slow.csv", full_scale_n=None)
     with pytest.raises(ForceError, match=r"slow.csv: 50 samples a second, allowed: at least 100"):
         driven.responded(manifest)
 
@@ -376,7 +376,7 @@ def test_a_film_too_slow_for_a_sweep_is_refused(driven):
 )
 def test_tables_that_are_none_are_refused(tmp_path, text, told):
     (tmp_path / "force.csv").write_text(text)
-    manifest = manifest_for(tmp_path, file="force.csv", n_per_full_scale=None)
+    manifest = manifest_for(tmp_path, file="force.csv", full_scale_n=None)
     with pytest.raises(ForceError, match=told):
         recorded_force(manifest, tmp_path, np.zeros(2))
 
@@ -384,9 +384,9 @@ def test_tables_that_are_none_are_refused(tmp_path, text, told):
 @pytest.mark.parametrize(
     ("force", "kind", "told"),
     [
-        ({"n_per_full_scale": None}, "random", "n_per_full_scale: given null.*above 0, in N"),
-        ({"file": "x.csv"}, "random", "n_per_full_scale: given 2.0, allowed with a table"),
-        ({"file": "x.csv", "n_per_full_scale": None, "offset_s": None}, "random",
+        ({"full_scale_n": None}, "random", "full_scale_n: given null.*above 0, in N"),
+        ({"file": "x.csv"}, "random", "full_scale_n: given 2.0, allowed with a table"),
+        ({"file": "x.csv", "full_scale_n": None, "offset_s": None}, "random",
          "offset_s: given null, allowed with a table"),
         ({"at_mm": [700.0, 15.0]}, "random", "at_mm: given .700.0, 15.0., allowed: null, or"),
         (None, "sweep", "force: given null, allowed where excitation.kind is sweep"),

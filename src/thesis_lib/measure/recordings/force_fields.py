@@ -48,7 +48,7 @@ class Force(Refusing):
         "time in s and force in N",
         "a path inside the manifest's folder",
     )
-    n_per_full_scale: Positive | None = field(
+    full_scale_n: Positive | None = field(
         None,
         "force in N at full scale of a sound file",
         "a number above 0, at most 100000; null with a table",
@@ -89,10 +89,10 @@ class Force(Refusing):
 
     def check(self, size: tuple[float, float]) -> None:
         """Refuse what does not go with the file, or with a structure of a size in mm."""
-        if self.is_table and self.n_per_full_scale is not None:
-            self._refuse("n_per_full_scale", "allowed with a table, which is in N: null")
-        if not self.is_table and self.n_per_full_scale is None:
-            self._refuse("n_per_full_scale", "allowed with a sound file: a number above 0, in N")
+        if self.is_table and self.full_scale_n is not None:
+            self._refuse("full_scale_n", "allowed with a table, which is in N: null")
+        if not self.is_table and self.full_scale_n is None:
+            self._refuse("full_scale_n", "allowed with a sound file: a number above 0, in N")
         if self.is_table and self.offset_s is None:
             self._refuse("offset_s", "allowed with a table, which has no sound: a number")
         at = self.at_mm or (0.0, 0.0)

@@ -114,7 +114,7 @@ def _table(path: Path) -> tuple[Array, Array]:
 
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     """The same of a sound file, at the lowest rate above a wanted one in Hz."""
-    assert given.n_per_full_scale is not None
+    assert given.full_scale_n is not None
     largest: list[float] = []
     full: list[int] = []
 
@@ -140,7 +140,7 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
             f"{path}: channel {given.channel} is clipped ({sum(full)} samples at full scale), "
             "allowed: none; turn its gain down"
         )
-    return start + np.arange(len(values)) / rate, values * given.n_per_full_scale
+    return start + np.arange(len(values)) / rate, values * given.full_scale_n
 
 
 def _clock(manifest: Manifest, folder: Path, delays: Array) -> Clock:
