@@ -30,7 +30,8 @@ def structures(cube: xr.Dataset) -> Figure:
         rows, columns = np.flatnonzero(picture.any(axis=1)), np.flatnonzero(picture.any(axis=0))
         axes.imshow(picture[: rows[-1] + 1, : columns[-1] + 1], cmap="gray", vmin=0, vmax=255)
         axes.set_title(f"{own['name'].item()}: {float(own['tone']):.1f} Hz")
-        axes.axis("off")
+        axes.set(xticks=[], yticks=[])
+        axes.grid(visible=False)
     return drawing
 
 
@@ -63,24 +64,23 @@ def field(cube: xr.Dataset) -> Figure:
     true, measured = both
     turn = np.exp(-1j * np.angle(true.ravel()[np.argmax(np.abs(true))]))
     largest = float(np.abs(true).max())
-    drawing, panels = subplots(1, 2, figsize=(6.4, 2.9), layout="constrained")
+    drawing, panels = subplots(1, 2, figsize=(6.4, 2.4), layout="constrained")
     across, up = 1000 * cube["u"].values, 1000 * cube["z"].values
     off = 100 * np.real((measured - true) * turn) / largest
+    most = float(np.abs(off).max())
     shown = (
-        (np.real(measured * turn), largest, "(a) pressure as measured, Pa"),
-        (off, float(np.abs(off).max()), "(b) its error, % of the largest"),
+        (np.real(measured * turn), largest, f"(a) as measured, to ±{largest:.3g} Pa"),
+        (off, most, f"(b) its error, to ±{most:.2g} % of that"),
     )
     for axes, (values, limit, title) in zip(panels, shown, strict=True):
-        picture = draw_map(axes, values.T, across, up, limit)
-        drawing.colorbar(picture, ax=axes, orientation="horizontal", shrink=0.9)
-        axes.set(title=title, xlabel="X, mm")
-    panels[0].set_ylabel("Z, mm")
+        draw_map(axes, values.T, across, up, limit)
+        axes.set(title=title, xlabel="X, mm", ylabel="Z, mm")
     return drawing
 
 
 def markers(cube: xr.Dataset) -> Figure:
     """What too few markers do to the power between two modes, beside the stated error."""
-    drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
+    drawing, axes = subplots(figsize=(4.8, 3.2), layout="constrained")
     spacing = 1000 * cube["grid_spacing"].values
     axes.plot(
         spacing,
@@ -94,7 +94,7 @@ def markers(cube: xr.Dataset) -> Figure:
         cube["grid_left"].values,
         "s--",
         color=COLORS[4],
-        label="what the fitted modes leave of the markers' motion, %",
+        label="what fitted modes leave of the motion, %",
     )
     if SHOWN in cube["structure"].values:
         own = cube.sel(structure=SHOWN)
