@@ -221,7 +221,7 @@ def test_a_reused_calibration_gives_the_same_shape(conforms, first, calibration)
     most = float(np.abs(before["deflection"]).max())
     conforms.independent(data["deflection"], before["deflection"], atol=1e-4 * most)
     exact = "cameras." not in str(calibration)
-    told = " ".join(notes.warnings(data))
+    told = " ".join(note.text for note in notes.notes(data))
     assert ("does not tell how exact" in told) == (not exact)
     ratio = float(np.sqrt(np.mean(data["standard_error"] ** 2 / before["standard_error"] ** 2)))
     if exact:  # of the same pictures, twice, if places are found anew

@@ -69,7 +69,11 @@ def copied(folder: Path, to: Path, results: bool = False) -> Path:
         Whether the folder ``measured`` comes along, without its results but with its steps.
     """
     unwanted = RESULTS if results else {"measured"}
-    shutil.copytree(folder, to, ignore=lambda _, names: unwanted & set(names))
+
+    def ignored(place: str, names: list[str]) -> set[str]:  # a step may be named like a result
+        return set() if Path(place).name == ".steps" else unwanted & set(names)
+
+    shutil.copytree(folder, to, ignore=ignored)
     return to
 
 
