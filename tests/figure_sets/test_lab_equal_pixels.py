@@ -9,6 +9,7 @@ from thesis_lib.figure_sets import recorded
 from thesis_lib.figure_sets.lab_equal_pixels import compute, recordings, tables
 from thesis_lib.figure_sets.lab_equal_pixels.parameters import RECORDED
 from thesis_lib.figure_sets.registry import validate
+from thesis_lib.laboratory import outlined
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.vibration.structure import deflection_shape
@@ -170,7 +171,7 @@ def test_cameras_that_find_no_board_have_no_result(monkeypatch):
     def none(_):
         raise CalibrationError("no board")
 
-    monkeypatch.setattr(recordings, "calibrated", none)
+    monkeypatch.setattr(outlined, "calibrated", none)
     request = study(trials=0, counts=[2], cases=["pixels"], diameters_mm=[30.0])
     data = recordings.measured(request, request.filmed_kinds[0], 0)
     assert all(np.isnan(values).all() for values in data.data_vars.values())

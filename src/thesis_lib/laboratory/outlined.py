@@ -36,11 +36,11 @@ from thesis_lib.vision.pinhole import project
 
 AIM = 1.0  # ° about each axis, standard deviation of how cameras are aimed
 TILES, TILE = (5, 4), 0.12  # of the board, and their size over the cameras' distance
-POSES, TILT = 10, 15.0  # of the board: one flat, the others tilted all ways, °
+TILT = 15.0  # of the board in all poses but one, which is flat, °
 STEP = 0.004  # m, between the places of an outline that are drawn
 
 
-def aimed(rig: Rig, distance: float, draw: np.random.Generator) -> Rig:
+def aimed(rig: Rig, distance: float, draw: np.random.Generator, poses: int = 10) -> Rig:
     """The rig with cameras that are a little off their aim, and a board held over the structure.
 
     Parameters
@@ -51,17 +51,19 @@ def aimed(rig: Rig, distance: float, draw: np.random.Generator) -> Rig:
         Of the cameras, m; the board is as large as it needs.
     draw : numpy.random.Generator
         Turns of the cameras, and poses of the board.
+    poses : int
+        Of the board, the first one flat.
     """
     turns = Rotation.from_rotvec(np.radians(AIM) * draw.standard_normal((len(rig.stations), 3)))
     cameras = [
         replace(camera, R_camera_world=turn @ camera.R_camera_world)
         for camera, turn in zip(rig.cameras, turns.as_matrix(), strict=True)
     ]
-    around = 2 * np.pi * (np.arange(POSES) + draw.uniform(-0.2, 0.2, POSES)) / (POSES - 1)
+    around = 2 * np.pi * (np.arange(poses) + draw.uniform(-0.2, 0.2, poses)) / (poses - 1)
     tilts = np.radians(TILT) * np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
     tilts[0] = 0
-    rolls = Rotation.from_euler("z", draw.uniform(-20, 20, (POSES, 1)), degrees=True)
-    sideways, up = draw.uniform(-0.08, 0.08, (POSES, 2)), draw.uniform(-0.02, 0.06, (POSES, 1))
+    rolls = Rotation.from_euler("z", draw.uniform(-20, 20, (poses, 1)), degrees=True)
+    sideways, up = draw.uniform(-0.08, 0.08, (poses, 2)), draw.uniform(-0.02, 0.06, (poses, 1))
     return replace(
         seen_by(rig, cameras),
         board=Board(*TILES, TILE * distance, TILE * distance / 2),

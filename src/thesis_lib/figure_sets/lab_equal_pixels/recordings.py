@@ -1,6 +1,6 @@
 """Recordings by rigs that have equal pixels per second, measured from end to end.
 
-For every recording the cameras are aimed anew, to within :data:`AIM`. They take pictures of a board
+For every recording the cameras are aimed anew. They take pictures of a board
 that is held over the plate, and are calibrated together from these. Then they film. Markers are
 followed by the cameras as calibrated, from the plate's corners, marked to a pixel; harmonics are
 fitted and triangulated. Only the clocks are known. What is kept of a recording is what comes out.
@@ -17,24 +17,17 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.spatial.transform import Rotation
 
-from thesis_lib.arrays import Array, Image
 from thesis_lib.figure_sets.lab_equal_pixels.parameters import EqualPixels, Kind
 from thesis_lib.files import code, workplace
-from thesis_lib.laboratory import direct
-from thesis_lib.laboratory.film import shots
+from thesis_lib.laboratory import direct, outlined
 from thesis_lib.laboratory.recordings import film_seed, sensor, settled
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.calibration.alignment import align
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
-from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.rig import alike
-from thesis_lib.measure.calibration.symmetry import unify
-from thesis_lib.measure.calibration.zhang import CalibrationError, zhang
+from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.measure.fitting.harmonics import amplitude, deviation
-from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.markers import Markers, on_surface
 from thesis_lib.measure.tracking.homography import view_of
 from thesis_lib.studies import reach
@@ -46,9 +39,7 @@ from thesis_lib.vision import lens
 from thesis_lib.vision.cone_law import cone_directions
 from thesis_lib.vision.lens import Camera
 
-AIM = 1.0  # ° about each axis, standard deviation of how cameras are aimed
-TILES, TILE = (5, 4), 0.12  # of the board, and their size over the cameras' distance
-POSES, TILT = 8, 15.0  # of the board: one flat, the others tilted all ways, °
+POSES = 8  # of the board
 VARIABLES = declared("""
     deflection(part, point) [m] amplitudes in phase with the truth and a quarter of a period later
     known_deflection(part, point) [m] the same by the same centres and the true cameras
@@ -89,62 +80,8 @@ def rig_of(film: EqualPixels, kind: Kind, recording: int) -> Rig:
         seed=seed,
         markers=Markers(plate.extent, plate.markers, kind.diameter / 1000),
     )
-    turns = Rotation.from_rotvec(np.radians(AIM) * draw.standard_normal((kind.count, 3)))
-    cameras = [
-        replace(camera, R_camera_world=turn @ camera.R_camera_world)
-        for camera, turn in zip(rig.cameras, turns.as_matrix(), strict=True)
-    ]
-    rotations, translations = _poses(draw)
-    tile = TILE * distance
-    rig = replace(
-        with_cameras(rig, cameras),
-        board=Board(*TILES, tile, tile / 2),
-        rotations=rotations,
-        translations=translations * distance,
-    )
+    rig = outlined.aimed(rig, distance, draw, POSES)
     return settled(rig, draw.random(kind.count).tolist(), round(film.duration_s * kind.frame_rate))
-
-
-def _poses(draw: np.random.Generator) -> tuple[Array, Array]:
-    """Rotations of the board, and its places over the cameras' distance."""
-    around = 2 * np.pi * (np.arange(POSES) + draw.uniform(-0.2, 0.2, POSES)) / (POSES - 1)
-    tilts = np.radians(TILT) * np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
-    tilts[0] = 0
-    turns = Rotation.from_euler("z", draw.uniform(-20, 20, (POSES, 1)), degrees=True)
-    places = np.column_stack(
-        [draw.uniform(-0.08, 0.08, (POSES, 2)), draw.uniform(-0.02, 0.06, POSES)]
-    )
-    return (Rotation.from_rotvec(tilts) * turns).as_matrix(), places
-
-
-def with_cameras(rig: Rig, cameras: Sequence[Camera]) -> Rig:
-    """The rig with other cameras in the same places of the list."""
-    pairs = zip(rig.stations, cameras, strict=True)
-    return replace(rig, stations=tuple(replace(one, camera=camera) for one, camera in pairs))
-
-
-def calibrated(rig: Rig) -> Adjustment:
-    """The cameras as their pictures of the board have them.
-
-    Raises
-    ------
-    CalibrationError
-        If the board is not found often enough.
-    """
-
-    def corners(image: Image) -> Array | None:
-        try:
-            return find_corners(image, rig.board)
-        except BoardNotFound:
-            return None
-
-    found = [[corners(image) for image in shots(rig, i)] for i in range(len(rig.stations))]
-    single = [
-        zhang(row, rig.board, camera.size, name=camera.name)
-        for row, camera in zip(found, rig.cameras, strict=True)
-    ]
-    observed, _ = unify(single, found, rig.board)
-    return adjust(observed, rig.board.corners, [one.camera() for one in single])
 
 
 def measured(film: EqualPixels, kind: Kind, recording: int) -> xr.Dataset:
@@ -157,7 +94,7 @@ def measured(film: EqualPixels, kind: Kind, recording: int) -> xr.Dataset:
         for name, one in VARIABLES.items()
     }
     try:
-        calibration = calibrated(rig)
+        calibration = outlined.calibrated(rig)
         cameras, places, turns = align(calibration.cameras, rig.cameras)
         views = [
             view_of(camera, rig.markers, lens.undistorted(camera, four))
@@ -188,7 +125,7 @@ def _compared(
     phase = np.angle(amplitudes(rig.motion, film.plate.force_point, film.frequency_hz))
     for name, those in (("deflection", cameras), ("known_deflection", rig.cameras)):
         try:
-            fit = direct.fit_of(with_cameras(rig, those), found, omega)
+            fit = direct.fit_of(outlined.seen_by(rig, those), found, omega)
         except ValueError:  # too few markers at rest
             return values
         turned = amplitude(fit, omega, exposure) * np.exp(-1j * phase)

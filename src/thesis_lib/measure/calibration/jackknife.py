@@ -30,8 +30,8 @@ def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adj
     """The cameras of an adjustment, with deviations that hold for the shots as they are.
 
     With fewer than :data:`FEWEST` shots, or one that nothing can do without, the adjustment's own
-    covariance is widened (:func:`widening`): how errors of corners go together is then taken to be
-    the same in all directions.
+    covariance is widened by as much as shots differ more than independent corners would: how errors
+    of corners go together is then taken to be the same in all directions.
 
     Parameters
     ----------

@@ -135,14 +135,29 @@ def write_response(path: Path, data: xr.Dataset) -> None:
     for k in np.flatnonzero(np.isfinite(curves).all(axis=1)):
         for kind, row in ((RECEPTANCE, curves[k]), (COHERENCE, data["coherence"].values[k])):
             over = kind == RECEPTANCE
-            sets.append(pyuff.prepare_58(
-                binary=0, id1=name, func_type=kind, rsp_node=int(k) + 1, rsp_dir=TRANSLATION_Z,
-                ref_node=len(curves) + 1, ref_dir=TRANSLATION_Z, abscissa_spacing=1,
-                abscissa_min=float(f[0]), abscissa_inc=step, abscissa_spec_data_type=18,
-                abscissa_axis_units_lab="Hz", ordinate_spec_data_type=8 if over else 0,
-                ordinate_axis_units_lab="m" if over else "", z_axis_spec_data_type=0,
-                orddenom_spec_data_type=13 if over else 0,
-                orddenom_axis_units_lab="N" if over else "", data=row, x=f))  # fmt: skip
+            sets.append(
+                pyuff.prepare_58(
+                    binary=0,
+                    id1=name,
+                    func_type=kind,
+                    rsp_node=int(k) + 1,
+                    rsp_dir=TRANSLATION_Z,
+                    ref_node=len(curves) + 1,
+                    ref_dir=TRANSLATION_Z,
+                    abscissa_spacing=1,
+                    abscissa_min=float(f[0]),
+                    abscissa_inc=step,
+                    abscissa_spec_data_type=18,
+                    abscissa_axis_units_lab="Hz",
+                    ordinate_spec_data_type=8 if over else 0,
+                    ordinate_axis_units_lab="m" if over else "",
+                    z_axis_spec_data_type=0,
+                    orddenom_spec_data_type=13 if over else 0,
+                    orddenom_axis_units_lab="N" if over else "",
+                    data=row,
+                    x=f,
+                )
+            )
     _write(path, sets)
 
 

@@ -23,8 +23,9 @@ from thesis_lib.vision.pinhole import project
 def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
     """From when to when all cameras see all rows, s."""
     pads = [1 / own.rate + abs(own.readout) / 2 for own in recordings]
-    ends = [(own.times[0] + pad, own.times[-1] - pad)
-            for own, pad in zip(recordings, pads, strict=True)]  # fmt: skip
+    ends = [
+        (own.times[0] + pad, own.times[-1] - pad) for own, pad in zip(recordings, pads, strict=True)
+    ]
     return max(first for first, _ in ends), min(last for _, last in ends)
 
 

@@ -64,13 +64,24 @@ def curves(data: xr.Dataset, marker: int) -> Figure:
     error = data["standard_error"].values[marker]
     with in_style(POWERS):
         figure, (top, middle, low) = subplots(
-            3, 1, figsize=(WIDE, 5.6), layout="constrained", sharex=True,
+            3,
+            1,
+            figsize=(WIDE, 5.6),
+            layout="constrained",
+            sharex=True,
             height_ratios=[3, 1.3, 1.3],
-        )  # fmt: skip
+        )
         size = np.abs(whole[0])
         under = np.maximum(size - 2 * error, size / 10)
-        top.fill_between(f, under, size + 2 * error, color=REFERENCE, alpha=0.4, lw=0,
-                         label="H1 ± 2 standard errors")  # fmt: skip
+        top.fill_between(
+            f,
+            under,
+            size + 2 * error,
+            color=REFERENCE,
+            alpha=0.4,
+            lw=0,
+            label="H1 ± 2 standard errors",
+        )
         if int(data["segments"]) > 1:
             top.plot(f, np.abs(whole[1]), color=HIGHLIGHT, linewidth=0.7, label="H2")
         top.plot(f, size, color=color(0), linewidth=0.9, label="H1")
@@ -102,8 +113,11 @@ def summary(data: xr.Dataset) -> list[str]:
     top = int(np.nanargmax(size))
     error = float(data["standard_error"].values[drive, top])
     many = int(data["segments"])
-    how = f"{many} segments of {float(data['segment']):.3g} s" if many > 1 else (
-        f"one segment of {float(data['segment']):.3g} s")  # fmt: skip
+    how = (
+        f"{many} segments of {float(data['segment']):.3g} s"
+        if many > 1
+        else (f"one segment of {float(data['segment']):.3g} s")
+    )
     return [
         f"receptance of {data.sizes['marker']} markers from {f[0]:.4g} to {f[-1]:.4g} Hz, by {how}",
         f"marker {drive + 1}, nearest to the force: at most {size[top]:.3g} ± {error:.1g} m/N, at "
