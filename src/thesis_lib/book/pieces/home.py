@@ -25,9 +25,9 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
     )
     said = [
         f"**Most of it holds.** Of {len(claims)} statements {met['agrees']} agree, "
-        f"{met['within scatter']} more lie within the scatter of single runs, "
-        f"{met['differs']} differ, and {met['no material change']} speak of a change that is "
-        "hardly one ({doc}`the ledger <executed/claims>`). " + missed(opened),
+        f"{met['within scatter']} lie within the scatter of single runs, {met['differs']} differ, "
+        f"{met['no material change']} hardly change "
+        "({doc}`the ledger <executed/claims>`). " + missed(opened),
         f"**It can be foretold.** [The law of rounding](law-of-rounding), without any simulation, "
         f"gives the error of all {len(ratios)} settings of beam and plate to within "
         f"{100 * max(np.abs(ratios - 1)):.0f} %.",
@@ -35,9 +35,9 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
         f"distance leaves {left['closer']} of the error, six times the pixels across leave "
         f"{left['finer']}, a pair opened tenfold leaves {left['wider']} "
         "([conclusions](conclusions.md)).",
-        f"**Many cameras are worth their pixels, and no more.** Twelve leave {left['more']} of the "
-        "error of two. The best pair among them, given all their pixels, comes to "
-        f"{pair:.2f} of their error in the median, but to fewer frames a second "
+        f"**Many cameras are worth their pixels.** Twelve leave {left['more']} of the "
+        f"error of two. The best pair with all their pixels has {pair:.2f} of theirs (median), at "
+        "fewer frames a second "
         "([many or sharp](design-law.md#many-coarse-cameras-or-few-sharp-ones)).",
         f"**Sound is easier than shape.** Where arrays of cameras measure the plate to {shape:.1f} "
         f"%, the pressure around it is right to {sound:.1f} % (medians; [its sound](sound.md)).",

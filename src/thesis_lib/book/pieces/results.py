@@ -80,9 +80,8 @@ def missed(opened: Cubes) -> str:
     """How much of chapter 3 is not met, and that no one knows why."""
     met = opened["misses"]["met"].values.astype(bool)
     return (
-        f"Of the {met.size} values stated in chapter 3, {np.sum(~met)} are missed, more "
-        "than chance allows. [No single change](executed/misses.ipynb) of the computation explains "
-        "it."
+        f"Of chapter 3's {met.size} values {np.sum(~met)} are missed, more than chance allows, "
+        "[for no reason that was found](executed/misses.ipynb)."
     )
 
 

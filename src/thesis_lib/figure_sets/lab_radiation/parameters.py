@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Direction, Setting
-from thesis_lib.figure_sets.lab_radiation.structures import Driven, driven
 from thesis_lib.laboratory.filming import LabStudy, check_markers, check_place
 from thesis_lib.measure.fitting.aliasing import clearance
 from thesis_lib.studies.vocabulary import (
@@ -28,6 +27,9 @@ from thesis_lib.studies.vocabulary import (
     ShotNoise,
     field,
 )
+
+if TYPE_CHECKING:
+    from thesis_lib.figure_sets.lab_radiation.structures import Driven
 
 READING, SOUND = reading("experiment"), reading("sound")
 RECORDED = 39  # further recordings of each structure that are data
@@ -118,6 +120,8 @@ class Radiation(LabStudy):
 
     @model_validator(mode="after")
     def _check_films(self) -> Radiation:
+        from thesis_lib.figure_sets.lab_radiation.structures import driven
+
         for case in self.cases:
             self._check_tone(driven(case))
             self._check_view(case, driven(case))
