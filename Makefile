@@ -38,6 +38,7 @@ quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the
 test-nightly: book $(ALL)  ## what takes an hour: thousands of inputs, kills at every step, all notebooks
 	$(PYTEST) -m nightly
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --nbval notebooks
+	$(BIN)/python -m pytest --hypothesis-profile night tests/runs/test_any_input.py
 
 test-javascript: book $(ALL)  ## whether tests execute 95 % of our JavaScript, as Chromium counts
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(BROWSED) --javascript 95

@@ -10,7 +10,8 @@ import pytest
 
 from thesis_lib.runs.kernel_main import fixed
 
-hypothesis.settings.register_profile("project", deadline=None)  # other jobs may have the machine
+for profile in ("project", "night"):  # the latter is for more examples where a test asks for it
+    hypothesis.settings.register_profile(profile, deadline=None)  # others may have the machine
 hypothesis.settings.load_profile("project")
 os.environ.update(fixed())  # before NumPy is imported, as every command does
 

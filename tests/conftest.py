@@ -148,9 +148,9 @@ def start() -> Iterator[Callable[..., Running]]:
         one.end()
 
 
-@pytest.fixture(params=[signal.default_int_handler, signal.SIG_IGN], ids=["heeded", "ignored"])
-def interrupts(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Whether the tests themselves can be interrupted; in a background shell they cannot."""
-    before = signal.signal(signal.SIGINT, request.param)
+@pytest.fixture
+def interrupts_ignored() -> Iterator[None]:
+    """The tests themselves cannot be interrupted, as in a background shell; their commands can."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     yield
     signal.signal(signal.SIGINT, before)

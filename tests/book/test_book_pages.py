@@ -39,6 +39,7 @@ _LIBRARY = [name for name in PAGES if name.startswith("api/")]
 ALIKE = {*sorted(_LIBRARY, key=lambda name: (BOOK / name).stat().st_size)[:-3]}
 """Pages of the library that are made as its three longest are: those alone are checked by axe, the
 others at night; all else is checked on every page."""
+LONGEST = sorted(PAGES, key=lambda name: (BOOK / name).stat().st_size)[-5:]
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="no Chromium or Chrome on this machine"
@@ -189,7 +190,7 @@ def visit(running: Browser, address: str) -> Callable[[str, bool], Visit]:
                 opened.page.wait_for_timeout(50)
                 seen.sideways_px = max(seen.sideways_px, opened.sideways_px())
                 return seen
-        with open_offline(running, BOOK / name, fresh=True) as opened:  # as at first
+        with open_offline(running, BOOK / name) as opened:
             return use(opened, name)
 
     return once
@@ -251,9 +252,10 @@ def test_a_long_path_in_prose_breaks_on_a_phone(running: Browser) -> None:
 def test_first_paint_within_half_a_second(
     running: Browser, visit: Callable[[str, bool], Visit], name: str
 ) -> None:
-    tried = [visit(name, False).paint_ms]
+    """Of the longest also in a window that has seen no page before."""
+    tried = [] if name in LONGEST else [visit(name, False).paint_ms]
     waiting = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))  # jobs for each processor
-    while min(tried) > PAINT_MS * waiting and len(tried) < 8:  # the machine may have been busy
+    while not tried or (min(tried) > PAINT_MS * waiting and len(tried) < 8):  # it may be busy
         with open_offline(running, BOOK / name, fresh=True) as opened:
             tried.append(look(opened).paint_ms)
     assert min(tried) <= PAINT_MS * waiting, tried

@@ -18,7 +18,6 @@ from browser import open_offline
 from thesis_lib import files
 from thesis_lib.book import sample
 from thesis_lib.figure_sets import sample as example
-from thesis_lib.figure_sets.sample import STEP, TRACKS
 from thesis_lib.measure.report import page as report
 from thesis_lib.measure.report.meanings import MEANINGS
 from thesis_lib.measure.report.notes import notes
@@ -129,18 +128,3 @@ def test_the_book_has_it_and_leads_to_it() -> None:
     assert (BOOK / sample.PAGE).read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     guide = (BOOK / "recordings.html").read_text(encoding="utf-8")
     assert len(re.findall(f'href="{sample.PAGE}"', guide)) >= 2
-
-
-@pytest.mark.slow
-def test_rendered_and_measured_now_it_is_the_same(data: xr.Dataset) -> None:
-    """But for last digits, which another processor has otherwise."""
-    now = example.measured_now()
-    assert set(now.variables) == set(data.variables)
-    error = data["standard_error"].values
-    far = np.abs(now["deflection"].values - data["deflection"].values) / error
-    assert far.max() < 0.05
-    for name in TRACKS:
-        one, other = now[name].values, data[name].values
-        assert np.array_equal(np.isnan(one), np.isnan(other)), name
-        assert np.nanquantile(np.abs(one - other), 0.99) < 20 * STEP, name
-    assert [note.code for note in notes(now)] == [note.code for note in notes(data)]

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import xarray as xr
+from scenes import own
 from scenes.foreign import photographs
 from scenes.foreign.rays import Optics, Sensor, airy, gaussian, looking, sharp
 from scenes.foreign.recording import FREQUENCY, RATE, SOUND_RATE, TIP, Scene, Take
@@ -28,7 +29,6 @@ from thesis_lib.measure.calibration.jackknife import jackknife
 from thesis_lib.measure.calibration.rig import adjusted
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import Calibration, zhang
-from thesis_lib.measure.pipeline import measure
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest import write_manifest
@@ -164,7 +164,9 @@ def test_stated_deviations_are_those_of_refits_without_each_photograph(conforms,
 
 
 @needs_photographs
-@pytest.mark.parametrize("shots", [3, 4, 5, 6])
+@pytest.mark.parametrize(
+    "shots", [3, *(pytest.param(n, marks=pytest.mark.nightly) for n in (4, 5)), 6]
+)
 def test_halves_of_the_photographs_differ_by_what_is_stated(conforms, pair, shots):
     """Of calibrations that share no photograph, even from three of them."""
     draw, pulls = np.random.default_rng(0), []
@@ -335,10 +337,9 @@ def test_deflection_under_rolling_shutters_is_the_true_one(conforms, takes, tmp_
     for eye in rolling.eyes:
         shutil.copytree(takes["plain"].folder / eye.name, tmp_path / eye.name, dirs_exist_ok=True)
     write_manifest(rolling.manifest(take), tmp_path / "manifest.yaml")
-    measure(tmp_path / "manifest.yaml", tmp_path / "out", lambda line: None)
-    with xr.open_dataset(tmp_path / "out" / "measured.nc") as data:
-        found, predicted = data["deflection"].values, data["standard_error"].values
-        quadrature = data["quadrature"].values
+    data = own.shape_of(tmp_path / "manifest.yaml", tmp_path / "steps")
+    found, predicted = data["deflection"].values, data["standard_error"].values
+    quadrature = data["quadrature"].values
     true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
     conforms.sampled(rms((found - true) / predicted), 1, atol=0.35)
     conforms.independent(found @ true / (true @ true), 1, atol=1e-3)

@@ -35,14 +35,6 @@ def scattered(n, apart, rng):
     return np.array(places).T
 
 
-def measured(manifest, folder):
-    """The cube of a measurement; what it says on the way is thrown away."""
-    report = measure(manifest, folder, lambda line: None)
-    assert report.is_file()
-    with xr.open_dataset(folder / "measured.nc") as data:
-        return data.load()
-
-
 def compare(conforms, data, rig, allowed):
     """The shape against the truth: rms error over the largest deflection, and in its errors."""
     part = rig.motion.components[0]
@@ -63,7 +55,7 @@ def test_bright_points_anywhere_on_a_plate(conforms, tmp_path):
     )  # fmt: skip
     rig = own.replace(rig, board=Board(8, 6, 0.05, 0.05))
     manifest = own.make(tmp_path, rig, {}, corners=True, board_sensor=Sensor())
-    data = measured(manifest, tmp_path / "out")
+    data = own.shape_of(manifest, tmp_path / "steps")
     assert data.attrs["most_similar"] == "mode (2, 1)"
     conforms.sampled(compare(conforms, data, rig, 0.01), below=3)
     assert data.sizes["marker"] == 40
@@ -76,7 +68,7 @@ def test_colour_videos_and_a_clap_in_a_room(conforms, tmp_path):
                   "force_per_full_scale_n": None}  # fmt: skip
     manifest = own.make(tmp_path, rig, excitation, colour=True,
                         sound=lambda rig, index: own.room(rig, index, 0.9))  # fmt: skip
-    data = measured(manifest, tmp_path / "out")
+    data = own.shape_of(manifest, tmp_path / "steps")
     assert data.attrs["most_similar"] == "bending 1"
     compare(conforms, data, rig, 0.02)
     conforms.closed_form(float(data["frequency"]), 6.3, atol=0.02)
@@ -90,7 +82,7 @@ def test_a_vibration_too_fast_for_the_frames_is_measured_by_its_known_frequency(
     rig = own.short_rig(BEAM, [(12, 30), (-12, 30), (170, 30)], part, steady=0.9,
                         sensor=Sensor(exposure=1 / 500, samples=4))  # fmt: skip
     manifest = own.make(tmp_path, rig, {"undersampled": True})
-    data = measured(manifest, tmp_path / "out")
+    data = own.shape_of(manifest, tmp_path / "steps")
     assert data.attrs["most_similar"] == "bending 2"
     conforms.closed_form(float(data["frequency"]), 39.6, atol=0.01)
     conforms.sampled(compare(conforms, data, rig, 0.02), below=3)
@@ -125,11 +117,11 @@ def test_a_steady_vibration_needs_no_sound(conforms, silent):
     rig, manifest = silent
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)  # letters that the figures' font lacks
-        data = measured(manifest, manifest.parent / "out")
+        report = measure(manifest, manifest.parent / "out", lambda line: None)
+    data = xr.load_dataset(manifest.parent / "out" / "measured.nc")
     conforms.sampled(compare(conforms, data, rig, 0.01), below=3)
     assert abs(float(data["lag"][1])) > 0.01
-    page = (manifest.parent / "out" / "report.html").read_text()
-    assert "No sound was used" in page
+    assert "No sound was used" in report.read_text()
     assert "started" not in " ".join(note.text for note in notes.notes(data))
 
 

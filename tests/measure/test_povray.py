@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import xarray as xr
+from scenes import own
 from scenes.foreign import povray
-
-from thesis_lib.measure.pipeline import measure
 
 pytestmark = [
     pytest.mark.slow,
@@ -22,8 +20,7 @@ def measured(tmp_path_factory):
     made = povray.film(tmp_path_factory.mktemp("povray"), CODED)
     found = {}
     for take, manifest in made.items():
-        measure(manifest, manifest.parent / "out", lambda line: None)
-        found[take] = xr.load_dataset(manifest.parent / "out" / "measured.nc")
+        found[take] = own.shape_of(manifest, manifest.parent / "steps")
     return found
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import tempfile
+from functools import cache
 from html.parser import HTMLParser
+from pathlib import Path
 from urllib.parse import quote
 
 import nbformat
@@ -63,12 +66,14 @@ def hostile(name: str):
     return cube_of(camera_study("beam-arrays", given))
 
 
-def page_of(name: str, folder, monkeypatch) -> str:
+@cache
+def page_of(name: str) -> str:
     """A page with all that a notebook shows of a cube with this layout."""
     cube, shown = hostile(name), []
     assert float(cube["in_view"].min()) < 1  # so that the note under the table names the layout
-    monkeypatch.setattr(notebook, "display", shown.append)
-    notebook.figures(cube)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(notebook, "display", shown.append)
+        notebook.figures(cube)
     outputs = [{"text/markdown": made.data} for made in (error_table(cube), claims_table(cube))]
     outputs += [one._repr_mimebundle_()[0] for one in (*shown, notebook.viewer(cube))]
     given = nbformat.v4.new_code_cell(f"layouts = {{{name!r}: 1}}")
@@ -84,18 +89,19 @@ def page_of(name: str, folder, monkeypatch) -> str:
     data, about = figure._repr_mimebundle_()
     page.cells[-1].outputs = [nbformat.v4.new_output("display_data", data, metadata=about)]
     edits.place_figures(page)  # as text of a caption, beside that of a front end
-    path = folder / "n.ipynb"
-    nbformat.write(page, path)
-    return pages.page(path, name)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "n.ipynb"
+        nbformat.write(page, path)
+        return pages.page(path, name)
 
 
 @pytest.mark.parametrize(
     "kind", [*list(NAMES)[:4], *(pytest.param(k, marks=pytest.mark.slow) for k in list(NAMES)[4:])]
 )
-def test_a_name_adds_no_tag_to_a_page(kind, tmp_path, monkeypatch):
+def test_a_name_adds_no_tag_to_a_page(kind):
     name = NAMES[kind][:40].strip()
-    hostile = Tags(page_of(name, tmp_path, monkeypatch))
-    plain = Tags(page_of(PLAIN, tmp_path, monkeypatch))
+    hostile = Tags(page_of(name))
+    plain = Tags(page_of(PLAIN))
     ours = [tag for tag in hostile.tags if tag[0] != "span"]  # of the coloured program
     assert ours == [tag for tag in plain.tags if tag[0] != "span"]
     assert name in hostile.text
@@ -109,13 +115,12 @@ def test_what_a_program_puts_out_is_no_markup():
 
 
 @pytest.mark.slow
-def test_no_name_becomes_a_script_or_a_link_in_a_browser(chromium, tmp_path, monkeypatch):
+def test_no_name_becomes_a_script_or_a_link_in_a_browser(chromium, tmp_path):
     if not (pages.mathjax_path()).is_file():
         pytest.skip("no build/assets: render the book first")
     for number, name in enumerate(NAMES.values()):
-        html = page_of(name[:40].strip(), tmp_path, monkeypatch)
         path = tmp_path / f"{number}.html"
-        path.write_text(html, encoding="utf-8")
+        path.write_text(page_of(name[:40].strip()), encoding="utf-8")
         page = chromium.new_page()
         page.add_init_script("window.hits = 0; window.hit = () => { window.hits += 1; };")
         page.goto(f"file://{quote(str(path))}")

@@ -365,8 +365,7 @@ def papermill(checkout, cwd: Path, name: str, *parameters: str):
 @pytest.fixture(scope="module")
 def short(tmp_path_factory, checkout):
     """Notebooks that end with their study: what papermill injects is checked there."""
-    for name in ("beam-distance", "beam-arrays"):
-        checkout.change(name, until_study)
+    checkout.change("beam-distance", until_study)
     return checkout
 
 
@@ -385,14 +384,8 @@ def short(tmp_path_factory, checkout):
             "allowed: a number above 0, at most 90, in °",
             marks=pytest.mark.slow,
         ),
-        pytest.param(
-            "beam-arrays",
-            ["-y", "{layouts: {mine: [[[10, 20]]]}}"],
-            'ParameterError: beam-arrays: layouts["mine"][0]: given [[10, 20]], allowed: ',
-            marks=pytest.mark.slow,
-        ),
     ],
-    ids=["misspelt", "out of bounds", "one camera"],
+    ids=["misspelt", "out of bounds"],
 )
 def test_papermill_is_refused_like_the_command(short, tmp_path, name, given, message):
     done = papermill(short, tmp_path, name, *given, "-p", "cube", str(tmp_path / "out.nc"))

@@ -729,7 +729,7 @@ def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, words):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("interrupts")
+@pytest.mark.usefixtures("interrupts_ignored")
 def test_interrupted_command_leaves_nothing_half_written(checkout, start, tmp_path):
     words = ["-p", "counts=[2,12,24]", "-p", "starts=50", "-p", "body=plate"]
     log = tmp_path / "log.txt"

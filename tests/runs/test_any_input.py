@@ -1,4 +1,7 @@
-"""Whatever is given, the command ends with its result or with one line: thousands of inputs."""
+"""Whatever is given, the command ends with its result or with one line.
+
+Hundreds of inputs; with ``--hypothesis-profile night`` four times as many.
+"""
 
 import copy
 import json
@@ -27,7 +30,8 @@ pytestmark = pytest.mark.slow
 
 
 def many(examples):
-    return settings(max_examples=examples, derandomize=True, deadline=None, database=None,
+    times = 4 if settings.get_current_profile_name() == "night" else 1
+    return settings(max_examples=times * examples, derandomize=True, deadline=None, database=None,
                     suppress_health_check=list(HealthCheck))  # fmt: skip
 
 
@@ -107,7 +111,7 @@ def place(tmp_path_factory):
     return tmp_path_factory.mktemp("place")
 
 
-@many(900)
+@many(225)
 @given(NAMES, st.lists(GIVEN, min_size=1, max_size=3))
 def test_requests(place, name, given):
     if name.startswith("-") or is_allowed(name, given):
@@ -115,7 +119,7 @@ def test_requests(place, name, given):
     refused(place, "run", name, *(word for one in given for word in ("-p", one)))
 
 
-@many(300)
+@many(75)
 @given(TO_PLAN)
 def test_plans(place, given):
     try:
@@ -142,7 +146,7 @@ def compared(path, cube, content):
     assert sorted(one.name for one in path.parent.iterdir()) == ["any.nc", "whole.nc"]
 
 
-@many(250)
+@many(60)
 @given(st.data())
 def test_damaged_files_of_cubes(tmp_path_factory, cube, data):
     path = _beside_a_whole_one(tmp_path_factory, cube)
@@ -169,7 +173,7 @@ def _beside_a_whole_one(tmp_path_factory, cube):
     return folder / "any.nc"
 
 
-@many(100)
+@many(30)
 @given(st.data())
 def test_other_cubes(tmp_path_factory, cube, data):
     path = _beside_a_whole_one(tmp_path_factory, cube)
@@ -211,7 +215,7 @@ def places_in(values, path=()):
         yield from places_in(value, (*path, key))
 
 
-@many(500)
+@many(125)
 @given(st.data())
 def test_manifests(manifest, data):
     """No video is there, so whatever is written in it, none is measured."""

@@ -95,9 +95,21 @@ def stopped(own_checkout, tmp_path, start):
 def test_kill_leaves_nothing_half_written_and_the_next_call_goes_on(
     stopped, own_checkout, tmp_path
 ):
-    running = stopped(signal.SIGKILL)
-    out = tmp_path / "out"
+    kernels, out = [], tmp_path / "out"
+
+    def only_the_runner(pid, by):
+        kernels.extend(one for one in processes_of(tmp_path) if one != str(pid))
+        os.kill(pid, by)
+
+    running = stopped(signal.SIGKILL, only_the_runner)
     assert running.process.returncode == -signal.SIGKILL
+    if Path("/proc/self/cwd").exists():  # Linux can be asked for processes
+        assert kernels
+        for _ in range(300):
+            if not set(kernels) & set(processes_of(tmp_path)):
+                break
+            time.sleep(0.1)
+        assert not set(kernels) & set(processes_of(tmp_path)), "still run after 30 s"
     assert made(out) == targets(GOOD)
     left = left_over(out)
     assert len(left) == 1
@@ -111,36 +123,20 @@ def test_kill_leaves_nothing_half_written_and_the_next_call_goes_on(
     assert {path: path.stat().st_mtime_ns for path in out.glob(f"{GOOD}.*")} == done
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/cwd").exists(), reason="asks Linux for processes")
-def test_no_kernel_outlives_a_runner_that_is_killed(stopped, tmp_path):
-    def kernels():
-        found = []
-        for process in Path("/proc").glob("[0-9]*"):
-            with contextlib.suppress(OSError):
-                words = (process / "environ").read_bytes() + (process / "cmdline").read_bytes()
-                if str(tmp_path).encode() in words:
-                    found.append(process.name)
-        return found
-
-    begun = []
-
-    def only(pid, by):
-        begun.extend(one for one in kernels() if one != str(pid))
-        os.kill(pid, by)
-
-    stopped(signal.SIGKILL, only)
-    assert begun
-    for _ in range(300):
-        if not set(begun) & set(kernels()):
-            return
-        time.sleep(0.1)
-    pytest.fail(f"{set(begun) & set(kernels())} still run after 30 s")
+def processes_of(folder: Path) -> list[str]:
+    """Processes that have to do with a folder."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            words = (process / "environ").read_bytes() + (process / "cmdline").read_bytes()
+            if str(folder).encode() in words:
+                found.append(process.name)
+    return found
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("interrupts")
-@pytest.mark.parametrize("politely", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.usefixtures("interrupts_ignored")
+@pytest.mark.parametrize("politely", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupt_says_so_and_leaves_nothing_behind(stopped, tmp_path, politely):
     running = stopped(politely)
     assert running.process.returncode == 130
@@ -515,14 +511,6 @@ def test_a_kernel_that_is_killed_is_told_in_one_line(own_checkout, tmp_path):
     assert last.startswith(f"thesis: {SLOW}: the process that executes its notebook has ended")
     assert len(done.stderr.splitlines()) == 3
     assert made(tmp_path / "out") == left_over(tmp_path / "out") == []
-
-
-@pytest.mark.slow
-def test_hanging_up_is_an_interrupt(stopped, tmp_path):
-    running = stopped(signal.SIGHUP)
-    assert running.process.returncode == 130
-    assert "Traceback" not in running.said()
-    assert left_over(tmp_path / "out") == []
 
 
 @pytest.mark.slow

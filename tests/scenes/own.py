@@ -6,14 +6,16 @@ from pathlib import Path
 
 import av
 import numpy as np
+import xarray as xr
 
 from thesis_lib.laboratory import film as laboratory_film
 from thesis_lib.laboratory.film import manifest_of, shots
 from thesis_lib.laboratory.poses import default_poses
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.measure.measured import deflection, recorded
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.manifest import write_manifest
+from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision.lens import project
@@ -84,6 +86,12 @@ def make(
     manifest = manifest.model_copy(update={"cameras": tuple(cameras), "excitation": driven})
     write_manifest(manifest, folder / "manifest.yaml")
     return folder / "manifest.yaml"
+
+
+def shape_of(manifest: Path, steps: Path) -> xr.Dataset:
+    """What a measurement finds, without its report and the other files."""
+    given = read_manifest(manifest)
+    return deflection(given, recorded(given, manifest.parent, steps, lambda line: None))[0]
 
 
 def write_colour(path: Path, frames, size, rate: float, audio: np.ndarray) -> None:

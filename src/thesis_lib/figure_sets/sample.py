@@ -49,12 +49,16 @@ def made_from() -> str:
 def measured_now(say: Callable[[str], object] = lambda _: None) -> xr.Dataset:
     """The example rendered and measured: its result, and what a report draws beside it."""
     with tempfile.TemporaryDirectory() as work:
-        place = write_example(Path(work) / "example", say)
-        manifest = read_manifest(place)
-        of = recorded(manifest, place.parent, Path(work) / "steps", say)
-        data, moved = deflection(manifest, of)
-        seen = shown(data, moved, manifest, of.recordings)
-        return xr.merge([data, seen], combine_attrs="override", join="exact").load()
+        return measured(write_example(Path(work) / "example", say), Path(work) / "steps", say)
+
+
+def measured(place: Path, steps: Path, say: Callable[[str], object] = lambda _: None) -> xr.Dataset:
+    """A recording's result, by its manifest, and what a report draws beside it."""
+    manifest = read_manifest(place)
+    of = recorded(manifest, place.parent, steps, say)
+    data, moved = deflection(manifest, of)
+    seen = shown(data, moved, manifest, of.recordings)
+    return xr.merge([data, seen], combine_attrs="override", join="exact").load()
 
 
 def current() -> xr.Dataset | None:
