@@ -9,7 +9,9 @@
   const SHORT = { eq: "equation", eqs: "equation", eqn: "equation", fig: "figure", figs: "figure", tab: "table", sec: "section", ch: "chapter" };
   const ENDING = /(?:ations?|ingly|edly|ings?|ions?|ments?|ers?|ies|ied|ed|es|ly|e|s|y)$/;
   const KINDS = { section: "text", figure: "figure", equation: "equation", name: "library", term: "word", source: "source", claim: "claim", thesis: "thesis" };
-  const WEIGHT = { section: 1.2, figure: 1.2, equation: 1.2, term: 1.5, thesis: 1.3, name: 0.5, source: 1, claim: 0.4 };
+  const WEIGHT = { section: 1.2, figure: 1.3, equation: 1.2, term: 1.5, thesis: 1.3, name: 0.5, source: 1, claim: 0.4 };
+  // Prose and figures come first, then tables of tests and claims, then the library but for a name that is asked for.
+  const behind = (one, query) => /[._]/.test(query) && one.title.endsWith(query.trim()) ? 0 : one.page.startsWith("api/") ? 2 : one.kind === "claim" || /^(conformance|benchmarks|accessibility)\./.test(one.page) ? 1 : 0;
   const LONGEST = 200, MOST = 20, TERMS = 12;
   const FEW = 2; // finds by one letter that do not spare a look for those by two
 
@@ -55,7 +57,8 @@
     for (const typos of [0, 1, 2]) { // two letters that changed places are two
       const fuzzy = typos && ((term) => (typed(term) && term.length > 2 + typos ? typos : false));
       const found = index.search({ combineWith: "AND", queries }, { fuzzy, processTerm: typos ? lower : stem });
-      if (found.length > (typos === 1 ? FEW : 0)) return found.map((one) => ({ ...entries[one.id], terms: one.terms }));
+      if (found.length > (typos === 1 ? FEW : 0)) return found.map((one) => ({ ...entries[one.id], terms: one.terms }))
+        .sort((a, b) => behind(a, query) - behind(b, query));
     }
     return [];
   };

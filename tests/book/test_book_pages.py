@@ -288,7 +288,7 @@ def anchors(page: Path) -> set[str]:
 
 @needs_book
 def test_the_book_with_its_downloads_is_small() -> None:
-    assert sum(file.stat().st_size for file in BOOK.rglob("*") if file.is_file()) < 80e6
+    assert sum(file.stat().st_size for file in BOOK.rglob("*") if file.is_file()) < 60e6
 
 
 @needs_book

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 import re
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -35,25 +34,24 @@ SVG = '<?xml version="1.0"?>\n<svg xmlns="x" width="72pt" height="36.75pt" viewB
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "a b.svg").write_text(SVG, encoding="utf-8")
-    head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 640, 360)
-    (tmp_path / "c.png").write_bytes(head)
+    Image.new("L", (640, 360)).save(tmp_path / "c.webp")
     (tmp_path / "d.svg").write_text('<svg viewBox="0 0 4 3"/>', encoding="utf-8")
     return tmp_path
 
 
 def test_sizes_are_those_of_the_files(folder: Path) -> None:
     assert size_px(folder / "a b.svg") == (96, 49)
-    assert size_px(folder / "c.png") == (640, 360)
+    assert size_px(folder / "c.webp") == (640, 360)
     assert size_px(folder / "d.svg") is None
-    assert size_px(folder / "none.png") is None
+    assert size_px(folder / "none.webp") is None
     assert size_px(folder) is None
 
 
 def test_pictures_wait_with_their_size(folder: Path) -> None:
-    page = '<p><img alt="a &gt; b" src="a%20b.svg" /></p><img src="c.png" alt="">'
+    page = '<p><img alt="a &gt; b" src="a%20b.svg" /></p><img src="c.webp" alt="">'
     assert lazy(page, folder) == (
         '<p><img alt="a &gt; b" src="a%20b.svg" width="96" height="49" loading="lazy" /></p>'
-        '<img src="c.png" alt="" width="640" height="360" loading="lazy">'
+        '<img src="c.webp" alt="" width="640" height="360" loading="lazy">'
     )
     assert lazy(lazy(page, folder), folder) == lazy(page, folder)
 
@@ -79,18 +77,19 @@ def test_long_drawings_become_files(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     "image", ['<img src="d.svg">', '<img src="none.svg">', '<img src="data:image/png;base64,a">',
-              '<img src="c.png" loading="eager">']
+              '<img src="c.webp" loading="eager">']
 )  # fmt: skip
 def test_what_is_not_known_stays(folder: Path, image: str) -> None:
     assert lazy(image, folder) == image
 
 
 def test_a_width_of_the_page_stays(folder: Path) -> None:
-    page = '<img src="c.png" style="width: 100%;" />'
+    page = '<img src="c.webp" style="width: 100%;" />'
     styled = lazy(page, folder)
     assert 'style="width: 100%;"' in styled
     assert (
-        lazy('<img src="c.png" width="9">', folder) == '<img src="c.png" width="9" loading="lazy">'
+        lazy('<img src="c.webp" width="9">', folder)
+        == '<img src="c.webp" width="9" loading="lazy">'
     )
 
 

@@ -70,6 +70,17 @@ def test_what_is_meant_comes_first_or_nearly(running: Browser) -> None:
 
 
 @needs_book
+@pytest.mark.parametrize("words", ["triangulation", "rounding", "pixels", "planner", "sound"])
+def test_prose_comes_before_the_library(running: Browser, words: str) -> None:
+    with searching(running) as page:
+        ask(page, words)
+        where = page.locator(".tl-found").evaluate_all("all => all.map((one) => one.pathname)")
+        library = ["/api/" in one for one in where]
+        assert not any(library[:5])
+        assert library == sorted(library)
+
+
+@needs_book
 @pytest.mark.parametrize(
     ("typed", "meant"),
     [("roundign", "rounding"), ("roundinng", "rounding"), ("triangulating", "triangulation"),

@@ -15,7 +15,7 @@ from thesis_lib.runs.provenance import FOLDER
 
 ARCHIVE = "vibration-by-many-cameras"
 _DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip can hold
-_PACKED = {".nc", ".png", ".jpg", ".woff2", ".gz"}  # compressed already
+_PACKED = {".nc", ".png", ".webp", ".woff2", ".gz"}  # compressed already
 
 
 def tables(folder: Path, made: Iterable[Path]) -> None:

@@ -25,7 +25,7 @@ _VOID = {"area", "br", "col", "hr", "img", "input", "link", "meta", "source", "w
 _HEADINGS = {"h1", "h2", "h3", "h4", "h5", "h6"}
 _THESIS = re.compile(r"(Figures? [\w.]+?)(?: of the thesis)?\. ")
 _SKIPPED = {"headerlink", "caption-number", "cell_input", "sig-object", "tl-under-figure"}
-_LONGEST = 2000  # letters of one entry
+_LONGEST = {"name": 300}  # letters of one entry: a name's signature and returns stand on its page
 
 
 @dataclass
@@ -56,7 +56,7 @@ def of_page(html: str) -> list[Entry]:
     reader, tab = _Reader(), _TAB.search(html)
     reader.feed(_ASIDE.sub("", article[1]))
     for entry in reader.found:
-        entry.text = " ".join("".join(entry.said).split())[:_LONGEST]
+        entry.text = " ".join("".join(entry.said).split())[: _LONGEST.get(entry.kind, 2000)]
         entry.title = _TITLES.get(entry.kind, _written)(entry)
     if tab and reader.found:
         reader.found[0].title = unescape(tab[1])  # as no other page is called

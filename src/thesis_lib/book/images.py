@@ -10,13 +10,14 @@ import base64
 import hashlib
 import os
 import re
-import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import chain, count, product
 from pathlib import Path
 from string import ascii_letters
 from urllib.parse import unquote
+
+from PIL import Image
 
 from thesis_lib.book.panels import panels
 
@@ -51,7 +52,6 @@ _REFERENCE = re.compile(r'(href="#|url\(#)([^")]+)')
 _PATH = re.compile(r'(?<=\sd=")[MLQCz\d\s.-]+(?=")')
 _STEP = re.compile(r"([MLQCz])([^MLQCz]*)")
 _WORN = re.compile(r'\sstyle="([^"]*)"')
-_PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def in_files(html: str, folder: Path, images: Path) -> str:
@@ -95,15 +95,14 @@ def _panels(picture: Path) -> str:
 
 
 def size_px(picture: Path) -> tuple[int, int] | None:
-    """Width and height of an SVG or PNG file in CSS pixels, or None if it does not tell them."""
+    """Width and height of a drawing or photograph in CSS pixels, or None if it tells none."""
     if not picture.is_file():
         return None
+    if picture.suffix != ".svg":
+        with Image.open(picture) as photograph:
+            return photograph.size
     with picture.open("rb") as stream:
-        head = stream.read(4096)
-    if head.startswith(_PNG):
-        width, height = struct.unpack(">II", head[16:24])
-        return width, height
-    tag = _SVG.search(head.decode("utf-8", errors="replace"))
+        tag = _SVG.search(stream.read(4096).decode("utf-8", errors="replace"))
     found = _LENGTH.findall(tag[0]) if tag else []
     sides = {name: round(float(value) * _PX[unit]) for name, value, unit in found}
     return (sides["width"], sides["height"]) if len(sides) == 2 else None

@@ -75,9 +75,9 @@ def write_placeholder(path: Path, task: str) -> None:
     elif path.suffix == ".svg":
         text = _PICTURE % html.escape(_WORDS)
         whole_text(path, text)
-    elif path.suffix == ".png":
+    elif path.suffix == ".webp":
         from PIL import Image, ImageDraw
 
         picture = Image.new("RGB", (600, 60), "#f4f4f4")
         ImageDraw.Draw(picture).text((20, 24), _WORDS, fill="#555")
-        whole_file(path, lambda part: picture.save(part, "PNG"))
+        whole_file(path, lambda part: picture.save(part, "WEBP"))

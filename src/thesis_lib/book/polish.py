@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from thesis_lib.book import viewers
 from thesis_lib.book.accessible import mend
 from thesis_lib.book.contents import fold
 from thesis_lib.book.drawings import paletted, rowed
@@ -24,9 +25,13 @@ _SPARE = re.compile(
     r'<script type="application/vnd\.jupyter\.widget-state\+json">.*?</script>\s*'
     r'|<script defer src="[^"]*/fontawesome\.js[^"]*"></script>\s*'
     r'|<script src="[^"]*(?:searchtools|language_data|searchindex)\.js"></script>\s*'
-    r'|<span class="(?:[nopw]|nn)">(?P<p><span class="pre">)?(?P<text>[^<]*)</span>(?(p)</span>)',
+    r'|(?<=<div id="jb-print-toc">).*?(?=</div>\s*</div>\s*</div>\s*<div id="searchbox">)'
+    r'|<span class="(?:[nopw]|nn|nb|bp|[vf]m|m[ifo]|s[ai]|kc)">(?P<p><span class="pre">)?'
+    r"(?P<text>[^<]*)</span>(?(p)</span>)",
     re.DOTALL,
-)  # what the widgets' own html and the style sheets repeat, and marks of words in the text's colour
+)  # what widgets and style sheets repeat, contents on paper, marks of words that need no colour
+_ALIKE = re.compile(r'<span class="(s2|sd|c1)">[^<]*(?:</span>\s+<span class="\1">[^<]*)+</span>')
+_AGAIN = re.compile(r'</span>(\s+)<span class="\w+">')
 _WHOLE = re.compile(
     r"(<(?:pre|script|style|textarea)\b.*?</(?:pre|script|style|textarea)>)", re.DOTALL
 )
@@ -35,7 +40,7 @@ _BETWEEN = re.compile(
 )  # comments, indents, empty lines
 _VIEWPORT = re.compile(r'<meta (?:content="[^"]*" )?name="viewport"[^>]*>\s*')
 _HEAD = re.compile(r"(?<=<head>).*?(?=</head>)", re.DOTALL)
-_SHOWN = re.compile(rb"_images/([^\"]+)")
+_SHOWN = re.compile(rb"(_(?:images|viewers)/[^\"]+)")
 # What theme and extensions write into the console of every page.
 _CHATTER = re.compile(
     r"""console\.(?:log|info|debug)\(\s*(?:"\[PST\][^"]*"|`\[(?:PST|togglebutton)\][^`]*`),?\s*\)"""
@@ -51,6 +56,8 @@ def polish(book: Path, files: Iterable[Path]) -> None:
         text = file.read_text(encoding="utf-8")
         if file.suffix == ".html":
             text = in_files(_SPARE.sub(r"\g<text>", text), file.parent, book / "_images")
+            text = _ALIKE.sub(lambda match: _AGAIN.sub(r"\1", match[0]), text)
+            text = viewers.shared(text, file.parent, book)
             text = _plain(lazy(drawn(mend(fold(text))), file.parent))
             text = described(launched(text), "../" * (len(file.relative_to(book).parts) - 1))
         else:
@@ -60,7 +67,7 @@ def polish(book: Path, files: Iterable[Path]) -> None:
 
 def _drawing(text: str) -> str:
     """A drawing in fewer letters, in colours that follow the page."""
-    return themed(classed(relative(rowed(paletted(squeeze(worded(with_panels(text))))))))
+    return themed(classed(relative(rowed(paletted(squeeze(worded(with_panels(text.strip()))))))))
 
 
 def _plain(text: str) -> str:
@@ -91,14 +98,32 @@ def _slim(text: str) -> str:
 
 def tidy(book: Path) -> None:
     """Remove what no page needs: sources of styles, pictures no longer shown, idle messages."""
+    _once(book)
     shown = {name for page in book.rglob("*.html") for name in _SHOWN.findall(page.read_bytes())}
-    pictures = [file for file in book.glob("_images/*") if quote(file.name).encode() not in shown]
+    files = chain(book.glob("_images/*"), book.glob("_viewers/*"))
+    idle = [one for one in files if quote(one.relative_to(book).as_posix()).encode() not in shown]
     unread = [
         book.glob(f"_static/**/{name}")
         for name in ("*.map", "*.ttf", "*.[mp]o", *_UNUSED, "overview.svg")
     ]
-    for file in chain(pictures, *unread):
+    for file in chain(idle, *unread):
         file.unlink()
     for name in ("scripts/pydata-sphinx-theme.js", "togglebutton.js"):
         script = book / "_static" / name
         script.write_text(_CHATTER.sub("0", script.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def _once(book: Path) -> None:
+    """Let pages that show the same drawing share one file."""
+    drawings = {file.name: file.read_bytes() for file in sorted(book.glob("_images/*.svg"))}
+    first: dict[bytes, str] = {}
+    kept = {name: first.setdefault(drawing, name) for name, drawing in drawings.items()}
+    other = {quote(name): quote(one) for name, one in kept.items() if name != one}
+    if not other:
+        return
+    named = re.compile(rf'(?<=_images/)(?:{"|".join(map(re.escape, other))})(?=")')
+    for page in book.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        shorter = named.sub(lambda match: other[match[0]], text)
+        if shorter != text:
+            page.write_text(shorter, encoding="utf-8")

@@ -16,7 +16,7 @@ from thesis_lib.figure_sets.experiment.walk import photographs, signals, sketche
 from thesis_lib.plotting.style import saved
 
 PIXELS = 1500  # width of pictures that hold photographs
-TONES = 160  # colours they are kept in
+QUALITY = 85  # of 100, at which they are kept
 
 PICTURES: dict[str, Callable[[xr.Dataset], Figure]] = {
     "rig": sketches.rig,
@@ -33,8 +33,8 @@ PICTURES: dict[str, Callable[[xr.Dataset], Figure]] = {
 
 
 def file_name(name: str) -> str:
-    """Name of a picture's file: PNG if it holds photographs, SVG otherwise."""
-    kind = "png" if PICTURES[name].__module__ == photographs.__name__ else "svg"
+    """Name of a picture's file: WebP if it holds photographs, SVG otherwise."""
+    kind = "webp" if PICTURES[name].__module__ == photographs.__name__ else "svg"
     return f"lab-{name}.{kind}"
 
 
@@ -43,21 +43,16 @@ def write(data: xr.Dataset, folder: Path) -> list[Path]:
     paths = []
     for name, draw in PICTURES.items():
         path = folder / file_name(name)
-        content = _png(draw(data)) if path.suffix == ".png" else saved(draw(data), "svg")
+        content = _webp(draw(data)) if path.suffix == ".webp" else saved(draw(data), "svg")
         files.whole_file(path, partial(Path.write_bytes, data=content))
         paths.append(path)
     return paths
 
 
-def _png(figure: Figure) -> bytes:
-    """As PNG: grey where all of it is grey, else in few colours."""
+def _webp(figure: Figure) -> bytes:
+    """As WebP: as it is where that takes fewer bytes, else as near as eyes can tell."""
     file = io.BytesIO(saved(figure, "png", dpi=PIXELS / figure.get_figwidth()))
-    picture = Image.open(file).convert("RGB")
-    red, green, blue = picture.split()
-    if red.tobytes() == green.tobytes() == blue.tobytes():
-        small = red
-    else:
-        small = picture.quantize(TONES, dither=Image.Dither.NONE)
-    file = io.BytesIO()
-    small.save(file, format="png", optimize=True)
-    return file.getvalue()
+    picture, files = Image.open(file).convert("RGB"), (io.BytesIO(), io.BytesIO())
+    for file, lossless in zip(files, (True, False), strict=True):
+        picture.save(file, format="webp", lossless=lossless, quality=QUALITY, method=6)
+    return min((file.getvalue() for file in files), key=len)
