@@ -10,10 +10,13 @@ import pyuff
 import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
+from thesis_lib.acoustics.sources import AIR
+from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
 from thesis_lib.measure.modes.report import notes
 from thesis_lib.measure.modes.write import several
 from thesis_lib.measure.recordings.force_fields import Excitation
+from thesis_lib.measure.recordings.radiation_fields import Radiation
 from thesis_lib.vibration.motion import Component
 
 RIG = rig()
@@ -179,6 +182,76 @@ def test_what_a_manifest_may_not_ask_is_refused(given, told):
 def test_one_tone_is_the_default_and_has_its_frequency():
     assert (Excitation().kind, Excitation().frequency_hz) == ("tone", 4.25)
     assert Excitation(kind="decay").frequency_hz is None
+
+
+def test_calibrations_err_for_all_modes_alike(decay, conforms):
+    """Rows of all modes together hold each one's own covariance, and what they have in common."""
+    _, found = decay
+    sigma = np.tile(np.r_[[1e-4] * 3, [2e-4] * 3, 1, 1, 2, 2, [1e-4] * 4], len(RIG.cameras))
+    order = np.argsort(np.tile(np.r_[[0] * 6, [1] * 8], len(RIG.cameras)), kind="stable")
+    covariance = np.diag(sigma[order] ** 2)  # all poses, then all lenses
+    still, omegas = np.zeros(len(RIG.cameras)), found.poles.imag
+    rows = common_errors(found.fits, RIG.markers, omegas, still, covariance)
+    assert rows.shape[1:] == found.shape.shape
+    for k, (fit, omega) in enumerate(zip(found.fits, omegas, strict=True)):
+        (own,) = np.swapaxes(common_errors([fit], RIG.markers, [omega], still, covariance), 0, 1)
+        expected = np.real(np.conj(own).T @ own)
+        whole = np.real(np.conj(rows[:, k]).T @ rows[:, k])
+        conforms.invariance(whole, expected, atol=1e-2 * np.abs(expected).max())
+    size = np.sum(rows[:, :2] * found.shape[:2].conj(), axis=2).real
+    size = size / np.sum(np.abs(found.shape[:2]) ** 2, axis=1)  # relative, by mode
+    together = size[:, 0] @ size[:, 1] / np.prod(np.linalg.norm(size, axis=0))
+    conforms.closed_form(together, above=0.8, below=1)
+
+
+def known(calibration):
+    """The same calibration with errors that are told: of places, and of focal lengths."""
+    n = calibration.sizes["camera"]
+    sigma = np.r_[np.tile([1e-4] * 3 + [2e-4] * 3, n), np.tile([1, 1, 2, 2, 0, 0, 0, 0], n)]
+    return calibration.assign(covariance=(("unknown", "other"), np.diag(sigma**2)))
+
+
+@pytest.mark.parametrize("told", [False, True], ids=["unknown", "known"])
+def test_the_sound_of_modes_is_that_of_the_true_ones(tmp_path, conforms, told):
+    """Waves far longer than the beam: each mode is a point source before a wall."""
+    truth = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))
+    recordings, manifest = recorded(tmp_path, RIG, truth)
+    manifest = manifest.model_copy(update={"radiation": Radiation(points_mm=((0, 0, 800),))})
+    sound = xr.Dataset({"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "none"})
+    calibration = calibration_of(recordings)
+    said = []
+    several(
+        manifest, sound, known(calibration) if told else calibration, recordings,
+        tmp_path / "out", said.append,
+    )  # fmt: skip
+    out = tmp_path / "out"
+    assert {"radiated.nc", "radiated.csv", "heard-1.wav"} <= {p.name for p in out.iterdir()}
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "<h2>Sound</h2>" in page
+    assert "heard-1.wav" in page
+    assert sum("sound power of" in line for line in said) == 3
+    with xr.open_dataset(out / "radiated.nc") as found, xr.open_dataset(out / "modes.nc") as data:
+        assert ("shared_real" in data) is told
+        zero, found = float(data["zero"]), found.load()
+    x = (np.arange(4000) + 0.5) / 4000 * BEAM.length
+    places = np.stack([x, np.full_like(x, BEAM.width / 2)])
+    since = zero - 0.5  # the first half second is rest
+    tips = np.array([2e-3, 1e-3]) * np.exp(np.real(truth.poles) * since)
+    omega, alpha = np.abs(truth.poles), -np.real(truth.poles)
+    mean = [abs(np.mean(Component("bending", n).shape(BEAM, places))) for n in (1, 2)]
+    strength = omega * np.array(mean) * tips * BEAM.length * BEAM.width  # m³/s
+    power = AIR.density * (omega * strength) ** 2 / (4 * np.pi * AIR.speed_of_sound)
+    for name, true in (
+        ("power", power),
+        ("energy", power / (2 * alpha)),
+    ):
+        value, error = found[name].values, found[f"{name}_error"].values
+        conforms.sampled(value, true, atol=3 * error)
+        conforms.closed_form(error / value, below=0.05)
+    whole = found.sel(band="all")
+    conforms.sampled(
+        float(whole["band_power"]), power.sum(), atol=3 * float(whole["band_power_error"])
+    )
 
 
 def test_modes_go_to_a_report_and_files(tmp_path):

@@ -9,14 +9,13 @@ from pydantic import ValidationError
 from scipy.io import wavfile
 
 from thesis_lib.acoustics import estimates
-from thesis_lib.acoustics.planes import Plane
-from thesis_lib.acoustics.sources import AIR, Pistons
+from thesis_lib.acoustics.sources import Pistons
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.facts import setups
-from thesis_lib.measure.radiation import between, files, report
+from thesis_lib.measure.radiation import between, files, of_measurement, radiated, report
 from thesis_lib.measure.radiation.bands import octaves
 from thesis_lib.measure.radiation.of_measurement import sound_of
-from thesis_lib.measure.radiation.radiated import Tone, radiated
+from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.check import ChainError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.vibration.structure import deflection_shape, resonance
@@ -29,7 +28,6 @@ SURFACE = Surface.of(
     (PLATE.length / 2, PLATE.width / 2),
 )  # fmt: skip
 NOISE, COMMON = 4e-6, 1e-3  # m of a marker; of all together, relative
-PLANES = (Plane("XZ", 0.4, 0.05, 0.5, (9, 7)), Plane("YZ", 0.4, 0.05, 0.5, (9, 7)))
 POINTS = np.array([[0.0, 0.3], [0.0, 0.2], [1.0, 0.5]])
 CAMERAS = [
     {"name": name, "video": f"{name}.mp4", "exposure_s": 0.001, "shots": name} for name in "AB"
@@ -169,23 +167,132 @@ def test_close_rows_do_not_make_markers_close_along_them():
     assert between.spacing(PLATE.markers) == pytest.approx(0.668 / 9)
 
 
-def test_octaves_sum_tones_and_their_errors(conforms):
-    found = octaves(np.array([110.0, 130.0, 300.0]), np.array([1.0, 2, 4]), np.array([3.0, 4, 1]))
-    assert found.centres == (125, 250)
-    conforms.closed_form(found.sums.value, np.array([3.0, 4]), rtol=1e-12)
-    conforms.closed_form(found.sums.error, np.array([5.0, 1]), rtol=1e-12)
+def test_octaves_have_the_edges_of_the_standard():
+    """Base ten: 1 kHz reaches from 10^2.85 to 10^3.15 Hz; what is in no band is in the total."""
+    edges = 10 ** np.array([2.85, 3.15])
+    inside, outside = edges * [1.0001, 0.9999], edges * [0.9999, 1.0001]
+    found = {name: own.tolist() for name, own in octaves([*inside, *outside, 5.0]).items()}
+    assert found == {"all": [0, 1, 2, 3, 4], "500": [2], "1000": [0, 1], "2000": [3]}
 
 
-def test_several_tones_stand_beside_each_other():
-    known = estimates.circular(TRUE, np.full(len(TRUE), NOISE**2))
-    own = between.by_model(PLATE, PLATE.markers, 0.0005, SURFACE.places)
-    tones = [Tone(OMEGA, known), Tone(1.1 * OMEGA, known)]
-    told = {"between": "model", "modes": 9, "spacing": 0.07, "highest": 2000.0, "held": 4,
-            "speed_of_sound": 343.0, "air_density": 1.21}  # fmt: skip
-    made = radiated(SURFACE, own, tones, POINTS, PLANES, AIR).assign_attrs(told)
-    said = report.sound_section(made, manifest())
+OTHER = deflection_shape(PLATE, 2, PLATE.markers, 5e-4) * np.exp(-0.4j)
+OMEGAS = (OMEGA, 2 * np.pi * 600)  # in the octaves of 250 and 500 Hz
+DECAYS = np.array([3.0, 8.0])  # 1/s
+WRONG, SINCE = 0.05, 0.15  # relative error of these; time from the moment to the fit's middle, s
+
+
+def modes(shapes=(TRUE, OTHER), decays=DECAYS, damped=True):
+    """What a measurement of two modes would be, in which calibrations err for both alike."""
+    one, several = measurement(), np.array(shapes)
+    omega = np.array(OMEGAS)
+    shared = COMMON * several[None]
+    fields = {
+        "amplitude_real": several.real,
+        "amplitude_imag": several.imag,
+        "error_of_scatter": np.full(several.shape, NOISE),
+        "standard_error": np.full(several.shape, NOISE),
+    }
+    made = one.drop_vars([*fields, "shared_real", "shared_imag"])
+    return made.assign(
+        **{name: (("mode", "marker"), value) for name, value in fields.items()},
+        shared_real=(("row", "mode", "marker"), shared.real),
+        shared_imag=(("row", "mode", "marker"), shared.imag),
+        frequency=("mode", omega / 2 / np.pi),
+        damping=("mode", damped * decays / omega),
+        damping_deviation=("mode", damped * WRONG * DECAYS / omega),
+        scale_deviation=("mode", damped * WRONG * DECAYS * SINCE),
+        zero=0.25,
+    )
+
+
+def alone(shape, omega):
+    """The measurement of one of them, as a steady tone."""
+    return measurement(shape).assign(frequency=omega / 2 / np.pi)
+
+
+@pytest.fixture(scope="module")
+def decaying():
+    return sound_of(modes(), manifest({"points_mm": [[0, 0, 1000], [300, 200, 500]]}))
+
+
+@pytest.fixture(scope="module")
+def steady():
+    return sound_of(modes(damped=False), manifest({"points_mm": [[0, 0, 1000], [300, 200, 500]]}))
+
+
+def test_each_of_several_tones_sounds_as_it_would_alone(steady, decaying, conforms):
+    for k, shape in enumerate((TRUE, OTHER)):
+        one = sound_of(alone(shape, OMEGAS[k]), manifest({"points_mm": [[300, 200, 500]]})).isel(
+            tone=0
+        )
+        for name in ("power", "efficiency", "pressure_real", "pressure_imag"):
+            found = steady[name].isel(tone=k)
+            found = found.isel(point=1) if "point" in found.dims else found
+            conforms.invariance(float(found), float(one[name].squeeze()), rtol=1e-9)
+        conforms.invariance(float(steady["power_error"][k]), float(one["power_error"]), rtol=1e-6)
+        assert float(decaying["power_error"][k]) > 1.2 * float(one["power_error"])
+
+
+def test_powers_of_tones_add_up_and_their_common_errors_too(steady, conforms):
+    conforms.invariance(
+        steady["band_power"].values, [steady["power"].sum(), *steady["power"]], rtol=1e-9
+    )
+    assert steady["band"].values.tolist() == ["all", "250", "500"]
+    assert "energy" not in steady
+    whole, each = float(steady["band_power_error"][0]), steady["power_error"].values
+    conforms.closed_form(whole, above=1.05 * np.hypot(*each), below=np.sum(each))
+    mean = np.sum(np.abs(complex_of(steady, "pressure")) ** 2, axis=0) / 2
+    level = 10 * np.log10(mean / 4e-10)
+    conforms.invariance(steady["band_level"].values[0], level, atol=1e-3)
+
+
+def test_errors_of_totals_and_energies_are_the_scatter_of_measurements(conforms, monkeypatch):
+    """Of 60 that are drawn. A decay that is taken for too fast began too large."""
+    monkeypatch.setattr(of_measurement, "SHAPE", (3, 2))
+    monkeypatch.setattr(radiated, "CELLS", 200)
+    draw, said = np.random.default_rng(5), manifest()
+    rows = {"band_power": [], "energy": []}
+    for _ in range(60):
+        wrong = WRONG * DECAYS * draw.normal(size=2)
+        size = (1 + COMMON * draw.normal()) * (1 + SINCE * wrong + 0j)[:, None]
+        noise = NOISE * (draw.normal(size=(2, len(TRUE))) + 1j * draw.normal(size=(2, len(TRUE))))
+        found = sound_of(modes(size * [TRUE, OTHER] + noise, DECAYS + wrong), said)
+        for name, own in rows.items():
+            own.append([found[name].values, found[f"{name}_error"].values])
+    for own in rows.values():
+        value, error = np.swapaxes(own, 0, 1)
+        scatter = np.mean(error, axis=0) / value.std(axis=0)
+        conforms.sampled(scatter, 1 + 0 * scatter, atol=0.25)
+
+
+def test_energy_is_that_of_the_power_as_it_dies_away(decaying, conforms):
+    times = np.linspace(0, 6, 60001)
+    for k in range(2):
+        falls = float(decaying["power"][k]) * np.exp(-2 * DECAYS[k] * times)
+        conforms.independent(float(decaying["energy"][k]), np.trapezoid(falls, times), rtol=1e-6)
+
+
+def test_a_report_of_several_modes_tells_each_and_all(decaying, tmp_path):
+    said = report.sound_section(decaying, manifest())
+    assert said.count("sound power of the mode at") == 2
+    assert "sound power of all together" in said
+    assert "0.250 s on the first camera" in said
     assert "octave in Hz" in said
-    assert said.count("sound power at") == 2
+    files.write(tmp_path, decaying)
+    rows = (tmp_path / "radiated.csv").read_text().splitlines()
+    assert sum("band_power," in row for row in rows) == 3
+    assert sum(",energy," in row for row in rows) == 2
+
+
+def test_a_sound_file_holds_modes_as_they_die_away_in_step(decaying, conforms):
+    times = np.arange(48000) / 48000
+    pressure = complex_of(decaying, "pressure")[:, 1]
+    poles = 1j * np.array(OMEGAS) - DECAYS
+    expected = np.real(pressure @ np.exp(poles[:, None] * times))
+    found = files.heard(decaying, 1)[: len(times)]
+    late = times > files.RISE
+    conforms.closed_form(found[late], expected[late], atol=1e-9 * np.abs(expected).max())
+    assert found[0] == 0
 
 
 def test_a_sound_file_has_the_pressure_of_its_point(made, tmp_path, conforms):
@@ -239,6 +346,30 @@ def test_a_structure_that_is_not_flat_and_markers_too_few_are_refused():
     few["standard_error"][5:] = np.nan
     with pytest.raises(ChainError, match="5 markers were measured, allowed: 6 or more"):
         sound_of(few, manifest())
+
+
+def test_the_same_is_refused_of_several_modes():
+    high = modes()
+    high["rest_position"].values[2, 0] = 0.02
+    with pytest.raises(ChainError, match=r"20\.0 mm off the plane"):
+        sound_of(high, manifest())
+    few = modes()
+    few["standard_error"][0, 5:30] = np.nan  # each mode has enough by itself, both have not
+    few["amplitude_real"][1, 30:] = np.nan
+    with pytest.raises(ChainError, match="5 markers were measured, allowed: 6 or more"):
+        sound_of(few, manifest())
+
+
+def test_a_drive_without_tones_has_no_sound():
+    allowed = r'allowed where radiation is given: "tone", "tones" or "decay"'
+    values = json.loads(manifest().model_dump_json())
+    force = {"file": "force.wav", "full_scale_n": 10, "at_mm": [10, 10]}
+    values |= {"excitation": {"kind": "random", "sound": "room"}, "force": force}
+    with pytest.raises(ValidationError, match=allowed):
+        Manifest.model_validate_json(json.dumps(values))
+    del values["force"]
+    values["excitation"]["kind"] = "decay"
+    assert Manifest.model_validate_json(json.dumps(values)).radiation is not None
 
 
 def test_the_hull_is_around_the_markers(conforms):

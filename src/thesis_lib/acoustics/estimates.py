@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ComplexArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,11 @@ class Amplitudes:
     def stacked(self) -> Array:
         """Real parts, then imaginary parts, shape (2n,)."""
         return np.concatenate([self.value.real, self.value.imag])
+
+    def part(self, places: IntArray) -> Amplitudes:
+        """Those at some places."""
+        both = np.concatenate([places, len(self.value) + places])
+        return Amplitudes(self.value[places], self.covariance[np.ix_(both, both)])
 
 
 def stacked_matrix(matrix: ArrayLike) -> Array:
@@ -94,6 +99,15 @@ def factored(rows: ArrayLike, of: Amplitudes) -> Estimate:
     own = np.sum(S * S.swapaxes(1, 2), axis=(1, 2))
     variance = 4 * np.einsum("ak,kab,bk->k", at, S, at) - 2 * own
     return Estimate(value, np.sqrt(np.maximum(variance, 2 * own)))
+
+
+def summed(rows: ArrayLike, of: Amplitudes) -> Estimate:
+    """The sum of the forms |rₖ·w|² of real or complex rows (k, n), without the power of errors."""
+    R = stacked_matrix(rows)
+    at, S = R @ of.stacked, R @ of.covariance @ R.T
+    own = float(np.sum(S * S.T))
+    variance = max(4 * float(at @ S @ at) - 2 * own, 2 * own)
+    return Estimate(np.array(at @ at - np.trace(S)), np.sqrt(variance))
 
 
 def ratio(above: ArrayLike, below: ArrayLike, of: Amplitudes) -> Estimate:

@@ -77,9 +77,7 @@ def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        covariance = of.calibration["covariance"].values
-        known = bool(np.isfinite(covariance).all())
-        data = result(manifest, sound, of.recordings, covariance if known else None)
+        data = result(manifest, sound, of.recordings, exactness.covariance_of(of.calibration))
         still = excitation.rest_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
         data = with_origin(

@@ -89,10 +89,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
             radiation_files.write(part, radiated)
         (part / "report.html").write_text(page, encoding="utf-8")
         files.move(part, out)
-    for line in [
-        *report.summary(data),
-        *(radiation_report.summary(radiated) if radiated is not None else []),
-    ]:
+    for line in [*report.summary(data), *radiation_report.summary(radiated)]:
         say(line)
     for note in notes(data):
         say(f"note: {note.text} [{note.code}]")

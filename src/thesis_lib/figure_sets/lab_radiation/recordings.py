@@ -108,7 +108,7 @@ def _measured(film: Radiation, rig: Rig, own: Driven) -> dict[str, Any]:
     thickness = own.structure.thickness
     moved, allowed = in_plane(fit, omega, exposures, own.markers.centres, thickness)
     wide = excess(moved, allowed)
-    shared = common_errors(fit, own.markers, omega, exposures, of_cameras(calibration))
+    shared = common_errors([fit], own.markers, [omega], exposures, of_cameras(calibration))[:, 0]
     force = np.exp(-1j * (omega * rig.motion.start + np.pi / 2))
     found, rows = amplitude(fit, omega, exposures) / force, shared[:ROWS] / force
     return {

@@ -92,6 +92,12 @@ def stated(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:
     return calibration.assign(labelled(values, VARIABLES))
 
 
+def covariance_of(calibration: xr.Dataset) -> Array | None:
+    """The covariance of the cameras; None if it is not known."""
+    covariance = calibration["covariance"].values
+    return covariance if np.isfinite(covariance).all() else None
+
+
 def to_keep(calibration: xr.Dataset) -> xr.Dataset:
     """What of a calibration another measurement can reuse, as a dataset of its own."""
     names = ["K", "distortion", "size", "R_camera_world", "centre", *VARIABLES]

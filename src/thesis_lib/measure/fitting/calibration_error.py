@@ -9,6 +9,7 @@ in it, and does not matter: the structure's frame comes from its markers at rest
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,18 +26,22 @@ DIRECTIONS = 16  # of the covariance that are kept, the largest ones
 
 
 def common_errors(
-    fit: Fitted, markers: Markers, omega: float, exposures: Array, covariance: Array
+    fits: Sequence[Fitted],
+    markers: Markers,
+    omegas: Sequence[float],
+    exposures: Array,
+    covariance: Array,
 ) -> ComplexArray:
     """Errors of the amplitudes by the calibration's, independent rows of one standard deviation.
 
     Parameters
     ----------
-    fit : Fitted
-        By the cameras as calibrated.
+    fits : sequence of Fitted
+        Of one vibration or several, by the cameras as calibrated.
     markers : Markers
         What is on the structure.
-    omega : float
-        Angular frequency in rad/s.
+    omegas : sequence of float
+        Angular frequency of each in rad/s.
     exposures : ndarray
         Exposure times in s.
     covariance : ndarray, shape (14 n, 14 n)
@@ -44,7 +49,7 @@ def common_errors(
 
     Returns
     -------
-    ndarray, shape (rows, markers)
+    ndarray, shape (rows, fits, markers)
         In m; as many rows as the covariance has directions that matter, at most
         :data:`DIRECTIONS`.
     """
@@ -58,11 +63,15 @@ def common_errors(
     rows = []
     for step in steps:
         apart = [
-            amplitude(_refitted(fit, markers, sign * step), omega, exposures)
+            [
+                amplitude(_refitted(fit, markers, sign * step), omega, exposures)
+                for fit, omega in zip(fits, omegas, strict=True)
+            ]
             for sign in (-0.5, 0.5)
         ]
-        rows.append(apart[1] - apart[0])
-    return _fewer(np.nan_to_num(np.array(rows)))
+        rows.append(np.concatenate(apart[1]) - np.concatenate(apart[0]))
+    fewer = _fewer(np.nan_to_num(np.array(rows)))
+    return fewer.reshape(len(fewer), len(fits), -1)
 
 
 def _fewer(rows: ComplexArray) -> ComplexArray:

@@ -248,7 +248,7 @@ def result(
     data = xr.Dataset(labelled(values | compared, VARIABLES), coords, attrs)
     if covariance is None:
         return data
-    rows = common_errors(fit, markers, omega, exposures, covariance)
+    rows = common_errors([fit], markers, [omega], exposures, covariance)[:, 0]
     shared = np.sqrt(np.sum((rows * np.exp(-1j * phase)).real ** 2, axis=0))
     data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
     return data.assign(labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import alias, candidates
+from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.modes.clocks import lags, paces
 from thesis_lib.measure.modes.outliers import without_outliers, without_strays
 from thesis_lib.measure.modes.poles import (
@@ -77,6 +78,7 @@ class Modes:
     before: Spectrum  #: Of all tracks
     after: Spectrum  #: Of what the modes leave
     noise: float  #: Usual scatter of a coordinate about the modes, px
+    fits: tuple[Fitted, ...]  #: What the shapes were triangulated from
 
     @property
     def poles(self) -> ComplexArray:
@@ -171,6 +173,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         before=spectrum(blocks, np.empty((0, 2)), asked.band),
         after=after,
         noise=float(np.nanmedian(np.concatenate(noise))),
+        fits=tuple(found[k].fit for k in order),
     )
 
 

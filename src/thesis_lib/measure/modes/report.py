@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Mask
 from thesis_lib.measure.modes.search import STANDS_OUT
+from thesis_lib.measure.radiation.files import MEANINGS as SOUND_FILES
+from thesis_lib.measure.radiation.report import sound_section
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
 from thesis_lib.measure.report.figures import WIDE
@@ -216,8 +218,14 @@ def notes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
             )
 
 
-def page(data: xr.Dataset, manifest: Manifest, pictures: Pictures, further: str = "") -> str:
-    """The report as one HTML page, with a further section."""
+def page(
+    data: xr.Dataset,
+    manifest: Manifest,
+    pictures: Pictures,
+    further: str = "",
+    radiated: xr.Dataset | None = None,
+) -> str:
+    """The report as one HTML page, with a further section, and the sound if that was asked for."""
     extent = manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
     parts = [
         f"<h1>{escape(data.attrs['title'])}</h1>",
@@ -241,8 +249,9 @@ def page(data: xr.Dataset, manifest: Manifest, pictures: Pictures, further: str 
             for k, f in enumerate(data["frequency"].values)
         ),
         html.details("The numbers, marker by marker", html.frame(shapes(data))),
+        "" if radiated is None else sound_section(radiated, manifest),
         further,
-        "<h2>Files</h2>" + html.items(FILES),
+        "<h2>Files</h2>" + html.items([*FILES, *(() if radiated is None else SOUND_FILES)]),
         "<h2>What was assumed</h2>" + html.items(assumed(data, manifest)),
         html.details("Synchronisation", html.items(str(data.attrs["synchronisation"]).split("\n"))),
         html.details("The manifest", f"<pre>{escape(manifest.model_dump_json(indent=1))}</pre>"),

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
+from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.models import candidates, scaled
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
 from thesis_lib.measure.fitting.result import at_rest, size_off
@@ -65,9 +66,19 @@ VARIABLES = declared("""
     before(line) [1] power of the tracks over noise
     after(line) [1] power of what the modes leave
 """)
+SHARED = declared("""
+    shared_real(row, mode, marker) [m] what independent errors of the calibration, of one standard
+        deviation each, add to the complex amplitudes, real part
+    shared_imag(row, mode, marker) [m] the same, imaginary part
+""")
 
 
-def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording]) -> xr.Dataset:
+def result(
+    manifest: Manifest,
+    sound: xr.Dataset,
+    recordings: Sequence[Recording],
+    covariance: Array | None = None,
+) -> xr.Dataset:
     """The modes in some recordings.
 
     Parameters are those of :func:`thesis_lib.measure.fitting.result.result`.
@@ -75,7 +86,8 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
     Returns
     -------
     xarray.Dataset
-        Dimensions ``mode``, ``marker``, ``camera``; of one mode it has what exports take.
+        Dimensions ``mode``, ``marker``, ``camera``; of one mode it has what exports take. With a
+        covariance it has :data:`SHARED`, too, which standard errors of shapes do not hold.
 
     Raises
     ------
@@ -136,7 +148,13 @@ def result(manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
         "candidate": ("candidate", [m.name for m in models], {"long_name": "mode of the model"}),
     }
-    return xr.Dataset(labelled(values, VARIABLES), coords)
+    data = xr.Dataset(labelled(values, VARIABLES), coords)
+    if covariance is None:
+        return data
+    still = np.zeros(len(recordings))  # of exposures, which the fits are free of
+    omegas = [float(pole.imag) for pole in found.poles]
+    rows = common_errors(found.fits, markers_of(manifest), omegas, still, covariance)
+    return data.assign(labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED))
 
 
 SAME = (

@@ -46,6 +46,7 @@ class Shape:
     excess: float  #: Motion in the plane over what the scatter explains; `deviation` holds it
     turn: Array  #: Phase by which each camera lags behind the first, rad, shape (cameras,)
     turn_deviation: Array  #: Its standard error, rad
+    fit: Fitted  #: What it was triangulated from; rows and exposures took no time
 
 
 def blurred(rate: Array, exposure: float) -> complex:
@@ -100,7 +101,8 @@ def shapes(
         moved, allowed = in_plane(fit, omega, still, rest.places, rest.thickness)
         more = excess(moved, allowed)
         error = deviation(fit, omega, still) * max(np.nan_to_num(more), 1.0)
-        found.append(Shape(amplitude(fit, omega, still), error, more, *late(fit, omega, still)))
+        turn, turn_error = late(fit, omega, still)
+        found.append(Shape(amplitude(fit, omega, still), error, more, turn, turn_error, fit))
     return found
 
 

@@ -11,11 +11,14 @@ import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.files import staging
-from thesis_lib.measure.calibration.exactness import to_keep
+from thesis_lib.measure.calibration.exactness import covariance_of, to_keep
 from thesis_lib.measure.exchange import cameras, files, history, uff, vtk
 from thesis_lib.measure.exchange.reading import OWN
 from thesis_lib.measure.modes import report
 from thesis_lib.measure.modes.result import result
+from thesis_lib.measure.radiation import files as radiation_files
+from thesis_lib.measure.radiation import report as radiation_report
+from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import moving
 from thesis_lib.measure.report.page import Pictures
@@ -48,8 +51,10 @@ def several(
     say("fitting the modes")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+        covariance = None if manifest.radiation is None else covariance_of(calibration)
         data = with_origin(
-            result(manifest, sound, recordings), f"measurement by thesis_lib {__version__}"
+            result(manifest, sound, recordings, covariance),
+            f"measurement by thesis_lib {__version__}",
         )
         kind = "Modes" if manifest.excitation.kind == "decay" else "Tones"
         data.attrs.update(
@@ -60,7 +65,10 @@ def several(
         )
         moved = motion(data, recordings, manifest.excitation.rest_s)
         pictures = report.figures(data)
-        page = report.page(data, manifest, pictures, further)
+        radiated = None
+        if manifest.radiation is not None:
+            radiated = with_origin(sound_of(data, manifest), data.attrs["source"])
+        page = report.page(data, manifest, pictures, further, radiated)
         pictures |= beside or {}
     with staging(out) as part:
         (part / "figures").mkdir()
@@ -85,9 +93,11 @@ def several(
             storage.write(moved, part / "motion.nc")
             history.write_csv(part / "motion.csv", moved)
             uff.write_motion(part / "motion.uff", data, moved)
+        if radiated is not None:
+            radiation_files.write(part, radiated)
         (part / "report.html").write_text(page, encoding="utf-8")
         files.move(part, out)
-    for line in report.summary(data):
+    for line in [*report.summary(data), *radiation_report.summary(radiated)]:
         say(line)
     for note in report.notes(data, manifest):
         say(f"note: {note.text} [{note.code}]")

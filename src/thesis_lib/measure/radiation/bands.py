@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from numpy.typing import ArrayLike
 
-from thesis_lib.acoustics.estimates import Estimate
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import IntArray
 
 OCTAVE = 10**0.3  # base ten, as the standard has it
 NOMINAL = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
+ALL = "all"
 
 
-@dataclass(frozen=True)
-class Bands:
-    """What falls into octave bands."""
+def octaves(hertz: ArrayLike) -> dict[str, IntArray]:
+    """Which tones fall into which octave, by its nominal centre in Hz; before them all together.
 
-    centres: tuple[float, ...]  #: Nominal centre frequencies in Hz, of bands with a tone
-    sums: Estimate  #: Of powers, or of mean squares, shape (bands, ...)
+    Tones below the lowest or above the highest band are in none.
 
-
-def octaves(hertz: Array, value: Array, error: Array) -> Bands:
-    """Powers of tones (tones, ...), or mean squares, summed by octave; tones err independently.
-
-    Tones below the lowest or above the highest band are left out.
+    Examples
+    --------
+    >>> {name: own.tolist() for name, own in octaves([110.0, 5.0, 130.0, 300.0]).items()}
+    {'all': [0, 1, 2, 3], '125': [0, 2], '250': [3]}
     """
-    number = np.rint(np.log(np.asarray(hertz) / 1000) / np.log(OCTAVE)).astype(int) + 6
-    found = [k for k in range(len(NOMINAL)) if np.any(number == k)]
-    sums = [np.sum(value[number == k], axis=0) for k in found]
-    errors = [np.sqrt(np.sum(error[number == k] ** 2, axis=0)) for k in found]
-    return Bands(
-        tuple(float(NOMINAL[k]) for k in found), Estimate(np.array(sums), np.array(errors))
-    )
+    f = np.asarray(hertz, float)
+    number = np.rint(np.log(f / 1000) / np.log(OCTAVE)).astype(int) + 6
+    found = {f"{centre:g}": np.flatnonzero(number == k) for k, centre in enumerate(NOMINAL)}
+    return {ALL: np.arange(len(f))} | {name: own for name, own in found.items() if len(own)}

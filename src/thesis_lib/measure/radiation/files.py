@@ -13,11 +13,12 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.studies import storage
 
-RATE, SECONDS, FADE = 48000, 4.0, 0.05  # samples per second; length and fades of a sound file, s
+RATE, SECONDS = 48000, 4.0  # samples per second; length of a sound file, s
+FADE, RISE = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
 MEANINGS = (
     "radiated.nc, radiated.csv: sound power, pressures and fields, with their standard errors",
-    "heard-1.wav …: what would be heard at each point, one sound file for each; samples are "
-    "pressures in Pa (32-bit floating point), so that players may have to be turned up",
+    "heard-1.wav …: what would be heard at each point, one sound file for each, with all tones; "
+    "samples are pressures in Pa (32-bit floating point), so that players may have to be turned up",
 )
 
 
@@ -31,32 +32,60 @@ def write(folder: Path, data: xr.Dataset) -> None:
 
 
 def heard(data: xr.Dataset, point: int) -> Array:
-    """Pressure in Pa at a point over time, all tones together, faded in and out."""
+    """Pressure in Pa at a point over time, all tones together, faded in and out.
+
+    Tones have the phases that were measured. Modes die away from the moment on that their
+    amplitudes are of.
+    """
     times = np.arange(int(RATE * SECONDS)) / RATE
     pressure = complex_of(data, "pressure")[:, point]
-    waves = np.exp(2j * np.pi * data["frequency"].values[:, None] * times)
-    fade = np.clip(np.minimum(times, SECONDS - times) / FADE, 0, 1)
+    decay = data.get("decay", 0 * data["frequency"]).values
+    waves = np.exp((2j * np.pi * data["frequency"].values - decay)[:, None] * times)
+    rise = RISE if np.any(decay) else FADE
+    fade = np.clip(np.minimum(times / rise, (SECONDS - times) / FADE), 0, 1)
     return np.asarray(np.real(pressure @ waves) * fade)
 
 
 def table(data: xr.Dataset) -> pd.DataFrame:
     """Every number with its standard error, one in a row."""
-    rows = []
+    rows: list[tuple[object, ...]] = []
+
+    def told(of: object, name: str, what: object, one: xr.Dataset) -> None:
+        rows.append(
+            (of, name, what, float(one[name]), float(one[f"{name}_error"]), one[name].units)
+        )
+
     for tone in range(data.sizes["tone"]):
         one = data.isel(tone=tone)
-        hertz = float(one["frequency"])
-        for name in ("power", "power_level", "efficiency"):
-            rows.append((hertz, name, "", one[name], one[f"{name}_error"], one[name].units))
+        hertz = f"{float(one['frequency']):.6g}"
+        for name in (
+            "power",
+            "power_level",
+            "efficiency",
+            *(["energy"] if "energy" in one else []),
+        ):
+            told(hertz, name, "", one)
         for mode in range(one.sizes["mode"]):
-            value, error = (one[key][mode] for key in ("mode_power", "mode_power_error"))
-            rows.append((hertz, "mode_power", str(mode + 1), value, error, value.units))
-        sizes = np.abs(complex_of(one, "pressure"))
+            told(hertz, "mode_power", mode + 1, one.isel(mode=mode))
         for point in range(one.sizes["point"]):
-            at = " ".join(f"{1000 * x:g}" for x in one["place"].values[point])
-            error = one["pressure_error"][point]
-            rows.append((hertz, "pressure", at, sizes[point], error, error.units))
-            value, error = (one[key][point] for key in ("level", "level_error"))
-            rows.append((hertz, "level", at, value, error, value.units))
+            here = one.isel(point=point)
+            told(hertz, "pressure", place(here), here.assign(pressure=size(here)))
+            told(hertz, "level", place(here), here)
+    for band in data["band"].values if data.sizes["tone"] > 1 else ():
+        one = data.sel(band=band)
+        for name in ("band_power", "band_power_level"):
+            told(band, name, "", one)
+        for point in range(one.sizes["point"]):
+            told(band, "band_level", place(one.isel(point=point)), one.isel(point=point))
     names = ["frequency_hz", "quantity", "mode_or_point_mm", "value", "standard_error", "unit"]
-    frame = pd.DataFrame(rows, columns=names)
-    return frame.astype({"value": float, "standard_error": float})
+    return pd.DataFrame(rows, columns=names)
+
+
+def place(one: xr.Dataset) -> str:
+    """Where a point is, in mm."""
+    return " ".join(f"{1000 * x:g}" for x in one["place"].values)
+
+
+def size(one: xr.Dataset) -> xr.DataArray:
+    """The absolute value of a pressure."""
+    return abs(one["pressure_real"] + 1j * one["pressure_imag"]).assign_attrs(units="Pa")

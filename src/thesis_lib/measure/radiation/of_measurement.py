@@ -8,7 +8,7 @@ import xarray as xr
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.surfaces import Surface
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.radiation import between as interpolation
@@ -29,8 +29,9 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     Parameters
     ----------
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.result` returns, if it is known with the
-        calibration's covariance.
+        What :func:`thesis_lib.measure.fitting.result.result` returns, or
+        :func:`thesis_lib.measure.modes.result.result`, with the calibration's covariance if that
+        is known.
     manifest : Manifest
         With ``radiation``.
 
@@ -46,22 +47,22 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     """
     asked, structure = manifest.radiation, manifest.structure
     assert asked is not None
-    amplitude = complex_of(data, "amplitude")
-    known = np.isfinite(amplitude) & np.isfinite(data["standard_error"].values)
+    several = data if "mode" in data.dims else one_mode(data)
+    amplitude = complex_of(several, "amplitude")
+    known = np.all(np.isfinite(amplitude) & np.isfinite(several["standard_error"].values), axis=0)
     _check(data, known, structure)
     markers = structure.marker_points[:, known]
     size = structure.length_mm / 1000, structure.width_mm / 1000
     diameter = structure.markers.diameter_mm / 1000
     corners = asked.corners(size, structure.marker_points, diameter)
-    omega = 2 * np.pi * float(data["frequency"])
-    count = cells_for(tuple(np.ptp(corners, axis=0)), omega, asked.medium)
+    tones = _tones(several)
+    highest = max(tone.omega for tone in tones)
+    count = cells_for(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
     surface = Surface.of(corners, count, (size[0] / 2, size[1] / 2))
-    none = np.zeros((0, amplitude.size), complex)  # of a calibration whose errors are unknown
-    common = complex_of(data, "shared") if "shared_real" in data else none
-    shape = _amplitudes(data, amplitude, known, common)
-    between = _chosen(asked, structure, surface, corners, markers, shape)
+    shapes = _amplitudes(several, known)
+    between = _chosen(asked, structure, surface, corners, markers, shapes)
     made = radiated(
-        surface, between, [Tone(omega, shape)], asked.points, _planes(asked, size), asked.medium
+        surface, between, tones, shapes, asked.points, _planes(asked, size), asked.medium
     )
     step = interpolation.spacing(markers)
     told = {
@@ -74,10 +75,28 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
         "speed_of_sound": asked.speed_of_sound_m_s,
         "air_density": asked.air_density_kg_m3,
     }
+    if "decay" in made:
+        told["moment"] = float(data["zero"])
     return made.assign_attrs(told)
 
 
-def _check(data: xr.Dataset, known: Array, structure: Structure) -> None:
+def one_mode(data: xr.Dataset) -> xr.Dataset:
+    """The shape of one tone as several modes have theirs, of which there is one."""
+    wide = max(float(np.nan_to_num(data["in_plane_excess"])), 1.0)
+    return data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
+
+
+def _tones(data: xr.Dataset) -> list[Tone]:
+    """Frequencies, and of modes that decay how fast."""
+    omega = 2 * np.pi * data["frequency"].values
+    if not data.get("damping", np.zeros(1)).any():  # tones are steady
+        return [Tone(float(one)) for one in omega]
+    rates = omega * data["damping"].values, omega * data["damping_deviation"].values
+    columns = zip(omega, *rates, data["scale_deviation"].values, strict=True)
+    return [Tone(*map(float, one)) for one in columns]
+
+
+def _check(data: xr.Dataset, known: Mask, structure: Structure) -> None:
     if known.sum() < FEWEST:
         raise ChainError(
             f"radiation: {known.sum()} markers were measured, allowed: {FEWEST} or more; fewer do "
@@ -92,18 +111,25 @@ def _check(data: xr.Dataset, known: Array, structure: Structure) -> None:
         )
 
 
-def _amplitudes(
-    data: xr.Dataset, amplitude: ComplexArray, known: Array, common: ComplexArray
-) -> estimates.Amplitudes:
-    """The shape with the covariance of its errors: each marker's own, and what they share.
+def _amplitudes(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
+    """All shapes with the covariance of their errors: each marker's own, and what they share.
 
-    An error of size, where the grid does not fit, is shared.
+    By the calibration they err all together, and by an error of size, where the grid does not fit.
+    A decay that is not well known makes a whole shape too large, or turns it.
     """
-    scatter = data["error_of_scatter"].values[known]
-    wide = max(float(np.nan_to_num(data["in_plane_excess"])), 1.0)
-    size = size_off(float(data["grid_scale"])) * amplitude[known]
-    rows = np.concatenate([common[:, known], size[None]])
-    return estimates.circular(amplitude[known], (wide * scatter) ** 2, rows)
+    amplitude = complex_of(data, "amplitude")[:, known]
+    rows = [size_off(float(data["grid_scale"].values.flat[0])) * amplitude[None]]
+    if "shared_real" in data:  # else of a calibration whose errors are unknown
+        shared = complex_of(data.transpose("row", "mode", "marker", ...), "shared")
+        rows.append(shared[:, :, known])
+    if "scale_deviation" in data:
+        own = (
+            np.eye(len(amplitude))[:, :, None] * data["scale_deviation"].values[:, None] * amplitude
+        )
+        rows += [own, 1j * own]
+    every = np.concatenate(rows)
+    variance = data["error_of_scatter"].values[:, known] ** 2
+    return estimates.circular(amplitude.ravel(), variance.ravel(), every.reshape(len(every), -1))
 
 
 def _chosen(
@@ -112,15 +138,16 @@ def _chosen(
     surface: Surface,
     corners: Array,
     markers: Array,
-    shape: estimates.Amplitudes,
+    shapes: estimates.Amplitudes,
 ) -> Between:
-    """How the surface moves between markers: by the model if that fits, else by a spline."""
+    """How the surface moves between markers: by the model if that fits all, else by a spline."""
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
         radius = structure.markers.diameter_mm / 2000
         found = interpolation.by_model(model, markers, radius, surface.spots)
-        left, noise = found.left(shape)
-        if asked.between == "model" or left <= FITS * noise:
+        places = np.arange(len(shapes.value)).reshape(-1, markers.shape[1])
+        left = np.array([found.left(shapes.part(own)) for own in places])
+        if asked.between == "model" or np.all(left[:, 0] <= FITS * left[:, 1]):
             return found
     step = interpolation.spacing(markers)
     held = interpolation.along(corners, asked.held(structure.kind, len(corners)), step)

@@ -1,9 +1,13 @@
-"""The sound of a measured shape, with standard errors that come from the shape's.
+"""The sound of measured shapes, with standard errors that come from those of the shapes.
 
 The structure lies in a rigid baffle. What its markers do, its surface does
 (:mod:`thesis_lib.measure.radiation.between`); pressure and power follow by Rayleigh's integral
 (:mod:`thesis_lib.acoustics.surfaces`), their errors from the markers' and from what errors of the
-calibration do to all markers together (:mod:`thesis_lib.acoustics.estimates`).
+calibration do to all markers and tones together (:mod:`thesis_lib.acoustics.estimates`).
+
+Powers of tones add up, over times that are long against their beats. A mode that decays counts as
+the steady tone that it is at one moment: at time t after it the power is W e^(−2αt), so W / 2α in
+all.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import block_diag
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
@@ -20,7 +25,8 @@ from thesis_lib.acoustics.radiating import radiation_modes
 from thesis_lib.acoustics.radiation import REFERENCE_POWER, REFERENCE_PRESSURE
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ComplexArray, IntArray
+from thesis_lib.measure.radiation.bands import octaves
 from thesis_lib.measure.radiation.between import Between
 from thesis_lib.studies.variables import declared, labelled
 
@@ -47,6 +53,15 @@ VARIABLES = declared("""
     field_real(tone, plane, u, z) [Pa] complex amplitude on a plane, real part
     field_imag(tone, plane, u, z) [Pa] the same, imaginary part
     field_error(tone, plane, u, z) [Pa] standard error of its absolute value
+    decay(tone) [s-1] rate α at which a mode dies away, e^(−αt); 0 if it does not
+    energy(tone) [J] sound energy from the moment on until the mode has died away
+    energy_error(tone) [J] its standard error
+    band_power(band) [W] sound power of all tones together, and by octave
+    band_power_error(band) [W] its standard error
+    band_power_level(band) [dB] sound power level re 1 pW
+    band_power_level_error(band) [dB] its standard error
+    band_level(band, point) [dB] sound pressure level re 20 µPa of the same
+    band_level_error(band, point) [dB] its standard error
     left(tone) [1] rms of what the surface leaves of the markers' amplitudes, over their rms
     left_by_noise(tone) [1] the same by the markers' errors alone
     place(point, axis) [m] where the pressure is, from the structure's centre
@@ -58,16 +73,20 @@ VARIABLES = declared("""
 
 @dataclass(frozen=True)
 class Tone:
-    """A vibration of one frequency."""
+    """A vibration of one frequency, at one moment if it decays."""
 
     omega: float  #: In rad/s
-    shape: estimates.Amplitudes  #: Of the markers, in m
+    decay: float = 0.0  #: Rate α in 1/s, e^(−αt)
+    decay_error: float = 0.0  #: Its standard error
+    #: Relative standard error of the amplitudes that comes with it: a faster decay began larger
+    size_error: float = 0.0
 
 
 def radiated(
     surface: Surface,
     between: Between,
     tones: Sequence[Tone],
+    shapes: estimates.Amplitudes,
     points: Array,
     planes: Sequence[Plane],
     medium: Medium,
@@ -81,7 +100,9 @@ def radiated(
     between : Between
         How the cells, or their spots, move by the markers.
     tones : sequence of Tone
-        Frequencies and shapes.
+        Frequencies and decays.
+    shapes : Amplitudes
+        Of the markers in m, one tone after the other, with what errors they have in common.
     points : ndarray, shape (3, n)
         Where the pressure is wanted, in m from the surface's centre.
     planes : sequence of Plane
@@ -92,10 +113,25 @@ def radiated(
     Returns
     -------
     xarray.Dataset
-        :data:`VARIABLES`.
+        :data:`VARIABLES`; those of a decay if there is one.
     """
-    every = [_of_tone(surface, between, tone, points, planes, medium) for tone in tones]
-    values = {name: np.array([one[name] for one in every]) for name in every[0]}
+    n = len(shapes.value) // len(tones)
+    places = np.arange(len(tones) * n).reshape(-1, n)
+    ways, rows, told = [], [], []
+    for tone, place in zip(tones, places, strict=True):
+        shape = shapes.part(place)
+        form = surface.power_form(between.moving, tone.omega, medium)
+        ways.append(_ways(form))
+        rows.append(surface.pressure_matrix(between.moving, points, tone.omega, medium))
+        told.append(
+            _of_tone(surface, between, tone, shape, form, ways[-1], rows[-1], planes, medium)
+        )
+    values = {name: np.array([one[name] for one in told]) for name in told[0]}
+    if any(tone.decay for tone in tones):
+        values |= _of_decays(tones, values["power"], values["power_error"])
+    bands = octaves(values["frequency"])
+    within = [shapes.part(places[band].ravel()) for band in bands.values()]
+    values |= _of_bands([*bands.values()], within, ways, rows)
     values |= {
         "place": points.T,
         "u": planes[0].u,
@@ -105,28 +141,33 @@ def radiated(
     coords = {
         "plane": ("plane", [plane.name for plane in planes], {"long_name": "plane"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
+        "band": ("band", list(bands), {"long_name": "all tones, or nominal centre of an octave"}),
     }
     own = {name: one for name, one in VARIABLES.items() if name in values}
     return xr.Dataset(labelled(values, own), coords).set_coords(["frequency", "place", "u", "z"])
+
+
+def _ways(form: Array) -> Array:
+    """Rows whose forms |r·w|² add up to the power, the loudest first: its radiation modes."""
+    values, ways = np.linalg.eigh(form)
+    return radiation_modes(np.sqrt(np.maximum(values, 0))[:, None] * ways.T)
 
 
 def _of_tone(
     surface: Surface,
     between: Between,
     tone: Tone,
-    points: Array,
+    shape: estimates.Amplitudes,
+    form: Array,
+    ways: Array,
+    at: ComplexArray,
     planes: Sequence[Plane],
     medium: Medium,
 ) -> dict[str, Array]:
-    B, omega, shape = between.moving, tone.omega, tone.shape
-    form = surface.power_form(B, omega, medium)
+    B, omega = between.moving, tone.omega
     plain = surface.plane_wave_form(B, omega, medium)
     power, efficiency = estimates.quadratic(form, shape), estimates.ratio(form, plain, shape)
-    # ‖F w‖² is the power: rows of its radiation modes add up without interference
-    values, ways = np.linalg.eigh(form)
-    modes = radiation_modes(np.sqrt(np.maximum(values, 0))[:, None] * ways.T)[:MODES]
-    each = estimates.factored(modes, shape)
-    at = surface.pressure_matrix(B, points, omega, medium)
+    each = estimates.factored(ways[:MODES], shape)
     here, size = at @ shape.value, estimates.magnitude(at, shape)
     above = [
         surface.pressure_matrix(B, plane.points.reshape(3, -1), omega, medium) for plane in planes
@@ -154,6 +195,43 @@ def _of_tone(
         "field_error": spread.reshape(shown),
         "left": np.array(left / whole),
         "left_by_noise": np.array(noise / whole),
+    }
+
+
+def _of_decays(tones: Sequence[Tone], power: Array, error: Array) -> dict[str, Array]:
+    """Energies W / 2α. An error of α that made W too large makes the time too short."""
+    alpha, wrong, size = np.array([(t.decay, t.decay_error, t.size_error) for t in tones]).T
+    energy = power / (2 * alpha)
+    square = (error / power) ** 2 - (2 * size) ** 2 + (2 * size - wrong / alpha) ** 2
+    return {
+        "decay": alpha,
+        "energy": energy,
+        "energy_error": np.abs(energy) * np.sqrt(np.maximum(square, 0)),
+    }
+
+
+def _of_bands(
+    bands: Sequence[IntArray],
+    shapes: Sequence[estimates.Amplitudes],
+    ways: Sequence[Array],
+    at: Sequence[ComplexArray],
+) -> dict[str, Array]:
+    """Powers, and mean squares at points, of the tones in each band, whose errors are in common."""
+    heard = np.swapaxes(at, 0, 1)[:, :, None] / np.sqrt(2)  # (points, tones, 1, markers)
+    found = [
+        [estimates.summed(block_diag(*(rows[k] for k in band)), shape) for rows in (ways, *heard)]
+        for band, shape in zip(bands, shapes, strict=True)
+    ]
+    value, error = (np.array([[getattr(one, part) for one in row] for row in found])
+                    for part in ("value", "error"))  # fmt: skip
+    power, square = (
+        estimates.Estimate(value[:, own], error[:, own]) for own in (0, slice(1, None))
+    )
+    return {
+        "band_power": power.value,
+        "band_power_error": power.error,
+        **_levels("band_power_level", DECIBEL, REFERENCE_POWER, power),
+        **_levels("band_level", DECIBEL, REFERENCE_PRESSURE**2, square),
     }
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from thesis_lib.measure.radiation.bands import octaves
+from thesis_lib.measure.radiation.bands import ALL
+from thesis_lib.measure.radiation.files import place, size
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
@@ -26,17 +27,35 @@ ALONE = (
 LEFT = 3.0  # times what noise explains, from which on what a surface leaves is told
 
 
-def summary(data: xr.Dataset) -> list[str]:
-    """What was found, in a few lines."""
+def summary(data: xr.Dataset | None) -> list[str]:
+    """What was found, in a few lines; none if no sound was asked for."""
+    if data is None:
+        return []
     lines = []
     for tone in range(data.sizes["tone"]):
         one = data.isel(tone=tone)
+        energy = f", {_pm(one, 'energy', '.3g')} J in all" if "energy" in one else ""
         lines.append(
-            f"sound power at {float(one['frequency']):.4g} Hz: {_pm(one, 'power_level', '.1f')} dB "
-            f"re 1 pW ({_pm(one, 'power', '.3g')} W), radiation efficiency "
-            f"{_pm(one, 'efficiency', '.3g')}"
+            f"sound power {'of the mode ' if energy else ''}at {_hertz(one)} Hz: "
+            f"{_power(one, '')}{energy}, radiation efficiency {_pm(one, 'efficiency', '.3g')}"
+        )
+    if data.sizes["tone"] > 1:
+        lines.append(f"sound power of all together: {_power(data.sel(band=ALL), 'band_')}")
+    if "moment" in data.attrs:
+        lines.append(
+            f"these powers are of one moment, {data.attrs['moment']:.3f} s on the first camera's "
+            "clock, from which on each mode dies away"
         )
     return lines
+
+
+def _power(one: xr.Dataset, of: str) -> str:
+    level, power = _pm(one, f"{of}power_level", ".1f"), _pm(one, f"{of}power", ".3g")
+    return f"{level} dB re 1 pW ({power} W)"
+
+
+def _hertz(one: xr.Dataset) -> str:
+    return f"{float(one['frequency']):.4g}"
 
 
 def _pm(one: xr.Dataset, name: str, form: str) -> str:
@@ -93,12 +112,11 @@ def _points(data: xr.Dataset) -> pd.DataFrame:
     for tone in range(data.sizes["tone"]):
         for point in range(data.sizes["point"]):
             one = data.isel(tone=tone, point=point)
-            size = float(abs(complex_of(one, "pressure")))
             rows.append(
                 {
-                    "X, Y, Z in mm": ", ".join(f"{1000 * x:g}" for x in one["place"].values),
-                    "frequency in Hz": f"{float(one['frequency']):.4g}",
-                    "pressure in Pa": f"{size:.3g} ± {float(one['pressure_error']):.2g}",
+                    "X, Y, Z in mm": place(one),
+                    "frequency in Hz": _hertz(one),
+                    "pressure in Pa": _pm(one.assign(pressure=size(one)), "pressure", ".3g"),
                     "level in dB re 20 µPa": _pm(one, "level", ".1f"),
                 }
             )
@@ -106,19 +124,19 @@ def _points(data: xr.Dataset) -> pd.DataFrame:
 
 
 def _bands(data: xr.Dataset) -> pd.DataFrame:
-    """Sound power by octave."""
-    found = octaves(data["frequency"].values, data["power"].values, data["power_error"].values)
-    value, error = found.sums.value, found.sums.error
-    with np.errstate(invalid="ignore", divide="ignore"):
-        level, spread = 10 * np.log10(value / 1e-12), 10 / np.log(10) * error / value
-    return pd.DataFrame(
-        {
-            "octave in Hz": [f"{centre:g}" for centre in found.centres],
-            "sound power in dB re 1 pW": [
-                f"{a:.1f} ± {b:.2g}" for a, b in zip(level, spread, strict=True)
-            ],
+    """Sound power, and levels at the points, by octave."""
+    rows = []
+    for band in data["band"].values:
+        one = data.sel(band=band)
+        row = {
+            "octave in Hz": band,
+            "sound power in dB re 1 pW": _pm(one, "band_power_level", ".1f"),
         }
-    )
+        for point in range(one.sizes["point"]):
+            here = one.isel(point=point)
+            row[f"dB re 20 µPa at {place(here)} mm"] = _pm(here, "band_level", ".1f")
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def _modes(data: xr.Dataset) -> pd.DataFrame:
@@ -193,8 +211,23 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterator[str]:
         f"The air has {speed:g} m/s and {float(data.attrs['air_density']):g} kg/m³; it does not "
         "change how the structure moves, and there is no room around it."
     )
+    if data.sizes["tone"] > 1:
+        yield (
+            "Powers of all together, and of octaves, are means over times that are long against "
+            "the beats of their tones. The sound files hold the tones with the phases that were "
+            "measured."
+        )
+    if "moment" in data.attrs:
+        way = float(np.linalg.norm(data["place"].values, axis=1).max())
+        lost = float(data["decay"].max()) * way / speed
+        yield (
+            "A mode that dies away counts as the steady tone that it is at one moment. At the "
+            f"farthest point, {way:.3g} m away, what is heard left the structure when it moved up "
+            f"to {100 * lost:.2g} % more."
+        )
     yield (
         "Standard errors come from those of the markers, from the covariance of the calibration, "
-        "which moves all markers together, and from an error of size where the grid does not fit. "
-        "The power that errors of the markers have of their own is taken off."
+        "which moves all markers and all tones together, and from an error of size where the grid "
+        "does not fit; of a decay also from how well it is known. Frequencies count as exact. The "
+        "power that errors of the markers have of their own is taken off."
     )

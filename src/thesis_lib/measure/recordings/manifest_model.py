@@ -269,8 +269,8 @@ class Manifest(Refusing):
             self.force.check((own.length_mm, own.width_mm))
             if self.excitation.sound == "none" and self.force.offset_s is None:
                 refuse("force.offset_s", None, "allowed without sound: a number")
-        if self.radiation is not None and self.excitation.kind != "tone":
-            allowed = 'allowed where radiation is given: "tone"'
+        if self.radiation is not None and self.excitation.kind in FORCED[1:]:
+            allowed = 'allowed where radiation is given: "tone", "tones" or "decay"'
             refuse("excitation.kind", self.excitation.kind, allowed)
         if self.calibration is None or self.calibration.poses == "anew":
             for i, camera in enumerate(self.cameras):
