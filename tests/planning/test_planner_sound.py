@@ -184,12 +184,98 @@ def test_a_plan_for_the_power_is_better_at_that_and_says_so(conforms, tmp_path):
     assert "worst mode in % of its sound power" in page
 
 
+POINT = [300.0, 200.0, 900.0]
+
+
+def pressures(one, error):
+    """Errors of the pressure at the point in % by Rayleigh's sum."""
+    at = np.array(POINT)[:, None] / 1000
+    true, wrong = (rayleigh(pistons(PLATE), one.omega * w, at, one.omega)[0] for w in
+                   (one.reference, error))  # fmt: skip
+    return 100 * abs(wrong / true)
+
+
+@pytest.mark.parametrize("layout", [SQUARE, TURNED], ids=["square", "turned"])
+def test_predicted_pressures_at_a_point_are_those_of_draws(conforms, request_, layout):
+    asked = plan_request({**ASKED, "goal": "sound-point", "point_mm": POINT})
+    scene, sounds = request_.scene(), asked.sounds
+    law = sound.predicted(sounds, scene, layout, 320, "sound-point")
+    wrong = drawn(scene, layout)
+    found = [
+        np.sqrt(np.mean([pressures(one, e) ** 2 for e in error]))
+        for one, error in zip(sounds, wrong, strict=True)
+    ]
+    conforms.sampled(np.array(found) / law, 1, atol=0.12)
+    again, _ = sound.simulated(sounds, wrong, "sound-point")
+    conforms.independent(again, np.array(found), rtol=1e-9)
+
+
+def test_one_plane_has_the_error_that_it_has_of_both(conforms):
+    def expected(goal, **of):
+        asked = plan_request({**ASKED, "modes": [1], "goal": goal, **of})
+        return sound.predicted(asked.sounds, asked.scene(), TURNED, 320, goal)[0]
+
+    each = [expected("sound-plane", plane=plane) for plane in ("XZ", "YZ")]
+    assert each[0] != each[1]
+    conforms.invariance(max(each), expected("sound"), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("words", "heard", "counted"),
+    [
+        (["goal=sound-plane", "plane=YZ", "modes=[1,3]"], "field", "largest pressure on the plane"),
+        (["goal=sound-point", f"point_mm={POINT}"], "pressure", "pressure at the point"),
+    ],
+)
+def test_a_plan_for_a_plane_or_a_point_says_what_it_gains(
+    tmp_path, conforms, words, heard, counted
+):
+    own = {word.split("=")[0] for word in words}
+    given = [
+        f"{key}={value if isinstance(value, str) else json.dumps(value)}"
+        for key, value in ASKED.items()
+        if key not in own
+    ]
+    options = [word for one in (*given, *words) for word in ("-p", one)]
+    done = thesis("plan", *options, "--out", "made", cwd=tmp_path)
+    assert done.status == 0, done.err
+    with xr.open_dataset(tmp_path / "made" / "plan.nc") as cube:
+        now, before = (cube[name].values.max() for name in ("predicted_error", "shape_plan_error"))
+        assert f"goal={cube.attrs['goal']}" in words
+        assert words[1].split("=")[0] in cube.attrs["command"]
+    conforms.closed_form(now, below=0.95 * before)
+    less = 100 * (1 - now / before)
+    assert f"have a {heard} error of {before:.3g} %, so this is {less:.0f} % less" in done.out
+    assert counted in (tmp_path / "made" / "plan.html").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["goal=sound"], 'goal: given "sound", allowed: "shape", or "sound" or "sound-power"'),
+        (["goal=sound"], 'goal: given "sound", allowed: "shape", or for the plate, with in_view 1'),
         (["goal=sound", "body=beam"], "for the plate"),
         (["goal=sound-power", "body=beam"], "for the plate"),
+        (["goal=sound-plane", "body=beam"], "for the plate"),
+        (
+            ["goal=sound-plane", "body=plate", "plane=XY"],
+            'plane: given "XY", allowed: "XZ" or "YZ"',
+        ),
+        (
+            ["goal=sound-plane", "body=plate", "plane=YZ", "modes=[2]"],
+            "modes: given 2, allowed: modes that are not silent on the plane",
+        ),
+        (["goal=sound-point", "body=plate"], "point_mm: given null, allowed: null, or with goal"),
+        (["body=plate", "point_mm=[0,0,900]"], 'with goal "sound-point" [X, Y, Z]'),
+        (["goal=sound-point", "body=plate", "point_mm=[0,0,-5]"], "point_mm[2]: given -5"),
+        (["goal=sound-point", "body=plate", "point_mm=[0,0]"], "point_mm: given [0, 0], allowed"),
+        (
+            ["goal=sound-point", "body=plate", "point_mm=[0,0,20]"],
+            "point_mm: given [0.0, 0.0, 20.0], allowed: Z of 44.53 or more",
+        ),
+        (
+            ["goal=sound-point", "body=plate", "point_mm=[0,0,900]", "modes=[1,2]"],
+            "modes: given 2, allowed: modes that are heard at point_mm",
+        ),
         (["goal=noise"], 'goal: given "noise", allowed: "shape"'),
         (["goal=sound", "body=plate", "in_view=0.5"], "with in_view 1"),
         (["goal=sound", "body=plate", "objective=worst"], 'objective "mean"'),

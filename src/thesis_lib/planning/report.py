@@ -24,13 +24,21 @@ from thesis_lib.planning.cube import as_cube
 from thesis_lib.planning.figures import front_figure, layout_figure
 from thesis_lib.planning.layout_view import layout_view
 from thesis_lib.planning.planner import Option, Plan, plan
-from thesis_lib.planning.request import PlanRequest, command
+from thesis_lib.planning.request import PlanRequest
 from thesis_lib.planning.structure_file import read_body
 from thesis_lib.plotting.style import svg
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.web.shell import shell
 
+# by goal: whose error a plan tells, and what it is held against
+TOLD = {
+    "shape": ("shape", "largest deflection of a marker"),
+    "sound": ("field", "largest pressure on a plane"),
+    "sound-plane": ("field", "largest pressure on the plane"),
+    "sound-point": ("pressure", "pressure at the point"),
+    "sound-power": ("power", "sound power"),
+}
 FILES = ("plan.nc", "plan.csv", "plan.svg", "plan.html")
 
 
@@ -107,13 +115,26 @@ def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> 
     return " ".join([f"thesis run {request.body}-arrays", *words])
 
 
+def command(request: PlanRequest, file: str = "") -> str:
+    """The command that makes a plan again.
+
+    Examples
+    --------
+    >>> command(PlanRequest(body="plate", target_percent=2.0))
+    'thesis plan -p body=plate -p target_percent=2.0'
+    """
+    defaults = PlanRequest().request
+    words = [
+        f"-p {shlex.quote(f'{key}={value if isinstance(value, str) else json.dumps(value)}')}"
+        for key, value in request.request.items()
+        if value != defaults[key]
+    ]
+    named = [f"--structure {shlex.quote(file)}"] if file else []
+    return " ".join(["thesis plan", *named, *words])
+
+
 def _cost(plan_: Plan, cost: float) -> str:
     return f"{cost:g}" if plan_.request.prices else f"{cost / 1e6:.4g} million pixels/s"
-
-
-def _heard(plan_: Plan) -> str:
-    """Whose error a plan for sound tells."""
-    return "power" if plan_.request.goal == "sound-power" else "field"
 
 
 def _beside(best: Option, heard: str) -> str:
@@ -138,7 +159,8 @@ def summary(plan_: Plan, file: str = "") -> list[str]:
     found = plan_.verified[plan_.chosen].simulated
     n, (width, height) = len(best.layout), best.resolution
     kind = "mean" if request.objective == "mean" else "worst marker's"
-    kind = _heard(plan_) if best.instead else kind
+    heard, _ = TOLD[request.goal]
+    kind = heard if best.instead else kind
     which = "cheapest that reaches the target" if request.target_percent else "most accurate"
     modes = ", ".join(
         f"mode {mode}: {p:.3g} ({s:.3g})"
@@ -149,7 +171,7 @@ def summary(plan_: Plan, file: str = "") -> list[str]:
         f"{which}: {_cost(plan_, best.cost)}",
         f"{kind} error predicted (simulated) in %: {modes}; simulated over predicted "
         f"{np.min(found / best.predicted):.3f} to {np.max(found / best.predicted):.3f}",
-        _beside(best, _heard(plan_)),
+        _beside(best, heard),
     ]
     study = "" if file else study_of(request, best.layout, best.resolution)
     if study:
@@ -180,7 +202,6 @@ def _picture(text: str, alt: str, caption: str) -> str:
 def page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> str:
     """The plan as one page that loads nothing."""
     header, *rows = csv.reader(io.StringIO(camera_table(cube, plan_.chosen)))
-    best = plan_.options[plan_.chosen]
     options = []
     for i, (one, found) in enumerate(zip(plan_.options, plan_.verified, strict=True)):
         size = f"{one.resolution[0]}×{one.resolution[1]}"
@@ -188,8 +209,7 @@ def page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> s
         note = "proposed" if i == plan_.chosen else "on the front" if i in plan_.front else ""
         options.append([str(len(one.layout)), size, _cost(plan_, one.cost), *of, note])
     front = svg(front_figure(cube, plan_.request.target_percent))
-    counted = "largest pressure on a plane" if best.instead else "largest deflection of a marker"
-    counted = "sound power" if plan_.request.goal == "sound-power" else counted
+    _, counted = TOLD[plan_.request.goal]
     parts = [
         f"<h1>{escape(plan_.request.title)}: {escape(plan_.body.name)}</h1>",
         "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>",

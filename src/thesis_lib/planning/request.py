@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -82,11 +81,21 @@ class PlanRequest(Study):
         "largest error of a mode that is wanted, in % of its largest deflection of a marker",
         "a number above 0, at most 100000, or null to ask only what is possible",
     )
-    goal: Literal["shape", "sound", "sound-power"] = field(
+    goal: Literal["shape", "sound", "sound-plane", "sound-point", "sound-power"] = field(
         "shape",
-        "whose error counts: of the deflection shape, of the sound field that the plate makes of "
-        "it on two planes, or of the sound power",
-        '"shape", or "sound" or "sound-power" for the plate, with in_view 1 and objective "mean"',
+        "whose error counts: of the deflection shape, or of the sound that the plate makes of it: "
+        "its field on two planes, or on one of them, the pressure at a point, or the power",
+        '"shape", or for the plate, with in_view 1 and objective "mean", "sound", "sound-plane", '
+        '"sound-point" or "sound-power"',
+    )
+    plane: Literal["XZ", "YZ"] = field(
+        "XZ", 'which plane through the centre counts with goal "sound-plane": along, or across'
+    )
+    point_mm: tuple[Coordinate, Coordinate, Positive] | None = field(
+        None,
+        'where the pressure counts with goal "sound-point": X, Y from the centre, Z above it',
+        'null, or with goal "sound-point" [X, Y, Z], X and Y from -100000 to 100000, Z above 0, at '
+        "most 100000",
     )
     objective: Literal["mean", "worst"] = field(
         "mean",
@@ -195,7 +204,7 @@ class PlanRequest(Study):
         from thesis_lib.planning.sound import sounds_of
 
         goal: Any = self.goal
-        return sounds_of(tuple(self.modes), self.peaks_m, goal)
+        return sounds_of(tuple(self.modes), self.peaks_m, goal, self.plane, self.point_mm)
 
     @property
     def peaks_m(self) -> tuple[float, ...]:
@@ -273,31 +282,13 @@ class PlanRequest(Study):
                 self.refuse("forbidden_sectors_deg")
         if self.goal != "shape" and (self.body, self.in_view, self.objective) != AUDIBLE:
             self.refuse("goal")
+        if (self.point_mm is not None) != (self.goal == "sound-point"):
+            self.refuse("point_mm")
         if self.plate_mm and (self.body, self.goal) != ("plate", "shape"):
             self.refuse("plate_mm")
         if self.prices and len(self.prices) != len(self.resolutions_px):
             self.refuse("prices")
         return self
-
-
-def command(request: PlanRequest, file: str = "") -> str:
-    """The command that makes a plan again.
-
-    Examples
-    --------
-    >>> command(PlanRequest(body="plate", target_percent=2.0))
-    'thesis plan -p body=plate -p target_percent=2.0'
-    """
-    import shlex
-
-    defaults = PlanRequest().request
-    words = [
-        f"-p {shlex.quote(f'{key}={value if isinstance(value, str) else json.dumps(value)}')}"
-        for key, value in request.request.items()
-        if value != defaults[key]
-    ]
-    named = [f"--structure {shlex.quote(file)}"] if file else []
-    return " ".join(["thesis plan", *named, *words])
 
 
 def plan_request(values: Mapping[str, Any]) -> PlanRequest:

@@ -1,4 +1,4 @@
-"""Cameras for the plate's sound: placed for the error of its field, or of the power it radiates.
+"""Cameras for the plate's sound: for its field on planes, its pressure at a point, or its power.
 
 The field's error is ω²tr(QΣ) (:mod:`thesis_lib.acoustics.radiating`), so what counts beside the
 markers' variances is what they share: a camera that stands square to the plate rounds a row of
@@ -15,7 +15,10 @@ from typing import Literal
 
 import numpy as np
 
-from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.acoustics.planes import pistons
+from thesis_lib.acoustics.plate_sound import NODAL, PlateSound
+from thesis_lib.acoustics.radiation import radiation_matrix
+from thesis_lib.acoustics.sources import Medium, Pistons, transfer
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.planning import lattice
@@ -28,7 +31,12 @@ from thesis_lib.vibration.structure import deflection_shape, resonance
 from thesis_lib.vision import rounding
 
 Sounds = Sequence[PlateSound]
-Goal = Literal["sound", "sound-power"]
+Goal = Literal["sound", "sound-plane", "sound-point", "sound-power"]
+SILENT = {
+    "sound": "that are not silent on both planes, XZ and YZ",
+    "sound-plane": "that are not silent on the plane",
+    "sound-point": "that are heard at point_mm",
+}
 
 STEPS = np.radians([8, 4, 2])  # finer ones would fit one grid of pixels, not how markers lie on it
 TURNS = np.radians([-0.5, 0, 0.5])  # of the whole layout, over which costs are averaged
@@ -39,35 +47,60 @@ _WAYS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b])
 
 @lru_cache(maxsize=4)
 def sounds_of(
-    modes: tuple[int, ...], peaks: tuple[float, ...], goal: Goal = "sound"
+    modes: tuple[int, ...],
+    peaks: tuple[float, ...],
+    goal: Goal = "sound",
+    plane: str = "XZ",
+    point_mm: tuple[float, float, float] | None = None,
 ) -> tuple[PlateSound, ...]:
-    """The plate's sound in some modes with peaks in m, on the planes and in the air of chapter 6.
+    """The plate's sound in some modes with peaks in m, in the air and on planes of chapter 6.
 
     Raises
     ------
     PydanticCustomError
-        If a mode is silent on both planes, or too high for the plate's pistons.
+        If a mode is silent where it counts, or too high for the plate's pistons; or if the point is
+        nearer than their size, where a sum of pistons is no field.
     """
     plate = setups.plate()
     field = SoundPlanes.model_construct(grid=plate.grid)
+    planes = tuple(one for one in field.planes if goal != "sound-plane" or one.name == plane)
+    nearest = 1000 * max(pistons(plate).size)
+    if point_mm is not None and point_mm[2] < nearest:
+        least = f"Z of {nearest:.4g} or more, the size of a piston of the plate"
+        refuse("point_mm", list(point_mm), f"allowed: {least}")
     found = []
     for mode, peak in zip(modes, peaks, strict=True):
         shape = deflection_shape(plate, mode, plate.markers, peak)
         try:
-            one = PlateSound.of(plate, field.planes, field.medium, resonance(plate, mode), shape)
+            omega = resonance(plate, mode)
+            if point_mm is None:
+                one = PlateSound.of(plate, planes, field.medium, omega, shape)
+            else:
+                place = np.array(point_mm) / 1000
+                one = _at_point(pistons(plate), place, field.medium, omega, shape)
         except ValueError as error:
             refuse(
                 "modes", mode, str(error).replace("use more and smaller pistons", "a lower mode")
             )
-        if goal == "sound" and np.isnan(one.largest).all():
-            heard = 'modes that are not silent on both planes, XZ and YZ, with goal "sound"'
-            refuse("modes", mode, f"allowed: {heard}")
+        if goal in SILENT and np.isnan(one.largest).all():
+            refuse("modes", mode, f'allowed: modes {SILENT[goal]}, with goal "{goal}"')
         found.append(one)
     return tuple(found)
 
 
+def _at_point(
+    parts: Pistons, point: Array, medium: Medium, omega: float, reference: Array
+) -> PlateSound:
+    """The sound at one point (3,) in m, whose complex pressure counts as a plane's field does."""
+    row = transfer(parts, point, omega, medium)
+    own, disordered = (omega * np.abs(reference @ row), omega * np.linalg.norm(row * reference))
+    largest = np.array([np.nan if own <= NODAL * disordered else own])
+    factor, resistance = np.stack([row.real, row.imag]), radiation_matrix(parts, omega, medium)
+    return PlateSound(omega, reference, (), (factor,), largest, resistance)
+
+
 def _expected(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> Array:
-    """Errors of the modes in %: of the power, or of the field on the plane where it is larger."""
+    """Errors of the modes in %: of the power, or where the field's is largest of what counts."""
     pairs = zip(sounds, covariances, strict=True)
     if goal == "sound-power":
         return np.array([sound.expected_power_error(C) for sound, C in pairs])
@@ -106,8 +139,8 @@ def simulated(sounds: Sounds, wrong: Array, goal: Goal = "sound") -> tuple[Array
     Returns
     -------
     tuple of ndarray
-        Rms over the trials, of the field on the worse plane, (modes,), and the quantiles 5 and 95 %
-        of its size, (2, modes).
+        Rms over the trials, of two planes on the worse, (modes,), and the quantiles 5 and 95 % of
+        its size, (2, modes).
     """
     rms, band = [], []
     for sound, error in zip(sounds, wrong, strict=True):

@@ -69,7 +69,7 @@ def table(data: xr.Dataset) -> pd.DataFrame:
             told(hertz, "mode_power", mode + 1, one.isel(mode=mode))
         for point in range(one.sizes["point"]):
             here = one.isel(point=point)
-            told(hertz, "pressure", place(here), here.assign(pressure=size(here)))
+            told(hertz, "pressure", place(here), here.assign(pressure=absolute(here)))
             told(hertz, "level", place(here), here)
     for band in data["band"].values if data.sizes["tone"] > 1 else ():
         one = data.sel(band=band)
@@ -86,6 +86,6 @@ def place(one: xr.Dataset) -> str:
     return " ".join(f"{1000 * x:g}" for x in one["place"].values)
 
 
-def size(one: xr.Dataset) -> xr.DataArray:
+def absolute(one: xr.Dataset) -> xr.DataArray:
     """The absolute value of a pressure."""
     return abs(one["pressure_real"] + 1j * one["pressure_imag"]).assign_attrs(units="Pa")

@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from thesis_lib.measure.radiation.bands import ALL
-from thesis_lib.measure.radiation.files import place, size
+from thesis_lib.measure.radiation.files import absolute, place
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
@@ -42,11 +42,16 @@ def summary(data: xr.Dataset | None) -> list[str]:
     if data.sizes["tone"] > 1:
         lines.append(f"sound power of all together: {_power(data.sel(band=ALL), 'band_')}")
     if "moment" in data.attrs:
-        lines.append(
-            f"these powers are of one moment, {data.attrs['moment']:.3f} s on the first camera's "
-            "clock, from which on each mode dies away"
-        )
+        lines.append(_moment(data))
     return lines
+
+
+def _moment(data: xr.Dataset) -> str:
+    """When the powers are those of modes that die away."""
+    return (
+        f"the sound powers are those of one moment, {data.attrs['moment']:.3f} s on the first "
+        "camera's clock, from which on each mode dies away"
+    )
 
 
 def _power(one: xr.Dataset, of: str) -> str:
@@ -66,12 +71,15 @@ def _pm(one: xr.Dataset, name: str, form: str) -> str:
 
 def sound_section(data: xr.Dataset, manifest: Manifest) -> str:
     """A part of the report: levels, fields, modes, warnings, assumptions."""
-    parts = ["<h2>Sound</h2>", html.items(summary(data)), html.warned([*_notes(data)])]
-    parts += [_played(data.isel(tone=tone), manifest) for tone in range(data.sizes["tone"])]
-    parts.append(html.frame(_points(data)))
-    if data.sizes["tone"] > 1:
-        parts.append(html.frame(_bands(data)))
-    parts += [
+    several = data.sizes["tone"] > 1
+    parts = [
+        "<h2>Sound</h2>",
+        html.frame(_powers(data)) if several else html.items(summary(data)),
+        html.items([_moment(data)]) if several and "moment" in data.attrs else "",
+        html.warned([*_notes(data)]),
+        *(_played(data.isel(tone=tone), manifest) for tone in range(data.sizes["tone"])),
+        "<h3>At the points</h3>" + html.frame(_points(data)),
+        "<h3>By octave</h3>" + html.frame(_bands(data)) if several else "",
         html.details("Power by radiation mode", ALONE + html.frame(_modes(data))),
         html.details("What the sound rests on", html.items(_assumed(data, manifest))),
     ]
@@ -106,6 +114,25 @@ def _played(one: xr.Dataset, manifest: Manifest) -> str:
     return static_html(joined("radiated"), VIEWER_CSS, {"data": state}, WITHOUT)
 
 
+def _powers(data: xr.Dataset) -> pd.DataFrame:
+    """Power, energy and efficiency of each tone, and the power of all."""
+    decays, rows = "energy" in data, []
+    for tone in range(data.sizes["tone"]):
+        one = data.isel(tone=tone)
+        row = {"frequency in Hz": _hertz(one), **_row(one, "")}
+        row |= {"energy in J": _pm(one, "energy", ".3g")} if decays else {}
+        rows.append(row | {"radiation efficiency": _pm(one, "efficiency", ".3g")})
+    rows.append({"frequency in Hz": ALL, **_row(data.sel(band=ALL), "band_")})
+    return pd.DataFrame(rows)
+
+
+def _row(one: xr.Dataset, of: str) -> dict[str, str]:
+    return {
+        "sound power in dB re 1 pW": _pm(one, f"{of}power_level", ".1f"),
+        "in W": _pm(one, f"{of}power", ".3g"),
+    }
+
+
 def _points(data: xr.Dataset) -> pd.DataFrame:
     """Levels at the points."""
     rows = []
@@ -116,7 +143,7 @@ def _points(data: xr.Dataset) -> pd.DataFrame:
                 {
                     "X, Y, Z in mm": place(one),
                     "frequency in Hz": _hertz(one),
-                    "pressure in Pa": _pm(one.assign(pressure=size(one)), "pressure", ".3g"),
+                    "pressure in Pa": _pm(one.assign(pressure=absolute(one)), "pressure", ".3g"),
                     "level in dB re 20 µPa": _pm(one, "level", ".1f"),
                 }
             )
