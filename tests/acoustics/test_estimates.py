@@ -50,6 +50,25 @@ def test_powers_of_modes_one_by_one(conforms):
     conforms.closed_form(estimates.factored(rows, whole).value.sum(), total, rtol=1e-12)
 
 
+def test_forms_together_err_as_draws_of_their_sum_do(conforms):
+    measured, C = drawn(0.12)
+    every = [estimates.Amplitudes(w, C) for w in measured[:3000]]
+    found = [estimates.summed(ROWS, one) for one in every]
+    judged(found, np.sum(np.abs(ROWS @ TRUE) ** 2), conforms)
+    each = estimates.factored(ROWS, every[0])
+    conforms.invariance(float(found[0].value), each.value.sum(), rtol=1e-12)
+    apart = np.hypot(float(each.error[0]), np.hypot(*each.error[1:]))
+    assert abs(float(found[0].error) / apart - 1) > 0.05  # they see the same errors
+
+
+def test_some_of_the_amplitudes_keep_their_covariance(conforms):
+    measured, C = drawn()
+    part = estimates.Amplitudes(measured[0], C).part(np.array([0, 3]))
+    own = [0, 3, N, N + 3]
+    conforms.invariance(part.covariance, C[np.ix_(own, own)], atol=0)
+    conforms.invariance(part.value, measured[0, [0, 3]], atol=0)
+
+
 def test_quotients_and_absolute_values(conforms):
     measured, C = drawn(0.2)
     each = [estimates.Amplitudes(w, C) for w in measured[:3000]]
