@@ -34,6 +34,5 @@ def sounding(study, sigma=3e-6, common=1e-3, stated=1.0, seed=0):
         rows = stated * common * np.stack([shape, 0 * shape])
         values["shared_real"][c, :, :, :n] = rows.real
         values["shared_imag"][c, :, :, :n] = rows.imag
-    for name in ("missing", "centre_scatter"):
-        values[name][:] = 0.0
+    values["missing"][:], values["centre_scatter"][:] = 0.0, 0.011
     return xr.Dataset(labelled(values, VARIABLES, over=("case", "trial"))).astype("float32")

@@ -77,6 +77,7 @@ def _lab(piece: str, cube: xr.Dataset) -> str:
         "plate_results": plate_results,
         "radiation_results": radiation.results,
         "radiation_sentences": radiation.sentences,
+        "radiation_tap": radiation.tap,
     }
     return made[piece](cube)
 
@@ -129,6 +130,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     "lab-modes-results": lambda opened: _lab("modes_results", opened["lab-modes"]),
     "lab-radiation-results": lambda opened: _lab("radiation_results", opened["lab-radiation"]),
     "lab-radiation-sentences": lambda opened: _lab("radiation_sentences", opened["lab-radiation"]),
+    "lab-radiation-tap": lambda opened: _lab("radiation_tap", opened["lab-radiation"]),
     "lab-plate-results": lambda opened: _lab("plate_results", opened["lab-plate"]),
     "sound-results": sound_results,
     "sound-scatter": scatter_table,

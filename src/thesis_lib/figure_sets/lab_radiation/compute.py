@@ -17,6 +17,7 @@ from scipy.stats import chi2
 from thesis_lib.acoustics.estimates import Amplitudes, circular
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.arrays import Array, ComplexArray, Image
+from thesis_lib.figure_sets.lab_radiation import tap
 from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
 from thesis_lib.figure_sets.lab_radiation.recordings import rig_of
 from thesis_lib.figure_sets.lab_radiation.sound import PLANE, Heard, Truth, truth, with_grid
@@ -97,6 +98,7 @@ def run(study: LabRadiation, data: xr.Dataset) -> xr.Dataset:
     for name in ("field_real", "field_imag"):
         values[name] = np.moveaxis(values[name], 1, 0).astype("float32")
     values |= _judged(values) | _over_grids(study, medium) | {"picture": pictures}
+    values |= tap.of_tap(study, float(np.nanmean(data["centre_scatter"])), medium)
     coords = {
         "structure": study.cases,
         "name": [driven(case).name for case in study.cases],
@@ -108,8 +110,9 @@ def run(study: LabRadiation, data: xr.Dataset) -> xr.Dataset:
         "u": PLANE.u,
         "z": PLANE.z,
     }
+    variables = _VARIABLES | tap.VARIABLES
     cube = xr.Dataset(
-        labelled({name: values[name] for name in _VARIABLES}, _VARIABLES),
+        labelled({name: values[name] for name in variables}, variables),
         labelled(coords, _COORDINATES),
     )
     return cube.assign(labelled(_listed(cube), _LISTED))

@@ -110,6 +110,28 @@ def markers(cube: xr.Dataset) -> Figure:
     return drawing
 
 
+def tap(cube: xr.Dataset) -> Figure:
+    """What is heard of a tap, and what its modes' powers are off by."""
+    drawing, (heard, off) = subplots(1, 2, figsize=(6.4, 2.8), layout="constrained",
+                                     width_ratios=[1.6, 1])  # fmt: skip
+    time, each = 1000 * cube["tap_time"].values, cube["tap_heard"].values
+    names = [f"{f:.3g} Hz" for f in cube["tap_frequency"].values]
+    heard.plot(time, each.sum(axis=0), color=REFERENCE, linewidth=0.8, label="all")
+    for k in range(len(each)):
+        heard.plot(time, each[k], color=color(k), linewidth=0.8, label=names[k])
+    heard.set(title="(a) heard 1 m above", xlabel="time, ms", ylabel="pressure, Pa")
+    heard.legend(loc="upper right", ncols=2)
+    true = cube["tap_true_power"].values
+    wrong = 100 * (cube["tap_power"].values / true - 1)
+    stated = 200 * cube["tap_power_error"].values / true
+    off.axhline(0, color=INK, linewidth=0.8)
+    for k in range(len(each)):
+        off.errorbar([k], wrong[k], stated[k], fmt="o", color=color(k), ms=4, lw=1)
+    off.set(title="(b) error of the power, %", xticks=range(len(each)), xticklabels=names)
+    off.set_xlim(-0.5, len(each) - 0.5)
+    return drawing
+
+
 def _panels(cube: xr.Dataset, size: tuple[float, float], **how: bool) -> tuple[Figure, list[Axes]]:
     """Panels for the structures, two in a row."""
     rows = -(-cube.sizes["structure"] // 2)

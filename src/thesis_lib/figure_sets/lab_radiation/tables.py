@@ -118,6 +118,46 @@ def parts_table(cube: xr.Dataset) -> Markdown:
     return Markdown(f"{columns(rows)}\n{note}")
 
 
+def tap(cube: xr.Dataset) -> str:
+    """What the modes of a tap radiate, held against their stated errors."""
+    rows = []
+    for k in range(cube.sizes["ringing"]):
+        own = cube.isel(ringing=k)
+        power, energy = (
+            float(own[f"tap_{of}"]) / float(own[f"tap_true_{of}"]) for of in ("power", "energy")
+        )
+        rows.append(
+            {
+                "mode, Hz": f"{float(own['tap_frequency']):.4g}",
+                "power, dB": f"{_level(own['tap_true_power']):.1f}",
+                "its error, %": f"{100 * (power - 1):+.2f} ± {_share(own, 'power'):.2f}",
+                "energy, J": f"{float(own['tap_true_energy']):.3g}",
+                "its error, % ": f"{100 * (energy - 1):+.2f} ± {_share(own, 'energy'):.2f}",
+            }
+        )
+    whole, error = (float(cube[name]) for name in ("tap_all", "tap_all_error"))
+    level = f"{_level(cube['tap_all']):.1f} ± {10 / np.log(10) * error / whole:.2f} dB"
+    note = (
+        "Level of the true power re 1 pW as the decay begins, the true energy from then on, and "
+        f"what is measured of both. All modes together are measured as {level}."
+    )
+    return f"{columns(rows)}\n{note}\n"
+
+
+def tap_table(cube: xr.Dataset) -> Markdown:
+    """The same, to show."""
+    return Markdown(tap(cube))
+
+
+def _level(power: xr.DataArray) -> float:
+    return float(10 * np.log10(float(power) / 1e-12))
+
+
+def _share(own: xr.Dataset, of: str) -> float:
+    """Stated standard error of a power or an energy in %."""
+    return 100 * float(own[f"tap_{of}_error"] / own[f"tap_true_{of}"])
+
+
 def sentences(cube: xr.Dataset) -> str:
     """Three sentences of result."""
     of = cube.sel(group="all", quantity_of="power")

@@ -55,11 +55,11 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     size = structure.length_mm / 1000, structure.width_mm / 1000
     diameter = structure.markers.diameter_mm / 1000
     corners = asked.corners(size, structure.marker_points, diameter)
-    tones = _tones(several)
+    tones = tones_of(several)
     highest = max(tone.omega for tone in tones)
     count = cells_for(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
     surface = Surface.of(corners, count, (size[0] / 2, size[1] / 2))
-    shapes = _amplitudes(several, known)
+    shapes = shapes_of(several, known)
     between = _chosen(asked, structure, surface, corners, markers, shapes)
     made = radiated(
         surface, between, tones, shapes, asked.points, _planes(asked, size), asked.medium
@@ -86,7 +86,7 @@ def one_mode(data: xr.Dataset) -> xr.Dataset:
     return data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
 
 
-def _tones(data: xr.Dataset) -> list[Tone]:
+def tones_of(data: xr.Dataset) -> list[Tone]:
     """Frequencies, and of modes that decay how fast."""
     omega = 2 * np.pi * data["frequency"].values
     if not data.get("damping", np.zeros(1)).any():  # tones are steady
@@ -111,7 +111,7 @@ def _check(data: xr.Dataset, known: Mask, structure: Structure) -> None:
         )
 
 
-def _amplitudes(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
+def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
     """All shapes with the covariance of their errors: each marker's own, and what they share.
 
     By the calibration they err all together, and by an error of size, where the grid does not fit.

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from scipy.linalg import block_diag
+from numpy.typing import NDArray
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
@@ -219,7 +219,7 @@ def _of_bands(
     """Powers, and mean squares at points, of the tones in each band, whose errors are in common."""
     heard = np.swapaxes(at, 0, 1)[:, :, None] / np.sqrt(2)  # (points, tones, 1, markers)
     found = [
-        [estimates.summed(block_diag(*(rows[k] for k in band)), shape) for rows in (ways, *heard)]
+        [estimates.summed(_beside([rows[k] for k in band]), shape) for rows in (ways, *heard)]
         for band, shape in zip(bands, shapes, strict=True)
     ]
     value, error = (np.array([[getattr(one, part) for one in row] for row in found])
@@ -233,6 +233,12 @@ def _of_bands(
         **_levels("band_power_level", DECIBEL, REFERENCE_POWER, power),
         **_levels("band_level", DECIBEL, REFERENCE_PRESSURE**2, square),
     }
+
+
+def _beside(rows: Sequence[NDArray[np.inexact]]) -> NDArray[np.inexact]:
+    """Rows (k, markers) of each tone as rows of the amplitudes of all tones."""
+    places = np.eye(len(rows))[:, None]
+    return np.concatenate([np.kron(place, own) for place, own in zip(places, rows, strict=True)])
 
 
 def _levels(

@@ -1,0 +1,145 @@
+"""A beam that is tapped: what each of its modes radiates as it begins to die away.
+
+Its markers are projected, not rendered: the same cameras, at unlike frame rates, see them with the
+scatter that the recordings' centres have. The modes are found in the tracks, and sound, as those of
+one's own recordings do. The truth is the sound of the true motion at the same moment.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.acoustics.planes import Plane
+from thesis_lib.acoustics.sources import Medium
+from thesis_lib.acoustics.surfaces import Surface
+from thesis_lib.arrays import Array
+from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
+from thesis_lib.figure_sets.lab_radiation.recordings import rig_of
+from thesis_lib.figure_sets.lab_radiation.structures import driven
+from thesis_lib.laboratory.direct import Seen
+from thesis_lib.laboratory.rig import Rig
+from thesis_lib.laboratory.tapped import Tapped, ringing, tapped
+from thesis_lib.measure.modes.identify import Asked, Modes, identify
+from thesis_lib.measure.radiation import files
+from thesis_lib.measure.radiation.bands import ALL
+from thesis_lib.measure.radiation.between import by_model
+from thesis_lib.measure.radiation.of_measurement import shapes_of, tones_of
+from thesis_lib.measure.radiation.radiated import CELLS, radiated
+from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.studies.variables import declared
+from thesis_lib.vibration.beam import Beam
+from thesis_lib.vision import lens
+
+DAMPING = (0.010, 0.006, 0.004)  # of the modes that ring
+RATES = (1.0, 1.2, 0.6)  # of the cameras' frame rate: at unlike ones they tell modes apart
+PLACE, IMPULSE, SECONDS = 0.3, 0.05, 3.0  # where it is tapped over the length; N s; s
+BAND = (2.0, 130.0)  # Hz, in which modes are looked for
+POINT = np.array([[0.0], [0.0], [1.0]])  # where it is heard, m
+HEARD, STEP = 0.5, 24  # s that are kept of that; samples to one that is kept
+VARIABLES = declared("""
+    tap_frequency(ringing) [Hz] natural frequency of a mode that rings
+    tap_power(ringing) [W] its sound power when it begins to die away, as measured
+    tap_power_error(ringing) [W] its stated standard error
+    tap_true_power(ringing) [W] that of the true motion
+    tap_energy(ringing) [J] sound energy until it has died away, as measured
+    tap_energy_error(ringing) [J] its stated standard error
+    tap_true_energy(ringing) [J] that of the true motion
+    tap_all() [W] sound power of all modes together, as measured
+    tap_all_error() [W] its stated standard error
+    tap_heard(ringing, tap_time) [Pa] what each makes of the pressure 1 m above the middle
+    tap_time(tap_time) [s] time from that moment on
+""")
+
+
+def of_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any]:
+    """:data:`VARIABLES`, where centres scatter by so many px."""
+    rig = _rig(study)
+    found = identify(*ringing(rig, _seen(rig, scatter)), Asked(BAND, len(DAMPING)))
+    own, (x, y) = driven("beam"), rig.markers.extent
+    assert isinstance(own.structure, Beam)
+    surface = Surface.of(np.array(own.corners), CELLS, (x / 2, y / 2))
+    markers = rig.markers.centres  # seen as points, not by their edges
+    between = by_model(own.structure, markers, 0.0, surface.spots)
+    plane = Plane("XZ", x, float(POINT[2, 0]), float(POINT[2, 0]), (2, 1))
+    data = _as_measured(found)
+    shapes = shapes_of(data, np.ones(len(markers[0]), bool))
+    made = radiated(surface, between, tones_of(data), shapes, POINT, [plane], medium)
+    assert isinstance(rig.motion, Tapped)
+    power = _true_power(rig.motion, found.zero, surface, medium)
+    kept = slice(0, int(HEARD * files.RATE), STEP)
+    each = [files.heard(made.isel(tone=[k]), 0)[kept] for k in range(made.sizes["tone"])]
+    whole = made.sel(band=ALL)
+    return {
+        "tap_frequency": made["frequency"].values,
+        "tap_power": made["power"].values,
+        "tap_power_error": made["power_error"].values,
+        "tap_true_power": power,
+        "tap_energy": made["energy"].values,
+        "tap_energy_error": made["energy_error"].values,
+        "tap_true_energy": power / (-2 * rig.motion.poles.real),
+        "tap_all": whole["band_power"].values,
+        "tap_all_error": whole["band_power_error"].values,
+        "tap_heard": np.array(each, "float32"),
+        "tap_time": np.arange(len(each[0])) * STEP / files.RATE,
+    }
+
+
+def _rig(study: LabRadiation) -> Rig:
+    """The cameras of the beam's first recording, before a beam that is tapped."""
+    rig = rig_of(study, "beam", 0)
+    x, y = rig.markers.extent
+    rates = np.resize(RATES, len(rig.stations)) * study.frame_rate_hz
+    at = PLACE * x, y / 2
+    return tapped(rig, len(DAMPING), DAMPING, at, seconds=SECONDS, rates=tuple(rates.tolist()),
+                  impulse=IMPULSE)  # fmt: skip
+
+
+def _seen(rig: Rig, scatter: float) -> list[Seen]:
+    """Where each camera finds the markers, of which none is lost."""
+    found = []
+    for index, station in enumerate(rig.stations):
+        count = int(rig.duration * station.frame_rate)
+        times = station.start + np.arange(count) / station.frame_rate
+        uv = _centres(rig, index, times)
+        noise = rig.generator(3, index, 0).standard_normal(uv.shape)
+        found.append(Seen(times, uv + scatter * noise, uv))
+    return found
+
+
+def _centres(rig: Rig, index: int, times: Array) -> Array:
+    """Images of the markers, (frames, 2, markers), as means over the exposure."""
+    station, markers, samples = rig.stations[index], rig.markers, 4
+    within = ((np.arange(samples) + 0.5) / samples - 0.5) * station.sensor.exposure
+    shapes = rig.motion.shapes(markers.centres)
+    deflected = np.tensordot(rig.motion.coordinates(times[:, None] + within), shapes, (0, 0))
+    points = on_surface(markers.extent, markers.centres[:, None, None], deflected)
+    return np.moveaxis(lens.project(station.camera, points).mean(axis=2), 0, 1)
+
+
+def _as_measured(found: Modes) -> xr.Dataset:
+    """What the sound takes of the modes, by cameras and a grid that are known."""
+    each = ("frequency", "damping", "damping_deviation", "scale_deviation")
+    of_markers = {
+        "amplitude_real": found.shape.real,
+        "amplitude_imag": found.shape.imag,
+        "error_of_scatter": found.deviation,
+    }
+    return xr.Dataset(
+        {name: ("mode", getattr(found, name)) for name in each}
+        | {name: (("mode", "marker"), value) for name, value in of_markers.items()}
+        | {"grid_scale": 1.0}
+    )
+
+
+def _true_power(motion: Tapped, moment: float, surface: Surface, medium: Medium) -> Array:
+    """Sound power of each mode of the true motion at a moment in s, W."""
+    shapes = motion.amplitudes(surface.spots.reshape(2, -1), moment)
+    omega, powers = np.abs(motion.poles), []
+    for w, shape in zip(omega, shapes, strict=True):
+        real = np.abs(shape) * np.sign((shape / shape[np.argmax(np.abs(shape))]).real)
+        form = surface.power_form(real.reshape(*surface.spots.shape[1:], 1), float(w), medium)
+        powers.append(float(form[0, 0]))
+    return np.array(powers)
