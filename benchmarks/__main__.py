@@ -1,8 +1,8 @@
 """Print all measurements and draw the growth: ``python -m benchmarks``, five minutes at most.
 
 ``--peers`` measures beside the peers alone, ``--scale`` a large study in pieces alone;
-``--publish`` keeps what either has measured as what the book shows. ``--tracking`` follows markers
-beside other trackers.
+``--tracking`` follows markers beside other trackers. ``--publish`` keeps what any of these has
+measured as what the book shows.
 """
 
 from __future__ import annotations
@@ -90,12 +90,15 @@ def print_scale(keep: bool) -> None:
         publish.keep(data)
 
 
-def print_tracking() -> None:
+def print_tracking(keep: bool) -> None:
     """Trackers on the same frames."""
     print("\nTracking: one camera of 1280×720, processor time, one thread, in turns")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that points are rounded to pixels
-        print_columns(tracking.rows(list(tracking.compare())))
+        data = publish.rounded(tracking.run())
+    print_columns(benchmark_tables.tracking(data))
+    if keep:
+        publish.keep(data)
 
 
 def print_centres() -> None:
@@ -224,7 +227,7 @@ def main() -> None:
     if asked.scale or everything:
         print_scale(asked.publish)
     if asked.tracking or everything:
-        print_tracking()
+        print_tracking(asked.publish)
     if everything:
         print_own()
 

@@ -199,6 +199,23 @@ def scale(data: Row) -> Iterator[Cells]:
         }
 
 
+def tracking(data: Row) -> Iterator[Cells]:
+    """Trackers on the same frames: time, exactness, and what each loses."""
+    rows = data["tracking"]["rows"]
+    own = {row["film"]: row["milliseconds"] for row in rows if row["by"] == "thesis_lib"}
+    for row in rows:
+        pairs = zip(row["milliseconds"], own[row["film"]], strict=True)
+        yield {
+            "film": row["film"],
+            "by": row["by"],
+            "µs a marker and frame": f"{1e3 * statistics.median(row['milliseconds']):.1f}",
+            "× thesis_lib": f"{statistics.median(a / b for a, b in pairs):.2g}",
+            "rms amplitude error, px": f"{row['amplitude_error']:.4f}",
+            "missing, said": f"{row['told']:.0%}",
+            "lost, not said": f"{row['untold']:.0%}",
+        }
+
+
 def scale_load(data: Row) -> str:
     """What else the machine did while the large study was measured."""
     load = ", ".join(f"{x:.1f}" for x in data["scale"]["load"]) or "unknown"
@@ -224,6 +241,11 @@ def _scale() -> str:
     return f"{columns(scale(data))}\n{scale_load(data)}" if "scale" in data else NOT_YET
 
 
+def _tracking() -> str:
+    data = read()
+    return columns(tracking(data)) if "tracking" in data else NOT_YET
+
+
 PIECES: dict[str, Callable[[], str]] = {
     "benchmarks-machine": _machine,
     "benchmarks-targets": partial(_piece, targets),
@@ -232,5 +254,6 @@ PIECES: dict[str, Callable[[], str]] = {
     "benchmarks-rayleigh": partial(_piece, rayleigh),
     "benchmarks-plan": partial(_piece, plan),
     "benchmarks-scale": _scale,
+    "benchmarks-tracking": _tracking,
     "benchmarks-times": times.piece,
 }

@@ -62,7 +62,7 @@ def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Arra
     grey = image[v[:, :, None], u[:, None, :]].astype(float)
     u, v = u + HALF, v + HALF
 
-    patch = _Patch(view, known, plane[:, known], ellipses)
+    patch = Patch(view, known, plane[:, known], ellipses)
     usable = patch.usable(u - start[0, :, None], v - start[1, :, None])
     background = patch.background(grey, u - start[0, :, None], v - start[1, :, None])
     centre, outer = start.copy(), np.zeros(len(known))
@@ -70,7 +70,7 @@ def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Arra
     contrast = bright - np.min(np.where(usable, grey, 255), axis=(1, 2))
     for _ in range(steps):
         du, dv = u - centre[0, :, None], v - centre[1, :, None]
-        dark, *dark_by = _blurred_ellipses(du, dv, ellipses, blur)
+        dark, *dark_by = blurred_ellipses(du, dv, ellipses, blur)
         white, outward = patch.beam(u - start[0, :, None], v - start[1, :, None], outer)
         b, c = bright[:, None, None], contrast[:, None, None]
         residual = (grey - background - (b - background) * white + c * dark) * usable
@@ -99,7 +99,7 @@ def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Arra
     return uv, float(np.median(rms / contrast))
 
 
-class _Patch:
+class Patch:
     """The beam around some markers, with straight edges along it; its ends are left out."""
 
     def __init__(self, view: View, which: IntArray, plane: Array, ellipses: Array) -> None:
@@ -161,7 +161,7 @@ class _Patch:
         return share, slope
 
 
-def _blurred_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
+def blurred_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
     """Blurred indicators of ellipses and their derivatives in the centre.
 
     An ellipse is cut into chords along u. Blurred along u a chord is a difference of two normal

@@ -16,6 +16,7 @@ from thesis_lib.measure.tracking.homography import (
     find_view,
     view_of,
 )
+from thesis_lib.measure.tracking.tabulated import Follower
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
 from thesis_lib.vision.lens import Camera, resized, undistorted
 
@@ -27,7 +28,7 @@ def trackers_of(
     corners_px: Sequence[tuple[float, float]] | None,
     turn: float,
     shares: Sequence[float] = (),
-) -> tuple[list[Tracker], list[str]]:
+) -> tuple[list[Tracker | Follower], list[str]]:
     """What follows the markers of a video, from its first frame.
 
     Parameters
@@ -49,8 +50,8 @@ def trackers_of(
 
     Returns
     -------
-    trackers : list of Tracker
-        One for each share.
+    trackers : list of Tracker or Follower
+        One for each share; without any a follower of the full frames.
     notes : list of str
         At which width the markers are not found as they should be, and why.
 
@@ -61,8 +62,8 @@ def trackers_of(
     """
     view, notes = first_view(image, camera, markers, corners_px), []
     if not shares:
-        return [Tracker(view, turn)], []
-    trackers = []
+        return [Follower(Tracker(view, turn), image)], []
+    trackers: list[Tracker | Follower] = []
     for picture in pictures_of(image, shares):
         own = _resized(view, picture.shape[1], picture.shape[0])
         try:

@@ -158,7 +158,7 @@ class Tracker:
         uv, _ = refine(image, self.view, found)
         seen = self.view.to_plane(uv) - self.grid
         self.before = self.moved
-        self.moved = _filled(seen, self.grid, self.moved)
+        self.moved = filled(seen, self.grid, self.moved)
         return uv[:, : self.view.markers.count]
 
     def resampled(self, image: Image) -> Image:
@@ -174,7 +174,7 @@ class Tracker:
         return np.stack([columns + half, rows + half]) / self.scale + self.origin[:, None]
 
 
-def _filled(seen: Array, grid: Array, last: Array) -> Array:
+def filled(seen: Array, grid: Array, last: Array) -> Array:
     """Displacements on the plane; where a marker is missing, from a smooth surface through others.
 
     Thin-plate splines through the nearest markers; as they were in the frame before, if few are

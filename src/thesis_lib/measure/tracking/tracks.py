@@ -26,6 +26,7 @@ from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.tracking.follow import pictures_of, trackers_of
 from thesis_lib.measure.tracking.homography import TrackingError, as_dark
+from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.vision.lens import Camera, undistorted_tracks
 
 OFTEN = 100  # frames after which the state is written
@@ -160,7 +161,7 @@ def record(
         for image in islice(media.read_frames(video, done, clock=clock), count - done):
             pictures = pictures_of(as_dark(image, markers), shares)
             found = [own.centres(picture) for own, picture in zip(trackers, pictures, strict=True)]
-            found += [tracker.matched for tracker in trackers] if shares else []
+            found += [tracker.matched for tracker in trackers if isinstance(tracker, Tracker)]
             centres = np.array(found).tobytes()
             file.write(centres)
             written.update(centres)

@@ -1,0 +1,180 @@
+"""Markers followed by tabulated models: the fit of `centres`, made linear.
+
+For each marker and for 8 × 8 places of its centre in a pixel, the grey levels around it are a sum
+of columns: ground, structure, dark disc, the disc's two derivatives, the structure's edge moved
+outward. A frame then gives the centre by a product with what is kept of these, once more where the
+centre turns out to lie in another cell. A frame in which a marker does not fit that did in the one
+before goes to the tracker that searches for all of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thesis_lib.arrays import Array, Image, Mask
+from thesis_lib.measure.tracking.centres import EDGE, NOISE, POOR, Patch, blurred_ellipses
+from thesis_lib.measure.tracking.homography import View
+from thesis_lib.measure.tracking.tracker import Tracker, filled
+from thesis_lib.vision.lens import HALF
+
+CELLS = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px
+ROUNDS = 6  # of the fit, at most
+MIDDLE = 128  # grey level from which all are counted, for the sake of single precision
+CONTRAST = 100.0  # grey levels between structure and ground, with which the edge's place is weighed
+GROUND = 10.0  # grey levels by which the ground may differ from the first frame's
+MOST_LOST = 0.5  # share of the markers, above which a frame does not tell how they moved
+LARGEST = 4e8  # bytes of a table
+PRIOR = np.array([NOISE / GROUND, 0, 0, 0, 0, NOISE / (EDGE * CONTRAST)]) ** 2
+
+
+class Table:
+    """Linear models of the grey levels around markers and hole.
+
+    Parameters
+    ----------
+    view : View
+        How the camera sees the structure's plane.
+    image : ndarray of uint8, shape (height, width)
+        A frame of it at rest.
+
+    Raises
+    ------
+    MemoryError
+        If the table would be larger than :data:`LARGEST`.
+    ValueError
+        If the lens shows a marker nowhere.
+    """
+
+    def __init__(self, view: View, image: Image) -> None:
+        markers, plane = view.markers, view.markers.positions
+        n, start = plane.shape[1], view.to_image(plane)
+        ellipses = markers.diameter / 2 * np.moveaxis(view.stretch(plane), 2, 0)
+        self.radii = np.linalg.inv(ellipses)  # from px, shape (n, 2, 2)
+        reach = np.linalg.norm(ellipses, axis=2).max(axis=0)
+        half = np.ceil(reach + 3 * view.blur + 1).astype(int)
+        along, down = (np.arange(-k, k + 1) for k in half)
+        self.half = half[:, None]
+        self.u, self.v = (part.ravel() for part in np.meshgrid(along, down))
+        shape, size = (n, CELLS, CELLS), len(self.u)
+        if not np.isfinite(start).all():
+            raise ValueError("a marker is where the lens shows nothing")
+        if 4 * np.prod(shape) * 6 * size > LARGEST:
+            raise MemoryError(f"a table of {n} markers with {size} pixels each is too large")
+        patch = Patch(view, np.arange(n), plane, ellipses)
+        #: Ground, structure, disc, its derivatives in u and v, edge, for each marker and cell
+        self.columns = np.empty((*shape, 6, size), np.float32)
+        self.inverse = np.empty((*shape, 6, 6))
+        for row, column in np.ndindex(CELLS, CELLS):
+            du = np.tile(along + HALF - (column + 0.5) / CELLS, (n, 1))
+            dv = np.tile(down + HALF - (row + 0.5) / CELLS, (n, 1))
+            white, outward = patch.beam(du, dv, np.zeros(n))
+            usable = patch.usable(du, dv)
+            parts = [1 - white, white, *blurred_ellipses(du, dv, ellipses, view.blur), outward]
+            model = (np.stack(parts, axis=1) * usable[:, None]).reshape(n, 6, size)
+            gram = model @ model.swapaxes(1, 2) + np.diag(PRIOR + 1e-6)
+            self.columns[:, row, column] = model
+            self.inverse[:, row, column] = np.linalg.inv(gram)
+        whole = np.floor(start).astype(int)
+        u, v = (part[:, None] for part in whole)
+        height, width = image.shape
+        grey = image[np.clip(v + self.v, 0, height - 1), np.clip(u + self.u, 0, width - 1)]
+        du = along + HALF + (whole - start)[0][:, None]
+        dv = down + HALF + (whole - start)[1][:, None]
+        self.ground = patch.background(grey.reshape(n, len(down), len(along)), du, dv) - MIDDLE
+        self.contrast = 0.0  #: Median between structure and markers, in the frame
+        self.contrast = self.fit(image, start)[3]
+
+    def fit(self, image: Image, start: Array) -> tuple[Array, Mask, Mask, float]:
+        """Centres in px near a start, both (2, n), which hold, which are in view; the contrast."""
+        n, (height, width) = start.shape[1], image.shape
+        centre, inside = start.copy(), np.isfinite(start[0])
+        contrast, squares, used = np.zeros(n), np.full(n, np.inf), np.ones(n)
+        offsets, pixels = self.v * width + self.u, image.reshape(-1)
+        size = np.array([[width], [height]])
+        told = PRIOR * [self.ground, 0, 0, 0, 0, 0]
+        left = np.flatnonzero(inside)
+        for _ in range(ROUNDS):
+            whole = np.floor(centre[:, left])
+            within = np.all((whole >= self.half) & (whole < size - self.half), axis=0)
+            inside[left[~within]] = False
+            left, whole = left[within], whole[:, within].astype(int)
+            column, row = np.floor(CELLS * (centre[:, left] - whole)).astype(int)
+            corner, at = whole[1] * width + whole[0], (left, row, column)
+            grey = pixels[corner[:, None] + offsets].astype(np.float32) - MIDDLE
+            columns = self.columns[at]
+            right = (columns @ grey[:, :, None])[:, :, 0].astype(float)
+            x = (self.inverse[at] @ (right + told)[:, :, None])[:, :, 0]
+            usable = columns[:, 0] + columns[:, 1]  # ground and structure: all there is
+            fitted = np.sum(x * (right - told + PRIOR * x), axis=1)
+            squares[left] = np.einsum("np,np,np->n", usable, grey, grey) - fitted
+            contrast[left] = np.maximum(-x[:, 2], 1)
+            step = -x[:, 3:5].T / contrast[left]
+            middle = whole + (np.stack([column, row]) + 0.5) / CELLS
+            centre[:, left] = middle + np.clip(step, -1, 1)
+            used[left] = usable.sum(axis=1)
+            left = left[np.abs(step).max(axis=0) > 1 / CELLS]
+            if len(left) == 0:
+                break
+        rms = np.sqrt(np.maximum(squares, 0) / np.maximum(used - 4, 1))
+        strayed = (self.radii @ (centre - start).T[:, :, None])[:, :, 0]
+        holds = inside & (rms < POOR * contrast) & (np.linalg.norm(strayed, axis=1) < 1)
+        holds[left] = False
+        median = float(np.median(contrast[inside])) if inside.any() else 0.0
+        holds &= contrast > 0.4 * max(median, self.contrast)  # without light nothing holds
+        return centre, holds, inside, median
+
+
+class Follower:
+    """Follows the markers of one camera, frame after frame; see :class:`Tracker`.
+
+    Attributes
+    ----------
+    moved, before : ndarray, shape (2, markers and hole)
+        Displacements in px in the last frame, NaN where missing, and in the one before it.
+    """
+
+    def __init__(self, tracker: Tracker, image: Image) -> None:
+        self.tracker, self.view = tracker, tracker.view
+        self.table: Table | None
+        try:
+            self.table = Table(self.view, image)
+        except (MemoryError, ValueError):  # each frame is searched then, more slowly
+            self.table = None
+        self.rest = self.view.to_image(tracker.grid)
+        self.moved = np.zeros_like(self.rest)
+        self.before = np.zeros_like(self.rest)
+
+    def centres(self, image: Image) -> Array:
+        """Centres of the markers in px, shape (2, markers), NaN where missing; the hole is dropped.
+
+        Frames are to be given in their order: what moved before tells where to look.
+        """
+        lost = np.isnan(self.moved[0])
+        moved = filled(self.moved, self.tracker.grid, self.before) if lost.any() else self.moved
+        ahead = 2 * np.cos(self.tracker.turn) * moved - self.before
+        found = self._fitted(image, self.rest + ahead, lost)
+        uv = self._searched(image, moved) if found is None else found
+        self.before, self.moved = moved, uv - self.rest
+        if np.isnan(uv[0]).mean() > MOST_LOST:  # no light: it goes on as it did, if that is known
+            self.moved = ahead if self.tracker.turn else moved
+        return uv[:, : self.view.markers.count]
+
+    def _fitted(self, image: Image, start: Array, lost: Mask) -> Array | None:
+        """Centres by the table; None if one that was not lost, or half of all, do not hold."""
+        if self.table is None:
+            return None
+        uv, holds, inside, _ = self.table.fit(image, start)
+        count = self.view.markers.count
+        if np.any((inside & ~holds & ~lost)[:count]) or np.mean(~holds) > MOST_LOST:
+            return None
+        return np.where(holds, uv, np.nan)
+
+    def _searched(self, image: Image, moved: Array) -> Array:
+        """Centres (2, markers and hole) by the tracker that looks for them far around."""
+        tracker, view = self.tracker, self.view
+        tracker.moved, tracker.before = (
+            view.to_plane(self.rest + part) - tracker.grid for part in (moved, self.before)
+        )
+        uv = tracker.centres(image)
+        hole = view.to_image(tracker.grid + tracker.moved)[:, uv.shape[1] :]
+        return np.concatenate([uv, hole], axis=1)
