@@ -1,6 +1,7 @@
 """Bundle adjustment against known rigs, differences, sampled statistics and OpenCV's own."""
 
 import time
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -107,6 +108,29 @@ def test_from_corners_as_found_to_a_rig_within_a_fifth_of_a_millimetre(conforms)
     conforms.sampled(np.abs(lens_errors(result.cameras)[:, :2]).max(), below=3e-4 * 1275)
     conforms.sampled(result.rms, SIGMA, rtol=0.1)
     assert [c.name for c in result.cameras] == ["A", "B", "C", "D"]
+
+
+def test_a_thick_board_of_two_sides_puts_cameras_where_they_are(conforms):
+    thick = replace(BOARD, thickness=0.008)
+    R, t = default_poses()
+    uv = exact_images(rig(), R, t)
+
+    def seen_from_behind(images):
+        return thick.shown(images)[..., 2, 0] < 0
+
+    back = np.array([[0.0], [0.0], [-thick.thickness]])
+    for c, s in np.argwhere(seen_from_behind(uv)):
+        uv[c, s] = lens.project(rig()[c], R[s] @ (POINTS + back) + t[s][:, None])
+    assert 0 < np.mean(seen_from_behind(uv)) < 1
+    shots = as_found(uv, seed=2)
+    single = [zhang(s, thick, SIZE, name=c.name) for c, s in zip(rig(), shots, strict=True)]
+    unified, _ = unify(single, shots, thick, two_sided=True)
+    off = []
+    for board in (thick, BOARD):
+        result = adjust(unified, board.shown(unified), [s.camera() for s in single])
+        off.append(np.linalg.norm(align(result.cameras, rig())[1], axis=1).max())
+    conforms.closed_form(off[0], below=1e-6)
+    assert off[1] > 1e-3  # and without its thickness they are where they are not
 
 
 @pytest.mark.parametrize("free", [(True, True), (True, False), (False, False)])

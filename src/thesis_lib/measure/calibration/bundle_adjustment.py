@@ -58,8 +58,8 @@ def adjust(
     ----------
     observations : ndarray, shape (cameras, shots, 2, points)
         Pixels, in one order of the points for all pictures; a picture with NaN counts as absent.
-    points : ndarray, shape (3, points)
-        The board's corners in its own frame, m.
+    points : ndarray, shape (3, points) or (cameras, shots, 3, points)
+        The board's corners in its own frame, m; where its sides differ, those of each picture.
     cameras : sequence of Camera
         Names, sizes, and intrinsics and distortion to start from or to keep. Where the cameras
         stand is found from the observations.
@@ -84,7 +84,7 @@ def adjust(
         common pictures, or if the steps do not converge.
     """
     observations, points = np.asarray(observations, float), np.asarray(points, float)
-    expected = (len(cameras), 2, points.shape[1])
+    expected = (len(cameras), 2, points.shape[-1])
     given = observations.shape
     if observations.ndim != 4 or (given[0], given[2], given[3]) != expected:
         raise ValueError(
@@ -163,7 +163,7 @@ def _result(
     inverse, least = _inverse(normal, network, free)
     if least < _DETERMINED:
         raise CalibrationError("adjustment: the pictures do not determine all unknowns")
-    squares, count = float(np.nansum(residuals**2)), 2 * points.shape[1] * int(seen.sum())
+    squares, count = float(np.nansum(residuals**2)), 2 * points.shape[-1] * int(seen.sum())
     freedom = count - (int(free.sum()) - POSE)
     sigma = float(np.sqrt(squares / freedom))
     covariance = sigma**2 * inverse

@@ -54,7 +54,7 @@ def exact(
     def compute() -> xr.Dataset:
         corners = calibration["corners"].values
         corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
-        points, free = board.corners, held is None
+        points, free = board.shown(corners), held is None
         full = adjust(corners, points, cameras_in(calibration), free, free)
         cameras = jackknife(corners, points, full)
         if held is not None and np.isfinite(held).all():

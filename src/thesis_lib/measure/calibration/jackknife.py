@@ -37,7 +37,7 @@ def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adj
     ----------
     observations : ndarray, shape (cameras, shots, 2, points)
         Pixels that the adjustment fits.
-    points : ndarray, shape (3, points)
+    points : ndarray, shape (3, points) or (cameras, shots, 3, points)
         The board's corners, m.
     adjustment : Adjustment
         Of these.
@@ -125,7 +125,8 @@ def _contributions(observations: Array, points: Array, network: Network) -> tupl
         cameras = tuple(network.cameras[c] for c in views)
         one = Network(cameras, network.rotations[[s]], network.translations[[s]])
         uv = observations[views][:, [s]]
-        N, g, _ = reprojection.normal_equations(uv, seen[views][:, [s]], points, one)
+        own = points if points.ndim == 2 else points[views][:, [s]]
+        N, g, _ = reprojection.normal_equations(uv, seen[views][:, [s]], own, one)
         board = POSE * len(views) + np.arange(POSE)
         both = np.column_stack([N, g])
         both = both - N[:, board] @ np.linalg.solve(N[np.ix_(board, board)], both[board])

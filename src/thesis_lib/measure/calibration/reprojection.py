@@ -65,7 +65,8 @@ def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Came
     views = [(int(c), int(s)) for c, s in np.argwhere(seen)]
     while pending := [(c, s) for c, s in views if (c in placed) != (s in boards)]:
         c, s = pending[0]
-        R, t = planar_pose(cameras[c], points, observations[c, s])
+        own = points if points.ndim == 2 else points[c, s]
+        R, t = planar_pose(cameras[c], own, observations[c, s])
         if s in boards:
             Rs, ts = boards[s]
             rotation = R @ Rs.T
@@ -85,10 +86,12 @@ def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Came
 
 
 def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]:
-    """Rotation and translation from a board to a camera that sees it."""
+    """Rotation and translation from a board to a camera that sees points of one z of it."""
     xy = undistort(from_pixels(camera.K, uv), camera.distortion)
-    _, turn, t = cv2.solvePnP(points.T.copy(), xy.T.copy(), np.eye(3), np.zeros(4))
-    return np.asarray(cv2.Rodrigues(turn)[0], float), np.ravel(np.asarray(t, float))
+    flat = points * np.array([[1.0], [1.0], [0.0]])
+    _, turn, t = cv2.solvePnP(flat.T.copy(), xy.T.copy(), np.eye(3), np.zeros(4))
+    R, t = np.asarray(cv2.Rodrigues(turn)[0], float), np.ravel(np.asarray(t, float))
+    return R, t - R[:, 2] * points[2, 0]
 
 
 def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Array]:
@@ -100,7 +103,7 @@ def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Arra
         Where the boards are.
     camera : Camera
         The camera.
-    points : ndarray, shape (3, points)
+    points : ndarray, shape (3, points) or (shots, 3, points)
         In the boards' frame, m.
 
     Returns
@@ -110,7 +113,8 @@ def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Arra
     J : ndarray, shape (20, 2, shots, points)
         Derivatives in the camera's pose (6), the board's pose (6) and the lens (8).
     """
-    on_board = np.einsum("sij,jn->isn", network.rotations, points)
+    which = "sij,jn->isn" if points.ndim == 2 else "sij,sjn->isn"
+    on_board = np.einsum(which, network.rotations, points)
     from_centre = on_board + (network.translations - camera.centre).T[:, :, None]
     R = camera.R_camera_world
     x, y, z = np.tensordot(R, from_centre, axes=1)
@@ -171,7 +175,7 @@ def normal_equations(
     right = np.zeros(network.unknowns)
     residuals = np.full(observations.shape, np.nan)
     for c, camera in enumerate(network.cameras):
-        uv, J = images(network, camera, points)
+        uv, J = images(network, camera, points if points.ndim == 2 else points[c])
         residuals[c] = observations[c] - uv.swapaxes(0, 1)
         shots = np.flatnonzero(seen[c])
         A = J[:, :, shots].transpose(2, 0, 1, 3).reshape(len(shots), POSE * 2 + LENS, -1)

@@ -105,7 +105,8 @@ def adjusted(
         files = ", ".join(path.name for row in paths if (path := row[pose]))
         lost.append(f"pose {pose + 1} ({files or 'no picture'}): {why}; it is left out")
     cameras = [one.camera() for one in single]
-    full = adjust(corners[:, seen], board.corners, cameras, not lenses, not lenses)
+    used = corners[:, seen]
+    full = adjust(used, board.shown(used), cameras, not lenses, not lenses)
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)

@@ -108,8 +108,13 @@ def _order(board: Board, symmetry: Array) -> IntArray:
 
 
 def _images(calibration: Calibration, board: Board, symmetries: Array) -> list[Array | None]:
-    """The board's corners in the camera, (symmetries, 3, corners) in m, per shot."""
-    X = symmetries @ board.corners
+    """The board's corners in the camera, (symmetries, 3, corners) in m, per shot.
+
+    The side that the camera sees is half a thickness before the middle, about which a board that
+    is turned over turns.
+    """
+    middle = np.array([[0.0], [0.0], [board.thickness / 2]])
+    X = symmetries @ (board.corners + middle) - middle
     return [
         None if R is None or t is None else R @ X + t[:, None]
         for R, t in zip(calibration.rotations, calibration.translations, strict=True)

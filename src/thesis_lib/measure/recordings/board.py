@@ -22,6 +22,7 @@ class Board:
     rows: int = 9
     tile: float = 0.045  #: Side of a tile in m
     margin: float = 0.045  #: Width of the white margin around the tiles in m
+    thickness: float = 0.0  #: Distance of the printed sides, of a board that has two, in m
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -35,6 +36,30 @@ class Board:
         x = (np.arange(nx) - (nx - 1) / 2) * self.tile
         y = (np.arange(ny) - (ny - 1) / 2) * self.tile
         return np.stack([np.tile(x, ny), np.repeat(y, nx), np.zeros(nx * ny)])
+
+    def shown(self, images: Array) -> Array:
+        """Corners in the frame of a side, as pictures show them, in m.
+
+        Corners of the other side lie a thickness behind, and run in a picture from it the other
+        way round.
+
+        Parameters
+        ----------
+        images : ndarray, shape (..., 2, corners)
+            Pixels in the order of :attr:`corners`; NaN where a picture is absent.
+
+        Returns
+        -------
+        ndarray, shape (3, corners) of a thin board, else (..., 3, corners)
+        """
+        if self.thickness == 0:
+            return self.corners
+        nx, ny = self.shape
+        grid = images.reshape(*images.shape[:-1], ny, nx)
+        along, up = (np.gradient(grid, axis=axis).mean((-2, -1)) for axis in (-1, -2))
+        turn = along[..., 0] * up[..., 1] - along[..., 1] * up[..., 0]  # rows of pixels run down
+        behind = np.where(turn > 0, self.thickness, 0.0)[..., None, None]
+        return self.corners - behind * np.array([[0.0], [0.0], [1.0]])
 
     @property
     def dark_tiles(self) -> Array:

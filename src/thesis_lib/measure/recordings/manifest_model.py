@@ -225,11 +225,13 @@ class BoardSpec(Refusing):
     tile_mm: Positive = field(45.0, "side of a tile")
     margin_mm: float = field(45.0, "width of the white margin", ge=0, le=1e5)
     two_sided: bool = field(True, "whether it is printed on both sides")
+    thickness_mm: float = field(0.0, "distance of the two printed sides", ge=0, le=100)
 
     @property
     def board(self) -> Board:
         """The board in SI units."""
-        return Board(self.columns, self.rows, self.tile_mm / 1000, self.margin_mm / 1000)
+        lengths = (self.tile_mm, self.margin_mm, self.thickness_mm)
+        return Board(self.columns, self.rows, *(length / 1000 for length in lengths))
 
 
 class Manifest(Refusing):

@@ -196,8 +196,8 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterable[str]:
             "All rows of a frame are exposed at once. A rolling shutter sees markers lower in the "
             "picture later: give readout_s, else their phase errs by up to 2πf times that."
         )
-    if manifest.board.two_sided and data["shots_used"].any():
-        yield "The two sides of the board are printed in one place; its thickness is neglected."
+    if manifest.board.two_sided and not manifest.board.thickness_mm and data["shots_used"].any():
+        yield "The board has no thickness: its two sides are taken to be in one place."
     order = int(data["harmonics"])
     yield (
         f"In the steady part every image coordinate is a constant and {order} "
