@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from thesis_lib import files
-from thesis_lib.measure.commands import one_line, print_, sync
+from thesis_lib.measure.commands import one_line, pack, print_, sync
 from thesis_lib.runs.requested import (
     FAILED,
     INTERRUPTED,
@@ -398,6 +398,7 @@ def compare(new: Path, old: Path | None) -> None:
 
 cli.add_command(print_)
 cli.add_command(sync)
+cli.add_command(pack)
 
 
 def _lacking(error: ModuleNotFoundError) -> str:

@@ -170,3 +170,24 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
         lines = write_synchronisation(videos, out)
     click.echo("\n".join(lines))
     click.echo(f"Wrote {out / 'sync.csv'} and {out / 'sync.png'}")
+
+
+@click.command()
+@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("video", type=_FILE, required=False)
+@click.option("--rate-hz", type=click.FloatRange(0.1, 1e6), help="Frames per second.")
+def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
+    """Write a folder of pictures, or raw frames (.cih, .cihx), as a video without loss.
+
+    SOURCE is not changed. VIDEO is SOURCE.mov if not given.
+    """
+    from thesis_lib.measure.recordings.media_info import MediaError
+    from thesis_lib.measure.recordings.pack import pack as write
+
+    target = video or source.with_suffix(".mov")
+    with one_line(target):
+        try:
+            count, (width, height) = write(source, target, rate_hz)
+        except MediaError as error:
+            raise click.UsageError(str(error)) from None
+    click.echo(f"{target}: {count} frames of {width} × {height} px")

@@ -10,7 +10,7 @@ AREAS = {
     "Acoustics": "radiation planes quadrature radiating estimates sound sound_sum sound_turn "
     "lab_radiation",
     "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
-    "The experiment": "scene lens render media corners calibration adjustment jackknife "
+    "The experiment": "scene lens render media pack corners calibration adjustment jackknife "
     "synchronisation listening tracking reconstruction laboratory tapped experiment_study "
     "lab_layouts lab_motions",
     "Own recordings": "feasibility modes measuring measure result calibration_error own_recordings "

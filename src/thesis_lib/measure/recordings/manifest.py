@@ -153,12 +153,12 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
             if not file.name.startswith(".")  # as macOS puts beside those it copies
             and (not inside or file.suffix.lower() in PICTURES)
         ]
-        return [*sorted(pictures, key=lambda file: _by_number(file.name))]
+        return [*sorted(pictures, key=lambda file: by_number(file.name))]
     except (ValueError, NotImplementedError):  # no pattern that pathlib knows
         return []
 
 
-def _by_number(name: str) -> list[tuple[int, str]]:
+def by_number(name: str) -> list[tuple[int, str]]:
     """A key that puts 2.png before 10.png."""
     groups = "".join(c if c.isdigit() and c.isascii() else f" {c} " for c in name).split()
     return [(int(group), "") if group.isdecimal() else (-1, group) for group in groups]

@@ -43,22 +43,22 @@ def write_video(
     path: Path,
     frames: Iterable[Image],
     frame_rate: float,
-    audio: ArrayLike,
+    audio: ArrayLike | None,
     sample_rate: int = 48000,
     codec: Literal["ffv1", "h264"] = "ffv1",
     crf: int = 23,
 ) -> None:
-    """Write gray frames and their sound to a Matroska file, whole or not at all.
+    """Write gray frames and their sound to a file, whole or not at all.
 
     Parameters
     ----------
     path : Path
-        File to write, ending in .mkv.
+        File to write, ending in .mkv, or in .mov, whose time stamps are exact at any rate.
     frames : iterable of ndarray, shape (height, width)
         Frames as uint8, taken one at a time; height and width are even.
     frame_rate : float
         Frames per second in Hz.
-    audio : array_like, shape (samples,)
+    audio : array_like, shape (samples,), or None
         Sound from the first frame on, −1…1; what is beyond clips, as it does in a camera.
     sample_rate : int
         Audio samples per second in Hz.
@@ -72,9 +72,10 @@ def write_video(
     MediaError
         If the file's name, the frames or the audio do not suit.
     """
-    sound = np.asarray(audio, float)
-    if path.suffix != ".mkv":
-        raise MediaError(f"{path}: given the ending {path.suffix!r}, allowed: .mkv")
+    sound = np.asarray([] if audio is None else audio, float)
+    container = {".mkv": "matroska", ".mov": "mov"}.get(path.suffix)
+    if container is None:
+        raise MediaError(f"{path}: given the ending {path.suffix!r}, allowed: .mkv, .mov")
     if sound.ndim != 1 or not np.isfinite(sound).all():
         raise MediaError(f"{path}: audio of shape {sound.shape}, allowed: finite, one channel")
     samples = np.rint(np.clip(sound, -1, 1 - 2**-15) * 2**15).astype(np.int16)
@@ -88,7 +89,7 @@ def write_video(
         name, options = "libx264", {"preset": "medium", "crf": str(crf), "mbtree": "0"}
 
     def write(part: Path) -> None:
-        with av.open(str(part), "w", format="matroska", options={"fflags": "+bitexact"}) as file:
+        with av.open(str(part), "w", format=container, options={"fflags": "+bitexact"}) as file:
             file.metadata["comment"] = " ".join([name, *map("=".join, options.items())])
             video = file.add_stream(name, rate=Fraction(frame_rate).limit_denominator(1001))
             assert isinstance(video, VideoStream)
@@ -96,10 +97,12 @@ def write_video(
             video.pix_fmt, video.thread_type = "gray", "AUTO"
             video.options = dict(options)
             video.codec_context.color_range = ColorRange.JPEG  # grey levels 0…255, not 16…235
-            track = file.add_stream("pcm_s16le", rate=sample_rate, layout="mono")
+            track = None
+            if audio is not None:
+                track = file.add_stream("pcm_s16le", rate=sample_rate, layout="mono")
 
             def add_sound(start: int, stop: int) -> None:
-                if start < (stop := min(stop, len(samples))):
+                if track is not None and start < (stop := min(stop, len(samples))):
                     block = av.AudioFrame.from_ndarray(samples[None, start:stop], "s16", "mono")
                     block.sample_rate, block.pts = sample_rate, start
                     block.time_base = Fraction(1, sample_rate)
@@ -121,7 +124,8 @@ def write_video(
             for start in range(written, len(samples), sample_rate):
                 add_sound(start, start + sample_rate)
             file.mux(video.encode(None))
-            file.mux(track.encode(None))
+            if track is not None:
+                file.mux(track.encode(None))
 
     if first.dtype != np.uint8 or first.ndim != 2 or any(side % 2 for side in first.shape):
         raise MediaError(

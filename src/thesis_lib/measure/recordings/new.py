@@ -26,7 +26,7 @@ from thesis_lib.measure.recordings.media_info import VideoInfo, frame_clock, pro
 from thesis_lib.measure.recordings.ruled import ruled
 from thesis_lib.plotting.style import saved
 
-VIDEOS = {".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts"}
+VIDEOS = {".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".cine"}
 FEWEST, POSES = 3, 12  # pictures of the board that are needed, that are wanted
 ASKED = (  # what no file shows
     "structure.kind", "structure.length_mm", "structure.width_mm", "structure.thickness_mm",

@@ -1,0 +1,133 @@
+"""Pictures in a folder, or raw frames, as a lossless video that everything else here reads.
+
+Industrial cameras write one picture per frame, and Photron's raw frames (``.mraw``) beside a header
+in text (``.cih``) or XML (``.cihx``). Phantom's ``.cine`` is read as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from thesis_lib.arrays import Image
+from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.manifest import PICTURES, by_number
+from thesis_lib.measure.recordings.media_info import MediaError
+
+#: Names in the text header and in the XML header of what is needed
+FIELDS = {
+    "rate": (r"Record Rate\(fps\)", "recordRate"),
+    "frames": ("Total Frame", "totalFrame"),
+    "width": ("Image Width", "width"),
+    "height": ("Image Height", "height"),
+    "bits": ("Color Bit", "bit"),
+    "depth": ("EffectiveBit Depth", "depth"),
+    "side": ("EffectiveBit Side", "side"),
+}
+
+
+def pack(source: Path, target: Path, rate: float | None = None) -> tuple[int, tuple[int, int]]:
+    """Write frames to a video without loss of grey levels of eight bits.
+
+    Parameters
+    ----------
+    source : Path
+        Folder of pictures, in the order of their names, numbers by value; or a ``.cih`` or
+        ``.cihx`` beside its ``.mraw``. Of more than eight bits the highest eight are kept.
+    target : Path
+        File to write, ending in .mov.
+    rate : float, optional
+        Frames per second in Hz; raw frames know their own.
+
+    Returns
+    -------
+    frames : int
+        How many there are.
+    size : tuple of int
+        Width and height in px; a last odd row or column is left out.
+
+    Raises
+    ------
+    MediaError
+        If there are no frames, they are not alike or cut off, or no rate is known.
+    """
+    own, frames = _raw(source) if source.suffix in (".cih", ".cihx") else _pictures(source)
+    if rate is None and own is None:
+        raise MediaError(f"{source}: pictures do not say their rate: give --rate-hz")
+    if target.suffix != ".mov":
+        raise MediaError(f"{target}: given the ending {target.suffix!r}, allowed: .mov")
+    count, shape = 0, (0, 0)
+
+    def even() -> Iterator[Image]:
+        nonlocal count, shape
+        for frame in frames:
+            shape = (frame.shape[0] // 2 * 2, frame.shape[1] // 2 * 2)
+            count += 1
+            yield frame[: shape[0], : shape[1]]
+
+    frequency = float(rate or own or 0)
+    media.write_video(target, even(), frequency, None, codec="h264", crf=0)  # 0 loses nothing
+    return count, shape[::-1]
+
+
+def _pictures(folder: Path) -> tuple[None, Iterator[Image]]:
+    if not folder.is_dir():
+        raise MediaError(f"{folder}: allowed: a folder of pictures, a .cih or a .cihx")
+    files = [file for file in folder.iterdir() if file.suffix.lower() in PICTURES]
+    if not files:
+        raise MediaError(f"{folder}: no picture in it ({', '.join(sorted(PICTURES))})")
+    return None, map(media.read_png, sorted(files, key=lambda file: by_number(file.name)))
+
+
+def _raw(header: Path) -> tuple[float, Iterator[Image]]:
+    """Rate and frames of a header and the raw file beside it."""
+    if not header.is_file():
+        raise MediaError(f"{header}: no such file")
+    text = header.read_bytes().decode("utf-8", "replace")
+    patterns = [rf"^{name} : (.+?)\r?$" for name, _ in FIELDS.values()]
+    if header.suffix == ".cihx":
+        patterns = [rf"<{name}>([^<]+)</{name}>" for _, name in FIELDS.values()]
+    found = [re.search(pattern, text, re.MULTILINE) for pattern in patterns]
+    for (name, _), match in zip(FIELDS.values(), found, strict=True):
+        if match is None:
+            raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")
+    said = {key: match[1].strip() for key, match in zip(FIELDS, found, strict=True) if match}
+    rate, side = float(said.pop("rate")), said.pop("side")
+    number = {key: int(value) for key, value in said.items()}
+    bits, shape = number["bits"], (number["height"], number["width"])
+    taken = _EIGHT_BITS.get(bits)
+    if taken is None:
+        raise MediaError(f"{header}: {bits} bits for a pixel, allowed: {[*_EIGHT_BITS]}, grey")
+    raw, size = header.with_suffix(".mraw"), shape[0] * shape[1] * bits // 8
+    if not raw.is_file() or raw.stat().st_size < number["frames"] * size:
+        raise MediaError(
+            f"{raw}: not there, or shorter than the {number['frames']} frames of {header}"
+        )
+    shift = (16 if side == "Higher" else number["depth"]) - 8
+
+    def frames() -> Iterator[Image]:
+        with raw.open("rb") as file:
+            for _ in range(number["frames"]):
+                yield taken(np.frombuffer(file.read(size), np.uint8), shift).reshape(shape)
+
+    return rate, frames()
+
+
+def _eight(data: Image, shift: int) -> Image:
+    return data
+
+
+def _twelve(data: Image, shift: int) -> Image:
+    """Two pixels in three bytes, the highest bits first."""
+    first, middle, last = data.reshape(-1, 3).T
+    return np.stack([first, (middle & 15) << 4 | last >> 4], axis=1).ravel()
+
+
+def _sixteen(data: Image, shift: int) -> Image:
+    return (data.view("<u2") >> shift).astype(np.uint8)
+
+
+_EIGHT_BITS: dict[int, Callable[[Image, int], Image]] = {8: _eight, 12: _twelve, 16: _sixteen}

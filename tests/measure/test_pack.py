@@ -1,0 +1,130 @@
+"""Pictures, raw frames and Phantom's files against what was put into them, by their formats."""
+
+import struct
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from thesis_lib.cli import cli
+from thesis_lib.measure.recordings.media import read_frames, write_png
+from thesis_lib.measure.recordings.media_info import MediaError, frame_clock, probe
+from thesis_lib.measure.recordings.pack import pack
+
+FRAMES = np.random.default_rng(0).integers(0, 4096, (7, 48, 64), np.uint16)  # of twelve bits
+EIGHT = (FRAMES >> 4).astype(np.uint8)
+CIH = """#Camera Information Header
+Date : 2026/11/25
+Record Rate(fps) : 12500
+Total Frame : 7
+Image Width : 64
+Image Height : 48
+Color Type : Mono
+Color Bit : {bits}
+EffectiveBit Depth : {depth}
+EffectiveBit Side : {side}
+File Format : MRaw
+"""
+CIHX = """binary\0rubbish<cih><recordInfo><recordRate>12500</recordRate></recordInfo>
+<frameInfo><totalFrame>7</totalFrame></frameInfo><imageDataInfo>
+<resolution><width>64</width><height>48</height></resolution>
+<colorInfo><type>Mono</type><bit>{bits}</bit></colorInfo>
+<effectiveBit><depth>{depth}</depth><side>{side}</side></effectiveBit></imageDataInfo></cih>
+"""
+
+
+def packed12(frames):
+    """Two pixels in three bytes, most significant bits first."""
+    bits = (frames.ravel()[:, None] >> np.arange(11, -1, -1)) & 1
+    return np.packbits(bits.astype(np.uint8).ravel()).tobytes()
+
+
+RAW = {
+    "8 bits": (8, 8, "Lower", EIGHT.tobytes()),
+    "12 packed": (12, 12, "Lower", packed12(FRAMES)),
+    "16, the lower 12": (16, 12, "Lower", FRAMES.astype("<u2").tobytes()),
+    "16, the higher 12": (16, 12, "Higher", (FRAMES << 4).astype("<u2").tobytes()),
+}
+
+
+def photron(folder, bits, depth, side, data, suffix=".cih"):
+    header = {".cih": CIH, ".cihx": CIHX}[suffix].format(bits=bits, depth=depth, side=side)
+    (folder / f"C1{suffix}").write_text(header, encoding="utf-8")
+    (folder / "C1.mraw").write_bytes(data)
+    return folder / f"C1{suffix}"
+
+
+@pytest.mark.parametrize("suffix", [".cih", ".cihx"])
+@pytest.mark.parametrize("kind", RAW)
+def test_raw_frames_come_back_at_their_rate(tmp_path, kind, suffix):
+    source, video = photron(tmp_path, *RAW[kind], suffix), tmp_path / "C1.mov"
+    assert pack(source, video) == (7, (64, 48))
+    clock = frame_clock(video)
+    np.testing.assert_allclose(clock, np.arange(7) / 12500, atol=1e-9)
+    np.testing.assert_array_equal(list(read_frames(video, clock=clock)), EIGHT)
+    assert not probe(video).has_audio
+
+
+def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
+    (tmp_path / "left").mkdir()
+    for k, frame in enumerate(EIGHT):
+        write_png(tmp_path / "left" / f"frame{k + 7}.png", frame[:47, :63])
+    said = CliRunner().invoke(cli, ["pack", str(tmp_path / "left"), "--rate-hz", "240"])
+    assert said.output == f"{tmp_path / 'left.mov'}: 7 frames of 62 × 46 px\n"
+    video = tmp_path / "left.mov"
+    np.testing.assert_array_equal(list(read_frames(video)), EIGHT[:, :46, :62])
+    assert probe(video).frame_rate == 240
+
+
+@pytest.mark.parametrize(
+    ("break_", "said"),
+    [
+        (lambda p: p.with_suffix(".mraw").write_bytes(b"short"), "shorter than the 7 frames"),
+        (lambda p: p.with_suffix(".mraw").unlink(), "not there"),
+        (lambda p: p.write_text("Record Rate(fps) : 5\n"), "does not say 'totalFrame|Total Frame'"),
+        (lambda p: p.unlink(), "no such file"),
+        (lambda p: p.write_text(CIH.format(bits=36, depth=12, side="Lower")), "36 bits"),
+    ],
+)
+def test_broken_raw_frames_are_named_in_a_line(tmp_path, break_, said):
+    source = photron(tmp_path, *RAW["8 bits"])
+    break_(source)
+    with pytest.raises(MediaError, match=said) as refused:
+        pack(source, tmp_path / "C1.mov")
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "C1.mov").exists()
+
+
+def test_a_folder_without_pictures_or_rate_is_refused(tmp_path):
+    runner = CliRunner()
+    for what, said in [("", "no picture in it"), ("none", "allowed: a folder of pictures")]:
+        result = runner.invoke(cli, ["pack", str(tmp_path / what), str(tmp_path / "o.mov")])
+        assert (result.exit_code, said in result.output) == (2, True)
+    write_png(tmp_path / "a.png", EIGHT[0])
+    result = runner.invoke(cli, ["pack", str(tmp_path), str(tmp_path / "o.mov")])
+    assert "give --rate-hz" in result.output
+    result = runner.invoke(cli, ["pack", str(tmp_path), str(tmp_path / "o.mp4"), "--rate-hz", "5"])
+    assert "allowed: .mov" in result.output
+
+
+def test_phantoms_files_are_read_as_they_are(tmp_path):
+    # Header (44 bytes), bitmap header (40), setup with the rate at byte 768, places of the frames,
+    # frames: an annotation of 8 bytes, then rows from the lowest up.
+    rate, (n, height, width) = 12500, EIGHT.shape
+    setup = bytearray(0x163C)
+    struct.pack_into("<2sH", setup, 140, b"ST", len(setup))
+    struct.pack_into("<I", setup, 768, rate)
+    places = 84 + len(setup)
+    first, size = places + 8 * n, height * width
+    path = tmp_path / "fast.cine"
+    path.write_bytes(
+        struct.pack("<2sHHHiIiIIIIQ", b"CI", 44, 0, 1, 0, n, 0, n, 44, 84, places, 0)
+        + struct.pack("<IiiHHIIiiII", 40, width, height, 1, 8, 0, size, 0, 0, 256, 256)
+        + bytes(setup)
+        + struct.pack(f"<{n}q", *(first + k * (8 + size) for k in range(n)))
+        + b"".join(struct.pack("<II", 8, size) + frame[::-1].tobytes() for frame in EIGHT)
+    )
+    assert probe(path).frame_rate == rate
+    clock = frame_clock(path)
+    np.testing.assert_allclose(clock, np.arange(n) / rate, atol=1e-9)
+    np.testing.assert_array_equal(list(read_frames(path, clock=clock)), EIGHT)
