@@ -1,5 +1,6 @@
 """Recordings: lossless round trips, grey levels, alignment of sound, and broken files named."""
 
+import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -385,3 +386,18 @@ def test_a_truncated_picture_is_refused(tmp_path, share):
 def test_a_picture_of_another_kind_is_not_written(tmp_path):
     refused(lambda: write_png(tmp_path / "1.png", np.zeros((3, 3))), "1.png", "float64")
     assert not (tmp_path / "1.png").exists()
+
+
+def test_pictures_of_telephones_are_read(tmp_path, monkeypatch):
+    heif = pytest.importorskip("pillow_heif", reason="pillow-heif is not installed")
+    path, grey = tmp_path / "a.heic", blurred(1)[0]
+    colour = np.stack([grey] * 3, axis=2)
+    heif.encode("RGB", SIZE, colour.tobytes(), path, quality=100)
+    assert np.abs(read_png(path).astype(int) - grey).max() < 12
+    assert np.abs(read_png(path).astype(int) - grey).mean() < 2
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(MediaError, match="not a readable picture, or cut off"):
+        read_png(path)
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    with pytest.raises(MediaError, match=r"HEIC needs pillow-heif: pip install thesis-lib\[heic\]"):
+        read_png(path)

@@ -16,7 +16,7 @@ from thesis_lib.measure.recordings.manifest_model import INSIDE, CameraFiles, Ma
 from thesis_lib.studies.refusals import nearest, permitted, shown
 from thesis_lib.text import first_hidden, one_line
 
-PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}  # sought in folders
+PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}  # sought in folders
 DEEPEST = 20  # levels of a YAML text; a manifest has six
 
 

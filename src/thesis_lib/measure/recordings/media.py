@@ -295,7 +295,27 @@ def read_png(path: Path) -> Image:
     data = path.read_bytes()
     png = data.startswith(b"\x89PNG")
     whole = not png or b"IEND" in data[-12:]  # OpenCV fills what is cut off
+    if data[4:8] == b"ftyp":
+        return _read_heic(path)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
     if image is None or not whole:
         raise MediaError(f"{path}: not a readable picture, or cut off")
     return np.asarray(image, np.uint8)
+
+
+def _read_heic(path: Path) -> Image:
+    """A picture as telephones store it, turned as it is to be shown."""
+    try:
+        import pillow_heif
+    except ImportError:
+        raise MediaError(
+            f"{path}: HEIC needs pillow-heif: pip install thesis-lib[heic], or save JPEG"
+        ) from None
+    try:
+        picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
+    except (ValueError, OSError, EOFError, SyntaxError):
+        raise MediaError(f"{path}: not a readable picture, or cut off") from None
+    to_grey = {3: cv2.COLOR_RGB2GRAY, 4: cv2.COLOR_RGBA2GRAY}
+    if picture.ndim == 3:
+        picture = cv2.cvtColor(picture, to_grey[picture.shape[2]])
+    return np.ascontiguousarray(picture, np.uint8)
