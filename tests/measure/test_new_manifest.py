@@ -6,6 +6,7 @@ import shlex
 import cv2
 import numpy as np
 import pytest
+import yaml
 from command import thesis
 
 from thesis_lib.book.pieces import guide
@@ -77,6 +78,45 @@ def test_the_assumed_fields_can_be_pasted_as_they_are_said(folder):
     assert marks not in second.out
     assert read_manifest(folder / "manifest.yaml", check_files=False) == one
     assert "CHECK:" not in (folder / "manifest.yaml").read_text(encoding="utf-8")
+
+
+GIVEN = {
+    "force": ("excitation.kind=random", "force.file=force.wav", "force.full_scale_n=2.5",
+              "force.channel=2", "force.at_mm=[500, 15]"),
+    "radiation": ("radiation.points_mm=[[0, 0, 1000]]", "radiation.between=spline"),
+    "all of radiation by itself": ("radiation={}",),
+    "calibration": ("calibration=earlier/calibration.nc",),
+    "calibration.poses": ("calibration.file=earlier", "calibration.poses=anew"),
+    "truth": ("truth=truth.nc",),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("given", GIVEN.values(), ids=GIVEN)
+def test_all_that_is_given_is_in_the_manifest(folder, given):
+    done = thesis("measure", "--new", folder, *(part for one in given for part in ("-p", one)))
+    assert (done.status, done.err) == (0, "")
+    manifest = read_manifest(folder / "manifest.yaml", check_files=False).model_dump(mode="json")
+    for name, value in (one.split("=") for one in given):
+        inside = manifest
+        for part in name.split("."):
+            inside = inside[0] if isinstance(inside, list) else inside
+            inside = inside[part]
+        wanted = yaml.safe_load(value)
+        if name == "calibration":
+            inside = inside["file"]
+        assert inside is not None if wanted == {} else inside == wanted, name
+        if "file" in name or name in ("truth", "calibration"):
+            assert f"missing: {value}, no such file in {folder}" in done.out.splitlines()
+
+
+def test_a_calibration_that_is_reused_needs_no_pictures(tmp_path):
+    pictures = [np.full((48, 64), 90, np.uint8)] * 20
+    for name in "AB":
+        write_video(tmp_path / f"{name}.mkv", pictures, 50, np.zeros(48000))
+    done = thesis("measure", "--new", tmp_path, "-p", "calibration=before")
+    assert "board" not in "".join(line for line in done.out.splitlines() if "assumed" not in line)
+    manifest = read_manifest(tmp_path / "manifest.yaml")  # and its files are there
+    assert [camera.shots for camera in manifest.cameras] == [None, None]
 
 
 @pytest.mark.parametrize(

@@ -46,14 +46,15 @@ def spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -
     even = np.arange(band[0], band[1], 1 / (PAD * span))
     logs = np.zeros_like(even)
     for block in blocks:
-        left = left_of(block, rates)
+        left = left_of(block, rates).T
         step = float(np.median(np.diff(block.times))) / FINE
         step /= max(1, int(np.ceil(band[1] * FINE * step)))
         place = np.rint((block.times - block.times[0]) / step).astype(int)
         length = next_fast_len(max(int(PAD * span / step), place[-1] + 1))
-        grid = np.zeros((length, left.shape[1]))
-        np.add.at(grid, place, left)
-        lines = np.sum(np.abs(rfft(grid, axis=0)) ** 2, axis=1) / len(left)
+        lines = np.zeros(length // 2 + 1)
+        for series in left:
+            grid = np.bincount(place, series, length).astype(np.float32)
+            lines += np.abs(rfft(grid)) ** 2 / len(block.times)
         own = np.interp(even, np.arange(len(lines)) / (length * step), lines)
         logs += np.log(np.maximum(own / max(float(np.median(own)), TINY), TINY))
     return Spectrum(even, np.exp(logs / len(blocks)))

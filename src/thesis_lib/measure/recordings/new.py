@@ -117,14 +117,19 @@ def _values(
                     f"-p: {name} is inside what is given, too; allowed: one of them"
                 )
         inside[last] = value
+    reused = values.get("calibration")
+    placed = reused and (isinstance(reused, str) or reused.get("poses", "kept") == "kept")
+    for camera in cameras:
+        if camera["shots"] is None and "cameras.shots" not in given and not placed:
+            camera["shots"] = f"board/{Path(camera['video']).stem}"
     markers = values.get("structure", {}).get("markers", {})
     if isinstance(markers, dict) and "spacing_mm" in markers:  # as on the printed sheet
         markers.setdefault("row_spacing_mm", markers["spacing_mm"])
     return values
 
 
-def _shots(folder: Path, name: str) -> str:
-    """Where a camera's pictures of the board are: a folder or a pattern; where to put them."""
+def _shots(folder: Path, name: str) -> str | None:
+    """Where a camera's pictures of the board are: a folder or a pattern; None if nowhere."""
     inside = [place for place in folder.rglob("*") if place.is_dir()]
     for place in sorted(inside):
         if place.name.lower() == name.lower() and _pictures(place.iterdir()):
@@ -134,7 +139,7 @@ def _shots(folder: Path, name: str) -> str:
         kinds = {file.suffix for file in own}
         if len(kinds) == 1:
             return (place.relative_to(folder) / f"{name}-*{kinds.pop()}").as_posix()
-    return f"board/{name}"
+    return None
 
 
 def _pictures(files: Iterator[Path] | Any) -> list[Path]:
@@ -148,16 +153,17 @@ def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Itera
         shots = [shot for shot in shot_paths(camera, folder) if shot]
         counts.append(len(shots))
         seconds = "" if info.duration is None else f", {info.duration:.1f} s"
+        board = f"; {len(shots)} pictures of the board in {camera.shots}" if camera.shots else ""
         yield (
             f"{camera.video}: {info.size[0]} × {info.size[1]} px, {info.frame_rate:.6g} frames per "
-            f"second{seconds}; {len(shots)} pictures of the board in {camera.shots}"
+            f"second{seconds}{board}"
         )
         if not info.has_audio and manifest.excitation.sound != "none":
             yield (
                 f"missing: {camera.video} has no sound, which tells when the camera started; if "
                 "the vibration never changes: -p excitation.sound=none"
             )
-        if len(shots) < FEWEST:
+        if camera.shots and len(shots) < FEWEST:
             yield (
                 f"missing: pictures of the board by {camera.name}, at least {FEWEST}, better "
                 f"{POSES}, in {camera.shots}"
@@ -167,6 +173,10 @@ def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Itera
             f"missing: as many pictures of the board by every camera, not {counts}: the k-th of "
             "each shows the same pose, null in a list of names stands for none"
         )
+    for part in (manifest.calibration, manifest.force, manifest.truth):
+        file = part if part is None or isinstance(part, str) else part.file
+        if file and not (folder / file).exists():
+            yield f"missing: {file}, no such file in {folder}"
 
 
 def _cornered(manifest: Manifest, folder: Path) -> Iterator[str]:
@@ -210,8 +220,7 @@ def _text(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
     """The manifest as commented YAML; what must be checked is marked."""
     yield "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them."
     asked = ASKED if manifest.structure.hole is not None else (*ASKED, "cameras.corners_px")
-    for part in ("structure", "board", "excitation"):
-        yield from _part(getattr(manifest, part), part, 0, asked, given)
+    yield from _fields(manifest, "", -2, asked, given)
     yield "cameras:"
     for camera in manifest.cameras:
         lines = [*_fields(camera, "cameras", 2, asked, given)]
@@ -234,7 +243,9 @@ def _fields(
     """A line for each field, with its meaning; those that may be left out are left out."""
     space = " " * (indent + 2)
     for name, info in type(part).model_fields.items():
-        value, place = getattr(part, name), f"{path}.{name}"
+        value, place = getattr(part, name), f"{path}.{name}".lstrip(".")
+        if place == "cameras":  # come last, one by one
+            continue
         if isinstance(value, BaseModel):
             yield from _part(value, place, indent + 2, asked, given)
         elif value is not None or place in asked or _is_given(place, given):
