@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 from scenes.modes import BEAM, DIRECTIONS
+from scenes.rendered import beam_rig, written
 from scipy.integrate import quad, solve_ivp
 
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.laboratory.tapped import RollingView, filmed, ringing, tapped
 from thesis_lib.measure.modes.identify import Asked, assurance, identify
+from thesis_lib.measure.pipeline import measure
 from thesis_lib.measure.recordings.markers import rows_on
 
 POINT = (0.3 * BEAM.length, BEAM.width / 2)
@@ -77,3 +80,26 @@ def test_three_modes_of_a_rendered_beam():
     np.testing.assert_allclose(found.damping, DAMPING, rtol=0.05)
     for measured, expected in zip(found.shape, true, strict=True):
         assert assurance([measured, expected])[0, 1] > 0.999
+
+
+@pytest.mark.slow
+def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
+    """By the whole chain: the thesis's markers, whose rows lie 5 px apart, move 2 px a frame."""
+    rates, readout = (60.0, 50.0, 29.97), 0.008
+    own = tapped(beam_rig(), 3, DAMPING, POINT, rates=rates, impulse=0.02, seconds=2.6, rest=0.6)
+    sought = {"from_hz": 2.0, "to_hz": 130.0, "count": 3}
+    excitation = {"kind": "decay", "sound": "room", "rest_s": 0.55, "modes": sought}
+    measure(written(own, tmp_path, readout, excitation=excitation), tmp_path / "out", str)
+    with xr.open_dataset(tmp_path / "out" / "modes.nc") as file:
+        found = file.load()
+    motion = own.motion
+    np.testing.assert_allclose(
+        found["frequency"], [part.frequency for part in motion.components], rtol=1e-4
+    )
+    np.testing.assert_allclose(found["damping"], DAMPING, rtol=0.01)
+    shapes = found["amplitude_real"].values + 1j * found["amplitude_imag"].values
+    true = motion.amplitudes(own.markers.centres, float(found["zero"]) + own.stations[0].start)
+    for measured, expected in zip(shapes, true, strict=True):
+        assert assurance([measured, expected])[0, 1] > 0.9995
+        assert np.nanmax(np.abs(measured - expected)) < 0.02 * np.abs(expected).max()
+    assert found["missing"].max() < 0.05

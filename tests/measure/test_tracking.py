@@ -180,6 +180,19 @@ def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(
     conforms.closed_form(np.hypot(*(found - exact).swapaxes(0, 1))[~missing].max(), below=0.25)
 
 
+def test_a_motion_faster_than_the_frames_is_followed_from_rest(rest):
+    """Where the frames before tell nothing, as of a decay, no row takes the place of the next."""
+    _, _, view, _ = rest
+    beam = Tracker(view)
+    size = 1.7e-3 * BEAM.mode_shapes([2], beam.grid)[0] / BEAM.shape_peak(2)
+    row = np.array([0.0, 1.0])[:, None] / np.tan(np.radians(22))
+    for k in range(30):
+        place = beam.grid + row * size * np.cos(2.6 * k) * 0.97**k
+        found = beam._assigned(place[:, ::-1])
+        np.testing.assert_array_equal(found, place)
+        beam.before, beam.moved = beam.moved, found - beam.grid
+
+
 def test_without_the_frames_before_the_row_is_not_known(rest):
     # Else the test above would show nothing.
     at, _, view, _ = rest

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ComplexArray, Image
 from thesis_lib.laboratory.direct import Seen, true_view
 from thesis_lib.laboratory.render import BeamView, Light, Sensor, light_of
 from thesis_lib.laboratory.rig import Rig
@@ -156,22 +157,26 @@ class RollingView(BeamView):
         return light_of(uv, self.polygons, self.camera.size, self.sensor)
 
 
+def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
+    """The frames of one camera, one after the other; its rows are read in `readout` s."""
+    station = rig.stations[index]
+    view = RollingView(station.camera, rig.markers, rig.motion, station.sensor, readout)
+    for k in range(int(rig.duration * station.frame_rate)):
+        yield view.frame(station.start + k / station.frame_rate, rig.generator(1, index, k))
+
+
 def filmed(rig: Rig, readout: float = 0.0) -> list[Seen]:
     """What every camera sees, rendered and tracked; rows are read in `readout` s."""
 
     def one(index: int) -> Seen:
         station, markers = rig.stations[index], rig.markers
-        view = RollingView(station.camera, markers, rig.motion, station.sensor, readout)
-        times = station.start + np.arange(int(rig.duration * station.frame_rate)) / (
-            station.frame_rate
-        )
         found = []
         tracker = None
-        for k, time in enumerate(times):
-            image = as_dark(view.frame(float(time), rig.generator(1, index, k)), markers)
+        for frame in rolling_frames(rig, index, readout):
+            image = as_dark(frame, markers)
             tracker = tracker or Tracker(sharpen(image, true_view(station.camera, markers)), 0.0)
             found.append(tracker.centres(image))
-        centres = np.array(found)
+        times, centres = station.start + np.arange(len(found)) / station.frame_rate, np.array(found)
         return Seen(times, centres, np.full_like(centres, np.nan))
 
     return abreast(one, range(len(rig.stations)))

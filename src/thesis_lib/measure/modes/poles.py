@@ -22,6 +22,7 @@ from scipy.optimize import least_squares
 from thesis_lib.arrays import Array, Mask
 
 SERIES = 16  # principal series of a camera that are kept, at least
+SINGULAR = 1e12  # condition of the columns over some frames, from which on these do not tell
 TOLERANCE = 1e-12  # relative change of the sum of squares at which the fit ends
 
 
@@ -103,7 +104,7 @@ def seen_fit(B: Array, block: Block) -> tuple[Array, Array]:
         alike = np.linalg.inv(B.T @ B)
         return coefficients(B, block.values), np.broadcast_to(alike, (known.shape[1], n, n))
     matrix = np.einsum("ti,tj,ts->sij", B, B, known.astype(float), optimize=True)
-    enough = known.sum(axis=0) >= n + 2
+    enough = (known.sum(axis=0) >= n + 2) & (np.linalg.cond(matrix) < SINGULAR)
     inverse = np.linalg.inv(np.where(enough[:, None, None], matrix, np.eye(n)))
     right = B.T @ np.where(known, block.values, 0.0)
     found = np.where(enough, np.einsum("sij,js->is", inverse, right), 0.0)

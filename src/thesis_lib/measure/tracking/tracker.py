@@ -150,16 +150,27 @@ class Tracker:
 
         Frames are to be given in their order: what moved before tells where to look.
         """
-        # Harmonic motion has x(t + Δt) = 2 cos(ωΔt) x(t) − x(t − Δt); turn 0 goes straight on.
-        ahead = 2 * np.cos(self.turn) * self.moved - self.before
-        predicted = self.grid + np.clip(ahead, -self.reach, self.reach)
-        found, _ = assign(predicted, self.matches(image), self.gate)
+        found = self._assigned(self.matches(image))
         self.matched = self.view.to_image(found[:, : self.view.markers.count])
         uv, _ = refine(image, self.view, found)
         seen = self.view.to_plane(uv) - self.grid
         self.before = self.moved
         self.moved = filled(seen, self.grid, self.moved)
         return uv[:, : self.view.markers.count]
+
+    def _assigned(self, matches: Array) -> Array:
+        """The match of each marker, as that of some predictions has it which misses fewest."""
+        # Harmonic motion has x(t + Δt) = 2 cos(ωΔt) x(t) − x(t − Δt); turn 0 goes straight on.
+        ahead = [2 * np.cos(self.turn) * self.moved - self.before]
+        if self.turn == 0:  # it may be anything: what was taken for its neighbour must not stay so
+            ahead += [np.zeros_like(self.moved), self.moved]
+        found: list[Array] = []
+        for one in ahead:
+            predicted = self.grid + np.clip(one, -self.reach, self.reach)
+            found.append(assign(predicted, matches, self.gate)[0])
+            if np.isfinite(found[-1]).all():
+                break
+        return min(found, key=lambda places: np.count_nonzero(np.isnan(places)))
 
     def resampled(self, image: Image) -> Image:
         """The frame on the beam's plane, cropped (figure F.4)."""
