@@ -40,7 +40,9 @@ def heard(times: Array, seed: int) -> Array:
         first = int(at * SAMPLE_RATE)
         room[first : first + length] = 0.6 * clock.standard_normal(length) * fades
     sound = np.interp(times, np.arange(len(room)) / SAMPLE_RATE, room)
-    return np.clip(sound, -0.9, 0.9) + 1e-3 * np.random.default_rng(seed).standard_normal(len(times))
+    return np.clip(sound, -0.9, 0.9) + 1e-3 * np.random.default_rng(seed).standard_normal(
+        len(times)
+    )
 
 
 def written(rig: Rig, folder: Path, readout: float, **changes: Mapping[str, Any]) -> Path:

@@ -10,6 +10,7 @@ before goes to the tracker that searches for all of them.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.tracking.centres import EDGE, NOISE, POOR, Patch, blurred_ellipses
@@ -141,6 +142,11 @@ class Follower:
         except (MemoryError, ValueError):  # each frame is searched then, more slowly
             self.table = None
         self.rest = self.view.to_image(tracker.grid)
+        # Where the frequency is not known, a prediction from the two frames before is off by up to
+        # four times what moved, as of a motion at half the frame rate: less than to a neighbour.
+        radius = self.view.markers.diameter / 2 * self.view.stretch(tracker.grid)
+        distance, _ = KDTree(self.rest.T).query(self.rest.T, k=2)
+        self.safe = (distance[:, 1] - np.linalg.norm(radius, axis=(0, 1))) / 4
         self.moved = np.zeros_like(self.rest)
         self.before = np.zeros_like(self.rest)
 
@@ -152,7 +158,10 @@ class Follower:
         lost = np.isnan(self.moved[0])
         moved = filled(self.moved, self.tracker.grid, self.before) if lost.any() else self.moved
         ahead = 2 * np.cos(self.tracker.turn) * moved - self.before
-        found = self._fitted(image, self.rest + ahead, lost)
+        found = None
+        far = np.maximum(np.hypot(*moved), np.hypot(*self.before))
+        if self.tracker.turn or np.all(far < self.safe):
+            found = self._fitted(image, self.rest + ahead, lost)
         uv = self._searched(image, moved) if found is None else found
         self.before, self.moved = moved, uv - self.rest
         if np.isnan(uv[0]).mean() > MOST_LOST:  # no light: it goes on as it did, if that is known
