@@ -11,9 +11,11 @@ import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
 from thesis_lib.acoustics.sources import AIR
+from thesis_lib.measure.calibration.reprojection import Network, stepped
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
 from thesis_lib.measure.modes.report import notes
+from thesis_lib.measure.modes.result import result
 from thesis_lib.measure.modes.write import several
 from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.measure.recordings.radiation_fields import Radiation
@@ -209,6 +211,32 @@ def known(calibration):
     n = calibration.sizes["camera"]
     sigma = np.r_[np.tile([1e-4] * 3 + [2e-4] * 3, n), np.tile([1, 1, 2, 2, 0, 0, 0, 0], n)]
     return calibration.assign(covariance=(("unknown", "other"), np.diag(sigma**2)))
+
+
+@pytest.mark.slow
+def test_errors_of_shapes_hold_those_of_the_calibration(tmp_path, conforms):
+    """By cameras drawn about the true ones; without the covariance errors are told too small."""
+    truth = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))
+    recordings, manifest = recorded(tmp_path, RIG, truth)
+    sound = xr.Dataset({"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "none"})
+    covariance = 4 * known(calibration_of(recordings))["covariance"].values
+    network = Network(
+        tuple(own.camera for own in recordings), np.zeros((0, 3, 3)), np.zeros((0, 3))
+    )
+    rng, ratios, without = np.random.default_rng(4), [], []
+    for _ in range(8):
+        step = np.sqrt(np.diag(covariance)) * rng.standard_normal(len(covariance))
+        cameras = stepped(network, step).cameras
+        wrong = [replace(own, camera=c) for own, c in zip(recordings, cameras, strict=True)]
+        data = result(manifest, sound, wrong, covariance)
+        found = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+        true = truth.shape_at(float(data["zero"]) - 0.5)  # the first half second is rest
+        turned = data["deflection"].values + 1j * data["quadrature"].values
+        off = np.real((found - true) * turned / found)
+        ratios.append(off / data["standard_error"].values)
+        without.append(off / data["error_of_scatter"].values)
+    conforms.sampled(np.sqrt(np.mean(np.square(ratios))), above=0.7, below=1.35)
+    assert np.sqrt(np.mean(np.square(without))) > 1.5
 
 
 @pytest.mark.parametrize("told", [False, True], ids=["unknown", "known"])

@@ -87,7 +87,7 @@ def result(
     -------
     xarray.Dataset
         Dimensions ``mode``, ``marker``, ``camera``; of one mode it has what exports take. With a
-        covariance it has :data:`SHARED`, too, which standard errors of shapes do not hold.
+        covariance it has :data:`SHARED`, too, and standard errors of shapes hold it.
 
     Raises
     ------
@@ -154,6 +154,9 @@ def result(
     still = np.zeros(len(recordings))  # of exposures, which the fits are free of
     omegas = [float(pole.imag) for pole in found.poles]
     rows = common_errors(found.fits, markers_of(manifest), omegas, still, covariance)
+    along = np.real(rows * np.exp(-1j * _phases(found))[:, None])
+    shared = np.sqrt(np.sum(along**2, axis=0))
+    data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
     return data.assign(labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED))
 
 
