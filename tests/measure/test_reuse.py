@@ -197,9 +197,7 @@ def again(first, calibration, change=lambda values: None):
     change(values)
     path = first / "again.yaml"
     path.write_text(yaml.safe_dump(values), encoding="utf-8")
-    measure(path, first / "again", lambda line: None)
-    with xr.open_dataset(first / "again" / "measured.nc") as data:
-        return data.load()
+    return own.shape_of(path, first / "again" / ".steps")
 
 
 def without_pictures(values):
@@ -230,8 +228,10 @@ def test_a_reused_calibration_gives_the_same_shape(conforms, first, calibration)
     else:
         assert np.isnan(data["focal_deviation"]).all()
     assert (data["shots_used"] == 0).all() == placed
-    page = (first / "again" / "report.html").read_text(encoding="utf-8")
-    assert ("comes from the calibration that was reused" in page) == placed
+    if calibration in ("measured", {"file": "measured", "poses": "anew"}):
+        report = measure(first / "again.yaml", first / "again", lambda line: None)
+        page = report.read_text(encoding="utf-8")
+        assert ("comes from the calibration that was reused" in page) == placed
 
 
 def test_pictures_are_needed_unless_the_places_are_known(tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,9 +15,7 @@ from thesis_lib.book import (
     crate,
     demos,
     downloads,
-    explorer,
     missing,
-    rerun_form,
     sample,
     unchanged,
 )
@@ -38,14 +36,6 @@ from thesis_lib.runs import execute as runs
 from thesis_lib.runs import tasks
 from thesis_lib.studies import effort, times
 from thesis_lib.web.page import PACKAGES
-
-PAGES: dict[str, Callable[[], str]] = {
-    "explorer": explorer.explorer_html,
-    "explorer-home": partial(explorer.explorer_html, "s=beam&m=3&t=4a-6", compact=True),
-    "rerun-form": rerun_form.page,
-    **{name.replace("_", "-"): partial(demos.html, name) for name in demos.NAMES},
-}
-"""Pieces of pages that depend on the library, and what is published, alone."""
 
 
 def build(publish: bool = False, chapter: str = "") -> Path:
@@ -133,15 +123,8 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         seconds=plan.seconds.get("MathJax and MiniSearch", 0.0),
     )
     pieces = _pieces(plan, made, frozenset(one.name for one in published))
-    numbers = tasks.task(
-        plan.step("numbers to download"),
-        lambda: downloads.tables(plan.tables, made),
-        made,
-        [plan.tables],
-        keys.made_by(downloads.__name__),
-        seconds=plan.takes("numbers to download"),
-    )
-    needs = [path for one in (*pieces, scripts, numbers) for path in one.makes]
+    of_cubes = list(_of_cubes(plan, made))
+    needs = [path for one in (*pieces, scripts, *of_cubes) for path in one.makes]
     needs += [*plan.pages, *(job.notebook for job in plan.jobs), *made, *library]
     needs += [root / name for name in ("_config.yml", "package-lock.json")]
     needs += [root / "book" / name for name in ("_toc.yml", "references.bib", "assets")]
@@ -152,7 +135,8 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         [plan.index.parent, *plan.archives],
         seconds=plan.takes("pages"),
     )
-    steps = [*runs.job_tasks(plan.ran, plan.seconds), scripts, *published, *pieces, numbers, pages]
+    first = [*runs.job_tasks(plan.ran, plan.seconds), scripts, *published]
+    steps = [*first, *pieces, *of_cubes, pages]
     return [step for step in steps if step.name not in plan.failed]
 
 
@@ -164,7 +148,6 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
     costs += [path for path in read if path.is_file()]
     figures, notebooks = shown.names(plan.pages), [job.notebook for job in plan.jobs]
     numbers = [name for name in pieces_write.PIECES if plan.includes(f"{name}.md")]
-    drawn = [name for name in illustrations.NAMES if plan.includes(name)]
     published = sorted((plan.root / "data" / "published").glob("*.csv"))
 
     def texts(names: Iterable[str]) -> list[str]:
@@ -193,17 +176,10 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             "figures of notebooks",
             lambda: shown.write(figures, notebooks, executed),
             [shown],
-            [*plan.pages, *notebooks],
+            notebooks,
             [f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
         ),
         step("sketches", lambda: sketches.write(executed), [sketches], [], sketches.NAMES),
-        step(
-            "figures of chapters",
-            lambda: illustrations.write(made, executed, drawn),
-            [illustrations],
-            made,
-            drawn,
-        ),
         step(
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),
@@ -233,19 +209,40 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             sample.NAMES,
         ),
         step(
-            "index, assumptions, explorer, form",
-            lambda: _tell(executed),
-            [thesis_index, assumptions, explorer, demos, rerun_form],
-            [*plan.pages, *published],
-            [
-                *texts([*thesis_index.PIECES, *assumptions.PIECES]),
-                *(f"{name}.html" for name in PAGES),
-            ],
+            "index and assumptions",
+            lambda: [one.write(executed) for one in (thesis_index, assumptions)],
+            [thesis_index, assumptions],
+            plan.pages,
+            texts([*thesis_index.PIECES, *assumptions.PIECES]),
+        ),
+        step(
+            "explorer, form and demonstrations",
+            lambda: demos.write(executed),
+            [demos],
+            published,
+            [f"{name}.html" for name in demos.PAGES],
         ),
     ]
-    if not figures:
-        steps = [one for one in steps if one.name != plan.step("figures of notebooks")]
-    return [one for one in steps if not one.makes or any(plan.includes(p.name) for p in one.makes)]
+    return [one for one in steps if any(plan.includes(path.name) for path in one.makes)]
+
+
+def _of_cubes(plan: Plan, made: Sequence[Path]) -> Iterator[tasks.Task]:
+    """Of each cube the figures of it that stand in chapters, and its numbers to download."""
+    key = keys.made_by(illustrations.__name__, downloads.__name__)
+    figures = {path.stem: list[str]() for path in made}
+    for name in illustrations.NAMES:
+        if plan.includes(name):
+            figures.setdefault(illustrations.cube_of(name), []).append(name)
+    for of, names in figures.items():
+        cube, name = [path for path in made if path.stem == of], f"figures and numbers of {of}"
+        makes = [plan.tables / f"{of}{kind}" for kind in ("", ".csv") if cube]
+        makes += [plan.executed / one for one in names]
+
+        def act(cube: Sequence[Path] = cube, names: Sequence[str] = names) -> None:
+            illustrations.write(cube, plan.executed, names)
+            downloads.tables(plan.tables, cube)
+
+        yield tasks.task(plan.step(name), act, cube, makes, key, seconds=plan.takes(name))
 
 
 def _conformance(plan: Plan) -> tasks.Task:
@@ -280,14 +277,6 @@ def _render(plan: Plan) -> None:
     book.render(plan.root, plan.index.parent, finish)
     for place in plan.archives:
         downloads.archive(plan.index.parent, place)
-
-
-def _tell(executed: Path) -> None:
-    """What the pages include that depends on the library alone."""
-    thesis_index.write(executed)
-    assumptions.write(executed)
-    for name, page in PAGES.items():
-        files.whole_text(executed / f"{name}.html", page())
 
 
 def _walk_through(executed: Path) -> None:

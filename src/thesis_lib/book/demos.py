@@ -1,12 +1,18 @@
-"""The small experiments of the page on the law of rounding, which compute in the page itself.
+"""What computes in the page itself: the explorer, the rerun form and small experiments.
 
-They use the explorer's model (``assets/explorer_model.js``), which the tests hold against the
-library.
+The experiments of the page on the law of rounding use the explorer's model
+(``assets/explorer_model.js``), which the tests hold against the library.
 """
 
 from __future__ import annotations
 
-from thesis_lib.book.explorer import explorer_data
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from thesis_lib.book import rerun_form
+from thesis_lib.book.explorer import explorer_data, explorer_html
+from thesis_lib.files import whole_text
 from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, static_html
 
 WITHOUT = "This experiment needs JavaScript; the text below tells what it shows."
@@ -21,3 +27,18 @@ def html(name: str) -> str:
     traits = {"data": state} if name == "rounding_beam" else {}
     css = VIEWER_CSS + asset("demo.css")
     return static_html(joined(name), css, traits, WITHOUT, prints=True)
+
+
+PAGES: dict[str, Callable[[], str]] = {
+    "explorer": explorer_html,
+    "explorer-home": partial(explorer_html, "s=beam&m=3&t=4a-6", compact=True),
+    "rerun-form": rerun_form.page,
+    **{name.replace("_", "-"): partial(html, name) for name in NAMES},
+}
+"""Pieces of pages that depend on the library, and what is published, alone."""
+
+
+def write(folder: Path) -> None:
+    """Write all of :data:`PAGES` into a folder."""
+    for name, page in PAGES.items():
+        whole_text(folder / f"{name}.html", page())

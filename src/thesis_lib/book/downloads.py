@@ -9,7 +9,7 @@ from pathlib import Path
 
 from thesis_lib.book.site import swap
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.files import staging, whole_file
+from thesis_lib.files import staging, whole_file, whole_text
 from thesis_lib.plotting import numbers as plotted
 from thesis_lib.runs.provenance import FOLDER
 
@@ -19,28 +19,27 @@ _PACKED = {".nc", ".png", ".webp", ".woff2", ".gz"}  # compressed already
 
 
 def tables(folder: Path, made: Iterable[Path]) -> None:
-    """Write the numbers of cubes and of their figures as tables into a folder that is made anew."""
-    with staging(folder.parent) as new:
-        for path in made:
-            cube = cube_file.read(path)
-            errors = plotted.errors_table(cube)
-            _write(new / f"{path.stem}.csv", plotted.as_csv(errors))
+    """Write the numbers of cubes, and of their figures in a folder of each, as tables."""
+    for path in made:
+        cube = cube_file.read(path)
+        errors = plotted.errors_table(cube)
+        whole_text(folder / f"{path.stem}.csv", plotted.as_csv(errors))
+        with staging(folder) as work:
+            new = work / path.stem
+            new.mkdir()
             for (case, mode), name in plotted.figure_names(cube).items():
                 table = plotted.figure_table(cube, errors, case, mode)
-                _write(new / path.stem / f"{name}.csv", plotted.as_csv(table))
-        swap(new, folder)
+                (new / f"{name}.csv").write_text(plotted.as_csv(table), encoding="utf-8")
+            swap(new, folder / path.stem)
 
 
 def fill(book: Path, made: Iterable[Path], numbers: Path) -> None:
     """Put cubes, and their numbers as :func:`tables` wrote them, into a rendered book."""
-    shutil.copytree(numbers, book / FOLDER, dirs_exist_ok=True)
     for path in made:
+        name = f"{path.stem}.csv"
+        shutil.copytree(numbers / path.stem, book / FOLDER / path.stem)
+        shutil.copyfile(numbers / name, book / FOLDER / name)
         shutil.copyfile(path, book / FOLDER / path.name)
-
-
-def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
 
 
 def archive(book: Path, place: Path) -> Path:

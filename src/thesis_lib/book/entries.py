@@ -57,6 +57,7 @@ def of_page(html: str) -> list[Entry]:
     reader.feed(_ASIDE.sub("", article[1]))
     for entry in reader.found:
         entry.text = " ".join("".join(entry.said).split())[: _LONGEST.get(entry.kind, 2000)]
+        entry.said.clear()
         entry.title = _TITLES.get(entry.kind, _written)(entry)
     if tab and reader.found:
         reader.found[0].title = unescape(tab[1])  # as no other page is called

@@ -9,6 +9,7 @@ those alone that were read anew, and the program texts that have changed. The ot
 from __future__ import annotations
 
 import hashlib
+import pickle
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -125,10 +126,22 @@ class Pages(StandaloneHTMLBuilder):
                 tasks.add_task(lambda some: polish(book, some), half)
             tasks.join()
         tidy(book)
-        pages = {f"{name}.html": book / f"{name}.html" for name in sorted(self.env.all_docs)}
-        found = {name: entries.of_page(page.read_text("utf-8")) for name, page in pages.items()}
+        found = self._entries({f"{name}.html" for name in self.env.all_docs})
         (book / entries.FILE).write_text(entries.script(found), encoding="utf-8")
         (book / edition.FILE).write_text(edition.script(), encoding="utf-8")
+
+    def _entries(self, pages: set[str]) -> dict[str, list[entries.Entry]]:
+        """What pages hold that can be looked for; of one that is as it was, it is known."""
+        kept = Path(self.doctreedir, "entries.pickle")  # by digests of pages
+        known = pickle.loads(kept.read_bytes()) if kept.is_file() else {}
+        texts = {name: Path(self.outdir, name).read_text("utf-8") for name in sorted(pages)}
+        digests = {name: hashlib.sha256(text.encode()).digest() for name, text in texts.items()}
+        found = {
+            name: known[digest] if digest in known else entries.of_page(texts[name])
+            for name, digest in digests.items()
+        }
+        kept.write_bytes(pickle.dumps({digests[name]: of for name, of in found.items()}))
+        return found
 
     def _stamps(self, kind: str = "**/*") -> dict[Path, int]:
         """When files of a kind were written, which cannot be said otherwise than it was."""

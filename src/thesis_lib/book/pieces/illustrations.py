@@ -182,6 +182,11 @@ OF_FACTS = schematics.OF_FACTS | guide.DRAWINGS
 NAMES = (*OF_CUBES, *OF_FACTS)
 
 
+def cube_of(name: str) -> str:
+    """The figure set that a figure is drawn of, or that it is of facts."""
+    return OF_CUBES[name][0] if name in OF_CUBES else "facts"
+
+
 def write(made: Sequence[Path], folder: Path, names: Iterable[str] = NAMES) -> None:
     """Write the figures `names` of the cubes `made` into `folder`; one without its cube says so."""
     cubes = {path.stem: path for path in made}
