@@ -1,4 +1,4 @@
-"""The numbers in the book's prose are those of the cubes."""
+"""The numbers in the book's prose are those of the cubes; all of them are made for that."""
 
 import re
 from functools import cache
@@ -105,25 +105,20 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     assert included == {piece for module in pieces for piece in module.PIECES}
 
 
-LONG = {"shapes-convergence"}  # computes meshes
 RESULTS = {*results.PIECES} - {"conclusions-result"}  # sentences; that one is a table
 SENTENCES = {"lab-radiation-sentences"}
 NO_ROWS = {*RESULTS, *SENTENCES, "lab-repeats"}  # the last of small cubes, with drawn trials
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * (name in LONG))
-        for name in sorted({*pieces_write.PIECES} - NO_ROWS)
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted({*pieces_write.PIECES} - NO_ROWS))
 def test_piece_is_a_table_without_gaps(text, name):
     rows = [line for line in text(name).splitlines() if line.startswith(("|", "* "))]
     assert len(rows) > 3
     assert "nan" not in text(name).lower()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(RESULTS | SENTENCES))
 def test_a_result_is_a_few_sentences_with_numbers(text, name):
     sentences = re.split(r"(?<=[.])\s+(?=[A-Z])", text(name).strip())
@@ -132,6 +127,7 @@ def test_a_result_is_a_few_sentences_with_numbers(text, name):
     assert "nan" not in text(name).lower().split()
 
 
+@pytest.mark.slow
 def test_agreement_counts_the_checks(opened, text):
     (met, total) = map(int, re.search(r"\*\*(\d+) of (\d+)\*\*", text("beam-results")).groups())
     checks = [
@@ -144,12 +140,14 @@ def test_agreement_counts_the_checks(opened, text):
     assert (met, total) == (sum(check.inside for check in checks), len(checks))
 
 
+@pytest.mark.slow
 def test_a_doctored_cube_changes_the_prose(opened, text):
     cube = opened["plate-distance"]
     doctored = {**opened, "plate-distance": cube.assign(mean_error=10 * cube["mean_error"])}
     assert pieces_write.PIECES["plate-results"](doctored) != text("plate-results")
 
 
+@pytest.mark.slow
 def test_field_error_falls_like_the_root_of_the_number_of_markers(text):
     (exponent,) = map(float, re.findall(r"exponent of M is (-\d\.\d+)", text("sound-markers")))
     assert -0.55 < exponent < -0.45
@@ -167,6 +165,7 @@ def test_cameras_square_to_the_plate_hear_worse_than_they_see():
     assert field[0] > 2 * field[1]
 
 
+@pytest.mark.slow
 def test_settings_square_to_the_plate_are_told_from_askew_ones(opened):
     """Of the cubes' own errors, setting by setting: the page's words and the piece's numbers."""
     found = {1.0: [], 0.0: []}
@@ -189,6 +188,7 @@ def test_settings_square_to_the_plate_are_told_from_askew_ones(opened):
     assert 0.8 < np.median(askew) < 1.05
 
 
+@pytest.mark.slow
 def test_nodal_planes_have_the_second_measure_in_the_pages_table(opened):
     cube = opened["sound-distance"]
     text = error_table(cube).data
