@@ -586,6 +586,7 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(cube, tmp_path):
         cube_file.read(path)
 
 
+@pytest.mark.slow
 def test_same_request_gives_the_same_cube_and_another_seed_draws_anew_and_keeps_the_laws():
     least = {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]}
     one, same, other = (
