@@ -494,6 +494,14 @@ def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
         assert state(opened)["c"] == [[11, 32], [-60, 52.5]]
         words = "Elevation of camera 2: 95 is out of range, 0.5 to 90°; it stays 52.5°."
         assert refusal(opened) == words
+        focal = opened.page.get_by_label("Focal length (mm)")
+        focal.fill("35")
+        assert refusal(opened) == ""
+        focal.fill("0")  # at once, for no further digit makes it right
+        assert refusal(opened) == "Focal length: 0 is out of range, 1 to 1000 mm; it stays 35 mm."
+        opened.page.set_viewport_size({"width": 700, "height": 900})  # drawn anew, it stays
+        opened.page.wait_for_timeout(100)
+        assert refusal(opened).startswith("Focal length: 0")
         assert opened.trouble == []
 
 

@@ -185,6 +185,25 @@ def test_filters_combine_and_are_counted(chromium: Browser, path: Path) -> None:
         assert opened.trouble == []
 
 
+def test_the_last_are_folded_until_asked_for(chromium: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "folded.html"
+    table = LedgerTable(data={"rows": ROWS[:30], "folded": 10})
+    path.write_text(page(str(table._repr_mimebundle_()[0]["text/html"])), encoding="utf-8")
+    with open_offline(chromium, path) as opened:
+        fold = opened.page.locator(".tl-ledger-fold")
+        assert shown(opened) == list(range(20))
+        assert count(opened).startswith("20 of 30 shown")
+        fold.click()
+        assert shown(opened) == list(range(30))
+        assert fold.get_attribute("aria-expanded") == "true"
+        fold.click()
+        assert shown(opened) == list(range(20))
+        box(opened, "Search").fill(f"d = {100 * 28} mm")  # a search looks everywhere
+        assert shown(opened) == [28]
+        assert fold.is_hidden()
+        assert opened.trouble == []
+
+
 def test_searching(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path) as opened:
         search = box(opened, "Search")

@@ -31,7 +31,7 @@ def html(name: str) -> str:
 
 PAGES: dict[str, Callable[[], str]] = {
     "explorer": explorer_html,
-    "explorer-home": partial(explorer_html, "s=beam&m=3&t=4a-6", compact=True),
+    "explorer-home": partial(explorer_html, "s=beam&m=3&t=4a-8", compact=True),
     "rerun-form": rerun_form.page,
     **{name.replace("_", "-"): partial(html, name) for name in NAMES},
 }

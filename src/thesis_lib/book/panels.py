@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import unescape
 from itertools import pairwise
+
+from thesis_lib.plotting.style import BELOW
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom
 
@@ -41,7 +43,7 @@ def panels(svg: str) -> str:
     if told or not view:
         return told[1] if told else ""
     width, height = float(view[1]), float(view[2])
-    boxes = _columns([*_boxes(svg, width, height)], width)
+    boxes = _columns(_joined(_boxes(svg, width, height)), width)
     if not any(_abreast(*two) for two in pairwise(boxes)):
         return ""
     return ";".join(
@@ -57,26 +59,42 @@ def with_panels(svg: str) -> str:
     return svg.replace("<svg ", f'<svg data-panels="{found}" ', 1) if found else svg
 
 
-def _boxes(svg: str, width: float, height: float) -> Iterator[Box]:
-    """The box of each panel, and of what stands beside them."""
+def _joined(boxes: Iterable[tuple[Box, bool]]) -> list[Box]:
+    """Boxes, of which one that goes with the one above it is part of that."""
+    found: list[Box] = []
+    for box, goes in boxes:
+        above = [
+            one for one in found if one[0] < (box[0] + box[2]) / 2 < one[2] and one[1] < box[1]
+        ]
+        if goes and above:
+            over = found.index(max(above, key=lambda one: one[1]))
+            left, top, right, bottom = zip(found[over], box, strict=True)
+            found[over] = min(left), min(top), max(right), max(bottom)
+        else:
+            found.append(box)
+    return found
+
+
+def _boxes(svg: str, width: float, height: float) -> Iterator[tuple[Box, bool]]:
+    """The box of each panel and of what stands beside them, and if it goes with the one above."""
     clips = {
         name: (x, y, x + w, y + h)
         for name, *told in _CLIP.findall(svg)
         for x, y, w, h in [map(float, told)]
     }
     panel: list[Box] = []
-    depth, begun, moved = 0, 0, (0.0, 0.0, False)
+    depth, begun, goes, moved = 0, 0, False, (0.0, 0.0, False)
     for ends, tag, attributes, alone, words in _TOKEN.findall(_DEFS.sub("", svg)):
         given = dict(_ATTRIBUTE.findall(attributes))
         if tag == "g" and ends:
             if begun and depth == begun:
-                yield from [_around(panel, width, height)] if panel else []
+                yield from [(_around(panel, width, height), goes)] if panel else []
                 panel, begun = [], 0
             depth -= 1
         elif tag == "g" and not alone:
             depth += 1
             if depth == 2 and not given.get("id", "").startswith("patch_"):
-                begun = depth
+                begun, goes = depth, given.get("id", "").startswith(BELOW)
             moved = _axes(given)
         elif begun and words.strip() and (size := _SIZE.search(given.get("style", ""))):
             axes = _axes(given) if tag == "text" else moved

@@ -69,9 +69,8 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             label=hidden + part.attrs["predicts"],
         )
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
-        for number, (i, claim) in enumerate(given):
-            at, name = position[i] + 0.54 * width, "thesis" if first and not number else None
-            least, most = claim.ends
+        for i, claim in given:
+            at, (least, most) = position[i] + 0.54 * width, claim.ends
             if least is None or most is None:  # a bound: the arrow points to what it allows
                 marker = "v" if least is None else "^"
                 axes.plot(
@@ -86,7 +85,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
                     marker,
                     color=HIGHLIGHT,
                     markersize=5,
-                    label=name and "thesis, bound",
+                    label="thesis, bound",
                 )
                 continue
             axes.plot([at, at], [least, most], color=HIGHLIGHT, linewidth=1.2)
@@ -97,7 +96,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
                 markerfacecolor="white",
                 color=HIGHLIGHT,
                 markersize=4,
-                label=name,
+                label="thesis",
             )
         top = max(top, np.fmax.reduce(high), bars.literal.max(), *(c.high for _, c in given))
         top = top if np.isfinite(top) else bars.literal.max()
@@ -117,7 +116,8 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     else:
         axes.set_ylim(0, room * top)
     axes.grid(visible=False, axis="x")
-    axes.legend(ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
+    once = {name: line for line, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+    axes.legend(once.values(), once, ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
 
 
 def _least(groups: Sequence[Bars], top: float) -> float:

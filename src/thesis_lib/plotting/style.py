@@ -43,6 +43,8 @@ STYLE: Any = {
     "svg.hashsalt": "thesis",  # the same picture gives the same bytes
     "text.parse_math": False,  # a dollar in a reader's name is a dollar
 }
+BELOW = "below"
+"""What the name of a panel begins with that goes with the one above it, also on a phone."""
 POWERS = {"text.parse_math": True}
 """For figures with powers of ten at their axes, and without a reader's words."""
 
@@ -97,7 +99,11 @@ def drawable(names: Iterable[Any], otherwise: str) -> list[str]:
 def subplots(rows: int = 1, columns: int = 1, **how: Any) -> tuple[Figure, Any]:
     """A figure and its panels, as ``pyplot.subplots`` makes them, but known to nobody else."""
     figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT})
-    return figure, figure.subplots(rows, columns, **{k: how[k] for k in _LAYOUT if k in how})
+    panels = figure.subplots(rows, columns, **{k: how[k] for k in _LAYOUT if k in how})
+    if how.get("sharey"):  # a phone shows each panel alone
+        for axes in figure.axes:
+            axes.tick_params(labelleft=True)
+    return figure, panels
 
 
 def mosaic(names: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:

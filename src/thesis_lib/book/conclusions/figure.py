@@ -58,7 +58,7 @@ def draw(opened: Cubes) -> Figure:
         drawing.legend(
             handles=_legend(),
             loc="outside lower center",
-            ncols=7,
+            ncols=3,
             columnspacing=1.2,
             handlelength=1.8,
         )

@@ -142,8 +142,14 @@ def _counted(opened: Cubes) -> str:
     ]
     differing = [e for e in entries.values() if e.verdict == "differs"]
     of_sound = sum(e.chapter == 6 for e in differing)
+    apart = [e for e in entries.values() if not e.counted]
+    agree, there = (
+        sum(e.verdict == "agrees" for e in some)
+        for some in (entries.values(), (e for e in entries.values() if e.counted))
+    )
     return table(["trends that the thesis states", *VERDICTS], rows) + (
-        f"\nOf the {len(differing)} that differ, {of_sound} are of chapter 6.\n"
+        f"\nOf the {len(differing)} that differ, {of_sound} are of chapter 6. Rendered recordings "
+        f"judge {len(apart)}: so {agree} agree here, and {there} in the ledger's totals.\n"
     )
 
 

@@ -28,12 +28,7 @@ from thesis_lib.plotting.style import (
 )
 
 MODE = 3  # of the curves over what is varied
-TICKS = {
-    "distance": (500, 650, 750, 1000, 1500),
-    "aperture": (20, 50, 100, 160),
-    "resolution": (320, 640, 1280, 1920),
-    "arrays": (2, 4, 6, 8, 12),
-}
+TICKS = {"aperture": (20, 50, 100, 160), "arrays": (2, 4, 6, 8, 12)}  # else what was computed
 LABELS = {
     "distance": "distance in mm",
     "aperture": "aperture in °",
@@ -45,11 +40,12 @@ LABELS = {
 def varied(of: str, cube: xr.Dataset) -> Figure:
     """Mean error over what is varied: median and band of the trials, and the law of rounding."""
     drawing, axes = subplots(figsize=(6.4, 3.2), layout="constrained")
-    for i, case in enumerate(dict.fromkeys(cube["case"].values.tolist())):
+    cases = list(dict.fromkeys(cube["case"].values.tolist()))
+    for i, case in enumerate(cases):
         values = select(cube, case, MODE)["value"].values
         bars, order = error_bars(cube, case, MODE), np.argsort(values)
         low, median, high = bars.band[:, order]
-        at = values[order] * 1.02 ** (i - 2)  # side by side
+        at = values[order] * 1.02 ** (i - (len(cases) - 1) / 2)  # side by side
         style = {"color": color(i), "markersize": 4}
         axes.errorbar(
             at,
@@ -61,10 +57,11 @@ def varied(of: str, cube: xr.Dataset) -> Figure:
             **style,
         )
         axes.plot(at, bars.predicted[order], color=color(i), linewidth=1)
-    logarithmic(axes.xaxis, TICKS[of])
+    logarithmic(axes.xaxis, TICKS.get(of, np.unique(cube["value"]).tolist()))
     logarithmic(axes.yaxis, [1, 2, 3, 5, 10, 20, 30, 50])
     axes.set(xlabel=LABELS[of], ylabel=f"mean error in mode {MODE}, %")
-    axes.legend(ncols=2, columnspacing=1)
+    if len(cases) > 1:
+        axes.legend(ncols=2, columnspacing=1)
     return drawing
 
 
@@ -162,7 +159,7 @@ OF_CUBES: dict[str, tuple[str, Draw]] = {
     **{
         f"{body}-{what}.svg": (f"{body}-{what}", partial(varied, what))
         for body in ("beam", "plate")
-        for what in TICKS
+        for what in LABELS
     },
     **{
         f"cameras-{name}.svg": ("cameras", partial(_picture, name))

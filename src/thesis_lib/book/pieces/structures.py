@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from thesis_lib.acoustics import planes, radiation
@@ -12,6 +15,8 @@ from thesis_lib.acoustics.planes import full_factor
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
+from thesis_lib.planning.report import write_plan
+from thesis_lib.planning.request import PlanRequest, command
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import Study, describe
 from thesis_lib.vibration.structure import (
@@ -25,6 +30,21 @@ from thesis_lib.vision import cone_law
 from thesis_lib.web.markdown import columns, table
 
 GRAVITY = 9.80665
+EXAMPLE = PlanRequest(
+    body="plate", plate_mm=(600, 400, 3), counts=[4], resolutions_px=[(1920, 1080)]
+)
+"""What the planner's page asks for, step by step."""
+
+
+def planned(_: object) -> str:
+    """A plan as it is asked for, what the command prints, and where the cameras stand."""
+    with TemporaryDirectory() as name:
+        said = write_plan(EXAMPLE, Path(name) / "plan")
+        cameras = pd.read_csv(Path(name) / "plan" / "plan.csv")
+    shown = cameras[["camera", "azimuth_deg", "elevation_deg", "distance_mm"]]
+    printed = "\n".join([f"$ {command(EXAMPLE)}", *said])
+    rows = [[f"{value:g}" for value in row] for row in shown.to_numpy().tolist()]
+    return f"```console\n{printed}\n```\n\n{table(list(shown), rows)}"
 
 
 def structure_model(structure: Structure, unit: str, scale: float) -> str:

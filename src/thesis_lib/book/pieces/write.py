@@ -30,6 +30,7 @@ from thesis_lib.book.pieces.structures import (
     motion_needed,
     parameter_table,
     parameters,
+    planned,
     structure_model,
 )
 from thesis_lib.facts import setups
@@ -114,6 +115,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
     **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},
     **{f"planner-{name}": partial(_planner, name) for name in planner_tables.PIECES},
+    "planner-example": planned,
     "planner-parameters": lambda _: parameter_table(PlanRequest, ["cube"]),
     **home.PIECES,
     **rounding.PIECES,

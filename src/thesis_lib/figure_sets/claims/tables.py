@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -20,6 +21,7 @@ from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, WIDER, WIDER_BELOW_1
 from thesis_lib.web.markdown import markdown_table, table
 
 KINDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
+_IMPORTANCE = ("differs", "undefined", UNCHANGED, "within scatter", "agrees")
 
 
 def totals_table(cube: xr.Dataset) -> Markdown:
@@ -158,8 +160,18 @@ _APART = {
 
 
 def ledger_table(cube: xr.Dataset) -> LedgerTable:
-    """All claims, to filter and search."""
-    return LedgerTable(data={"rows": [entry.row for entry in from_cube(cube)]})
+    """All claims, to filter and search: the largest differences first, bookkeeping last."""
+    found = sorted(from_cube(cube), key=_importance)
+    folded = sum(entry.kind == "number" and not entry.counted for entry in found)
+    return LedgerTable(data={"rows": [entry.row for entry in found], "folded": folded})
+
+
+def _importance(entry: ledger.Entry) -> tuple[bool, int, float]:
+    """Bookkeeping behind, by verdict, and by how far what we get is from what is stated."""
+    last = entry.kind == "number" and not entry.counted
+    ratio = 1.0 if entry.ratio is None else entry.ratio
+    apart = abs(math.log(ratio)) if ratio > 0 else math.inf
+    return last, _IMPORTANCE.index(entry.verdict), -apart
 
 
 def readings_table(cube: xr.Dataset) -> Markdown:

@@ -31,7 +31,8 @@ class LedgerTable(anywidget.AnyWidget):
     Parameters
     ----------
     data : dict
-        ``{"rows": [row, …]}``, JSON-serialisable, one row per claim in the order to show. Keys:
+        ``{"rows": [row, …], "folded": n}``, JSON-serialisable, one row per claim in the order to
+        show; the last n, 0 by default, are shown only if asked for. Keys of a row:
 
         ``id``, ``what``, ``stated``, ``got``
             A unique name; short texts such as ``"mean error at d = 500 mm"``, ``"10 %"``,

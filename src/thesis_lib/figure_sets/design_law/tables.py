@@ -181,7 +181,9 @@ def findings(cube: xr.Dataset) -> str:
     ]
     return table(header, rows) + (
         f"\n{' / '.join(_structures(cube)).capitalize()}. Exponents are fitted over the ranges of "
-        "the thesis, of the base that the law has; the number is that of cameras on a cone.\n"
+        "the thesis, of the base that the law has, to errors averaged over amplitudes; the number "
+        "is that of cameras on a cone. The conclusions have others: those of the thesis's own "
+        "cases, at its one amplitude.\n"
     )
 
 

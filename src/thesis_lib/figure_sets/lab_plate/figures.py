@@ -45,7 +45,7 @@ def filmed_plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     drawing.legend(*handles, loc="outside lower center", ncols=4)
     chosen = best_and_worst(part)
     words = [
-        f"{word}: {part['label'].values[index]}"
+        f"{word}:\n{part['label'].values[index]}"
         for word, index in zip(ranking(part), (chosen[0], chosen[-1]), strict=True)
     ]
     _deflections(drawing, [axes[name] for name in "def"], part, (chosen[0], chosen[-1]), words)

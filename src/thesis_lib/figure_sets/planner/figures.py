@@ -10,7 +10,7 @@ from thesis_lib.figure_sets.planner.compute import cheapest
 from thesis_lib.figure_sets.planner.parameters import THESIS
 from thesis_lib.figure_sets.planner.tables import DRAWN, FRONT, asked, coarse, near
 from thesis_lib.planning.figures import VIEWS, front_panel, layout_panel
-from thesis_lib.plotting.style import REFERENCE, color, logarithmic, subplots
+from thesis_lib.plotting.style import BELOW, REFERENCE, color, logarithmic, subplots
 
 
 def gain(cube: xr.Dataset) -> Figure:
@@ -63,6 +63,7 @@ def layouts(cube: xr.Dataset) -> Figure:
         for panel, (_, azimuth, elevation) in zip(column, VIEWS, strict=False):
             layout_panel(panel, part, azimuth, elevation)
         column[0].set_title(str(question))
+        column[1].set_gid(f"{BELOW}-{question}")
     for column in columns[len(shown) :]:
         for panel in column:
             panel.axis("off")

@@ -111,9 +111,10 @@ def limits(cube: xr.Dataset) -> str:
         rows.append([str(question), *cells])
     tilt = asked(cube, "tilt_deg")
     return table(["", *(f"{n} cameras" for n in counts)], rows) + (
-        "\nAveraged errors in %, and how much more than in the first row of the structure. But for "
-        f"that row markers are read up to {tilt:g}° from their normals. With a wall or a machine "
-        "cameras may stand nearer or farther, too.\n"
+        "\nErrors in %, averaged over amplitudes, and how much more than in the first row of the "
+        "structure. In the first row a marker is read from any side; in all others up to "
+        f"{tilt:g}° from its normal. With a wall or a machine cameras may stand nearer or farther, "
+        "too.\n"
     )
 
 

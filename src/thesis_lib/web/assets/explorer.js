@@ -91,12 +91,14 @@ export default (() => {
       fields.push(() => { box.value = read(); });
       return box;
     }
-    function numeric(what, unit, read, range, write, attributes) { // taken while it is typed, or refused when it is left
+    // Taken while it is typed; refused when it is left, or at once if no further digit could make it right.
+    function numeric(what, unit, read, range, write, attributes) {
       const box = html("input", { type: "number", step: "any", ...attributes });
       const take = (last) => {
         const value = box.value === "" ? NaN : Math.round(1000 * box.value) / 1000, allowed = value === within(value, range());
-        if (allowed && value !== read()) write(value);
-        else if (last && !allowed) refuse(refused(what, box.value || "nothing", range(), unit, read()));
+        const [low, high] = range(), hopeless = value > high || value < Math.min(low, 0) || (value === 0 && low > 0);
+        if (allowed) value === read() ? refuse("") : write(value);
+        else if (last || hopeless) refuse(refused(what, box.value || "nothing", range(), unit, read()));
         if (last) box.value = read();
       };
       box.addEventListener("input", () => take(false));
@@ -248,7 +250,8 @@ export default (() => {
       if (root.clientWidth === width) return;
       width = root.clientWidth;
       [view, shapes].forEach((one) => one.remeasure());
-      update({}); // draws all anew
+      app.result = null; // draws all anew
+      request();
     });
     observer.observe(root);
     if (!onPage) traits.on("change:address", follow);

@@ -104,16 +104,20 @@ export default (() => {
     const count = html("p", { class: "tl-ledger-count", "aria-live": "polite" });
     const boxes = {}; // a select per filter, and the search
     const heads = {};
-    let claims = [], table = null, linked = null, sorted = { column: null, sign: 1 };
+    const more = button({ class: "tl-ledger-fold", "aria-expanded": false }, "", () => { unfolded = !unfolded; apply(); });
+    let claims = [], folded = new Set(), unfolded = false; // the last ones, and whether they are shown
+    let table = null, linked = null, sorted = { column: null, sign: 1 };
 
     // --- what is shown
     function apply() {
       const chosen = FILTERS.map(([name]) => boxes[name].value);
       const wanted = plain(boxes.search.value);
       const counts = Object.fromEntries(VERDICTS.map((verdict) => [verdict, 0]));
+      const all = unfolded || Boolean(wanted) || chosen.some(Boolean);
       let shown = 0, uncounted = 0, extra = false;
-      for (const { row, body, words, values } of claims) {
-        const fits = words.includes(wanted) && chosen.every((value, i) => !value || values[i].includes(value));
+      for (const claim of claims) {
+        const { row, body, words, values } = claim;
+        const fits = (all || !folded.has(claim)) && words.includes(wanted) && chosen.every((value, i) => !value || values[i].includes(value));
         const asked = body === linked?.body;
         body.hidden = !fits && !asked;
         if (body.hidden) continue;
@@ -121,6 +125,9 @@ export default (() => {
         extra ||= !fits;
         if (row.counted) counts[row.verdict] += 1; else uncounted += 1;
       }
+      more.hidden = !folded.size || (all && !unfolded);
+      more.textContent = `${unfolded ? "Hide" : "Show"} ${folded.size} counts and roots that no total counts`;
+      fill(more, { "aria-expanded": unfolded }, []);
       const parts = VERDICTS.map((one) => `${counts[one]} ${counts[one] === 1 ? one : WORDS[one] ?? one}`);
       count.textContent = `${shown} of ${claims.length} shown: ${parts.join(", ")}` +
         (uncounted ? `; ${uncounted} not counted†` : "") + (extra ? "; one is shown by its link" : "");
@@ -196,6 +203,7 @@ export default (() => {
       const most = (name) => Math.min(3, Math.max(0, ...rows.map((row) => /^\d*/.exec(row[name])[0].length)));
       const widest = { stated: most("stated"), got: most("got") };
       claims = rows.map((row) => claimOf(row, widest));
+      folded = new Set(claims.slice(claims.length - (model.get("data").folded ?? 0)));
       if (!claims.length) return root.replaceChildren("No claims to show.");
       const controls = html("div", { class: "tl-ledger-controls", role: "group", "aria-label": "Filters" },
         ...FILTERS.map(select), control("search", "Search", html("input", { type: "search" })),
@@ -211,7 +219,7 @@ export default (() => {
         html("thead", { role: "rowgroup" }, html("tr", { role: "row" }, ...COLUMNS.map(head))),
         ...claims.map(({ body }) => body));
       const uncounted = claims.some(({ row }) => !row.counted);
-      root.replaceChildren(controls, count, table,
+      root.replaceChildren(controls, count, table, more,
         ...(uncounted ? [html("p", { class: "tl-ledger-foot" }, "† Listed, but not counted in the totals.")] : []));
       if (onPage) readAddress();
       apply();

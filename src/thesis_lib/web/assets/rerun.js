@@ -151,7 +151,8 @@ export default (() => {
       keep(["set", ...fields.map(({ name }) => name)], said);
     }
 
-    [chooser.value] = Object.keys(sets);
+    const every = Object.keys(sets);
+    chooser.value = every.find((one) => Object.hasOwn(here.sets, one)) ?? every[0]; // one that the page computes
     begin();
     if (onPage) readAddress();
     chooser.addEventListener("change", build);

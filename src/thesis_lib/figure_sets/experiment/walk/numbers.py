@@ -14,7 +14,6 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.markers import rows_on
-from thesis_lib.measure.synchronisation.synchronise import coupling_delay
 from thesis_lib.vibration.motion import Component
 from thesis_lib.web.markdown import columns, table
 
@@ -61,9 +60,9 @@ def _calibration(data: xr.Dataset) -> str:
         "camera",
         "shots used",
         "focal length alone, %",
-        "literal, %",
+        "the thesis's way, %",
         "adjusted, %",
-        "centre literal, µm",
+        "centre, the thesis's way, µm",
         "adjusted, µm",
         "predicted, µm",
         "residual, px",
@@ -72,9 +71,9 @@ def _calibration(data: xr.Dataset) -> str:
     return table(header, rows) + (
         "\nErrors against the truth: of the worse of the two focal lengths, and of the centre of "
         "projection after the four cameras are moved as one rigid body onto the true ones. *Alone* "
-        "is Zhang's method camera by camera, with all corners; *literal* the thesis's way; "
+        "is Zhang's method camera by camera, with all corners; "
         "*adjusted* all corners and all cameras together. The residual is the rms of a "
-        f"coordinate after the adjustment; the literal way leaves {float(literal):.4f} px.\n"
+        f"coordinate after the adjustment; the thesis's way leaves {float(literal):.4f} px.\n"
     )
 
 
@@ -205,15 +204,6 @@ def _clocks(data: xr.Dataset) -> str:
     )
 
 
-def _inputs(data: xr.Dataset) -> str:
-    """What two audio inputs with different corner frequencies do to a tone."""
-    frequency, rate = float(data["frequency"]), float(data["frame_rate"][0])
-    return (
-        f"A tone of {frequency:g} Hz through inputs that cut at 2 and at 3 Hz comes "
-        f"out {coupling_delay(frequency) * rate:.2f} frames apart.\n"
-    )
-
-
 def _exposure(data: xr.Dataset) -> str:
     """What the exposure takes."""
     time, frequency = float(data["exposure"][0]), float(data["frequency"])
@@ -242,7 +232,6 @@ PIECES: dict[str, Callable[[xr.Dataset], str]] = {
     "lab-calibration": _calibration,
     "lab-synchronisation": _synchronisation,
     "lab-clocks": _clocks,
-    "lab-inputs": _inputs,
     "lab-exposure": _exposure,
     "lab-matches": _matches,
     "lab-tracking": _tracking,
