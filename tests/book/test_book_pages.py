@@ -383,7 +383,7 @@ def test_home_answers_on_one_screen_and_ends_on_two(running: Browser) -> None:
         page.locator(".tl-ex-export a").click()
         page.wait_for_load_state("load")
         assert "/explorer.html?" in page.url
-        assert page.locator(".tl-ex-cameras input").count() == 12
+        assert page.locator(".tl-ex-cameras input").count() == 2 * 8
         assert opened.trouble == []
 
 

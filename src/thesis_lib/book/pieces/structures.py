@@ -43,7 +43,7 @@ def planned(_: object) -> str:
         cameras = pd.read_csv(Path(name) / "plan" / "plan.csv")
     shown = cameras[["camera", "azimuth_deg", "elevation_deg", "distance_mm"]]
     printed = "\n".join([f"$ {command(EXAMPLE)}", *said])
-    rows = [[f"{value:g}" for value in row] for row in shown.to_numpy().tolist()]
+    rows = [[f"{value:g}".replace("-", "−") for value in row] for row in shown.to_numpy().tolist()]
     return f"```console\n{printed}\n```\n\n{table(list(shown), rows)}"
 
 
