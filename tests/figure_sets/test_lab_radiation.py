@@ -1,5 +1,7 @@
 """From video to sound: what is asked, the sound of known errors, and recordings rendered again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from refused import refusal
@@ -11,7 +13,7 @@ from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.figure_sets import recorded
-from thesis_lib.figure_sets.lab_radiation import compute, figures, recordings, tables
+from thesis_lib.figure_sets.lab_radiation import compute, figures, recordings, tables, tap
 from thesis_lib.figure_sets.lab_radiation.parameters import RECORDED
 from thesis_lib.figure_sets.lab_radiation.sound import PLANE, Heard, truth
 from thesis_lib.figure_sets.lab_radiation.structures import driven
@@ -91,7 +93,7 @@ def test_a_recording_sounds_as_measure_has_it(conforms):
     )
     planes = PLANE, Plane("YZ", PLANE.half_width, PLANE.bottom, PLANE.top, PLANE.shape)
     point = np.array([[0.0], [0.0], [1.0]])
-    one = radiated(surface, heard.between, [Tone(omega, known)], point, planes, AIR).isel(tone=0)
+    one = radiated(surface, heard.between, [Tone(omega)], known, point, planes, AIR).isel(tone=0)
     for name, found in (("power", heard.power(known)), ("efficiency", heard.efficiency(known))):
         conforms.invariance(found.value, one[name], rtol=1e-10)
         conforms.invariance(found.error, one[f"{name}_error"], rtol=1e-10)
@@ -136,18 +138,44 @@ def test_more_markers_tell_more_of_a_tone_between_modes():
     assert (np.diff(cube["grid_spacing"].values) < 0).all()
 
 
+def test_errors_of_a_tap_s_powers_and_energies_are_what_draws_scatter_by(conforms, monkeypatch):
+    """Six taps that differ by their noise; the first is the one that the cube has."""
+    rig_of, off = tap.rig_of, []
+    for seed in range(6):
+        monkeypatch.setattr(
+            tap, "rig_of", lambda *of, seed=seed: replace(rig_of(*of), seed=1000 + seed)
+        )
+        made = tap.of_tap(study(), 0.011, AIR)
+        conforms.sampled(made["tap_all"] / made["tap_true_power"].sum(), 1, atol=0.08)
+        off += [
+            (made[f"tap_{of}"] - made[f"tap_true_{of}"]) / made[f"tap_{of}_error"]
+            for of in ("power", "energy")
+        ]
+    ratio = float(np.sqrt(np.mean(np.square(off))))
+    conforms.sampled(ratio, 1, atol=0.35)  # of 36, which are not independent
+    whole = made["tap_heard"].sum(axis=0)
+    assert np.abs(whole[:250]).max() > 2 * np.abs(whole[-250:]).max()
+    hidden = tap.of_tap(study(), 3.0, AIR)  # px
+    assert np.isnan(hidden["tap_power"]).all()
+    assert {name: np.shape(of) for name, of in hidden.items()} == {
+        name: np.shape(of) for name, of in made.items()
+    }
+
+
 def test_figures_and_tables_take_some_of_the_structures():
     request = study(trials=2, cases=["l", "beam", "plate"], width_px=700)
     data = sounding(request)
     data["amplitude_real"][1, 2] = np.nan  # of a recording without a result
     cube = made(request, data)
     assert cube["count"].values.tolist() == [3, 2, 3, 8]
-    for draw in (figures.structures, figures.powers, figures.field, figures.markers):
+    drawn = figures.structures, figures.powers, figures.field, figures.tap, figures.markers
+    for draw in drawn:
         assert draw(cube).axes
     shown = [
         tables.results(cube),
         tables.efficiency_table(cube).data,
         tables.parts_table(cube).data,
+        tables.tap(cube),
     ]
     assert all("nan" not in text and text.count("\n") >= 3 for text in shown)
 

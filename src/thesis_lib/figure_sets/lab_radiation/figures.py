@@ -114,11 +114,13 @@ def tap(cube: xr.Dataset) -> Figure:
     """What is heard of a tap, and what its modes' powers are off by."""
     drawing, (heard, off) = subplots(1, 2, figsize=(6.4, 2.8), layout="constrained",
                                      width_ratios=[1.6, 1])  # fmt: skip
-    time, each = 1000 * cube["tap_time"].values, cube["tap_heard"].values
+    time, each = cube["tap_time"].values, cube["tap_heard"].values
+    rates = (cube["tap_power"] / cube["tap_energy"]).values / 2  # E = W / 2α
     names = [f"{f:.3g} Hz" for f in cube["tap_frequency"].values]
-    heard.plot(time, each.sum(axis=0), color=REFERENCE, linewidth=0.8, label="all")
-    for k in range(len(each)):
-        heard.plot(time, each[k], color=color(k), linewidth=0.8, label=names[k])
+    heard.plot(1000 * time, each.sum(axis=0), color=REFERENCE, linewidth=0.6, label="all")
+    for k in np.argsort(rates):
+        size = np.abs(each[k]).max() * np.exp(-rates[k] * time)
+        heard.plot(1000 * time, size, color=color(k), label=names[k])
     heard.set(title="(a) heard 1 m above", xlabel="time, ms", ylabel="pressure, Pa")
     heard.legend(loc="upper right", ncols=2)
     true = cube["tap_true_power"].values
