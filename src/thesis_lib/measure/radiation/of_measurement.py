@@ -47,7 +47,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     """
     asked, structure = manifest.radiation, manifest.structure
     assert asked is not None
-    several = data if "mode" in data.dims else one_mode(data)
+    several = data if "mode" in data.dims else _one_mode(data)
     amplitude = complex_of(several, "amplitude")
     known = np.all(np.isfinite(amplitude) & np.isfinite(several["standard_error"].values), axis=0)
     _check(data, known, structure)
@@ -80,14 +80,21 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     return made.assign_attrs(told)
 
 
-def one_mode(data: xr.Dataset) -> xr.Dataset:
+def _one_mode(data: xr.Dataset) -> xr.Dataset:
     """The shape of one tone as several modes have theirs, of which there is one."""
     wide = max(float(np.nan_to_num(data["in_plane_excess"])), 1.0)
     return data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
 
 
 def tones_of(data: xr.Dataset) -> list[Tone]:
-    """Frequencies, and of modes that decay how fast."""
+    """Frequencies in rad/s, and of modes that decay how fast, in 1/s.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        With ``frequency`` in Hz along ``mode``; of modes that decay ``damping`` and what of
+        :data:`thesis_lib.measure.modes.result.VARIABLES` tells how it errs, too.
+    """
     omega = 2 * np.pi * data["frequency"].values
     if not data.get("damping", np.zeros(1)).any():  # tones are steady
         return [Tone(float(one)) for one in omega]
@@ -116,6 +123,18 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
 
     By the calibration they err all together, and by an error of size, where the grid does not fit.
     A decay that is not well known makes a whole shape too large, or turns it.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        As of :func:`thesis_lib.measure.modes.result.result`.
+    known : ndarray, shape (markers,)
+        Which markers count.
+
+    Returns
+    -------
+    Amplitudes
+        In m, mode after mode.
     """
     amplitude = complex_of(data, "amplitude")[:, known]
     rows = [size_off(float(data["grid_scale"].values.flat[0])) * amplitude[None]]
