@@ -28,6 +28,7 @@ from thesis_lib.measure.radiation.bands import ALL
 from thesis_lib.measure.radiation.between import by_model
 from thesis_lib.measure.radiation.of_measurement import shapes_of, tones_of
 from thesis_lib.measure.radiation.radiated import CELLS, radiated
+from thesis_lib.measure.recordings.check import ChainError
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.studies.variables import declared
 from thesis_lib.vibration.beam import Beam
@@ -63,7 +64,7 @@ def of_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any
     try:
         asked = Asked(BAND, len(hertz), given=tuple(hertz))
         found = identify(*ringing(rig, _seen(rig, scatter)), asked)
-    except ModalError:
+    except (ChainError, ModalError):
         sizes = {"ringing": len(hertz), "tap_time": len(times)}
         none = {
             name: np.full([sizes[dim] for dim in one.dims], np.nan)
