@@ -14,6 +14,7 @@ from thesis_lib.acoustics.sources import AIR
 from thesis_lib.measure.calibration.reprojection import Network, stepped
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
+from thesis_lib.measure.modes.poles import block_of, columns, seen_fit
 from thesis_lib.measure.modes.report import notes
 from thesis_lib.measure.modes.result import result
 from thesis_lib.measure.modes.write import several
@@ -61,6 +62,31 @@ def test_errors_are_what_draws_scatter_by():
     assert 0.7 < np.sqrt(np.mean(np.square(off))) < 1.35
     assert 0.85 < np.std(np.real(shapes)) < 1.1
     assert 0.85 < np.std(np.imag(shapes)) < 1.1
+
+
+def test_markers_taken_for_their_neighbours_are_left_out_and_told():
+    """The outer half of two rows change places in a tenth of one camera's frames."""
+    truth = beam_modes()
+    first, *others = tracks(RIG, truth)
+    wrong, rows = first.uv.copy(), first.rows.copy()
+    here, there = np.arange(15, 25), np.arange(40, 50)
+    for k in range(0, len(wrong), 10):
+        wrong[k][:, here], wrong[k][:, there] = first.uv[k][:, there], first.uv[k][:, here]
+        rows[k][here], rows[k][there] = first.rows[k][there], first.rows[k][here]
+    found = identify([replace(first, uv=wrong, rows=rows), *others], REST, Asked(BAND, 3))
+    np.testing.assert_allclose(found.left_out, [0.1 * 20 / 75, 0, 0, 0], atol=2e-3)
+    np.testing.assert_allclose(found.damping, truth.damping, rtol=0.05)
+    assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.999
+
+
+def test_a_marker_whose_frames_tell_no_mode_is_none():
+    """Seen twenty times within a hundredth of the fast mode's decay: no column differs there."""
+    block = block_of(np.linspace(0, 1, 400), np.ones((400, 2)), np.ones(2))
+    known = block.known.copy()
+    known[:380, 1] = False
+    rates = np.array([[2000.0, 60.0], [2010.0, 63.0]])
+    _, spread = seen_fit(columns(block.times, rates), replace(block, known=known))
+    assert np.isinf(spread[1]).all()
 
 
 def test_starts_that_are_off_are_found_beyond_a_period():
@@ -320,6 +346,9 @@ def test_modes_go_to_a_report_and_files(tmp_path):
         },
         "The shapes at 6.31[0-9]* and 39.5[0-9]* Hz look alike": {
             "assurance": (("mode", "other"), np.ones((2, 2)))
+        },
+        "3.0% of camera A's marker images move unlike those beside": {
+            "left_out": data["left_out"].where(data["camera"] != "A", 0.03)
         },
         "Camera A lost 50%": {"missing": data["missing"].where(data["camera"] != "A", 0.5)},
     }  # fmt: skip

@@ -73,6 +73,7 @@ class Modes:
     lag_deviation: Array  #: Its standard error, s
     pace: Array  #: How much faster than the first camera's each clock runs, relative
     turn: Array  #: Phases by which cameras lag at last, rad, shape (modes, cameras)
+    left_out: Array  #: Share of the centres that were no markers' own, shape (cameras,)
     aliases: tuple[tuple[tuple[float, float], ...], ...]  #: Of each mode: other f, Hz, and rad
     orders: tuple[Poles, ...]  #: Fits with one mode, two modes, …
     before: Spectrum  #: Of all tracks
@@ -107,6 +108,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         recording resolves, or it has fewer frames than they need.
     """
     most = len(asked.given) or asked.count or MOST
+    seen = np.array([np.count_nonzero(np.isfinite(track.uv)) for track in tracks])
     tracks = [without_strays(track, rest.places) for track in tracks]
     _check(tracks, asked, most)
     zero = min(float(track.times[0]) for track in tracks)
@@ -168,6 +170,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         lag_deviation=errors,
         pace=1 / pace - 1,
         turn=left["turn"],
+        left_out=1 - np.array([np.count_nonzero(np.isfinite(one.uv)) for one in tracks]) / seen,
         aliases=tuple(_alike(rivals, f) for f in poles.frequency[order]),
         orders=tuple(orders),
         before=spectrum(blocks, np.empty((0, 2)), asked.band),

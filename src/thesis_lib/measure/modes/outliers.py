@@ -33,10 +33,17 @@ def without_strays(track: Track, places: Array) -> Track:
 def without_outliers(track: Track, block: Block, rates: Array, places: Array) -> Track:
     """The track without centres that leave the modes of its block as their neighbours do not."""
     B, known = columns(block.times, rates), block.known
+    with warnings.catch_warnings():  # of markers that are never seen
+        warnings.simplefilter("ignore", RuntimeWarning)
+        usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
+    halfway = 0.5 * KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
     for _ in range(LOOKS):
         left = block.values - B @ seen_fit(B, replace(block, known=known))[0]
         left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = strays(left, places)
+        off = np.hypot(left[:, 0], left[:, 1])
+        with np.errstate(invalid="ignore"):  # nearer to where the next one is than to its own place
+            wrong |= (off > halfway) & (off > WORST * np.nanmax(off))
         if not wrong.any():
             break
         known = known & ~np.repeat(wrong[:, None], 2, axis=1).reshape(known.shape)

@@ -30,6 +30,7 @@ CLOSE = 10.0  # power left near a mode over noise, from which on it is told
 ALIKE = 0.9  # MAC from which on two shapes are hardly told apart
 UNSURE = 0.2  # relative error of a damping ratio, from which on it is told
 LOST = 0.05  # share of the frames from which on a camera's lost markers are told
+STRAYS = 0.01  # share of the centres that are left out, from which on it is told
 FILES = (
     "modes.nc: frequencies, damping, shapes and all they rest on (xarray)",
     "modes.csv, shapes.csv: the tables, for any spreadsheet",
@@ -203,6 +204,12 @@ def notes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
             yield Note(
                 "markers-lost",
                 f"Camera {name} lost {lost:.0%} of its marker images.",
+            )
+        if (strays := float(data["left_out"][k])) > STRAYS:
+            yield Note(
+                "markers-strayed",
+                f"{strays:.1%} of camera {name}'s marker images move unlike those beside them, and "
+                "were left out.",
             )
         if late := float(data["lag"][k]):
             yield Note(

@@ -52,6 +52,7 @@ VARIABLES = declared("""
     lag(camera) [s] by how much the pictures start later than the sound tells
     lag_deviation(camera) [s] its standard error
     pace(camera) [1] how much faster than the first camera's the clock runs
+    left_out(camera) [1] share of the centres left out, as they move unlike those beside them
     frames(camera) [1] frames that the fit used
     frame_rate(camera) [Hz] frames per second, by the camera's own clock
     missing(camera, marker) [1] share of the frames in which a marker is missing
@@ -162,7 +163,7 @@ def result(
 
 SAME = (
     "frequency", "frequency_deviation", "damping", "damping_deviation", "scale_deviation", "beside",
-    "zero", "noise", "lag", "lag_deviation", "pace",
+    "zero", "noise", "lag", "lag_deviation", "pace", "left_out",
 )  # fmt: skip
 
 

@@ -170,6 +170,13 @@ OF_A_SHAPE = {
 }
 """Of one tone; some of them of several modes, too."""
 OF_MODES = {
+    "markers-strayed": Meaning(
+        "… of camera …'s marker images move unlike those beside them",
+        "Markers were taken for their neighbours. Where many at once are, what is left of them "
+        "may spoil damping and shapes, beyond the errors that are told.",
+        "Look at the shapes, and whether frequencies and damping hold if a later `steady_s` is "
+        "fitted. Tap more gently, film faster, or put rows of markers further apart.",
+    ),
     "fewer-modes": Meaning(
         "… of the … modes that are asked for stand out of the noise",
         "The other modes moved too little to be told from noise.",
