@@ -15,8 +15,8 @@ from thesis_lib.acoustics.planes import full_factor
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
-from thesis_lib.planning.report import write_plan
-from thesis_lib.planning.request import PlanRequest, command
+from thesis_lib.planning.report import command, write_plan
+from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import Study, describe
 from thesis_lib.vibration.structure import (
