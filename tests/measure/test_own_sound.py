@@ -273,6 +273,16 @@ def test_energy_is_that_of_the_power_as_it_dies_away(decaying, conforms):
         conforms.independent(float(decaying["energy"][k]), np.trapezoid(falls, times), rtol=1e-6)
 
 
+def test_a_mode_that_does_not_seem_to_die_away_has_no_energy():
+    odd = modes()
+    odd["damping"].values[1] *= -1
+    made = sound_of(odd, manifest())
+    assert np.isfinite(made["energy"].values).tolist() == [True, False]
+    assert np.isfinite(made["power"].values).all()
+    assert "unknown J in all" in report.summary(made)[1]
+    assert np.abs(files.heard(made, 0)).max() < 2 * np.abs(complex_of(made, "pressure")).sum()
+
+
 def test_a_report_of_several_modes_tells_each_and_all(decaying, tmp_path):
     lines = report.summary(decaying)
     assert [line.split(":")[0] for line in lines] == [

@@ -39,7 +39,7 @@ def heard(data: xr.Dataset, point: int) -> Array:
     """
     times = np.arange(int(RATE * SECONDS)) / RATE
     pressure = complex_of(data, "pressure")[:, point]
-    decay = data.get("decay", 0 * data["frequency"]).values
+    decay = np.maximum(data.get("decay", 0 * data["frequency"]).values, 0)
     waves = np.exp((2j * np.pi * data["frequency"].values - decay)[:, None] * times)
     rise = RISE if np.any(decay) else FADE
     fade = np.clip(np.minimum(times / rise, (SECONDS - times) / FADE), 0, 1)

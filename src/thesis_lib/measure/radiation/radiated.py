@@ -199,12 +199,16 @@ def _of_tone(
 
 
 def _of_decays(tones: Sequence[Tone], power: Array, error: Array) -> dict[str, Array]:
-    """Energies W / 2α. An error of α that made W too large makes the time too short."""
-    alpha, wrong, size = np.array([(t.decay, t.decay_error, t.size_error) for t in tones]).T
+    """Energies W / 2α. An error of α that made W too large makes the time too short.
+
+    NaN of a mode that does not seem to die away.
+    """
+    every, wrong, size = np.array([(t.decay, t.decay_error, t.size_error) for t in tones]).T
+    alpha = np.where(every > 0, every, np.nan)
     energy = power / (2 * alpha)
     square = (error / power) ** 2 - (2 * size) ** 2 + (2 * size - wrong / alpha) ** 2
     return {
-        "decay": alpha,
+        "decay": every,
         "energy": energy,
         "energy_error": np.abs(energy) * np.sqrt(np.maximum(square, 0)),
     }
