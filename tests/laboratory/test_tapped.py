@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from scenes.driven import Driven, random_force
 from scenes.modes import BEAM, DIRECTIONS
-from scenes.rendered import beam_rig, written
+from scenes.rendered import beam_rig, force_heard, pushed, written
 from scipy.integrate import quad, solve_ivp
 
 from thesis_lib.laboratory.render import BeamView, Sensor
@@ -15,6 +16,7 @@ from thesis_lib.laboratory.tapped import RollingView, filmed, ringing, tapped
 from thesis_lib.measure.modes.identify import Asked, assurance, identify
 from thesis_lib.measure.pipeline import measure
 from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.response.report import complex_of
 
 POINT = (0.3 * BEAM.length, BEAM.width / 2)
 MARKERS = rows_on(replace(BEAM, n_markers=12, marker_spacing=0.05), diameter=0.008, hole=None)
@@ -87,9 +89,15 @@ def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
     """By the whole chain: the thesis's markers, whose rows lie 5 px apart, move 2 px a frame."""
     rates, readout = (60.0, 50.0, 29.97), 0.008
     own = tapped(beam_rig(), 3, DAMPING, POINT, rates=rates, impulse=0.02, seconds=2.6, rest=0.6)
-    sought = {"from_hz": 2.0, "to_hz": 130.0, "count": 3}
+    sought = {"from_hz": 4.0, "to_hz": 130.0, "count": 3}
     excitation = {"kind": "decay", "sound": "room", "rest_s": 0.55, "modes": sought}
-    measure(written(own, tmp_path, readout, excitation=excitation), tmp_path / "out", str)
+    force = force_heard(own, tmp_path, POINT)
+    manifest = written(own, tmp_path, readout, excitation=excitation, force=force)
+    measure(manifest, tmp_path / "out", str)
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<h2>Mode 3: 110.76 Hz</h2>" in text
+    assert "<h2>Motion over force</h2>" in text
+    assert "still-ringing" in text  # two seconds are no answer to the tap as a whole
     with xr.open_dataset(tmp_path / "out" / "modes.nc") as file:
         found = file.load()
     motion = own.motion
@@ -103,3 +111,24 @@ def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
         assert assurance([measured, expected])[0, 1] > 0.9995
         assert np.nanmax(np.abs(measured - expected)) < 0.02 * np.abs(expected).max()
     assert found["missing"].max() < 0.05
+
+
+@pytest.mark.slow
+def test_receptance_of_a_rendered_beam_from_video_files(tmp_path):
+    """Driven by noise; a sound card of its own records the force, and a microphone beside it."""
+    truth = Driven(random_force(8.0, 0.04, 25.0), (0.05, 0.03))
+    own = pushed(beam_rig(2), truth, (60.0, 50.0), seconds=8.0, rest=0.6)
+    excitation = {"kind": "random", "sound": "room", "rest_s": 0.55}
+    force = force_heard(own, tmp_path, truth.place) | {"segment_s": 2.0}
+    measure(
+        written(own, tmp_path, 0.008, excitation=excitation, force=force), tmp_path / "out", str
+    )
+    with xr.open_dataset(tmp_path / "out" / "response.nc") as file:
+        found = file.load()
+    assert float(found["delay"]) == pytest.approx(-own.stations[0].start, abs=2e-4)
+    assert not found["unknown"].any()
+    f, k = found["frequency"].values, int(found["drive"]) - 1
+    quiet = ((f > 2) & (f < 4.5)) | ((f > 8) & (f < 15))  # beside the resonance, above the noise
+    apart = complex_of(found)[0, k] / truth.receptance(f)[k] - 1
+    assert np.sqrt(np.mean(np.abs(apart[quiet]) ** 2)) < 0.08
+    assert abs(np.mean(apart[quiet])) < 0.03

@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -278,6 +278,31 @@ def test_noise_at_rest_has_its_power():
 
 
 # Clocks.
+
+
+@pytest.mark.parametrize("fast", [3e-4, -3e-4])
+def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, fast):
+    """As far apart after half a minute as by 30 ppm after five; and a start 4 ms late."""
+    middle = float(driven.recordings[0].times.mean())
+    wrong = [own.paced(1 + fast * k / 2, middle) for k, own in enumerate(driven.recordings)]
+    wrong[3] = replace(wrong[3], delay=wrong[3].delay - 0.004)
+    manifest = driven.asked(segment_s=5.0)
+    right, data = (
+        replace(driven, recordings=recordings).responded(manifest)
+        for recordings in (driven.recordings, wrong)
+    )
+    np.testing.assert_allclose(data["camera_pace"], fast * np.arange(4) / 2, atol=5e-6)
+    np.testing.assert_allclose(data["camera_lag"], [0, 0, 0, 0.004], atol=1e-4)
+    assert not right["camera_pace"].any()
+    assert not right["camera_lag"].any()
+    f, whole = (data[name].values for name in ("frequency", "standard_error"))
+    for marker in (10, 45, 74):
+        apart = np.abs(complex_of(data)[0, marker] - complex_of(right)[0, marker]) / whole[marker]
+        assert np.sqrt(np.mean(apart[f > 4] ** 2)) < 0.5
+    told = [one.text for one in warnings(data, manifest) if one.code == "clock-drift"]
+    assert len(told) == 3
+    assert [one.code for one in warnings(data, manifest)].count("start-by-pictures") == 1
+    assert re.match(r"Camera C's clock runs \d+ ppm (fast|slow) against that of A", told[1])
 
 
 def test_the_clock_of_a_sound_card_is_found_by_a_microphone_beside_the_force(tmp_path):

@@ -39,7 +39,7 @@ class Driven:
 
     def at(self, times: Array) -> Array:
         """Deflection at times (..., markers), m."""
-        parts = zip(self._coordinates, self._modes, strict=True)
+        parts = zip(self.coordinates, self._modes, strict=True)
         return np.asarray(sum(q(np.maximum(times, 0)) * form for q, (form, _) in parts), float)
 
     @cached_property
@@ -59,7 +59,8 @@ class Driven:
         return found
 
     @cached_property
-    def _coordinates(self) -> list[CubicSpline]:
+    def coordinates(self) -> list[CubicSpline]:
+        """Of each mode over time, m."""
         t = np.arange(len(self.newtons)) / FINE
         found = []
         for own, zeta, (_, gain) in zip(self.omega, self.damping, self._modes, strict=True):

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scenes.driven import FINE, Driven, write_wav
 from scenes.modes import BEAM
 
 from thesis_lib.arrays import Array
 from thesis_lib.laboratory.film import SAMPLE_RATE, manifest_of
 from thesis_lib.laboratory.render import Sensor
-from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.laboratory.rig import LATE, Rig, default_rig
 from thesis_lib.laboratory.tapped import rolling_frames
 from thesis_lib.measure.exchange.cameras import write_opencv
 from thesis_lib.measure.recordings.manifest import write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.studies.parallel import abreast
+from thesis_lib.vibration.motion import Component, Motion
 
 CLAPS = (0.4, 0.47, 0.61, 1.05, 1.5)  # s of the world
 DIRECTIONS = [(-10.0, 22.0), (10.0, 22.0), (170.0, 22.0), (190.0, 22.0)]  # those of chapter 5
@@ -29,6 +33,36 @@ def beam_rig(cameras: int = 3, exposure: float = 1 / 1000) -> Rig:
     """The thesis's beam before some of the cameras of chapter 5, of 1280 × 720 px."""
     sensor = Sensor(exposure=exposure, samples=3, shot=0.02, read=0.7)
     return default_rig(BEAM, DIRECTIONS[:cameras], size=(1280, 720), sensor=sensor)
+
+
+@dataclass(frozen=True)
+class Pushed(Motion):
+    """A structure that a recorded force drives from `start` on."""
+
+    driven: Driven | None = None  #: The force, and what it does
+
+    def coordinates(self, times: ArrayLike) -> Array:
+        """Displacement of each mode where its shape is 1, shape (components, ...), m."""
+        assert self.driven is not None
+        since = np.maximum(np.asarray(times, float) - self.start, 0)
+        return np.stack([own(since) for own in self.driven.coordinates])
+
+    def force(self, times: ArrayLike) -> Array:
+        """The force in N."""
+        assert self.driven is not None
+        newtons = self.driven.newtons
+        since = np.asarray(times, float) - self.start
+        return np.interp(since, np.arange(len(newtons)) / FINE, newtons, 0.0, 0.0)
+
+
+def pushed(rig: Rig, driven: Driven, rates: tuple[float, ...], seconds: float, rest: float) -> Rig:
+    """The rig with a beam that a force drives after some rest, filmed for some seconds in all."""
+    parts = tuple(Component("bending", n + 1) for n in range(len(driven.damping)))
+    motion = Pushed(BEAM, parts, LATE + rest, 0.1, driven)
+    stations = tuple(
+        replace(station, frame_rate=rate) for station, rate in zip(rig.stations, rates, strict=True)
+    )
+    return replace(rig, stations=stations, motion=motion, duration=seconds)
 
 
 def heard(times: Array, seed: int) -> Array:
@@ -43,6 +77,16 @@ def heard(times: Array, seed: int) -> Array:
     return np.clip(sound, -0.9, 0.9) + 1e-3 * np.random.default_rng(seed).standard_normal(
         len(times)
     )
+
+
+def force_heard(rig: Rig, folder: Path, place: tuple[float, float]) -> dict[str, Any]:
+    """Write the force beside what a microphone hears; returns what a manifest says of it."""
+    world = np.arange(int((rig.duration + 0.5) * SAMPLE_RATE)) / SAMPLE_RATE
+    newtons = rig.motion.force(world)
+    full_scale = 2 * float(np.abs(newtons).max())
+    write_wav(folder / "force.wav", newtons / full_scale, heard(world, 99), rate=SAMPLE_RATE)
+    at = [1000 * x for x in place]
+    return {"file": "force.wav", "full_scale_n": full_scale, "sound_channel": 2, "at_mm": at}
 
 
 def written(rig: Rig, folder: Path, readout: float, **changes: Mapping[str, Any]) -> Path:

@@ -20,7 +20,7 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.force_fields import FORCED
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.report import moving
+from thesis_lib.measure.report import html, moving
 from thesis_lib.measure.report import page as report
 from thesis_lib.measure.report.notes import notes
 from thesis_lib.measure.report.shown import shown
@@ -77,11 +77,9 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         pictures = report.figures(data, seen, manifest, firsts)
         page = report.page(data, manifest, assessment, pictures, radiated)
     with staging(out) as part:
-        (part / "figures").mkdir()
         storage.write(data, part / "measured.nc")
         storage.write(exactness.to_keep(of.calibration), part / reading.OWN)
-        for name, (kind, content) in pictures.items():
-            (part / "figures" / f"{name}.{kind}").write_bytes(content)
+        html.write_pictures(part, pictures)
         report.table(data).to_csv(part / "shapes.csv", index=False)
         files.write(part, data, moved, of.recordings)
         moving.write(part, data, of.recordings[0], videos[0])

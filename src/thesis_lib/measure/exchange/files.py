@@ -51,9 +51,7 @@ def write(
     matlab(folder / "measured.mat", data, moved)
     (folder / "vtk").mkdir(exist_ok=True)
     vtk.write(folder / "vtk", data)
-    placed = cameras.in_structure_axes([own.camera for own in recordings], data)
-    cameras.write_opencv(folder / "cameras.yaml", placed)
-    cameras.write_aniposelib(folder / "cameras.toml", placed)
+    cameras.write(folder, [own.camera for own in recordings], data)
 
 
 def matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:

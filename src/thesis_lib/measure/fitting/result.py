@@ -166,7 +166,7 @@ def result(
     fit = shifted(fit, omega, lags)
     complex_shape = amplitude(fit, omega, exposures)
     force = complex(*sound["force"].values)
-    phase = _common_phase(complex_shape, force, manifest.structure.damping)
+    phase = common_phase(complex_shape, force, manifest.structure.damping)
     turned = complex_shape * np.exp(-1j * phase)
     shape, error = turned.real, deviation(fit, omega, exposures)
     still = frozen(scatter)
@@ -366,7 +366,7 @@ def _harmonics(
     return sums[0].solve().raised(middle).earlier(omega, own.readout * (rows - 0.5))
 
 
-def _common_phase(shape: ComplexArray, force: complex, damping: float) -> float:
+def common_phase(shape: ComplexArray, force: complex = 0j, damping: float = 0.0) -> float:
     """Phase in rad that leaves least of the shape in quadrature.
 
     Of the two that do, half a period apart, it is the one that a force at resonance gives; where
@@ -376,8 +376,8 @@ def _common_phase(shape: ComplexArray, force: complex, damping: float) -> float:
     if force:
         upside_down = np.cos(phase - (np.angle(force) - (np.pi / 2 - damping))) < 0
     else:
-        real = np.real(shape * np.exp(-1j * phase))
-        upside_down = real[np.nanargmax(np.abs(real))] < 0
+        real = np.nan_to_num(np.real(shape * np.exp(-1j * phase)))
+        upside_down = real[np.argmax(np.abs(real))] < 0
     return phase + np.pi if upside_down else phase
 
 

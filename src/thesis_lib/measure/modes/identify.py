@@ -20,6 +20,7 @@ from thesis_lib.measure.modes.poles import (
     columns,
     filled,
     fitted,
+    scatter,
     seen_fit,
 )
 from thesis_lib.measure.modes.search import beside, reach, search, span_of
@@ -204,13 +205,9 @@ def _block(track: Track, zero: float, noise: Array) -> Block:
 
 
 def _scatter(block: Block, poles: Poles) -> Array:
-    """Scatter of each series about the modes, px; NaN of one that is hardly seen."""
+    """Scatter of each series about the modes, px."""
     B = columns(block.times, poles.rates)
-    left = block.values - B @ seen_fit(B, block)[0]
-    count = block.known.sum(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        sigma = np.sqrt(np.sum(np.where(block.known, left, 0) ** 2, axis=0) / (count - B.shape[1]))
-    return np.asarray(np.where(count > B.shape[1] + 2, sigma, np.nan) * block.scale, float)
+    return scatter(block, B, seen_fit(B, block)[0])
 
 
 def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:

@@ -111,6 +111,15 @@ def seen_fit(B: Array, block: Block) -> tuple[Array, Array]:
     return found, np.where(enough[:, None, None], inverse, np.inf)
 
 
+def scatter(block: Block, B: Array, fit: Array) -> Array:
+    """Scatter of each series about a fit of columns, px; NaN of one that is hardly seen."""
+    left = np.where(block.known, block.values - B @ fit, 0.0)
+    freedom = block.known.sum(axis=0) - B.shape[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sigma = np.sqrt(np.sum(left**2, axis=0) / freedom)
+    return np.asarray(np.where(freedom >= 2, sigma, np.nan) * block.scale, float)
+
+
 def columns(times: Array, rates: Array) -> Array:
     """A constant, then e^{−αt} cos ωt and e^{−αt} sin ωt of each pole, (times, 1 + 2 modes)."""
     made = [np.ones_like(times)]

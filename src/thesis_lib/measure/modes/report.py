@@ -114,11 +114,11 @@ def modes(data: xr.Dataset) -> pd.DataFrame:
     damped = data["damping"].values != 0
     table = {
         "mode": np.arange(1, len(size) + 1),
-        "frequency in Hz": texts(data["frequency"].values, ".6g"),
+        "frequency in Hz": texts(data["frequency"].values, "#.6g"),
         "± Hz": texts(data["frequency_deviation"].values, ".1g"),
-        "damping in %": texts(np.where(damped, 100 * data["damping"].values, np.nan), ".4g"),
+        "damping in %": texts(np.where(damped, 100 * data["damping"].values, np.nan), "#.4g"),
         "± %": texts(np.where(damped, 100 * data["damping_deviation"].values, np.nan), ".1g"),
-        "largest amplitude in mm": texts(size, ".4g"),
+        "largest amplitude in mm": texts(size, "#.4g"),
         "± mm, a marker": texts(1e3 * np.sqrt((data["standard_error"] ** 2).mean("marker").values),
                                 ".2g"),
     }  # fmt: skip
@@ -211,18 +211,26 @@ def notes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
                 f"{strays:.1%} of camera {name}'s marker images move unlike those beside them, and "
                 "were left out.",
             )
-        if late := float(data["lag"][k]):
-            yield Note(
-                "start-by-pictures",
-                f"By the pictures camera {name} started {1e3 * abs(late):.2g} ms "
-                f"{'later' if late > 0 else 'earlier'} than by the sound; the pictures decide.",
-            )
-        if fast := 1e6 * float(data["pace"][k]):
-            yield Note(
-                "clock-drift",
-                f"Camera {name}'s clock runs {abs(fast):.3g} ppm {'fast' if fast > 0 else 'slow'} "
-                f"against that of {data['camera'].values[0]}; its times were corrected.",
-            )
+        yield from of_clock(
+            str(name), str(data["camera"].values[0]), float(data["lag"][k]), float(data["pace"][k])
+        )
+
+
+def of_clock(name: str, first: str, late: float, pace: float) -> Iterator[Note]:
+    """What was corrected of a camera's clock: a start that was late by some s, a relative pace."""
+    if late:
+        yield Note(
+            "start-by-pictures",
+            f"By the pictures camera {name} started {1e3 * abs(late):.2g} ms "
+            f"{'later' if late > 0 else 'earlier'} than by the sound; the pictures decide.",
+        )
+    if pace:
+        how = "fast" if pace > 0 else "slow"
+        yield Note(
+            "clock-drift",
+            f"Camera {name}'s clock runs {1e6 * abs(pace):.3g} ppm {how} against that of {first}; "
+            "its times were corrected.",
+        )
 
 
 def page(
@@ -232,7 +240,7 @@ def page(
     further: str = "",
     radiated: xr.Dataset | None = None,
 ) -> str:
-    """The report as one HTML page, with a further section, and the sound if that was asked for."""
+    """The report as one HTML page, with a section on a force if there is one, and the sound if it is asked for."""
     extent = manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
     parts = [
         f"<h1>{escape(data.attrs['title'])}</h1>",
@@ -257,7 +265,7 @@ def page(
         ),
         html.details("The numbers, marker by marker", html.frame(shapes(data))),
         "" if radiated is None else sound_section(radiated, manifest),
-        further,
+        further and f"<h2>Motion over force</h2>{further}",
         "<h2>Files</h2>" + html.items([*FILES, *(() if radiated is None else SOUND_FILES)]),
         "<h2>What was assumed</h2>" + html.items(assumed(data, manifest)),
         html.details("Synchronisation", html.items(str(data.attrs["synchronisation"]).split("\n"))),

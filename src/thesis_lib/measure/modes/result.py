@@ -12,8 +12,8 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.models import candidates, scaled
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
-from thesis_lib.measure.fitting.result import at_rest, size_off
-from thesis_lib.measure.modes.identify import Asked, Modes, assurance, identify
+from thesis_lib.measure.fitting.result import at_rest, common_phase, size_off
+from thesis_lib.measure.modes.identify import Asked, assurance, identify
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import tracks_of
 from thesis_lib.measure.recordings.check import markers_of
@@ -101,7 +101,7 @@ def result(
     begin, end = window(manifest, sound, recordings)
     tracks = tracks_of(recordings, begin, end)
     found = identify(tracks, rest, asked_of(manifest, recordings))
-    shape = found.shape * np.exp(-1j * _phases(found))[:, None]
+    shape = np.array([own * np.exp(-1j * common_phase(own)) for own in found.shape])
     aliases = [list(own) + [(np.nan, np.nan)] for own in found.aliases]
     most = max(len(own.frequency) for own in found.orders)
     models = candidates(manifest.structure)
@@ -205,14 +205,6 @@ def asked_of(manifest: Manifest, recordings: Sequence[Recording]) -> Asked:
         manifest.excitation.kind == "decay",
         sought.near_hz or (),
     )
-
-
-def _phases(found: Modes) -> Array:
-    """Phase of each mode in which least is left a quarter of a period later, the largest upward."""
-    phase = 0.5 * np.angle(np.nansum(found.shape**2, axis=1))
-    real = np.nan_to_num(np.real(found.shape * np.exp(-1j * phase)[:, None]))
-    largest = real[np.arange(len(real)), np.argmax(np.abs(real), axis=1)]
-    return np.asarray(phase + np.where(largest < 0, np.pi, 0), float)
 
 
 def _padded(values: Array, by: Array, length: int) -> Array:

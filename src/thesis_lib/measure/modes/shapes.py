@@ -17,7 +17,7 @@ from thesis_lib.measure.fitting.clocks import late
 from thesis_lib.measure.fitting.consistency import excess, held_back, in_plane
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, deviation
 from thesis_lib.measure.fitting.reconstruction import Frame
-from thesis_lib.measure.modes.poles import Block, Poles, columns, seen_fit
+from thesis_lib.measure.modes.poles import Block, Poles, columns, scatter, seen_fit
 from thesis_lib.measure.modes.tracks import Track
 from thesis_lib.vision.lens import projection_matrices
 from thesis_lib.vision.pinhole import project
@@ -60,11 +60,7 @@ def images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
     markers = track.uv.shape[2]
     B = columns(block.times, poles.rates)
     fit, inverse = seen_fit(B, block)
-    left = np.where(block.known, block.values - B @ fit, 0.0)
-    count = block.known.sum(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        sigma = np.sqrt(np.sum(left**2, axis=0) / (count - B.shape[1])) * block.scale
-    sigma = np.where(count >= B.shape[1] + 2, sigma, np.nan).reshape(2, markers)
+    sigma = scatter(block, B, fit).reshape(2, markers)
     fit = fit * block.scale
     found = []
     for k, rate in enumerate(poles.rates):

@@ -20,7 +20,7 @@ from thesis_lib.measure.radiation import files as radiation_files
 from thesis_lib.measure.radiation import report as radiation_report
 from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.report import moving
+from thesis_lib.measure.report import html, moving
 from thesis_lib.measure.report.page import Pictures
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
@@ -71,12 +71,10 @@ def several(
         page = report.page(data, manifest, pictures, further, radiated)
         pictures |= beside or {}
     with staging(out) as part:
-        (part / "figures").mkdir()
         storage.write(data, part / "modes.nc")
         report.modes(data).to_csv(part / "modes.csv", index=False)
         report.shapes(data).to_csv(part / "shapes.csv", index=False)
-        for name, (form, content) in pictures.items():
-            (part / "figures" / f"{name}.{form}").write_bytes(content)
+        html.write_pictures(part, pictures)
         uff.write_modes(part / "modes.uff", data)
         for k in range(data.sizes["mode"]):
             one, name = data.isel(mode=k), f"mode-{k + 1}"
@@ -85,9 +83,7 @@ def several(
             frames = moving.shape(one)
             moving.write_gif(part / f"{name}.gif", frames, moving.RATE)
             moving.write_mp4(part / f"{name}.mp4", moving.PERIODS * frames, moving.RATE)
-        placed = cameras.in_structure_axes([own.camera for own in recordings], data)
-        cameras.write_opencv(part / "cameras.yaml", placed)
-        cameras.write_aniposelib(part / "cameras.toml", placed)
+        cameras.write(part, [own.camera for own in recordings], data)
         storage.write(to_keep(calibration), part / OWN)
         if moved is not None:
             storage.write(moved, part / "motion.nc")

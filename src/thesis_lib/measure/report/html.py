@@ -6,6 +6,7 @@ import base64
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from pathlib import Path
 
 import pandas as pd
 
@@ -54,6 +55,13 @@ def _coded(text: str) -> str:
 def details(title: str, inner: str) -> str:
     """What is folded out by its title."""
     return f"<details><summary>{escape(title)}</summary>{inner}</details>"
+
+
+def write_pictures(folder: Path, pictures: Mapping[str, tuple[str, bytes]]) -> None:
+    """Write the pictures of a report into a folder's ``figures``."""
+    (folder / "figures").mkdir(exist_ok=True)
+    for name, (kind, content) in pictures.items():
+        (folder / "figures" / f"{name}.{kind}").write_bytes(content)
 
 
 def figure(pictures: Mapping[str, tuple[str, bytes]], name: str, caption: str) -> str:

@@ -239,6 +239,12 @@ OF_FORCE = {
         "otherwise, the more so at high frequencies.",
         "Put a marker where the force acts, on the other side if need be, or put `at_mm` right.",
     ),
+    "deflections-lost": Meaning(
+        "In … of the time a marker's deflection is not known",
+        "Fewer than two cameras saw it, or it seemed to move along the surface, as a marker does "
+        "that was taken for its neighbour. Its curves rest on the other segments.",
+        "A few in a hundred do no harm. Else drive more gently, film faster, or move a camera.",
+    ),
     "few-averages": Meaning(
         "The curves rest on … averages",
         "Noise is told from motion by how much segments of the recording agree. A few segments "

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.signal import welch
+from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
@@ -18,6 +19,8 @@ from thesis_lib.measure.response.band import CHUNK, NEAR, at_times
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.lens import distorted, projection_matrices, undistorted_tracks
 from thesis_lib.vision.pinhole import project
+
+ASIDE = 0.25  # of the next marker's distance that a marker may seem to move along the surface
 
 
 def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
@@ -32,21 +35,25 @@ def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
 def deflections(recordings: Sequence[Recording], rest: Rest, times: Array) -> Array:
     """Deflections along the structure's normal at some times, m, shape (times, markers).
 
-    NaN where fewer than two cameras see a marker.
+    NaN where fewer than two cameras see a marker, and where it seems to move along the surface: a
+    camera has then taken it for its neighbour.
     """
     P = projection_matrices([own.camera for own in recordings])
     off = rest.images - project(P, rest.points)  # what the cameras disagree by at rest
-    still = rest.frame.to_beam(rest.points)[2]
+    still = rest.frame.to_beam(rest.points)
+    aside = ASIDE * KDTree(rest.places.T).query(rest.places.T, k=2)[0][:, 1]
     found = []
     for start in range(0, len(times), CHUNK):
         at = times[start : start + CHUNK]
-        seen = [_images(own, rest.images[k], at) for k, own in enumerate(recordings)]
+        seen = [images(own, rest.images[k], at) for k, own in enumerate(recordings)]
         points, _ = triangulate_seen(P, np.array(seen) - off[:, :, None])
-        found.append(rest.frame.to_beam(points)[2] - still)
+        along, across, normal = rest.frame.to_beam(points) - still[:, None]
+        with np.errstate(invalid="ignore"):
+            found.append(np.where(np.hypot(along, across) > aside, np.nan, normal))
     return np.concatenate(found)
 
 
-def _images(own: Recording, still: Array, at: Array) -> Array:
+def images(own: Recording, still: Array, at: Array) -> Array:
     """A camera's images at some times without distortion, px, shape (2, times, markers)."""
     pad = (NEAR + 1) / own.rate + abs(own.readout)
     first, last = own.between(at[0] - pad, at[-1] + pad)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -52,7 +52,9 @@ class Recorded:
         return (len(self.times) - 1) / float(self.times[-1] - self.times[0])
 
 
-def recorded_force(manifest: Manifest, folder: Path, delays: Array) -> Recorded:
+def recorded_force(
+    manifest: Manifest, folder: Path, delays: Array, paces: Sequence[float] = ()
+) -> Recorded:
     """The force of a manifest.
 
     Parameters
@@ -63,6 +65,8 @@ def recorded_force(manifest: Manifest, folder: Path, delays: Array) -> Recorded:
         The manifest's.
     delays : ndarray, shape (cameras,)
         When each camera started, on the first one's clock, s.
+    paces : sequence of float
+        Seconds of the first camera's clock for one of each camera's; one if there are none.
 
     Raises
     ------
@@ -81,7 +85,7 @@ def recorded_force(manifest: Manifest, folder: Path, delays: Array) -> Recorded:
         own, newtons = _sound(path, given, FINE * fastest)
     if not np.ptp(newtons) > 0:
         raise ForceError(f"{path}: silent, allowed: a force that changes")
-    clock = _clock(manifest, folder, delays)
+    clock = _clock(manifest, folder, delays, paces or np.ones(len(delays)))
     return Recorded(own * clock.pace + clock.delay, newtons, clock)
 
 
@@ -143,16 +147,16 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     return start + np.arange(len(values)) / rate, values * given.full_scale_n
 
 
-def _clock(manifest: Manifest, folder: Path, delays: Array) -> Clock:
+def _clock(manifest: Manifest, folder: Path, delays: Array, paces: Iterable[float]) -> Clock:
     """Given, that of a camera whose sound track it is, or found by sound."""
     given = manifest.force
     assert given is not None
     if given.offset_s is not None:
         return Clock(given.offset_s, 0.0)
     path, first = folder / given.file, manifest.cameras[0]
-    for camera, delay in zip(manifest.cameras, delays, strict=True):
+    for camera, delay, pace in zip(manifest.cameras, delays, paces, strict=True):
         if (folder / camera.video).resolve() == path.resolve():
-            return Clock(float(delay), 0.0)
+            return Clock(float(delay), 0.0, pace)
     channel = given.sound_channel or given.channel
     reference, rate, start = track_of(audio.Recording(first.name, folder / first.video))
     other, its_rate, its_start = track_of(audio.Recording("the force", path, channel))

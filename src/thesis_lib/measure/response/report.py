@@ -9,15 +9,18 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import ComplexArray
+from thesis_lib.measure.modes.report import of_clock
 from thesis_lib.measure.recordings.force_fields import Sweep
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
-from thesis_lib.measure.report.figures import WIDE
 from thesis_lib.measure.report.meanings import Note
 from thesis_lib.measure.report.page import Pictures
 from thesis_lib.measure.response.sweep import dwell, settling
 from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, in_style, saved, subplots
 
+NARROW = (5.6, 5.4)  # inches; letters that can be read on a phone, too
+MUCH = 0.3  # share by which a peak is lower, from which on it is not told how much
+UNKNOWN = 0.002  # share of the deflections that are not known, from which on it is told
 FEW = 6  # averages below which a coherence tells little
 COHERENT = 0.9  # coherence of the drive point below which it is told
 NEAR = 0.2  # of the largest distance between markers, within which one counts as the drive point
@@ -66,7 +69,7 @@ def curves(data: xr.Dataset, marker: int) -> Figure:
         figure, (top, middle, low) = subplots(
             3,
             1,
-            figsize=(WIDE, 5.6),
+            figsize=NARROW,
             layout="constrained",
             sharex=True,
             height_ratios=[3, 1.3, 1.3],
@@ -156,6 +159,16 @@ def warnings(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
             f"Half of the lines of marker {drive + 1} have a coherence below {usual:.2f}: drive "
             "harder, film nearer, or look for what else moves the structure.",
         )
+    if (share := float(data["unknown"].mean())) > UNKNOWN:
+        yield Note(
+            "deflections-lost",
+            f"In {share:.1%} of the time a marker's deflection is not known; segments that have "
+            "such a gap were left out of its curves.",
+        )
+    names = [str(name) for name in data["camera"].values]
+    for k, name in enumerate(names):
+        late, pace = float(data["camera_lag"][k]), float(data["camera_pace"][k])
+        yield from of_clock(name, names[0], late, pace)
     if (degrees := np.degrees(float(data["phase_deviation"].values[-1]))) > LATE:
         yield Note(
             "force-clock-unsure",
@@ -194,10 +207,11 @@ def _unsettled(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     blur = 4 / 3 * np.pi**2 / (2 * np.pi * zeta * top * seconds) ** 2
     if blur > BLUR:
         longer = seconds * np.sqrt(blur / BLUR)
+        how = "much lower" if blur > MUCH else f"lower by about {blur:.0%}"
         yield Note(
             "segment-short",
             f"Segments of {seconds:.3g} s make a peak at {top:.4g} Hz with a damping of "
-            f"{100 * zeta:g} % lower by about {min(blur, 1):.0%}: take force.segment_s of "
+            f"{100 * zeta:g} % {how}: take force.segment_s of "
             f"{longer:.3g} or more, or record from rest to rest and take it whole.",
         )
     begin, end = data["sweep"].values
@@ -227,8 +241,7 @@ def section(data: xr.Dataset, manifest: Manifest, pictures: Pictures) -> str:
         "Receptance, phase and coherence of marker {}, {}. The shaded band is two standard errors "
         "to either side."
     )
-    parts = ["<h2>Motion over force</h2>", html.items(summary(data))]
-    parts.append(html.warned([*warnings(data, manifest)]))
+    parts = [html.items(summary(data)), html.warned([*warnings(data, manifest)])]
     parts += [
         html.figure(pictures, f"response-{name}", what.format(marker + 1, NAMES[name]))
         for name, marker in shown(data).items()

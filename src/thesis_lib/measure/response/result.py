@@ -14,6 +14,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.modes.result import rest_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.response.band import TOLD, at_times
+from thesis_lib.measure.response.clocks import in_step
 from thesis_lib.measure.response.motion import deflections, noise_of, span_of
 from thesis_lib.measure.response.recorded import ForceError, Recorded, recorded_force
 from thesis_lib.measure.response.spectra import ESTIMATORS, Response, cut_of, response, segments
@@ -47,6 +48,9 @@ VARIABLES = declared("""
     delay() [s] when the force's file begins on the first camera's clock
     delay_deviation() [s] its standard error
     pace() [1] how much faster than the first camera's the force's clock runs
+    unknown(marker) [1] share of the time in which its deflection is not known
+    camera_lag(camera) [s] by how much the pictures start later than the sound tells
+    camera_pace(camera) [1] how much faster than the first camera's its clock runs
     beyond() [1] share of the force's power above half of the lowest frame rate
     ringing() [1] rms of the last eighth of the motion over that of the largest
     noise(marker) [m] rms of the noise in the deflection, as at rest
@@ -81,9 +85,13 @@ def responded(
     """
     given, excitation = manifest.force, manifest.excitation
     assert given is not None
-    force = recorded_force(manifest, folder, np.array([own.delay for own in recordings]))
     rest, _ = rest_of(manifest, recordings)
     rate, slowest = (float(pick(own.rate for own in recordings)) for pick in (max, min))
+    sought = manifest.excitation.modes
+    most = min(sought.to_hz or np.inf, TOLD * slowest)
+    recordings, steps = in_step(recordings, rest, span_of(recordings), (sought.from_hz, most))
+    delays = np.array([own.delay for own in recordings]) - steps.lag  # of sounds, not of pictures
+    force = recorded_force(manifest, folder, delays, [own.pace for own in recordings])
     filmed = span_of(recordings)
     low, high = _band(manifest, force, slowest)
     begin, end = _common(manifest, force, filmed, low)
@@ -99,11 +107,18 @@ def responded(
         ends = sorted([float(sweep.from_hz or low), float(sweep.to_hz or high)])
         low, high = max(low, ends[0]), min(high, ends[1])
     moved = deflections(recordings, rest, times)
+    unknown = np.isnan(moved).mean(axis=0)
     still = np.arange(filmed[0], filmed[0] + excitation.rest_s, 1 / rate)
     noise = noise_of(deflections(recordings, rest, still), rate, (low, high))
     cut = cut_of(len(times), rate, _segment(manifest, len(times) / rate))
     spectra = segments(pushed[:, None], cut, finer)[:, :, 0]
     found = response(spectra, segments(moved, cut), cut, noise)
+    if not found.averages.any():
+        raise ForceError(
+            f"force.segment_s: in each of {cut.count} segments of {cut.length / rate:.3g} s every "
+            f"marker is lost for a while, {unknown.mean():.0%} of the time; give shorter ones, or "
+            "drive so gently that no marker is taken for its neighbour"
+        )
     place = given.place(manifest.structure.force_place)
     apart = np.linalg.norm(rest.places - place[:, None], axis=0)
     parts = [np.nanstd(part) for part in np.array_split(moved, PARTS)]
@@ -121,6 +136,9 @@ def responded(
         "delay": force.clock.delay,
         "delay_deviation": force.clock.delay_deviation,
         "pace": 1 / force.clock.pace - 1,
+        "unknown": unknown,
+        "camera_lag": steps.lag,
+        "camera_pace": steps.pace,
         "beyond": _beyond(pushed, finer * rate, slowest),
         "ringing": parts[-1] / max(parts),
         "noise": np.sqrt(noise * rate / 2),
@@ -130,6 +148,7 @@ def responded(
     }
     inside = (found.frequency >= low) & (found.frequency <= high)
     coords = {
+        "camera": ("camera", [own.camera.name for own in recordings], {"long_name": "camera"}),
         "estimator": ("estimator", list(ESTIMATORS), {"long_name": "estimator"}),
         "frequency": (
             "frequency",

@@ -53,6 +53,8 @@ def over_force(
         files.move(part, out)
     for line in report.summary(data):
         say(line)
+    for note in report.warnings(data, manifest):
+        say(f"note: {note.text} [{note.code}]")
     return report.section(data, manifest, pictures), pictures
 
 
@@ -70,9 +72,7 @@ def alone(
         html.details("The manifest", f"<pre>{escape(manifest.model_dump_json(indent=1))}</pre>"),
     ]
     with staging(out) as part:
-        (part / "figures").mkdir()
-        for name, (kind, content) in pictures.items():
-            (part / "figures" / f"{name}.{kind}").write_bytes(content)
+        html.write_pictures(part, pictures)
         (part / "report.html").write_text(shell(title, "\n".join(page)), encoding="utf-8")
         files.move(part, out)
     return out / "report.html"
