@@ -279,7 +279,7 @@ OF_FORCE = {
         "Film until it is at rest.",
     ),
     "segment-short": Meaning(
-        "Segments of … s make a peak at … Hz with a damping of … % lower",
+        "Segments of … s make a peak at … Hz with a damping of … %",
         "A short segment has few lines. A peak that is narrower than their distance is cut off.",
         "Take the `force.segment_s` that is told, or record from rest to rest and take it whole.",
     ),

@@ -18,7 +18,7 @@ from thesis_lib.measure.report.page import Pictures
 from thesis_lib.measure.response.sweep import dwell, settling
 from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, in_style, saved, subplots
 
-NARROW = (5.6, 5.4)  # inches; letters that can be read on a phone, too
+NARROW = 5.6  # inches: letters can be read on a phone, too
 MUCH = 0.3  # share by which a peak is lower, from which on it is not told how much
 UNKNOWN = 0.002  # share of the deflections that are not known, from which on it is told
 FEW = 6  # averages below which a coherence tells little
@@ -62,17 +62,18 @@ def figures(data: xr.Dataset) -> Pictures:
 
 
 def curves(data: xr.Dataset, marker: int) -> Figure:
-    """Magnitude, phase and coherence of a marker's receptance."""
+    """Magnitude and phase of a marker's receptance, and its coherence where there are averages."""
     f, whole = data["frequency"].values, complex_of(data)[:, marker]
-    error = data["standard_error"].values[marker]
+    error, averaged = data["standard_error"].values[marker], int(data["segments"]) > 1
+    heights = [3, 1.3, 1.3] if averaged else [3, 1.3]
     with in_style(POWERS):
-        figure, (top, middle, low) = subplots(
-            3,
+        figure, (top, middle, *low) = subplots(
+            len(heights),
             1,
-            figsize=NARROW,
+            figsize=(NARROW, sum(heights)),
             layout="constrained",
             sharex=True,
-            height_ratios=[3, 1.3, 1.3],
+            height_ratios=heights,
         )
         size = np.abs(whole[0])
         under = np.maximum(size - 2 * error, size / 10)
@@ -85,21 +86,31 @@ def curves(data: xr.Dataset, marker: int) -> Figure:
             lw=0,
             label="H1 ± 2 standard errors",
         )
-        if int(data["segments"]) > 1:
+        if averaged:
             top.plot(f, np.abs(whole[1]), color=HIGHLIGHT, linewidth=0.7, label="H2")
         top.plot(f, size, color=color(0), linewidth=0.9, label="H1")
         top.set(xscale="log", yscale="log", ylabel="receptance in m/N")
         top.legend(ncols=3)
-        middle.plot(f, np.degrees(np.angle(whole[0])), ".", color=color(0), markersize=2)
+        middle.plot(f, np.degrees(np.angle(whole[0])), ".", color=color(0), markersize=3)
         middle.set(ylabel="phase in °", ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180])
-        low.plot(f, data["coherence"].values[marker], color=color(0), linewidth=0.8)
-        low.set(ylabel="coherence", ylim=(0, 1.05), xlabel="frequency in Hz")
-        ticks = [n * 10.0**k for k in range(-2, 5) for n in (1, 2, 5)]
-        low.set_xticks([at for at in ticks if f[0] <= at <= f[-1]], minor=False)
-        low.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        low.xaxis.set_minor_formatter(lambda value, _: "")
-        low.set_xlim(f[0], f[-1])
+        for axes in low:
+            axes.plot(f, data["coherence"].values[marker], color=color(0), linewidth=0.8)
+            axes.set(ylabel="coherence", ylim=(0, 1.05))
+        last = [top, middle, *low][-1]
+        last.set(xlabel="frequency in Hz", xlim=(f[0], f[-1]))
+        last.set_xticks(_ticks(f[0], f[-1]), minor=False)
+        last.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        last.xaxis.set_minor_formatter(lambda value, _: "")
     return figure
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Round numbers between two, four or more where there are so many."""
+    for digits in ((1, 2, 5), range(1, 10)):
+        found = [n * 10.0**k for k in range(-2, 5) for n in digits if low <= n * 10.0**k <= high]
+        if len(found) >= 4:
+            break
+    return found
 
 
 def peak(data: xr.Dataset) -> tuple[float, float]:
@@ -237,10 +248,10 @@ def _noisy(data: xr.Dataset) -> bool:
 
 def section(data: xr.Dataset, manifest: Manifest, pictures: Pictures) -> str:
     """A part of the report."""
-    what = (
-        "Receptance, phase and coherence of marker {}, {}. The shaded band is two standard errors "
-        "to either side."
+    told = (
+        "Receptance, phase and coherence" if int(data["segments"]) > 1 else "Receptance and phase"
     )
+    what = f"{told} of marker {{}}, {{}}. The shaded band is two standard errors to either side."
     parts = [html.items(summary(data)), html.warned([*warnings(data, manifest)])]
     parts += [
         html.figure(pictures, f"response-{name}", what.format(marker + 1, NAMES[name]))
