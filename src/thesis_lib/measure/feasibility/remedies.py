@@ -72,6 +72,8 @@ NEW = {
     "film again. If the vibration never changes, no sound is needed: `-p excitation.sound=none`.",
     "missing: pictures of the board by …, at least …, better …, in …": "Put them into that folder. "
     "If they lie elsewhere, name the folder after the video, or give `shots` in the manifest.",
+    "missing: …, no such file in": "Put the file that `calibration`, `force` or `truth` names "
+    "there, or put its name right in the manifest.",
     "missing: as many pictures of the board by every camera": "Delete what shows no board, so "
     "that the k-th picture of each camera shows the same pose. Where one camera has none of a "
     "pose, list the names in `shots`, with `null` in its place.",
