@@ -32,6 +32,7 @@ from thesis_lib.figure_sets import keys, recorded
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.figure_sets.experiment.walk import numbers as walk_numbers
 from thesis_lib.figure_sets.experiment.walk import pictures
+from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.runs import execute as runs
 from thesis_lib.runs import tasks
 from thesis_lib.studies import effort, times
@@ -235,7 +236,8 @@ def _of_cubes(plan: Plan, made: Sequence[Path]) -> Iterator[tasks.Task]:
             figures.setdefault(illustrations.cube_of(name), []).append(name)
     for of, names in figures.items():
         cube, name = [path for path in made if path.stem == of], f"figures and numbers of {of}"
-        makes = [plan.tables / f"{of}{kind}" for kind in ("", ".csv") if cube]
+        kinds = [kind for kind in ("", ".csv") if cube and (kind or FIGURE_SETS[of].figure)]
+        makes = [plan.tables / f"{of}{kind}" for kind in kinds]
         makes += [plan.executed / one for one in names]
 
         def act(cube: Sequence[Path] = cube, names: Sequence[str] = names) -> None:

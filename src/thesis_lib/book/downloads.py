@@ -26,20 +26,21 @@ def tables(folder: Path, made: Iterable[Path]) -> None:
         whole_text(folder / f"{path.stem}.csv", plotted.as_csv(errors))
         with staging(folder) as work:
             new = work / path.stem
-            new.mkdir()
             for (case, mode), name in plotted.figure_names(cube).items():
                 table = plotted.figure_table(cube, errors, case, mode)
-                (new / f"{name}.csv").write_text(plotted.as_csv(table), encoding="utf-8")
-            swap(new, folder / path.stem)
+                whole_text(new / f"{name}.csv", plotted.as_csv(table))
+            if new.is_dir():
+                swap(new, folder / path.stem)
 
 
 def fill(book: Path, made: Iterable[Path], numbers: Path) -> None:
     """Put cubes, and their numbers as :func:`tables` wrote them, into a rendered book."""
+    (book / FOLDER).mkdir(exist_ok=True)
     for path in made:
-        name = f"{path.stem}.csv"
-        shutil.copytree(numbers / path.stem, book / FOLDER / path.stem)
-        shutil.copyfile(numbers / name, book / FOLDER / name)
-        shutil.copyfile(path, book / FOLDER / path.name)
+        if (numbers / path.stem).is_dir():  # its figures have tables of their own
+            shutil.copytree(numbers / path.stem, book / FOLDER / path.stem)
+        for file in (numbers / f"{path.stem}.csv", path):
+            shutil.copyfile(file, book / FOLDER / file.name)
 
 
 def archive(book: Path, place: Path) -> Path:
