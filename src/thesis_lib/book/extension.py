@@ -40,10 +40,13 @@ def setup(app: Any) -> dict[str, bool]:
     return writing.setup(app)
 
 
-def _edited(_app: Any, env: Any, _added: Any, _changed: Any, removed: set[str]) -> list[str]:
+def _edited(_app: Any, env: Any, _added: Any, changed: set[str], removed: set[str]) -> list[str]:
     """Pages that do not hold what they held when they were read: contents count, not dates."""
     known: dict[str, str] = getattr(env, "thesis_contents", {})
-    return [page for page in known if page not in removed and known[page] != _contents(env, page)]
+    there = known.keys() - removed
+    same = {page for page in there if known[page] == _contents(env, page)}
+    changed -= same - env.reread_always  # nor those of files that were written alike
+    return sorted(there - same)
 
 
 def _two_at_a_time(app: Any, _env: Any, _pages: list[str]) -> None:
