@@ -10,6 +10,7 @@ import re
 import shutil
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
@@ -106,6 +107,9 @@ def _as_it_is(path: Path) -> tuple[int, ...]:
     return now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns
 
 
+_PARSING = threading.Lock()  # CPython 3.11 counts the depths of all threads' trees as one
+
+
 @cache
 def _read(
     path: Path, _as_it_is: tuple[int, ...]
@@ -113,7 +117,9 @@ def _read(
     """Code and imports of a Python file, which is parsed once for both."""
     text, found = path.read_text(encoding="utf-8"), []
     lines = _STRING_OR_COMMENT.sub(lambda one: one[1] or "", text).splitlines()
-    for node in statements([ast.parse(text)]):
+    with _PARSING:
+        tree = ast.parse(text)
+    for node in statements([tree]):
         if isinstance(node, ast.Import | ast.ImportFrom):
             found.append(node)
         body = getattr(node, "body", None)
