@@ -33,7 +33,8 @@ def root(tmp_path, monkeypatch):
     for name in FILES:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(f"what {name} says")
-    unchanged.remember([tmp_path / "build" / "html", tmp_path / "build" / "book.zip"])
+    made = [tmp_path / "build" / "html", tmp_path / "build" / "book.zip"]
+    unchanged.remember(made, unchanged.written())
     assert unchanged.is_unchanged() == tmp_path / "build" / "html" / "index.html"
     return tmp_path
 
@@ -48,6 +49,18 @@ def test_an_edited_byte_a_lost_and_a_new_file_are_noticed(root, name):
     path.write_bytes(whole)
     assert unchanged.is_unchanged() is not None
     path.rename(path.with_name("other"))
+    assert unchanged.is_unchanged() is None
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in FILES if name.startswith(("notebooks", "book/p"))]
+)
+def test_a_file_that_is_edited_while_the_book_is_made_is_not_in_it(root, name):
+    (root / unchanged.RECORD).unlink()
+    begun = unchanged.written()
+    (root / "book" / "executed" / "a.ipynb").write_text("made anew")
+    (root / name).write_text("edited")
+    unchanged.remember([root / "build" / "html"], begun)
     assert unchanged.is_unchanged() is None
 
 

@@ -63,6 +63,7 @@ def build(publish: bool = False, chapter: str = "") -> Path:
     RunError
         If anything failed; the message names all of it.
     """
+    begun = unchanged.written()
     plan = planned(chapter, publish)
     while True:  # each time round without what failed before
         steps = _tasks(plan)
@@ -80,7 +81,7 @@ def build(publish: bool = False, chapter: str = "") -> Path:
         raise tasks.RunError("\n".join(lines))
     if not chapter:
         times.note("book", took)
-        unchanged.remember([plan.index.parent, *plan.archives])
+        unchanged.remember([plan.index.parent, *plan.archives], begun)
     return plan.index
 
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Set
 from pathlib import Path
 
 from thesis_lib.files import digest_of, library_files, project_root, sha256, sweep, whole_text
 
-SOURCES = (
+WRITTEN = (
     "notebooks",
     "book",
     "data",
@@ -22,8 +23,9 @@ SOURCES = (
     "_config.yml",
     "package.json",
     "package-lock.json",
-    "build/assets",
 )
+SOURCES = (*WRITTEN, "build/assets")
+MADE = {"executed", "results", "published"}  # folders in these that a book writes itself
 RECORD = "build/made/whole-book.json"
 
 
@@ -36,24 +38,35 @@ def _state(root: Path, made: list[Path]) -> dict[str, str]:
     }
 
 
-def _digest(place: Path) -> str:
-    """Of a file, or of those of a folder that belong to the project."""
+def written() -> dict[str, str]:
+    """Digests of what people write, to be taken before a book is begun."""
+    root = project_root()
+    own = {name: _digest(root / name, MADE) for name in WRITTEN}
+    return {"library": digest_of(library_files()), **own}
+
+
+def _digest(place: Path, but: Set[str] = frozenset()) -> str:
+    """Of a file, or of those of a folder that belong to the project, without some folders."""
     if not place.is_dir():
         return sha256(place)
     inside = sorted(path for path in place.rglob("*") if path.is_file())
-    ours = (p for p in inside if "__pycache__" not in p.parts and p.name[0] != ".")
+    ours = (p for p in inside if not but.union(["__pycache__"]) & {*p.parts} and p.name[0] != ".")
     lines = [f"{path.relative_to(place).as_posix()} {sha256(path)}\n" for path in ours]
     return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 
-def remember(made: list[Path]) -> None:
-    """Keep the state of a book that has just been finished.
+def remember(made: list[Path], begun: dict[str, str]) -> None:
+    """Keep the state of a book that has just been finished, unless it was edited meanwhile.
 
     Parameters
     ----------
     made : list of Path
         What a reader is given: the folder of the pages, the archive.
+    begun : dict
+        What :func:`written` was when the book was begun.
     """
+    if written() != begun:
+        return
     root = project_root()
     names = [path.relative_to(root).as_posix() for path in made]
     state = {"made": names, "state": _state(root, made)}

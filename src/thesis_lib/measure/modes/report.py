@@ -240,7 +240,7 @@ def page(
     further: str = "",
     radiated: xr.Dataset | None = None,
 ) -> str:
-    """The report as one HTML page, with a section on a force if there is one, and the sound if it is asked for."""
+    """The report as one HTML page, with sections on force and sound where there are any."""
     extent = manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
     parts = [
         f"<h1>{escape(data.attrs['title'])}</h1>",

@@ -18,7 +18,7 @@ from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import tracks_of
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.tracking.tracks import Recording, lost_share
+from thesis_lib.measure.tracking import tracks
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vision.lens import projection_matrices
 
@@ -77,7 +77,7 @@ SHARED = declared("""
 def result(
     manifest: Manifest,
     sound: xr.Dataset,
-    recordings: Sequence[Recording],
+    recordings: Sequence[tracks.Recording],
     covariance: Array | None = None,
 ) -> xr.Dataset:
     """The modes in some recordings.
@@ -99,9 +99,10 @@ def result(
     """
     rest, frame_off = rest_of(manifest, recordings)
     begin, end = window(manifest, sound, recordings)
-    tracks = tracks_of(recordings, begin, end)
-    found = identify(tracks, rest, asked_of(manifest, recordings))
-    shape = np.array([own * np.exp(-1j * common_phase(own)) for own in found.shape])
+    seen = tracks_of(recordings, begin, end)
+    found = identify(seen, rest, asked_of(manifest, recordings))
+    turns = np.exp([[-1j * common_phase(own)] for own in found.shape])
+    shape = found.shape * turns
     aliases = [list(own) + [(np.nan, np.nan)] for own in found.aliases]
     most = max(len(own.frequency) for own in found.orders)
     models = candidates(manifest.structure)
@@ -121,9 +122,9 @@ def result(
         "rival": [own[1][0] for own in aliases],
         "rival_out_of_step": np.degrees([own[1][1] for own in aliases]),
         "window": [begin, end],
-        "frames": [len(track.times) for track in tracks],
+        "frames": [len(track.times) for track in seen],
         "frame_rate": [own.rate for own in recordings],
-        "missing": [lost_share(own) for own in recordings],
+        "missing": [tracks.lost_share(own) for own in recordings],
         "grid_rms": rest.frame.rms,
         "grid_scale": rest.frame.scale,
         "frame_rotation": rest.frame.R,
@@ -155,8 +156,7 @@ def result(
     still = np.zeros(len(recordings))  # of exposures, which the fits are free of
     omegas = [float(pole.imag) for pole in found.poles]
     rows = common_errors(found.fits, markers_of(manifest), omegas, still, covariance)
-    along = np.real(rows * np.exp(-1j * _phases(found))[:, None])
-    shared = np.sqrt(np.sum(along**2, axis=0))
+    shared = np.sqrt(np.sum(np.real(rows * turns) ** 2, axis=0))
     data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
     return data.assign(labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED))
 
@@ -167,7 +167,7 @@ SAME = (
 )  # fmt: skip
 
 
-def rest_of(manifest: Manifest, recordings: Sequence[Recording]) -> tuple[Rest, float]:
+def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> tuple[Rest, float]:
     """The markers at rest, and the relative error of sizes that their grid tells."""
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     still = np.array([at_rest(own, manifest.excitation.rest_s) for own in recordings])
@@ -179,7 +179,7 @@ def rest_of(manifest: Manifest, recordings: Sequence[Recording]) -> tuple[Rest, 
 
 
 def window(
-    manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording]
+    manifest: Manifest, sound: xr.Dataset, recordings: Sequence[tracks.Recording]
 ) -> tuple[float, float]:
     """From when to when the modes are fitted: of a decay, from the largest motion on, s."""
     begin, end = (float(value) for value in sound["steady"].values)
@@ -195,7 +195,7 @@ def window(
     return float(np.median(largest)), end
 
 
-def asked_of(manifest: Manifest, recordings: Sequence[Recording]) -> Asked:
+def asked_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Asked:
     """What the manifest asks for."""
     sought = manifest.excitation.modes
     highest = sought.to_hz or 0.5 * min(own.rate for own in recordings)

@@ -51,7 +51,7 @@ def several(
     say("fitting the modes")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        covariance = None if manifest.radiation is None else covariance_of(calibration)
+        covariance = covariance_of(calibration)
         data = with_origin(
             result(manifest, sound, recordings, covariance),
             f"measurement by thesis_lib {__version__}",

@@ -93,7 +93,7 @@ def tones_of(data: xr.Dataset) -> list[Tone]:
     ----------
     data : xarray.Dataset
         With ``frequency`` in Hz along ``mode``; of modes that decay ``damping`` and what of
-        :data:`thesis_lib.measure.modes.result.VARIABLES` tells how it errs, too.
+        ``thesis_lib.measure.modes.result.VARIABLES`` tells how it errs, too.
     """
     omega = 2 * np.pi * data["frequency"].values
     if not data.get("damping", np.zeros(1)).any():  # tones are steady
