@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Set
 from pathlib import Path
 
 from thesis_lib.files import digest_of, library_files, project_root, sha256, sweep, whole_text
@@ -25,7 +24,7 @@ WRITTEN = (
     "package-lock.json",
 )
 SOURCES = (*WRITTEN, "build/assets")
-MADE = {"executed", "results", "published"}  # folders in these that a book writes itself
+MADE = frozenset({"executed", "results", "published"})  # folders in these that a book writes itself
 RECORD = "build/made/whole-book.json"
 
 
@@ -45,7 +44,7 @@ def written() -> dict[str, str]:
     return {"library": digest_of(library_files()), **own}
 
 
-def _digest(place: Path, but: Set[str] = frozenset()) -> str:
+def _digest(place: Path, but: frozenset[str] = frozenset()) -> str:
     """Of a file, or of those of a folder that belong to the project, without some folders."""
     if not place.is_dir():
         return sha256(place)
