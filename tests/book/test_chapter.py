@@ -67,7 +67,7 @@ def test_a_chapter_renders_alone_without_a_warning_or_a_dead_link(tmp_path, name
     for folder in (work, stubs):
         folder.mkdir()
     text = "".join(page.read_text(encoding="utf-8") for page in chapter.pages(PROJECT, name))
-    for piece in re.findall(r"executed/([\w-]+\.(?:md|svg|png))", text):
+    for piece in re.findall(r"executed/([\w-]+\.(?:md|svg|png|webp))", text):
         missing.write_placeholder(pieces / piece, "a step")
     for one in CHAPTERS[name]:
         missing.write_page(runs.source(one), one, "not run", stubs / f"{one}.ipynb")

@@ -290,9 +290,9 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     # The board and its pictures.
     "no pictures": (gone("shots/B"), WRONG, ["cameras[1].shots", "0 pictures"]),
     "two pictures": (both(gone("shots/B/0.png"), gone("shots/B/1.png")), WRONG, ["at least 3"]),
-    "pictures of a phone's own kind": (
-        both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.HEIC") for k in range(4))), WRONG,
-        ["0 pictures", ".jpg", '4 of ".heic", which are not read: export JPEG']),
+    "pictures of a camera's own kind": (
+        both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.DNG") for k in range(4))), WRONG,
+        ["0 pictures", ".jpg", '4 of ".dng", which are not read: export JPEG']),
     "a picture less": (gone("shots/B/3.png"), WRONG, ["given 4, 3 shots", "as many for every"]),
     "a pattern that fits nothing": (given("cameras.1.shots", "shots/B/*.tif"), WRONG,
                                     ["0 pictures"]),

@@ -14,6 +14,9 @@ _FRONT = re.compile(
     re.DOTALL,
 )
 _FRONTS = "window.thesisFronts"
+_ALONE = (  # said where a page was copied without the book
+    "this.insertAdjacentText('beforebegin', 'The viewer that stands here needs the whole book.')"
+)
 
 
 def shared(html: str, folder: Path, book: Path) -> str:
@@ -33,7 +36,8 @@ def shared(html: str, folder: Path, book: Path) -> str:
         place = Path(os.path.relpath(book / FOLDER, folder)).as_posix()
         return (
             f'<link rel="stylesheet" href="{place}/{style}">\n'
-            f'<script defer src="{place}/{script}"></script>\n<script type="module">\n'
+            f'<script defer src="{place}/{script}" onerror="{_ALONE}"></script>\n'
+            '<script type="module">\n'
             f"const widget = {_FRONTS}['{name}']();\n"
         )
 

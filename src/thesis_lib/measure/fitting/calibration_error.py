@@ -60,16 +60,13 @@ def common_errors(
         for value, way in zip(values, ways.T, strict=True)
         if value > 1e-9 * values[-1]
     ]
-    rows = []
-    for step in steps:
-        apart = [
-            [
-                amplitude(_refitted(fit, markers, sign * step), omega, exposures)
-                for fit, omega in zip(fits, omegas, strict=True)
-            ]
-            for sign in (-0.5, 0.5)
-        ]
-        rows.append(np.concatenate(apart[1]) - np.concatenate(apart[0]))
+
+    def seen(step: Array) -> ComplexArray:
+        every = zip(fits, omegas, strict=True)
+        moved = [amplitude(_refitted(fit, markers, step), omega, exposures) for fit, omega in every]
+        return np.concatenate(moved)
+
+    rows = [seen(step / 2) - seen(-step / 2) for step in steps]
     fewer = _fewer(np.nan_to_num(np.array(rows)))
     return fewer.reshape(len(fewer), len(fits), -1)
 

@@ -62,7 +62,7 @@ class Table:
         if 4 * np.prod(shape) * 6 * size > LARGEST:
             raise MemoryError(f"a table of {n} markers with {size} pixels each is too large")
         patch = Patch(view, np.arange(n), plane, ellipses)
-        #: Ground, structure, disc, its derivatives in u and v, edge, for each marker and cell
+        # Ground, structure, disc, its derivatives in u and v, edge, for each marker and cell
         self.columns = np.empty((*shape, 6, size), np.float32)
         self.inverse = np.empty((*shape, 6, 6))
         for row, column in np.ndindex(CELLS, CELLS):
@@ -82,7 +82,7 @@ class Table:
         du = along + HALF + (whole - start)[0][:, None]
         dv = down + HALF + (whole - start)[1][:, None]
         self.ground = patch.background(grey.reshape(n, len(down), len(along)), du, dv) - MIDDLE
-        self.contrast = 0.0  #: Median between structure and markers, in the frame
+        self.contrast = 0.0  # median between structure and markers, in the frame
         self.contrast = self.fit(image, start)[3]
 
     def fit(self, image: Image, start: Array) -> tuple[Array, Mask, Mask, float]:
