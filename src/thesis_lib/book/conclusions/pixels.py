@@ -94,7 +94,10 @@ def pixels() -> str:
     better = int(np.sum(ratios < 1 - MATERIAL))
     words = f", {', '.join(worse)}" if worse else ""
     return columns(rows) + (
-        f"\nBy the law of rounding, at equal pixels in all. Of {len(found)} pairs {len(worse)} "
-        f"{'is' if len(worse) == 1 else 'are'} worse by more than {MATERIAL:.0%}{words}; {better} "
+        "\nRms over markers and the three modes, by the law of rounding, at equal pixels in all. "
+        "So an array's error differs a little from the medians of trials, mode by mode, that the "
+        "[beam](beam.md#what-comes-out) and the [plate](plate.md) have.\n\n"
+        f"Of {len(found)} pairs {len(worse)} {'is' if len(worse) == 1 else 'are'} worse by more "
+        f"than {MATERIAL:.0%}{words}; {better} "
         f"are better by more than that; the median ratio is ×{np.median(ratios):.2f}.\n"
     )

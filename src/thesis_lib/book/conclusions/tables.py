@@ -232,7 +232,10 @@ def _experiment(opened: Cubes) -> str:
                     "holds": _held(one),
                 }
             )
-    return columns(rows)
+    return columns(rows) + (
+        "\nMedians over many recordings. [The experiment's page](laboratory.md) shows the first "
+        "recording, too, whose errors differ.\n"
+    )
 
 
 def _held(one: Strength) -> str:
@@ -263,7 +266,7 @@ def _costs(opened: Cubes) -> str:
                 factor = 2 ** (-1 / float(np.median(one.exponents)))
                 half, much = f"{knob.symbol} ×{factor:.2f}", data[name](factor)
             else:
-                half = "in reach" if best <= 0.5 else "out of reach"
+                half = "within the range" if best <= 0.5 else "not in the range"
                 much = "as much"
             rows.append(
                 {

@@ -29,15 +29,15 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
         f"{met['no material change']} hardly change "
         "({doc}`the ledger <executed/claims>`). " + missed(opened),
         f"**It can be foretold.** [The law of rounding](law-of-rounding), without any simulation, "
-        f"gives the error of all {len(ratios)} settings of beam and plate to within "
+        f"gives all {len(ratios)} errors of beam and plate, by setting and mode, to within "
         f"{100 * max(np.abs(ratios - 1)):.0f} %.",
         "**Nearer and finer count in proportion, wider hardly.** For the beam a third of the "
         f"distance leaves {left['closer']} of the error, six times the pixels across leave "
-        f"{left['finer']}, a pair opened tenfold leaves {left['wider']} "
+        f"{left['finer']}, opening a pair tenfold leaves {left['wider']} "
         "([conclusions](conclusions.md)).",
-        f"**Many cameras are worth their pixels.** Twelve leave {left['more']} of the "
-        f"error of two. The best pair with all their pixels has {pair:.2f} of theirs (median), at "
-        "fewer frames a second "
+        f"**Many cameras do what their pixels do.** Twelve leave {left['more']} of the "
+        "error of two. The best pair of an array, given as many pixels as the whole array, has "
+        f"{pair:.2f} of the array's error (median), at fewer frames a second "
         "([many or sharp](design-law.md#many-coarse-cameras-or-few-sharp-ones)).",
         f"**Sound is easier than shape.** Where arrays of cameras measure the plate to {shape:.1f} "
         f"%, the pressure around it is right to {sound:.1f} % (medians; [its sound](sound.md)).",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,8 +14,11 @@ import xarray as xr
 from thesis_lib.acoustics import planes, radiation
 from thesis_lib.acoustics.planes import full_factor
 from thesis_lib.facts import setups
+from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
+from thesis_lib.planning import errors
+from thesis_lib.planning.planner import plan
 from thesis_lib.planning.report import command, write_plan
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
@@ -34,17 +38,37 @@ EXAMPLE = PlanRequest(
     body="plate", plate_mm=(600, 400, 3), counts=[4], resolutions_px=[(1920, 1080)]
 )
 """What the planner's page asks for, step by step."""
+SMALL_MM = 0.2  # what many a reader's structure moves by
 
 
 def planned(_: object) -> str:
-    """A plan as it is asked for, what the command prints, and where the cameras stand."""
+    """A plan: what is asked, what the command prints, where cameras stand; and a small motion."""
     with TemporaryDirectory() as name:
         said = write_plan(EXAMPLE, Path(name) / "plan")
         cameras = pd.read_csv(Path(name) / "plan" / "plan.csv")
     shown = cameras[["camera", "azimuth_deg", "elevation_deg", "distance_mm"]]
     printed = "\n".join([f"$ {command(EXAMPLE)}", *said])
     rows = [[f"{value:g}".replace("-", "−") for value in row] for row in shown.to_numpy().tolist()]
-    return f"```console\n{printed}\n```\n\n{table(list(shown), rows)}"
+    size = " by ".join(f"{one:g}" for one in EXAMPLE.plate_mm or ())
+    return (
+        f"How well can four full-HD cameras measure a plate of {size} mm, of the thesis's "
+        f"material, whose largest deflection is {EXAMPLE.amplitude_mm:g} mm (`amplitude_mm`, if "
+        "nothing else is asked)? This command was run as this page was made:\n\n"
+        f"```console\n{printed}\n```\n\n{table(list(shown), rows)}\n{_of_small_motion()}"
+    )
+
+
+def _of_small_motion() -> str:
+    """What the layout that is planned for the example makes of a motion far below a pixel."""
+    made = plan(EXAMPLE)
+    best = made.options[made.chosen]
+    scene = replace(best.scene, peaks=(SMALL_MM / 1000,) * len(best.scene.peaks))
+    point = errors.predicted(scene, best.layout, best.resolution[0])
+    most = float(errors.counted(point, "mean").max())
+    return (
+        f"Percent are of the largest deflection. Of {SMALL_MM:g} mm the law gives the same cameras "
+        f"errors of up to {most:.0f} %. So give your own `amplitude_mm`.\n"
+    )
 
 
 def structure_model(structure: Structure, unit: str, scale: float) -> str:
@@ -62,6 +86,18 @@ def structure_model(structure: Structure, unit: str, scale: float) -> str:
             }
         )
     return columns(rows)
+
+
+def beam_cameras(_: object) -> str:
+    """Lens, sensor and amplitude that the beam's cameras have, unless a study varies them."""
+    lens = reading("beam")
+    width, height = camera_study("beam-distance").settings()[0].resolution_px
+    return (
+        f"All cameras have a {lens['focal_length_mm']:g} mm lens on a sensor "
+        f"{lens['sensor_width_mm']:g} mm wide, of {width}×{height} pixels unless these are varied, "
+        f"and the beam's largest deflection is {lens['amplitude_mm']:g} mm in each mode. The "
+        "thesis gives neither lens nor amplitude ([assumptions](assumptions.md)).\n"
+    )
 
 
 def motion_needed(_: dict[str, xr.Dataset]) -> str:

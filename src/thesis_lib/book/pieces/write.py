@@ -24,6 +24,7 @@ from thesis_lib.book.pieces.chapters import (
 )
 from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.book.pieces.structures import (
+    beam_cameras,
     effort_table,
     levels,
     markers,
@@ -121,6 +122,7 @@ PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
     **rounding.PIECES,
     **results.PIECES,
     "beam-model": lambda _: structure_model(setups.beam(), "mm", 1e3),
+    "beam-cameras": beam_cameras,
     "beam-results": beam_results,
     "plate-model": lambda _: structure_model(setups.plate(), "nm", 1e9),
     "plate-results": plate_results,

@@ -141,7 +141,7 @@ def _is_mean(entry: ledger.Entry) -> bool:
 _GROUPS: dict[str, Callable[[ledger.Entry], bool]] = {
     "mean errors that are larger here": lambda e: _is_mean(e) and (e.ratio or 0) > 1,
     "mean errors that are smaller here": _is_mean,
-    "errors of one marker, the largest, which a bar of a printed figure tells": lambda e: (
+    "largest errors of a marker, which the thesis reads off a bar of a figure": lambda e: (
         e.kind == "figure" and "marker" in e.what
     ),
     "errors of the sound, one draw each": lambda e: e.kind == "figure",
@@ -160,18 +160,20 @@ _APART = {
 
 
 def ledger_table(cube: xr.Dataset) -> LedgerTable:
-    """All claims, to filter and search: the largest differences first, bookkeeping last."""
+    """All claims, to filter and search: what differs first, conclusions first of that."""
     found = sorted(from_cube(cube), key=_importance)
     folded = sum(entry.kind == "number" and not entry.counted for entry in found)
     return LedgerTable(data={"rows": [entry.row for entry in found], "folded": folded})
 
 
-def _importance(entry: ledger.Entry) -> tuple[bool, int, float]:
-    """Bookkeeping behind, by verdict, and by how far what we get is from what is stated."""
+def _importance(entry: ledger.Entry) -> tuple[bool, int, bool, int, float]:
+    """Bookkeeping behind, by verdict, conclusions first, by kind, and by how far we are off."""
     last = entry.kind == "number" and not entry.counted
     ratio = 1.0 if entry.ratio is None else entry.ratio
     apart = abs(math.log(ratio)) if ratio > 0 else math.inf
-    return last, _IMPORTANCE.index(entry.verdict), -apart
+    concluded = entry.kind == "trend" and "-concluding-" in entry.id
+    kind = ("trend", "figure", "number").index(entry.kind)
+    return last, _IMPORTANCE.index(entry.verdict), not concluded, kind, -apart
 
 
 def readings_table(cube: xr.Dataset) -> Markdown:

@@ -30,7 +30,7 @@ def describe(assessment: Assessment) -> list[str]:
     ):
         lines.append(f"  {what:<50}{_number(values[0]):>10}{_number(values[1]):>10}")
     lines.append(
-        f"{'smallest deflection, three errors of the fit, mm':<62}{_number(rig.smallest_mm):>10}"
+        f"{'smallest deflection, noise of centres alone, mm':<62}{_number(rig.smallest_mm):>10}"
     )
     alike: dict[tuple[str, ...], list[str]] = {}
     for one in assessment.warnings:

@@ -36,8 +36,13 @@ export default (() => {
     };
   }
 
-  // One sentence: how the errors compare with those of the published run.
-  function comparison({ all }) {
+  // One sentence: how the errors compare with those of the published run, and if cameras miss markers, which a sensor could not measure.
+  function comparison(data) {
+    const least = Math.min(...data.all.map((one) => one.in_view));
+    return least < 1 ? `Not all markers are in view (${show(Math.floor(1000 * least) / 10)} % at worst), so no camera could give these errors: ${compared(data)}`
+      : compared(data);
+  }
+  function compared({ all }) {
     const every = all.flatMap((one) => one.modes), done = every.every((one) => isNumber(one.median));
     const of = (one) => (done ? one.median : one.mean), before = (one) => (done ? one.published.median : one.published.mean);
     const which = done ? `median error over ${DRAWS} pixel grids` : "literal error", errors = every.map(of).sort((a, b) => a - b);
