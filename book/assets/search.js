@@ -54,13 +54,15 @@
 
   const find = ({ index, entries }, query) => {
     const queries = asked(query);
+    const shown = (found) => found.map((one) => ({ ...entries[one.id], terms: one.terms })).sort((a, b) => behind(a, query) - behind(b, query));
     for (const typos of [0, 1, 2]) { // two letters that changed places are two
       const fuzzy = typos && ((term) => (typed(term) && term.length > 2 + typos ? typos : false));
       const found = index.search({ combineWith: "AND", queries }, { fuzzy, processTerm: typos ? lower : stem });
-      if (found.length > (typos === 1 ? FEW : 0)) return found.map((one) => ({ ...entries[one.id], terms: one.terms }))
-        .sort((a, b) => behind(a, query) - behind(b, query));
+      if (found.length > (typos === 1 ? FEW : 0)) return { found: shown(found) };
     }
-    return [];
+    const some = index.search({ combineWith: "OR", queries }, { processTerm: stem }); // those with most of the words come first
+    const most = Math.max(0, ...some.map((one) => new Set(one.queryTerms).size));
+    return { found: shown(some.filter((one) => new Set(one.queryTerms).size === most)), partly: true };
   };
 
   // The part of a text around the first word that was found, with such words marked.
@@ -95,11 +97,11 @@
   input.maxLength = LONGEST;
   const show = async () => {
     const book = await ready().catch(() => null), query = input.value;
-    const found = book ? find(book, query) : [];
+    const { found, partly } = book ? find(book, query) : { found: [] };
     list.replaceChildren(...found.slice(0, MOST).map(result));
     list.hidden = !found.length;
     const many = found.length > MOST ? `The best ${MOST} of ${found.length} places.` : `${found.length} place${found.length === 1 ? "" : "s"}.`;
-    status.textContent = !book ? "The book's index is missing." : !query.trim() ? "" : found.length ? many : "Nothing found.";
+    status.textContent = !book ? "The book's index is missing." : !query.trim() ? "" : !found.length ? "Nothing found." : partly ? `No place has all of these words. With most of them: ${many}` : many;
     list.scrollTop = 0;
   };
   input.addEventListener("focus", () => ready().catch(() => null));

@@ -42,6 +42,16 @@ addEventListener("load", async () => {
       requestAnimationFrame(() => fit(target.querySelector("table"), target)); // at once would be told as a loop
     }
   });
+  // An equation that is wider than a phone says that it scrolls, too.
+  const equations = new ResizeObserver((seen) => {
+    for (const { target } of seen) requestAnimationFrame(() => {
+      const wide = target.scrollWidth > target.clientWidth + 1;
+      if (wide === target.classList.contains("tl-scrolls")) return;
+      target.classList.toggle("tl-scrolls", wide);
+      if (wide) target.tabIndex = 0; else target.removeAttribute("tabindex");
+    });
+  });
+  for (const one of document.querySelectorAll(".bd-article div.math")) equations.observe(one);
   for (const table of document.querySelectorAll(".bd-article table")) {
     if (!table.closest(".tl-fragment")) watch.observe(table.parentElement);
   }

@@ -143,6 +143,8 @@ class _Reader(HTMLParser):
             self._at[-1][1].places.append(anchor)
         if tag in _VOID:
             return
+        if self._at and tag in {"td", "th"}:  # which need not be closed
+            self._at[-1][1].said.append(" ")
         self._open.append(tag)
         depth = len(self._open)
         term = tag == "dt" and anchor.startswith("term-")

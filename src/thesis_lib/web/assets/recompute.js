@@ -36,12 +36,12 @@ export default (() => {
     };
   }
 
-  // One sentence: how the errors compare with those of the published run, and if cameras miss markers, which a sensor could not measure.
+  // How the errors compare with those of the published run, and that cameras would miss markers which are computed all the same.
   function comparison(data) {
-    const least = Math.min(...data.all.map((one) => one.in_view));
-    return least < 1 ? `Not all markers are in view (${show(Math.floor(1000 * least) / 10)} % at worst), so no camera could give these errors: ${compared(data)}`
-      : compared(data);
+    const away = Math.ceil(1000 * (1 - Math.min(...data.all.map((one) => one.in_view)))) / 10;
+    return compared(data) + (away > 0 ? ` But up to ${show(away)} % of the marker images are out of view: no camera could give those errors.` : "");
   }
+  // One sentence.
   function compared({ all }) {
     const every = all.flatMap((one) => one.modes), done = every.every((one) => isNumber(one.median));
     const of = (one) => (done ? one.median : one.mean), before = (one) => (done ? one.published.median : one.published.mean);
