@@ -218,13 +218,15 @@ def spread(values: Iterable[float], digits: int = 2) -> str:
 
     Examples
     --------
-    >>> spread([0.5, 0.4, 0.9]), spread([2.0])
-    ('0.50 (0.40–0.90)', '2.00')
+    >>> spread([0.5, 0.4, 0.9]), spread([2.0]), spread([150.26])
+    ('0.50 (0.40–0.90)', '2.00', '150')
     """
     kept = np.array([value for value in values if np.isfinite(value)])
     if not kept.size:
         return "—"
-    middle, low, high = (signed(v, digits) for v in (np.median(kept), kept.min(), kept.max()))
+    middle, low, high = (
+        signed(v, digits if abs(v) < 100 else 0) for v in (np.median(kept), kept.min(), kept.max())
+    )
     to = " to " if "−" in low else "–"
     return middle if low == high else f"{middle} ({low}{to}{high})"
 

@@ -266,7 +266,7 @@ def _costs(opened: Cubes) -> str:
                 factor = 2 ** (-1 / float(np.median(one.exponents)))
                 half, much = f"{knob.symbol} ×{factor:.2f}", data[name](factor)
             else:
-                half = "within the range" if best <= 0.5 else "not in the range"
+                half = f"within the range (×{best:.2f})" if best <= 0.5 else "not in the range"
                 much = "as much"
             rows.append(
                 {

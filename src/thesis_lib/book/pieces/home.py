@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from thesis_lib.book.conclusions.knobs import KNOBS
 from thesis_lib.book.conclusions.pixels import equal_pixels
+from thesis_lib.book.conclusions.strengths import strengths
 from thesis_lib.book.pieces.results import changes, missed, over_rms
 from thesis_lib.ledger.cube import from_cube
 
@@ -23,6 +25,14 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
         float(opened["sound-arrays"][name].isel(trial=slice(1, None)).median())
         for name in ("deflection_error", "plane_error")
     )
+    heard = [
+        one
+        for name, knob in KNOBS.items()
+        if name != "wider"
+        for one in strengths(opened, knob)
+        if one.group == "sound"
+    ]
+    held, of = sum(one.confident for one in heard), sum(len(one.factors) for one in heard)
     said = [
         f"**Most of it holds.** Of {len(claims)} statements {met['agrees']} agree, "
         f"{met['within scatter']} lie within the scatter of single runs, {met['differs']} differ, "
@@ -40,7 +50,9 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
         f"{pair:.2f} of the array's error (median), at fewer frames a second "
         "([many or sharp](design-law.md#many-coarse-cameras-or-few-sharp-ones)).",
         f"**Sound is easier than shape.** Where arrays of cameras measure the plate to {shape:.1f} "
-        f"%, the pressure around it is right to {sound:.1f} % (medians; [its sound](sound.md)).",
+        f"%, the pressure around it is right to {sound:.1f} % (medians; [its sound](sound.md)). "
+        f"The thesis sees no trend in it; in {held} of {of} curves it follows distance, height, "
+        "pixels or number ([conclusions](conclusions.md#the-sound)).",
     ]
     return "".join(f"* {sentence}\n" for sentence in said)
 

@@ -146,7 +146,7 @@ def beam_modes() -> Figure:
     drawing, axes = subplots(figsize=(6.4, 2.4), layout="constrained")
     for i, mode in enumerate((1, 2, 3)):
         w = deflection_shape(beam, mode, beam.markers, peak=1.0)
-        hertz = resonance(beam, mode) / (2 * np.pi)
+        hertz = beam.angular_frequencies(mode)[-1] / (2 * np.pi)
         axes.plot(1000 * beam.markers[0], w, ".-", color=color(i), label=_mode(mode, hertz))
     axes.axhline(0, color=REFERENCE, linewidth=1)
     axes.set(xlabel="x in mm, from the clamp", ylabel="deflection, of its peak")
@@ -162,7 +162,8 @@ def plate_modes() -> Figure:
     for axis, mode in zip(axes, (1, 2, 3), strict=True):
         w = deflection_shape(plate, mode, plate.markers, peak=1.0)
         picture = draw_map(axis, w.reshape(y.size, x.size), x, y, 1.0)
-        axis.set(title=_mode(mode, resonance(plate, mode) / (2 * np.pi)), xlabel="x in mm")
+        hertz = plate.angular_frequencies(mode)[-1] / (2 * np.pi)
+        axis.set(title=_mode(mode, hertz), xlabel="x in mm")
     axes[0].set_ylabel("y in mm")
     drawing.colorbar(picture, ax=axes, label="of the peak", shrink=0.9)
     return drawing
@@ -199,7 +200,7 @@ def frames() -> Figure:
 
 
 def _mode(mode: int, hertz: float) -> str:
-    return f"mode {mode}: {hertz:.3g} Hz"
+    return f"mode {mode}: {hertz:.4g} Hz"
 
 
 OF_FACTS: dict[str, Callable[[], Figure]] = {

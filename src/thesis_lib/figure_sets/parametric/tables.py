@@ -104,11 +104,11 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
         for check in shown
     ]
     text = " and ".join(counts) + f" meet the band of the {cubes.trials_are(cube)}."
-    if only_misses and rows:
-        text += " Those that do not:"
     header = ["figure", "case", "mode", "setting", "error", "thesis", "literal", "5–95 %", "met"]
     if any(not check.claim.values for check in shown):
         text += (
             " A claim about all settings must hold for each; the row shows the one farthest off."
         )
+    if only_misses and rows:
+        text += " Those that do not:"
     return markdown_table(header, rows, text, above=True) if rows else Markdown(text)

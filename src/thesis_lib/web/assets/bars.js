@@ -47,7 +47,7 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
     let last = null; // number that was written
     function number(r, middle) { // what would touch the one on its left stands above it
       const words = show(r.mean), half = 3.7 * words.length;
-      let place = y(Math.max(...[0, r.mean, r.high].filter(isNumber))) - 6;
+      let place = y(Math.max(...[0, r.mean, r.high, r.stated?.[1]].filter(isNumber))) - 6;
       if (last && middle - last.middle < half + last.half && Math.abs(place - last.place) < 12) place = last.place - 12;
       last = { middle, half, place };
       return text(middle, place, words);
