@@ -33,7 +33,9 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         ylabel="% of the largest deflection",
         ylim=(0, None),
     )
-    axes[0, 1].legend()
+    low, high = axes[0, 1].get_ylim()
+    axes[0, 1].set_ylim(low, high + 0.45 * (high - low))  # room for the legend
+    axes[0, 1].legend(loc="upper left")
     axes[1, 0].legend()
     bar_panel(axes[1, 1], part, [error_bars(cube, case, mode)])
     axes[1, 1].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")

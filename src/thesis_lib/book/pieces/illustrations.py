@@ -39,7 +39,7 @@ LABELS = {
 
 def varied(of: str, cube: xr.Dataset) -> Figure:
     """Mean error over what is varied: median and band of the trials, and the law of rounding."""
-    drawing, axes = subplots(figsize=(6.4, 3.2), layout="constrained")
+    drawing, axes = subplots(figsize=(5.2, 3.2), layout="constrained")  # to be read on a phone
     cases = list(dict.fromkeys(cube["case"].values.tolist()))
     for i, case in enumerate(cases):
         values = select(cube, case, MODE)["value"].values
