@@ -51,7 +51,7 @@ addEventListener("load", async () => {
       if (wide) target.tabIndex = 0; else target.removeAttribute("tabindex");
     });
   });
-  for (const one of document.querySelectorAll(".bd-article div.math")) equations.observe(one);
+  for (const one of document.querySelectorAll(".bd-article div.math mjx-container")) equations.observe(one);
   for (const table of document.querySelectorAll(".bd-article table")) {
     if (!table.closest(".tl-fragment")) watch.observe(table.parentElement);
   }

@@ -100,6 +100,17 @@ def test_endings_and_a_typo_are_no_hindrance(
 
 
 @needs_book
+def test_a_word_too_many_leaves_those_that_are_found(running: Browser) -> None:
+    with searching(running) as page:
+        assert "Figure 3.24" in ask(page, "figure 3.24 qwertz")[:3]
+        assert page.locator(".tl-results-status").inner_text().startswith("No place has all")
+        assert ask(page, "figure 3.24 data")
+        assert ask(page, "0.2 mm 50 Hz plate")
+        assert "The law of rounding" in ask(page, "height error")
+        assert "The law of rounding" in ask(page, "z-error")
+
+
+@needs_book
 def test_a_program_is_words(running: Browser) -> None:
     with searching(running) as page:
         ask(page, "<script>alert(1)</script>")
@@ -167,7 +178,7 @@ def test_entries_are_what_a_page_says() -> None:
     page = """<title>Beam: b &#8212; Book</title><article class="bd-article">
     <section id="beam"><span id="old"></span>
     <h1>The <em>beam</em><a class="headerlink" href="#beam">#</a></h1>
-    <p>It bends.</p><script>no()</script>
+    <p>It bends.</p><table><tr><th>E<td>70<td>GPa</table><script>no()</script>
     <div class="math" id="equation-eq-a"><span class="eqno">(3)</span>\\[a\\]</div>
     <figure id="fig-3-4"><img src="a.svg" alt=""><figcaption><p>
     <span class="caption-number">Fig. 9 </span>Figure 3.4 of the thesis. Case 1.</p></figcaption>
@@ -177,7 +188,7 @@ def test_entries_are_what_a_page_says() -> None:
     </section></article>"""
     found = [(e.kind, e.places, e.title, e.text, e.picture) for e in entries.of_page(page)]
     assert found == [
-        ("section", ["beam", "old"], "Beam: b", "It bends.", ""),
+        ("section", ["beam", "old"], "Beam: b", "It bends. E 70 GPa", ""),
         ("equation", ["equation-eq-a"], "Equation (3)", "\\[a\\]", ""),
         ("figure", ["fig-3-4"], "Figure 3.4", "Figure 3.4 of the thesis. Case 1.", "a.svg"),
         ("name", ["thesis_lib.a.f"], "a.f", "Does. Returns All.", ""),

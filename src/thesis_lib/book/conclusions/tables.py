@@ -115,13 +115,13 @@ def _stated(opened: Cubes) -> str:
         [
             str(entry.chapter),
             entry.what,
-            *(f"{v:.0%}" if np.isfinite(v) else "—" for v in (entry.confidence, entry.single)),
             entry.verdict,
+            *(f"{v:.0%}" if np.isfinite(v) else "—" for v in (entry.confidence, entry.single)),
         ]
         for entry in from_cube(opened["claims"])
         if entry.kind == "trend" and "-concluding-" in entry.id
     ]
-    return table(["chapter", "what is concluded", "confidence", "single runs", "verdict"], rows)
+    return table(["chapter", "what is concluded", "verdict", "confidence", "single runs"], rows)
 
 
 def _counted(opened: Cubes) -> str:

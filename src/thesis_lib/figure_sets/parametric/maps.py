@@ -75,8 +75,16 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         of_true = loudest if silent else float(abs(true).max())
         fields = (
             (f"(b) {plane}, ideal{' (nodal)' if silent else ''}", true, of_true),
-            (f"error, {words[0]}:\n{best}", wrong.sel(extreme="best"), float(abs(wrong).max())),
-            (f"error, {words[1]}:\n{worst}", wrong.sel(extreme="worst"), float(abs(wrong).max())),
+            (
+                f"error, shape {words[0]}:\n{best}",
+                wrong.sel(extreme="best"),
+                float(abs(wrong).max()),
+            ),
+            (
+                f"error, shape {words[1]}:\n{worst}",
+                wrong.sel(extreme="worst"),
+                float(abs(wrong).max()),
+            ),
         )
         pictures = []
         for name, (title, values, limit) in zip(row, fields, strict=True):
