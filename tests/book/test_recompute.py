@@ -262,6 +262,7 @@ def test_the_published_run_comes_out_and_stands_behind(
     table = table[table["error"] == "mean_error"]
     with open_offline(chromium, form, query=f"set={name}") as opened:
         until(opened, "drawn")
+        seen = [one["in_view"] for one in shown(opened)["all"]]
         modes = [mode for one in shown(opened)["all"] for mode in one["modes"]]
         print(name, opened.page.evaluate(f"document.querySelector('{FORM}').recompute.times"))
         words = said(opened, SENTENCE)
@@ -276,6 +277,7 @@ def test_the_published_run_comes_out_and_stands_behind(
             conforms.sampled(np.mean(found / known), 1, rtol=0.03)
     start = "With the published parameters the median error over 200 pixel grids is "
     assert re.match(rf"{start}(0\.9[7-9]|1\.0) times the published one \(", words), words
+    assert ("out of view" in words) == any(share < 1 for share in seen)
 
 
 # --- refused, and left to the command
