@@ -61,7 +61,7 @@ def varied(of: str, cube: xr.Dataset) -> Figure:
     logarithmic(axes.yaxis, [1, 2, 3, 5, 10, 20, 30, 50])
     axes.set(xlabel=LABELS[of], ylabel=f"mean error in mode {MODE}, %")
     if len(cases) > 1:
-        axes.legend(ncols=2, columnspacing=1)
+        drawing.legend(loc="outside upper left", ncols=3, columnspacing=1)
     return drawing
 
 

@@ -65,7 +65,7 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         part["label"].values[int(i) - first]
         for i in cube["best_and_worst"].isel(case=c).sel(mode=mode).values
     )
-    words, nodal = ranking(part), part["independent_ratio"].isnull()
+    nodal = part["independent_ratio"].isnull()
     ideal = part["pressure_reference_real"]
     loudest = float(abs(ideal).max())
     for row, plane in zip(("cde", "fgh"), ("XZ", "YZ"), strict=True):
@@ -76,12 +76,12 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         fields = (
             (f"(b) {plane}, ideal{' (nodal)' if silent else ''}", true, of_true),
             (
-                f"error, shape {words[0]}:\n{best}",
+                f"error, best shape:\n{best}",
                 wrong.sel(extreme="best"),
                 float(abs(wrong).max()),
             ),
             (
-                f"error, shape {words[1]}:\n{worst}",
+                f"error, worst shape:\n{worst}",
                 wrong.sel(extreme="worst"),
                 float(abs(wrong).max()),
             ),
