@@ -42,17 +42,16 @@ def findings(opened: dict[str, xr.Dataset]) -> str:
         f"gives all {len(ratios)} errors of beam and plate, by setting and mode, to within "
         f"{100 * max(np.abs(ratios - 1)):.0f} %.",
         "**Nearer and finer count in proportion, wider hardly.** For the beam a third of the "
-        f"distance leaves {left['closer']} of the error, six times the pixels across leave "
-        f"{left['finer']}, opening a pair tenfold leaves {left['wider']} "
+        f"distance leaves {left['closer']} of the error, six times the pixels across "
+        f"{left['finer']}, opening a pair tenfold {left['wider']} "
         "([conclusions](conclusions.md)).",
         f"**Many cameras do what their pixels do.** Twelve leave {left['more']} of the "
-        "error of two. The best pair of an array, given as many pixels as the whole array, has "
-        f"{pair:.2f} of the array's error (median), at fewer frames a second "
+        f"error of two. An array's best pair with all its pixels has {pair:.2f} of its error, at "
+        "fewer frames a second "
         "([many or sharp](design-law.md#many-coarse-cameras-or-few-sharp-ones)).",
-        f"**Sound is easier than shape.** Where arrays of cameras measure the plate to {shape:.1f} "
-        f"%, the pressure around it is right to {sound:.1f} % (medians; [its sound](sound.md)). "
-        f"The thesis sees no trend in it; in {held} of {of} curves it follows distance, height, "
-        "pixels or number ([conclusions](conclusions.md#the-sound)).",
+        f"**Sound is easier than shape.** Arrays that measure the plate to {shape:.1f} % know "
+        f"[its sound](sound.md) to {sound:.1f} % (medians). The thesis sees no trend in it; {held} "
+        f"of {of} curves [show one](conclusions.md#the-sound).",
     ]
     return "".join(f"* {sentence}\n" for sentence in said)
 
