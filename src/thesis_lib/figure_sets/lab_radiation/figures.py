@@ -112,8 +112,9 @@ def markers(cube: xr.Dataset) -> Figure:
 
 def tap(cube: xr.Dataset) -> Figure:
     """What is heard of a tap, and what its modes' powers are off by."""
-    drawing, (heard, off) = subplots(1, 2, figsize=(6.4, 2.8), layout="constrained",
-                                     width_ratios=[1.6, 1])  # fmt: skip
+    drawing, (heard, off) = subplots(
+        1, 2, figsize=(6.4, 2.8), layout="constrained", width_ratios=[1.6, 1]
+    )
     time, each = cube["tap_time"].values, cube["tap_heard"].values
     rates = (cube["tap_power"] / cube["tap_energy"]).values / 2  # E = W / 2α
     names = [f"{f:.3g} Hz" for f in cube["tap_frequency"].values]

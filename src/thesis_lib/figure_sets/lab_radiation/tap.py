@@ -104,8 +104,15 @@ def _rig(study: LabRadiation) -> Rig:
     x, y = rig.markers.extent
     rates = np.resize(RATES, len(rig.stations))
     at = PLACE * x, y / 2
-    return tapped(rig, len(DAMPING), DAMPING, at, seconds=SECONDS, rates=tuple(rates.tolist()),
-                  impulse=IMPULSE)  # fmt: skip
+    return tapped(
+        rig,
+        len(DAMPING),
+        DAMPING,
+        at,
+        seconds=SECONDS,
+        rates=tuple(rates.tolist()),
+        impulse=IMPULSE,
+    )
 
 
 def _seen(rig: Rig, scatter: float) -> list[Seen]:

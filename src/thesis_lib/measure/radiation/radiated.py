@@ -226,8 +226,10 @@ def _of_bands(
         [estimates.summed(_beside([rows[k] for k in band]), shape) for rows in (ways, *heard)]
         for band, shape in zip(bands, shapes, strict=True)
     ]
-    value, error = (np.array([[getattr(one, part) for one in row] for row in found])
-                    for part in ("value", "error"))  # fmt: skip
+    value, error = (
+        np.array([[getattr(one, part) for one in row] for row in found])
+        for part in ("value", "error")
+    )
     power, square = (
         estimates.Estimate(value[:, own], error[:, own]) for own in (0, slice(1, None))
     )
