@@ -13,6 +13,7 @@ from thesis_lib.laboratory.poses import default_poses
 from thesis_lib.measure.calibration import reprojection
 from thesis_lib.measure.calibration.alignment import align, alignment, camera_deviations, moved
 from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.jackknife import jackknife
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import CalibrationError, zhang
 from thesis_lib.vision import lens
@@ -213,6 +214,40 @@ def test_residuals_are_absent_where_views_are(conforms):
     gone = np.isnan(result.residuals).all(axis=(2, 3))
     assert sorted(map(tuple, np.argwhere(gone).tolist())) == absent
     conforms.closed_form(np.sqrt(np.nanmean(result.residuals**2)), result.rms, rtol=1e-6)
+
+
+def test_boards_that_are_cut_off_count_with_the_corners_that_are_seen(conforms):
+    uv = observations(SIGMA, 3)
+    few = np.arange(POINTS.shape[1]) % 8 < 5
+    whole = adjust(uv[..., few], POINTS[:, few], rough())
+    part = adjust(np.where(few, uv, np.nan), POINTS, rough())
+    conforms.invariance(lens_errors(part.cameras), lens_errors(whole.cameras), atol=1e-6)
+    conforms.invariance(part.deviations, whole.deviations, rtol=1e-6)
+    conforms.invariance([part.rms, part.sigma], [whole.rms, whole.sigma], rtol=1e-9)
+    kept, all_ = (
+        jackknife(shots, points, one)
+        for shots, points, one in [(np.where(few, uv, np.nan), POINTS, part),
+                                   (uv[..., few], POINTS[:, few], whole)]
+    )  # fmt: skip
+    conforms.invariance(kept.deviations, all_.deviations, rtol=1e-5)
+
+
+def test_each_picture_may_show_other_corners(conforms):
+    uv = observations(SIGMA, 4)
+    hidden = np.random.default_rng(5).random((*uv.shape[:2], 1, uv.shape[3])) < 0.4
+    cut = np.where(hidden, np.nan, uv)
+    result = adjust(cut, POINTS, rough())
+    np.testing.assert_array_equal(np.isnan(result.residuals), np.isnan(cut))
+    conforms.sampled(result.sigma, SIGMA, rtol=0.03)  # 7 100 coordinates: 4 σ
+    _, centres, turns = align(result.cameras, rig())
+    deviations = camera_deviations(result)
+    conforms.sampled(np.abs(centres / deviations[0]).max(), below=4.5)
+    conforms.sampled(np.abs(turns / deviations[1]).max(), below=4.5)
+    shots = [list(row) for row in cut]
+    single = [zhang(row, BOARD, SIZE) for row in shots]
+    pulls = [(one.K - c.K)[[0, 1, 0, 1], [0, 1, 2, 2]] / one.deviations
+             for one, c in zip(single, rig(), strict=True)]  # fmt: skip
+    conforms.sampled(np.abs(pulls).max(), below=4.5)
 
 
 def test_opencvs_adjustment_of_several_cameras_agrees(conforms):

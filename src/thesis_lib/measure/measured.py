@@ -130,7 +130,7 @@ def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
         for name in (*of_cameras, *SOUND)
         if name not in UNKEPT
     }
-    seen = np.isfinite(values["corners"][:, :, 0, 0]).sum(axis=1)
+    seen = np.isfinite(values["corners"]).any(axis=(2, 3)).sum(axis=1)
     table = of_cameras | SOUND | SHOTS
     names = {"camera": calibration["camera"]}
     return xr.Dataset(labelled(values | {"shots_used": seen}, table), names)

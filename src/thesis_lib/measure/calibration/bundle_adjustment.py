@@ -57,7 +57,7 @@ def adjust(
     Parameters
     ----------
     observations : ndarray, shape (cameras, shots, 2, points)
-        Pixels, in one order of the points for all pictures; a picture with NaN counts as absent.
+        Pixels, in one order of the points for all pictures; NaN where a point is not seen.
     points : ndarray, shape (3, points) or (cameras, shots, 3, points)
         The board's corners in its own frame, m; where its sides differ, those of each picture.
     cameras : sequence of Camera
@@ -90,7 +90,7 @@ def adjust(
         raise ValueError(
             f"observations: given shape {given}, needs ({expected[0]}, shots, 2, {expected[2]})"
         )
-    seen: Mask = np.all(np.isfinite(observations), axis=(2, 3))
+    seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     network = reprojection.start(observations, seen, points, cameras)
     free = _free(network, intrinsics, distortion)
     network, iterations = _minimised(observations, seen, points, network, free, steps)
@@ -115,6 +115,7 @@ def _minimised(
 ) -> tuple[Network, int]:
     """The network of least squares and the steps it took, by Levenberg–Marquardt's method."""
     normal, right, residuals = reprojection.normal_equations(observations, seen, points, network)
+    observed = np.isfinite(observations)
     cost, damping = np.nansum(residuals**2), 0.0
     for step in range(1, steps + 1):
         inverse, _ = _inverse(normal, network, free, damping)
@@ -124,7 +125,7 @@ def _minimised(
             return reprojection.stepped(network, change), step
         trial = reprojection.stepped(network, change)
         new = reprojection.normal_equations(observations, seen, points, trial)
-        new_cost = np.sum(new[2][seen] ** 2)  # NaN if a board came to lie behind a camera
+        new_cost = np.sum(new[2][observed] ** 2)  # NaN if a board came to lie behind a camera
         if new_cost < cost:
             network, (normal, right, _), cost = trial, new, new_cost
             damping = damping / 10 if damping > 1e-6 else 0.0
@@ -163,7 +164,7 @@ def _result(
     inverse, least = _inverse(normal, network, free)
     if least < _DETERMINED:
         raise CalibrationError("adjustment: the pictures do not determine all unknowns")
-    squares, count = float(np.nansum(residuals**2)), 2 * points.shape[-1] * int(seen.sum())
+    squares, count = float(np.nansum(residuals**2)), int(np.isfinite(observations).sum())
     freedom = count - (int(free.sum()) - POSE)
     sigma = float(np.sqrt(squares / freedom))
     covariance = sigma**2 * inverse

@@ -116,7 +116,7 @@ def with_lenses(
 
 def _contributions(observations: Array, points: Array, network: Network) -> tuple[Array, Array]:
     """What each shot says of the cameras: Nₛ, shape (shots, 14 n, 14 n), and gₛ, (shots, 14 n)."""
-    seen: Mask = np.all(np.isfinite(observations), axis=(2, 3))
+    seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     n, shots = seen.shape
     sides = np.zeros((shots, (POSE + LENS) * n))
     matrices = np.zeros((*sides.shape, sides.shape[1]))
@@ -125,7 +125,7 @@ def _contributions(observations: Array, points: Array, network: Network) -> tupl
         cameras = tuple(network.cameras[c] for c in views)
         one = Network(cameras, network.rotations[[s]], network.translations[[s]])
         uv = observations[views][:, [s]]
-        own = points if points.ndim == 2 else points[views][:, [s]]
+        own = reprojection.of_pictures(points, np.ix_(views, np.array([s])))
         N, g, _ = reprojection.normal_equations(uv, seen[views][:, [s]], own, one)
         board = POSE * len(views) + np.arange(POSE)
         both = np.column_stack([N, g])

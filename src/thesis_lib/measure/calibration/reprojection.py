@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -65,8 +66,7 @@ def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Came
     views = [(int(c), int(s)) for c, s in np.argwhere(seen)]
     while pending := [(c, s) for c, s in views if (c in placed) != (s in boards)]:
         c, s = pending[0]
-        own = points if points.ndim == 2 else points[c, s]
-        R, t = planar_pose(cameras[c], own, observations[c, s])
+        R, t = planar_pose(cameras[c], of_pictures(points, (c, s)), observations[c, s])
         if s in boards:
             Rs, ts = boards[s]
             rotation = R @ Rs.T
@@ -85,10 +85,19 @@ def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Came
     )
 
 
+def of_pictures(points: Array, which: Any) -> Array:
+    """The points (3, n) of all pictures, or of (cameras, shots, 3, n) those of some pictures."""
+    return points if points.ndim == 2 else points[which]
+
+
 def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]:
-    """Rotation and translation from a board to a camera that sees points of one z of it."""
-    xy = undistort(from_pixels(camera.K, uv), camera.distortion)
-    flat = points * np.array([[1.0], [1.0], [0.0]])
+    """Rotation and translation from a board to a camera that sees points of one z of it.
+
+    Points whose place `uv` is NaN do not count.
+    """
+    seen = np.isfinite(uv).all(axis=0)
+    xy = undistort(from_pixels(camera.K, uv[:, seen]), camera.distortion)
+    flat = points[:, seen] * np.array([[1.0], [1.0], [0.0]])
     _, turn, t = cv2.solvePnP(flat.T.copy(), xy.T.copy(), np.eye(3), np.zeros(4))
     R, t = np.asarray(cv2.Rodrigues(turn)[0], float), np.ravel(np.asarray(t, float))
     return R, t - R[:, 2] * points[2, 0]
@@ -160,8 +169,9 @@ def normal_equations(
 ) -> tuple[Array, Array, Array]:
     """JᵀJ and Jᵀr of all unknowns, and the residuals r, as seen minus computed.
 
-    Each picture touches the twenty unknowns of its camera and its board only; the matrix is
-    gathered from such blocks.
+    Points that a picture does not show are NaN in the observations and count for nothing. Each
+    picture touches the twenty unknowns of its camera and its board only; the matrix is gathered
+    from such blocks.
 
     Returns
     -------
@@ -175,18 +185,19 @@ def normal_equations(
     right = np.zeros(network.unknowns)
     residuals = np.full(observations.shape, np.nan)
     for c, camera in enumerate(network.cameras):
-        uv, J = images(network, camera, points if points.ndim == 2 else points[c])
+        uv, J = images(network, camera, of_pictures(points, c))
         residuals[c] = observations[c] - uv.swapaxes(0, 1)
         shots = np.flatnonzero(seen[c])
-        A = J[:, :, shots].transpose(2, 0, 1, 3).reshape(len(shots), POSE * 2 + LENS, -1)
-        r = residuals[c][shots].reshape(len(shots), -1, 1)
+        missing = np.isnan(observations[c][shots])
+        A = np.where(missing[:, None], 0, J[:, :, shots].transpose(2, 0, 1, 3))
+        A = A.reshape(len(shots), POSE * 2 + LENS, -1)
+        r = np.where(missing, 0, residuals[c][shots]).reshape(len(shots), -1, 1)
         index = np.empty((len(shots), A.shape[1]), int)
         index[:, :POSE] = c * POSE + np.arange(POSE)
         index[:, POSE : 2 * POSE] = (n + shots[:, None]) * POSE + np.arange(POSE)
         index[:, 2 * POSE :] = (n + m) * POSE + c * LENS + np.arange(LENS)
         np.add.at(normal, (index[:, :, None], index[:, None]), A @ A.swapaxes(1, 2))
         np.add.at(right, index, (A @ r)[..., 0])
-    residuals[~seen] = np.nan
     return normal, right, residuals
 
 

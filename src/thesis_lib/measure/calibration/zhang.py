@@ -62,7 +62,7 @@ def zhang(
     Parameters
     ----------
     shots : sequence of ndarray, shape (2, corners), or None
-        Corners in px, None or NaN where the board was not found.
+        Corners in px, None where the board was not found, NaN where a corner is not seen.
     board : Board
         The board.
     size : tuple of int
@@ -78,37 +78,16 @@ def zhang(
         If fewer than three shots show the board, if the boards are parallel to each other, or if
         the shots leave a focal length uncertain by more than 5 %.
     """
-    return _zhang(shots, board.corners, size, distortion, name)
-
-
-def central(board: Board) -> IntArray:
-    """Indices of the corners of the central 5 × 7 squares, the part the thesis used.
-
-    Raises
-    ------
-    CalibrationError
-        If the board has fewer corners.
-    """
-    nx, ny = board.shape
-    mx, my = _LITERAL_TILES[0] + 1, _LITERAL_TILES[1] + 1
-    if nx < mx or ny < my:
-        raise CalibrationError(f"board: given {nx} by {ny} corners, needs {mx} by {my} or more")
-    index = np.arange(nx * ny).reshape(ny, nx)
-    left, top = (nx - mx) // 2, (ny - my) // 2
-    return index[top : top + my, left : left + mx].ravel()
-
-
-def _zhang(
-    shots: Sequence[Array | None], points: Array, size: tuple[int, int], distortion: bool, name: str
-) -> Calibration:
-    """Zhang's method for any coplanar points (3, n)."""
-    used = [i for i, uv in enumerate(shots) if not _absent(uv)]
+    used = [i for i, uv in enumerate(shots) if uv is not None and np.isfinite(uv).any()]
     if len(used) < _LEAST_SHOTS:
         raise CalibrationError(
             f"{name}: {len(used)} of {len(shots)} shots show the board, needs {_LEAST_SHOTS}"
         )
     images = [np.asarray(shots[i], float) for i in used]
-    spread = _spread(points, images, size)
+    parts = [np.isfinite(uv).all(axis=0) for uv in images]
+    images = [uv[:, part] for uv, part in zip(images, parts, strict=True)]
+    seen = [board.corners[:, part] for part in parts]
+    spread = _spread(seen, images, size)
     if spread < _LEAST_TILT:
         raise CalibrationError(
             f"{name}: the boards are parallel to within {np.degrees(spread):.1f}°, "
@@ -117,7 +96,7 @@ def _zhang(
     flags = cv2.CALIB_FIX_K3
     if not distortion:
         flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST
-    objects = [points.T.astype(np.float32)] * len(images)
+    objects = [X.T.astype(np.float32) for X in seen]
     pixels = [(uv - HALF).T.astype(np.float32) for uv in images]
     rms, K, k, turns, moves, deviations, _, _ = cv2.calibrateCameraExtended(
         objects, pixels, size, np.eye(3), np.zeros(5), flags=flags
@@ -148,18 +127,33 @@ def _zhang(
     )
 
 
-def _absent(uv: Array | None) -> bool:
-    return uv is None or not bool(np.isfinite(uv).all())
+def central(board: Board) -> IntArray:
+    """Indices of the corners of the central 5 × 7 squares, the part the thesis used.
+
+    Raises
+    ------
+    CalibrationError
+        If the board has fewer corners.
+    """
+    nx, ny = board.shape
+    mx, my = _LITERAL_TILES[0] + 1, _LITERAL_TILES[1] + 1
+    if nx < mx or ny < my:
+        raise CalibrationError(f"board: given {nx} by {ny} corners, needs {mx} by {my} or more")
+    index = np.arange(nx * ny).reshape(ny, nx)
+    left, top = (nx - mx) // 2, (ny - my) // 2
+    return index[top : top + my, left : left + mx].ravel()
 
 
-def _spread(points: Array, images: Sequence[Array], size: tuple[int, int]) -> float:
+def _spread(points: Sequence[Array], images: Sequence[Array], size: tuple[int, int]) -> float:
     """Largest angle between the normals of the boards, rad.
 
     A board's vanishing line in the image, the last row of H⁻¹, is its normal seen through K. How
     much the normals differ hardly depends on K, so a focal length of the image's width will do.
     """
     K = np.array([[size[0], 0, size[0] / 2], [0, size[0], size[1] / 2], [0, 0, 1.0]])
-    homographies = [cv2.findHomography(points[:2].T, uv.T)[0] for uv in images]
+    homographies = [
+        cv2.findHomography(X[:2].T, uv.T)[0] for X, uv in zip(points, images, strict=True)
+    ]
     normals = np.array([K.T @ np.linalg.inv(H)[2] for H in homographies])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     across = np.linalg.norm(np.cross(normals[:, None], normals[None]), axis=-1)
