@@ -13,9 +13,10 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.laboratory.render import BeamView, board_image
 from thesis_lib.laboratory.rig import REST, Rig
 from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.board_fields import BoardSpec
 from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.manifest_model import BoardSpec, CameraFiles, Manifest
+from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 from thesis_lib.measure.recordings.manifest_model import Markers as MarkerSpec
 from thesis_lib.measure.recordings.manifest_model import Structure as StructureSpec
 from thesis_lib.measure.recordings.markers import Markers

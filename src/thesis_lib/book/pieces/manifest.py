@@ -14,9 +14,9 @@ from thesis_lib.book.pieces import filming as guidance
 from thesis_lib.files import whole_text
 from thesis_lib.measure.feasibility.limits import THRESHOLDS
 from thesis_lib.measure.feasibility.remedies import NEW, REMEDIES, UNCHECKED, reason_of
+from thesis_lib.measure.recordings.board_fields import BoardSpec
 from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
 from thesis_lib.measure.recordings.manifest_model import (
-    BoardSpec,
     CameraFiles,
     Manifest,
     Markers,
