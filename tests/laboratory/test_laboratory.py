@@ -23,7 +23,8 @@ from thesis_lib.laboratory import film as laboratory_film
 from thesis_lib.laboratory.film import SAMPLE_RATE, film, manifest_of
 from thesis_lib.laboratory.rig import LATE, REST, default_rig
 from thesis_lib.measure.calibration import rig as calibration_rig
-from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
+from thesis_lib.measure.calibration.corners import find_corners
+from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_deflection

@@ -304,6 +304,8 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "a smaller picture": (picture("shots/B/2.png", (32, 24)), WRONG,
                           ["2.png: 32 × 24 px, allowed: 64 × 48 px"]),
     "no board in any": (both(), FAILED, ["A: 0 of 4 shots show the board", "9 × 9 tiles"]),
+    "no mark in any": (given("board", {"kind": "charuco"}), FAILED,
+                       ["A: 0 of 4 shots", "0 marks of DICT_5X5_1000 seen", "a charuco of 9 × 9"]),
     "corners counted for tiles": (given("board.columns", 3), WRONG, ["board.columns: given 3"]),
     # A calibration that is reused.
     "no calibration": (given("calibration", "other"), WRONG, ["other: no calibration there"]),

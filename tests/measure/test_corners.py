@@ -1,15 +1,21 @@
 """Corners against the projections of the board that the picture was made from."""
 
+from dataclasses import replace
+from itertools import pairwise
+
+import cv2
 import numpy as np
 import pytest
 from scenes.calibration import BOARD, exact_images, nearest_order, photograph, picture, rig
 
 from thesis_lib.laboratory.poses import default_poses
-from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
+from thesis_lib.measure.calibration.corners import find_corners
+from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.lens import resized
 
 HALF_SIZE = (960, 540)
+MARKED = Board(8, 6, 0.045, 0.045, mark=0.0315)
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +111,93 @@ def test_a_corner_that_is_hidden_is_no_corner(scenes):
     spoiled[v - 14 : v + 14, u - 14 : u + 14] = 200
     with pytest.raises(BoardNotFound):
         find_corners(photograph(spoiled), BOARD)
+
+
+# Boards with marks: each corner is known by them, wherever it is.
+
+
+@pytest.mark.parametrize("bits", ["4X4", "5X5", "6X6", "7X7"])
+def test_opencvs_dictionaries_begin_with_the_same_marks(bits):
+    names = [f"DICT_{bits}_{size}" for size in (50, 100, 250, 1000)]
+    lists = [cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, n)).bytesList for n in names]
+    for short, long in pairwise(lists):
+        np.testing.assert_array_equal(short, long[: len(short)])
+
+
+@pytest.fixture(scope="module")
+def marked():
+    """A clean picture of such a board, nearly as large as it is, and its exact corners."""
+    camera, (R, t) = resized(rig()[1], HALF_SIZE), default_poses()
+    exact = exact_images([camera], R[3:4], t[3:4], MARKED.corners)[0, 0]
+    return picture(camera, R[3], t[3], MARKED), exact
+
+
+def test_corners_between_marks_are_as_exact_as_without_them(conforms, marked):
+    clean, exact = marked
+    off = find_corners(photograph(clean), MARKED) - exact
+    conforms.closed_form(rms(off), below=0.005)
+    conforms.closed_form(np.abs(off.mean(axis=1)).max(), below=0.002)
+    for seed in range(3):
+        conforms.sampled(rms(find_corners(photograph(clean, seed), MARKED) - exact), below=0.009)
+
+
+@pytest.mark.parametrize("side", ["left", "right", "top", "bottom"])
+def test_a_board_with_marks_may_be_cut_off(conforms, marked, side):
+    clean, exact = marked
+    axis, end = ("left", "right", "top", "bottom").index(side) // 2, side in ("right", "bottom")
+    low, high = exact[axis].min(), exact[axis].max()
+    cut = round((0.35 * low + 0.65 * high) if end else (0.65 * low + 0.35 * high))
+    part = np.s_[:cut] if end else np.s_[cut:]
+    image = photograph(clean[:, part] if axis == 0 else clean[part], 1)
+    found = find_corners(image, MARKED)
+    found[axis] += 0 if end else cut
+    seen = np.isfinite(found[0])
+    assert 12 <= seen.sum() < 0.7 * len(seen)
+    inside = exact[axis] - cut
+    assert not seen[(inside > 0) == end].any()
+    conforms.sampled(rms((found - exact)[:, seen]), below=0.009)
+
+
+def test_corners_beside_a_covered_mark_are_not_seen(conforms, marked):
+    clean, exact = marked
+    spoiled = clean.copy()
+    u, v = exact.reshape(2, 5, 7)[:, 2:4, 2:4].mean(axis=(1, 2)).astype(int)  # of a light tile
+    spoiled[v - 8 : v + 8, u - 8 : u + 8] = 200
+    found = find_corners(photograph(spoiled), MARKED)
+    gone = np.isnan(found[0])
+    np.testing.assert_array_equal(np.flatnonzero(gone), [16, 17, 23, 24])
+    conforms.closed_form(rms((found - exact)[:, ~gone]), below=0.005)
+
+
+def test_boards_that_begin_with_a_light_tile_are_read_too(conforms, marked):
+    camera, (R, t) = resized(rig()[1], HALF_SIZE), default_poses()
+    found = find_corners(photograph(picture(camera, R[3], t[3], MARKED, legacy=True)), MARKED)
+    conforms.closed_form(rms(found - marked[1]), below=0.005)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            {"dictionary": "DICT_6X6_250"},
+            "0 marks of DICT_6X6_250 seen, not as on .* 8 × 6 tiles, but 24 of DICT_5X5_250",
+        ),
+        ({"columns": 7}, "24 marks of DICT_5X5_1000 seen, not as on a board of 7 × 6 tiles"),
+        ({"mark": 0.0}, "a corner's edges misfit by [0-9]+% of the contrast"),
+    ],
+)
+def test_another_board_with_marks_is_refused_by_what_is_seen(marked, change, words):
+    with pytest.raises(BoardNotFound, match=f"^{words}$"):
+        find_corners(photograph(marked[0]), replace(MARKED, **change))
+
+
+def test_a_board_of_which_little_is_seen_is_refused(marked):
+    clean, exact = marked
+    u, v = exact.min(axis=1).astype(int) - 60
+    with pytest.raises(BoardNotFound, match=r"^\d of 35 corners seen, needs 12$"):
+        find_corners(photograph(clean[v : v + 180, u : u + 230]), MARKED)
+    with pytest.raises(BoardNotFound, match=r"^0 marks of DICT_5X5_1000 seen, not as on a board"):
+        find_corners(np.full((200, 300), 128, np.uint8), MARKED)
 
 
 def test_pictures_in_colour_are_refused():

@@ -545,7 +545,11 @@ def narrow(values):
     ("breaks", "change", "words"),
     [
         (blank, lambda values: few_shots(values, 4), ["B: 0 of 4 shots show the board, needs 3"]),
-        (lambda _: None, narrow, ["A: 0 of 3 shots", "has the board 8 × 9 tiles?"]),
+        (
+            lambda _: None,
+            narrow,
+            ["A: 0 of 3 shots", "is the board a checkerboard of 8 × 9 tiles?"],
+        ),
     ],
 )
 def test_a_board_that_is_not_seen_is_told(example, tmp_path, breaks, change, words):

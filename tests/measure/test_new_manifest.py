@@ -188,6 +188,15 @@ def test_rows_are_as_far_apart_as_the_printed_sheet_has_them(folder):
     assert markers.row_spacing_mm == markers.spacing_mm == 36
 
 
+def test_a_board_with_marks_is_asked_for_what_tells_them(folder):
+    done = thesis("measure", "--new", folder, "-p", "board.kind=charuco", "-p", "board.tile_mm=30")
+    board = read_manifest(folder / "manifest.yaml", check_files=False).board
+    assert (board.mark_mm, board.dictionary, board.two_sided) == (21, "DICT_5X5_1000", False)
+    assert "assumed: -p board.mark_mm=21" in done.out
+    assert 'assumed: -p board.dictionary="DICT_5X5_1000"' in done.out
+    assert "board.kind=" not in done.out
+
+
 def test_the_guides_commands_lead_to_a_manifest_that_passes_the_check(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     page = (project_root() / "book" / "recordings.md").read_text(encoding="utf-8")

@@ -1,16 +1,19 @@
 """Boards, markers and places of cameras on paper, read back from the PDF by other programs."""
 
+import re
+
 import cv2
 import numpy as np
 import pypdfium2
 import pytest
+import yaml
 from command import thesis
 
 from thesis_lib.laboratory.example import example_manifest, example_rig
 from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.paper.board import DICTIONARY, MARK
-from thesis_lib.measure.paper.page import SIZES
-from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.paper.page import SIZES, STRIP
+from thesis_lib.measure.recordings.board import MARK, Board
+from thesis_lib.measure.recordings.board_fields import BoardSpec
 from thesis_lib.measure.recordings.manifest import write_manifest
 
 DPI = 200
@@ -64,13 +67,30 @@ def test_a_charuco_board_is_opencvs(conforms, tmp_path):
     path, said = made(tmp_path, "board", "--charuco", "--rows", "6", "--tile-mm", "24")
     assert "CharucoBoard((7, 6), 24, 16.8, DICT_5X5_1000)" in said
     (picture,), _ = pages(path)
-    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_1000)
     board = cv2.aruco.CharucoBoard((7, 6), 24.0, 24.0 * MARK, dictionary)
     found, numbers, marks, _ = cv2.aruco.CharucoDetector(board).detectBoard(picture)
     assert len(marks) == 21
     np.testing.assert_array_equal(numbers.ravel(), np.arange(6 * 5))
     places = board.getChessboardCorners()[:, :2] - [24.0, 24.0]
     conforms.closed_form(found.reshape(-1, 2) - found.reshape(-1, 2)[0], places * PX, atol=1.3)
+
+
+def test_a_charuco_board_is_read_by_what_is_said_of_it(conforms, tmp_path):
+    path, said = made(tmp_path, "board", "--charuco", "--columns", "8")
+    line = re.search(r"in the manifest: board: (\{.*\})", said)[1]
+    board = BoardSpec(**yaml.safe_load(line)).board
+    page = pypdfium2.PdfDocument(str(path))[0]
+    picture = page.render(scale=600 / 72, grayscale=True).to_numpy()
+    # As a camera sees it from aside, at a quarter of the size, for edges are drawn at whole pixels.
+    view = np.array([[0.22, 0.03, 20], [-0.02, 0.19, 90], [2e-5, 3e-5, 1]])
+    seen = cv2.warpPerspective(cv2.GaussianBlur(picture, (0, 0), 3), view, (1400, 1000),
+                               flags=cv2.INTER_AREA, borderValue=90)  # fmt: skip
+    middle = np.array(picture.shape[::-1]) / 2 - [0, STRIP / 2 / 25.4 * 600]
+    places = board.corners[:2] * [[1], [-1]] * 600 / 0.0254 + middle[:, None]
+    u, v, w = view @ [*(places - 0.5), np.ones(places.shape[1])]
+    found = find_corners(seen, board)
+    conforms.independent(found, np.array([u / w, v / w]) + 0.5, atol=0.2)
 
 
 def test_the_back_of_a_board_has_tile_behind_tile(tmp_path):
@@ -119,6 +139,8 @@ def test_a_stand_tells_where_each_camera_is(tmp_path):
     [
         (["board", "x.pdf", "--tile-mm", "45"], ["--tile-mm", "at most 30.33", "or --paper A2"]),
         (["board", "x.pdf", "--columns", "2"], ["--columns", "2", "4"]),
+        (["board", "x.pdf", "--charuco", "--two-sided"], ["--two-sided", "with --charuco"]),
+        (["board", "x.pdf", "--charuco", "--columns", "90", "--rows", "90"], ["90 × 90", "2001"]),
         (["board", "x.pdf", "--paper", "A9"], ["--paper", "A9", "A4"]),
         (["markers", "x.pdf", "--diameter-mm", "30"], ["--diameter-mm", "30", "below 25"]),
         (["markers", "x.pdf", "--spacing-mm", "400"], ["--spacing-mm", "400", "at most 285"]),

@@ -2,16 +2,44 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from scenes import own
 from scenes.foreign import povray
+
+from thesis_lib.measure.calibration.alignment import align, camera_deviations
+from thesis_lib.measure.calibration.rig import adjusted
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.vision.lens import Camera
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(povray.POVRAY is None, reason="no POV-Ray: apt-get install povray"),
 ]
 CODED = {"fine": {"crf": "10", "preset": "veryfast"}, "phone": {"crf": "23", "preset": "medium"}}
+
+
+def test_boards_with_marks_calibrate_though_they_are_cut_off(conforms, tmp_path):
+    manifest = Manifest.model_validate_json(
+        json.dumps(povray.photograph_boards(tmp_path, away=0.09))
+    )
+    corners, _, _, full = adjusted(manifest, tmp_path)
+    counts = np.isfinite(corners[:, :, 0]).sum(axis=2)
+    assert np.sum((counts > 0) & (counts < 24)) >= 6
+    truth = [
+        Camera(one.name, np.diag([povray.FOCAL, povray.FOCAL, 1]), np.zeros(5), one.axes,
+               np.array(one.centre), one.size)
+        for one in povray.PHONES
+    ]  # fmt: skip
+    conforms.sampled(full.sigma, below=0.015)  # px
+    lenses = [[*(c.K[[0, 1], [0, 1]] - povray.FOCAL), *(c.K[:2, 2] - np.divide(c.size, 2))]
+              for c in full.cameras]  # fmt: skip
+    conforms.sampled(np.abs(lenses / full.deviations[:, :4]).max(), below=4)
+    _, centres, _ = align(full.cameras, truth)
+    conforms.sampled(np.abs(centres / camera_deviations(full)[0]).max(), below=4)
+    conforms.independent(np.abs(centres).max(), below=3e-4)  # m
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """A rig of four cameras about a two-sided board, and pictures of it made by counting samples."""
 
+import cv2
 import numpy as np
 from scipy.special import ndtr
 
@@ -10,6 +11,7 @@ from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotation
 
 SIZE = (1920, 1080)
 BOARD = Board()
+CELLS = 20  # of a printed tile, along each side: a mark of 0.7 then has two for each of its bits
 
 
 def rig():
@@ -58,7 +60,7 @@ def front(grid):
     return grid if along_x[0] * along_y[1] < along_x[1] * along_y[0] else grid[:, ::-1]
 
 
-def picture(camera, rotation, translation, board=BOARD, samples=128, blur=0.6):
+def picture(camera, rotation, translation, board=BOARD, samples=128, blur=0.6, legacy=False):
     """Grey levels (h, w) of a white board with dark tiles before a grey background.
 
     Every pixel counts samples spread over its square and the Gaussian blur, symmetric about its
@@ -75,6 +77,7 @@ def picture(camera, rotation, translation, board=BOARD, samples=128, blur=0.6):
     slopes = [np.gradient(place) for place in places]
     last = np.array([board.columns, board.rows]) / 2
     rim = last + board.margin / board.tile
+    texture = printed(board, legacy) if board.mark else None
     total = np.zeros(u.shape)
     k = np.arange(samples // 2)
     shares = np.stack([(2 * k + 1) / samples, (k * 0.6180339887 + 0.25) % 1])
@@ -82,9 +85,22 @@ def picture(camera, rotation, translation, board=BOARD, samples=128, blur=0.6):
     for dv, du in spread.T:
         x, y = (p + dv * rows + du * cols for p, (rows, cols) in zip(places, slopes, strict=True))
         tiles = (abs(x) < last[0]) & (abs(y) < last[1])
-        dark = tiles & ((np.floor(x + last[0]) + np.floor(y + last[1])) % 2 == 0)
+        if board.mark:  # rows of the print run down
+            cells = np.floor([(last[1] - y) * CELLS, (x + last[0]) * CELLS]).astype(int)
+            dark = tiles & texture[tuple(np.where(tiles, cells, 0))]
+        else:
+            dark = tiles & ((np.floor(x + last[0]) + np.floor(y + last[1])) % 2 == 0)
         total += np.where(dark, 30.0, np.where((abs(x) < rim[0]) & (abs(y) < rim[1]), 200.0, 90.0))
     return total / samples
+
+
+def printed(board, legacy=False):
+    """Whether OpenCV prints a ChArUco board dark, shape (rows * CELLS, columns * CELLS)."""
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    size = board.columns, board.rows
+    layout = cv2.aruco.CharucoBoard(size, 1.0, board.mark / board.tile, dictionary)
+    layout.setLegacyPattern(legacy)
+    return layout.generateImage((size[0] * CELLS, size[1] * CELLS)) < 128
 
 
 def quantile(share, blur):

@@ -20,7 +20,8 @@ from thesis_lib.laboratory.film import shots
 from thesis_lib.laboratory.render import BeamView
 from thesis_lib.laboratory.rig import Rig, Station
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
-from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
+from thesis_lib.measure.calibration.corners import find_corners
+from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import zhang
 from thesis_lib.measure.fitting.reconstruction import fit_grid, triangulate_seen

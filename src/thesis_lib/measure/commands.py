@@ -78,7 +78,7 @@ def print_() -> None:
 @click.option("--columns", type=_TILES, default=7, show_default=True, help="Tiles along.")
 @click.option("--rows", type=_TILES, default=5, show_default=True, help="Tiles across.")
 @click.option("--tile-mm", type=_LENGTH, default=25.0, show_default=True, help="Side of a tile.")
-@click.option("--charuco", is_flag=True, help="With ArUco marks, for other programs.")
+@click.option("--charuco", is_flag=True, help="With ArUco marks, a ChArUco board.")
 @click.option("--two-sided", is_flag=True, help="With the mirror image, for the back.")
 @_PAPER
 def board(

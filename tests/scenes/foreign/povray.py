@@ -156,8 +156,8 @@ def plate_scene(phone: Phone, deflections: np.ndarray) -> str:
     return "\n".join(lines)
 
 
-def board_scene(phone: Phone, R: np.ndarray, t: np.ndarray) -> str:
-    """A checkerboard with a white margin."""
+def board_scene(phone: Phone, R: np.ndarray, t: np.ndarray, marked: bool = False) -> str:
+    """A checkerboard with a white margin, or OpenCV's print of one with marks."""
 
     def sheet(x0: float, y0: float, x1: float, y1: float, z: float, grey: float) -> str:
         corners = [R @ [x, y, z] + t for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
@@ -168,15 +168,21 @@ def board_scene(phone: Phone, R: np.ndarray, t: np.ndarray) -> str:
     left, low = -nx * TILE / 2, -ny * TILE / 2
     lines = [phone.scene, "background { rgb 0.2 }",
              sheet(left - MARGIN, low - MARGIN, -left + MARGIN, -low + MARGIN, 0, 0.8)]  # fmt: skip
-    for i in range(nx):
-        for j in range(ny):
-            if (i + j) % 2 == 0:
-                x, y = left + i * TILE, low + j * TILE
-                lines.append(sheet(x, y, x + TILE, y + TILE, 1e-6, 0.05))
+    dark = np.indices((ny, nx)).sum(axis=0) % 2 == 0
+    if marked:  # 20 dots along a tile, 14 of them along a mark of 7 × 7 bits
+        dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_1000)
+        layout = cv2.aruco.CharucoBoard(TILES, 1.0, 0.7, dictionary)
+        dark = layout.generateImage((20 * nx, 20 * ny))[::-1] < 128
+    step = TILE * ny / len(dark)
+    for row, values in enumerate(dark):
+        ends = np.flatnonzero(np.diff(np.pad(values.astype(int), 1)))
+        for i, j in ends.reshape(-1, 2):
+            y = low + row * step
+            lines.append(sheet(left + i * step, y, left + j * step, y + step, 1e-6, 0.05))
     return "\n".join(lines)
 
 
-def poses(count: int = 9) -> list[tuple[np.ndarray, np.ndarray]]:
+def poses(count: int = 9, away: float = 0.03) -> list[tuple[np.ndarray, np.ndarray]]:
     """Turns and places of the board, tilted to all sides, its middle near the plate's."""
     k = np.arange(count)
     tilt, way = np.radians(9 + 7.0 * (k % 3)), 2.4 * k
@@ -184,7 +190,7 @@ def poses(count: int = 9) -> list[tuple[np.ndarray, np.ndarray]]:
     for a, b, n in zip(tilt, way, k, strict=True):
         tilted = cv2.Rodrigues(a * np.array([np.cos(b), np.sin(b), 0]))[0]
         rolled = cv2.Rodrigues(np.array([0, 0, np.radians(8.0 * (n % 4) - 12)]))[0]
-        place = [0.03 * np.cos(3.9 * n), 0.02 * np.sin(2.3 * n), 0.015 * np.cos(1.7 * n)]
+        place = [away * np.cos(3.9 * n), away / 1.5 * np.sin(2.3 * n), 0.015 * np.cos(1.7 * n)]
         found.append((tilted @ rolled, np.array(place)))
     return found
 
@@ -216,6 +222,19 @@ def film(folder: Path, takes: dict[str, dict[str, str]]) -> dict[str, Path]:
     for take in takes:
         (folder / take / "manifest.yaml").write_text(yaml.safe_dump(manifest(), sort_keys=False))
     return {take: folder / take / "manifest.yaml" for take in takes}
+
+
+def photograph_boards(folder: Path, away: float) -> dict:
+    """Pictures of a board with marks that are often cut off; the manifest, without videos."""
+    rng = np.random.default_rng(6)
+    for phone in PHONES:
+        (folder / phone.name).mkdir(parents=True)
+        for k, (R, t) in enumerate(poses(away=away)):
+            scene = board_scene(phone, R, t, marked=True)
+            picture = rendered(folder / "work" / f"{phone.name}{k}", scene, phone.size)[0]
+            cv2.imwrite(str(folder / phone.name / f"{k:02d}.png"), noisy(picture, rng))
+    board = {"kind": "charuco", "columns": TILES[0], "rows": TILES[1], "tile_mm": 1e3 * TILE}
+    return manifest() | {"board": board}
 
 
 def noisy(picture: np.ndarray, rng: np.random.Generator) -> np.ndarray:

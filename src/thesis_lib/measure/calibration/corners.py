@@ -1,13 +1,15 @@
-"""Corners of the checkerboard in an image, to a few thousandths of a pixel (Appendix D, step 3).
+"""Corners of the board in an image, to a few thousandths of a pixel (Appendix D, step 3).
 
-OpenCV finds the grid; a least-squares fit of the grey levels finds each corner. Around a corner the
-blurred picture of two crossing edges is, with c the corner and dᵢ the distances from the edges,
+OpenCV finds the grid (:mod:`~thesis_lib.measure.calibration.grids`); a least-squares fit of the
+grey levels finds each corner. Around a corner the blurred picture of two crossing edges is, with c
+the corner and dᵢ the distances from the edges,
 
     I = a + b · erf(d₁/s) · erf(d₂/s),   dᵢ = nᵢ·(p − c) − κᵢ (tᵢ·(p − c))²/2,
 
 exactly so for edges at right angles under a Gaussian blur, and with the same centre of symmetry for
 all others. The lens bends the edges by curvatures κᵢ too weak to be seen in one window but worth
-0.005 px on a corner; they are read from the neighbouring corners.
+0.005 px on a corner; they are read from the neighbouring corners. ArUco marks in light tiles keep
+off the edges: pixels that they reach are left out.
 """
 
 from __future__ import annotations
@@ -16,13 +18,14 @@ import cv2
 import numpy as np
 from scipy.special import erf
 
-from thesis_lib.arrays import Array, Image
+from thesis_lib.arrays import Array, Image, IntArray, Mask
+from thesis_lib.measure.calibration.grids import BoardNotFound, grid_of
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.lens import HALF
 
 _WINDOW = 0.35  # half-size of the window over the distance to the neighbouring corners
 _REACH = 14  # most pixels from a corner to its window's edge: more add little to the precision
-_CLEAR = 4.0  # least distance of a corner from the image's border, px
+_OFF_MARK = 2.0  # least distance of a window's pixel from an ArUco mark: its blur's reach, px
 _OFF_GRID = (
     0.25  # most that a corner as found may miss a smooth grid, over its neighbour's distance
 )
@@ -33,12 +36,8 @@ _STEPS = 8
 _ROUNDS = 3  # curvatures, and starts of corners that strayed, come from the round before
 
 
-class BoardNotFound(ValueError):  # noqa: N818 - no mistake, an image without a board
-    """An image in which no trustworthy checkerboard is seen; the message says why."""
-
-
 def find_corners(image: Image, board: Board) -> Array:
-    """Inner corners of the checkerboard in an image.
+    """Inner corners of the board in an image.
 
     Parameters
     ----------
@@ -51,7 +50,8 @@ def find_corners(image: Image, board: Board) -> Array:
     -------
     ndarray, shape (2, corners)
         Pixels from the image's top-left corner, in the order of ``board.corners`` as seen from the
-        printed side. Which of the corners that look alike is the first cannot be seen.
+        printed side. Which corner of a checkerboard is the first of those that look alike cannot be
+        seen. Where marks tell, all are in their place, and NaN if they are not seen.
 
     Raises
     ------
@@ -62,31 +62,21 @@ def find_corners(image: Image, board: Board) -> Array:
     """
     if image.ndim != 2 or image.dtype != np.uint8:
         raise ValueError(f"image: given {image.dtype} of shape {image.shape}, needs uint8 (h, w)")
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    # No fast check: it gives up on most views that are steep or have a narrow margin.
-    found, raw = cv2.findChessboardCorners(image, board.shape, flags=flags)
-    if not found:
-        raise BoardNotFound("no checkerboard seen")
-    nx, ny = board.shape
-    grid = np.asarray(raw, float).reshape(ny, nx, 2).transpose(2, 0, 1) + HALF
-    grid = _from_the_front(grid)
-    _check_border(grid, image.shape)
-    smooth = _smooth(grid, board)
+    found = grid_of(image, board)
+    seen = np.isfinite(found[0])
+    smooth = _smooth(found, seen, board)
+    grid = np.where(seen, found, smooth)
     _check_grid(grid, smooth, _OFF_GRID * _spacing(grid))
+    beside = (1 - board.mark / board.tile) / 2 if board.mark else np.inf
     for _ in range(_ROUNDS):
         start = np.where(_off(grid, smooth) > _OFF_FIT, smooth, grid)
-        state, misfit = _fit(image, start)
-        grid = state[:2].reshape(grid.shape)
-        smooth = _smooth(grid, board)
-    _check_fit(start, state, misfit)
-    _check_grid(grid, smooth, np.full((ny, nx), _OFF_FIT))
-    return grid.reshape(2, -1)
-
-
-def _from_the_front(grid: Array) -> Array:
-    """The grid (2, ny, nx) with x and y as seen from the printed side: y up where x is right."""
-    (xu, xv), (yu, yv) = (np.gradient(grid, axis=axis).mean((1, 2)) for axis in (2, 1))
-    return grid if xu * yv - xv * yu < 0 else grid[:, ::-1]
+        state, misfit = _fit(image, start, seen, beside)
+        grid[:, seen] = state[:2]
+        smooth = _smooth(grid, seen, board)
+        grid = np.where(seen, grid, smooth)
+    _check_fit(start[:, seen], state, misfit, np.indices(seen.shape).sum(axis=0)[seen] % 2)
+    _check_grid(grid, smooth, np.full(seen.shape, _OFF_FIT))
+    return np.where(seen, grid, np.nan).reshape(2, -1)
 
 
 def _spacing(grid: Array) -> Array:
@@ -98,33 +88,26 @@ def _spacing(grid: Array) -> Array:
     return np.minimum.reduce([padded_x[:, 1:], padded_x[:, :-1], padded_y[1:], padded_y[:-1]])
 
 
-def _check_border(grid: Array, shape: tuple[int, ...]) -> None:
-    height, width = shape
-    u, v = grid
-    nearest = float(np.minimum.reduce([u, v, width - u, height - v]).min())
-    if nearest < _CLEAR:
-        raise BoardNotFound(f"a corner is {nearest:.1f} px from the border, needs {_CLEAR:.0f}")
-
-
-def _smooth(grid: Array, board: Board) -> Array:
-    """The nearest grid (2, ny, nx) that a plane shows under a moderately distorting lens.
+def _smooth(grid: Array, seen: Mask, board: Board) -> Array:
+    """The grid (2, ny, nx) nearest to corners that are seen that a plane shows under a lens.
 
     The plane is a homography; the lens moves its images by a cubic of their coordinates.
     """
-    plane, flat = board.corners[:2], grid.reshape(2, -1)
-    H, _ = cv2.findHomography(plane.T, flat.T)
+    plane, part = board.corners[:2], seen.ravel()
+    flat = grid[:, seen]
+    H, _ = cv2.findHomography(plane[:, part].T, flat.T)
     if H is None:
         raise BoardNotFound("false grid: the corners lie on a line")
     image = H @ np.vstack([plane, np.ones_like(plane[:1])])
     image = image[:2] / image[2]
     x, y = (image - image.mean(axis=1, keepdims=True)) / image.std()
     cubic = np.stack([x**i * y**j for i in range(4) for j in range(4 - i)])
-    shift = np.linalg.lstsq(cubic.T, (flat - image).T, rcond=None)[0].T @ cubic
+    shift = np.linalg.lstsq(cubic[:, part].T, (flat - image[:, part]).T, rcond=None)[0].T @ cubic
     return (image + shift).reshape(grid.shape)
 
 
 def _off(grid: Array, other: Array) -> Array:
-    """Distances (ny, nx) between the corners of two grids, px."""
+    """Distances between the corners of two grids (2, ...), px."""
     return np.linalg.norm(grid - other, axis=0)
 
 
@@ -136,16 +119,16 @@ def _check_grid(grid: Array, smooth: Array, allowed: Array) -> None:
         raise BoardNotFound(f"false grid: a corner is {off.flat[worst]:.1f} px off a homography")
 
 
-def _fit(image: Image, grid: Array) -> tuple[Array, Array]:
-    """Corners fitted to the grey levels by Gauss–Newton, all at once.
+def _fit(image: Image, grid: Array, seen: Mask, beside: float) -> tuple[Array, Array]:
+    """Corners that are seen fitted to the grey levels by Gauss–Newton, all at once.
 
     Returns the states (7, corners) of :func:`_model` and the rms misfits (corners,) in grey levels.
     """
-    start = grid.reshape(2, -1)
-    steps = np.stack([np.gradient(grid, axis=axis) for axis in (2, 1)]).reshape(2, 2, -1)
+    start = grid[:, seen]
+    steps = np.stack([np.gradient(grid, axis=axis) for axis in (2, 1)])[:, :, seen]
     angles = np.arctan2(steps[:, 1], steps[:, 0])
-    bend = np.stack([_bend(grid), _bend(grid.swapaxes(1, 2)).T]).reshape(2, -1)
-    pixels, weight, grey = _windows(image, start, steps)
+    bend = np.stack([_bend(grid), _bend(grid.swapaxes(1, 2)).T])[:, seen]
+    pixels, weight, grey = _windows(image, start, steps, beside)
     light, dark = (np.quantile(grey, q, axis=1) for q in (0.9, 0.1))
     centre, half = (light + dark) / 2, (light - dark) / 2
     state = np.stack([*start, *angles, centre, half, np.ones_like(half)])
@@ -177,11 +160,14 @@ def _bend(grid: Array) -> Array:
     return np.pad(2 * turn / np.prod(lengths, axis=0), ((0, 0), (1, 1)), mode="edge")
 
 
-def _windows(image: Image, corners: Array, steps: Array) -> tuple[Array, Array, Array]:
+def _windows(
+    image: Image, corners: Array, steps: Array, beside: float
+) -> tuple[Array, Array, Array]:
     """Pixels about each corner.
 
     Returns their coordinates (2, corners, n), whether they are in the window, a parallelogram along
-    the steps to the neighbours, as 1 or 0, and their grey levels, both (corners, n).
+    the steps to the neighbours, as 1 or 0, and their grey levels, both (corners, n). Beside each
+    edge, marks are that many tiles off.
     """
     side = np.arange(-_REACH, _REACH + 1)
     column, row = (np.floor(c).astype(int)[:, None] for c in corners)
@@ -192,8 +178,10 @@ def _windows(image: Image, corners: Array, steps: Array) -> tuple[Array, Array, 
     du, dv = pixels - corners[:, :, None]
     (au, av), (bu, bv) = steps[..., None]
     determinant = au * bv - av * bu
-    along = np.maximum(abs(du * bv - dv * bu), abs(dv * au - du * av)) / abs(determinant)
-    inside &= (along <= _WINDOW) & (du**2 + dv**2 <= _REACH**2)
+    off = np.stack([abs(du * bv - dv * bu), abs(dv * au - du * av)]) / abs(determinant)
+    inside &= (off.max(axis=0) <= _WINDOW) & (du**2 + dv**2 <= _REACH**2)
+    px = abs(determinant) / np.stack([np.hypot(bu, bv), np.hypot(au, av)])  # of one of these
+    inside &= np.any((beside - off) * px >= _OFF_MARK, axis=0)
     grey = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(float)
     return pixels, inside.astype(float), grey
 
@@ -233,14 +221,11 @@ def _model(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
     return mean + half * f * g, J
 
 
-def _check_fit(start: Array, state: Array, misfit: Array) -> None:
-    """Refuse corners (2, ny, nx) whose grey levels are not those of two crossing edges."""
-    shape = start.shape[1:]
-    if not (worst := float(np.max(_off(state[:2].reshape(start.shape), start)))) <= _MOVED:
+def _check_fit(start: Array, state: Array, misfit: Array, parity: IntArray) -> None:
+    """Refuse corners (2, corners) whose grey levels are not those of two crossing edges."""
+    if not (worst := float(np.max(_off(state[:2], start)))) <= _MOVED:
         raise BoardNotFound(f"a corner's fit ends {worst:.1f} px from where it starts")
-    half = state[5].reshape(shape)
-    parity = np.indices(shape).sum(axis=0) % 2
-    if len(np.unique(np.sign(half) * (1 - 2 * parity))) != 1:
+    if len(np.unique(np.sign(state[5]) * (1 - 2 * parity))) != 1:
         raise BoardNotFound("false grid: light and dark tiles do not alternate")
     if (worst := float(np.max(misfit / np.abs(state[5])))) > _MISFIT:
         raise BoardNotFound(f"a corner's edges misfit by {worst:.0%} of the contrast")

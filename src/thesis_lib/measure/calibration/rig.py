@@ -13,7 +13,8 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
-from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
+from thesis_lib.measure.calibration.corners import find_corners
+from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.calibration.reprojection import planar_pose
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError, zhang
@@ -95,7 +96,8 @@ def adjusted(
             for camera, row in zip(manifest.cameras, shots, strict=True)
         ]
     except CalibrationError as error:
-        hint = f" ({lost[0]}; has the board {board.columns} × {board.rows} tiles?)" if lost else ""
+        tiles = f"{manifest.board.kind} of {board.columns} × {board.rows} tiles"
+        hint = f" ({lost[0]}; is the board a {tiles}?)" if lost else ""
         raise CalibrationError(f"{error}{hint}") from None
     corners, moved = unify(single, shots, board, manifest.board.two_sided)
     seen = np.isfinite(corners).any(axis=(0, 2, 3))

@@ -4,7 +4,7 @@ A square board of 9 × 9 tiles looks the same after quarter turns, and from behi
 printed on both faces, so each picture has its own idea of which corner is the first. The cameras do
 not move between the shots: :func:`unify` chooses, per picture, the one symmetry under which they
 stand still. Where the operator of Appendix D, step 3, clicks the same origin in every image, this
-is what stands in for the operator.
+is what stands in for the operator. A board with marks has no symmetry.
 """
 
 from __future__ import annotations
@@ -91,7 +91,9 @@ def unify(
 
 
 def _symmetries(board: Board, two_sided: bool) -> Array:
-    """Rotations (symmetries, 3, 3) that take the board's corners to corners, the identity first."""
+    """Rotations (symmetries, 3, 3) that take corners to such as look alike, the identity first."""
+    if board.mark:
+        return np.eye(3)[None]
     half, flip = np.diag([-1.0, -1.0, 1.0]), np.diag([1.0, -1.0, -1.0])
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = np.array([np.eye(3), half])

@@ -9,11 +9,10 @@ import numpy as np
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.paper.page import SIZES, Draw, PaperError, area, polygons, rectangle, write
-from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.board import DICTIONARY, MARK, Board
 
-DICTIONARY = cv2.aruco.DICT_5X5_1000  # of 5 × 5 bits
-MARK = 0.7  # side of a mark over that of its tile
 BITS = 7  # along a mark with its black frame
+MARKS = 1000  # that the dictionary has
 
 
 def write_board(
@@ -43,18 +42,29 @@ def write_board(
         Whether white tiles carry ArUco marks, as OpenCV's ``CharucoBoard`` has them.
     two_sided : bool
         Whether a second page has the mirror image, for the back: tile behind tile when the sheet
-        is turned like a page of a book.
+        is turned like a page of a book. Marks would be mirrored, too, so not of a board with them.
 
     Returns
     -------
     str
-        What the manifest says of this board, or OpenCV.
+        What the manifest says of this board, and OpenCV of one with marks.
 
     Raises
     ------
     PaperError
-        If the board with a white margin of half a tile does not fit the paper.
+        If the board with a white margin of half a tile does not fit the paper, or has more marks
+        than the dictionary, or marks on both sides.
     """
+    if charuco and two_sided:
+        raise PaperError(
+            "--two-sided: given with --charuco, allowed: for a checkerboard, as no program reads "
+            "marks that are mirrored"
+        )
+    if charuco and columns * rows // 2 > MARKS:
+        raise PaperError(
+            f"--columns, --rows: given {columns} × {rows} tiles, allowed with --charuco: at most "
+            f"{2 * MARKS + 1}, {DICTIONARY} has no more marks"
+        )
     landscape = columns >= rows
     wide, high = area(paper, landscape)
     need = (columns + 1) * tile_mm, (rows + 1) * tile_mm  # with half a tile all around
@@ -74,16 +84,17 @@ def write_board(
     board = Board(columns, rows, tile_mm / 1000, margin / 1000)
     left, low = (wide - columns * tile_mm) / 2, (high - rows * tile_mm) / 2
     dark = 1000 * board.dark_tiles + [columns * tile_mm / 2, rows * tile_mm / 2]
+    kind = "kind: charuco, " if charuco else ""
     said = (
-        f"in the manifest: board: {{columns: {columns}, rows: {rows}, tile_mm: {tile_mm:g}, "
+        f"in the manifest: board: {{{kind}columns: {columns}, rows: {rows}, tile_mm: {tile_mm:g}, "
         f"margin_mm: {np.floor(margin):g}, two_sided: {str(two_sided).lower()}}}"
     )
     if charuco:
         dark = dark * [1, -1] + [0, rows * tile_mm]  # OpenCV begins with a dark tile at the top
         dark = np.concatenate([dark[:, ::-1], _marks(columns, rows, tile_mm)])
-        said = (
-            f"for OpenCV: CharucoBoard(({columns}, {rows}), {tile_mm:g}, {MARK * tile_mm:g}, "
-            "DICT_5X5_1000)"
+        said += (
+            f"\nfor OpenCV: CharucoBoard(({columns}, {rows}), {tile_mm:g}, {MARK * tile_mm:g}, "
+            f"{DICTIONARY})"
         )
     dark = dark + [left, low]
     sides = [("", dark)]
@@ -103,7 +114,7 @@ def _marks(columns: int, rows: int, tile: float) -> Array:
 
     OpenCV counts the white tiles from the upper left, row by row; each mark is in a middle.
     """
-    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
     side, cells, number = MARK * tile, [], 0
     for row in range(rows):
         for column in range(columns):

@@ -1,5 +1,7 @@
 """The calibration board: a checkerboard with a white margin (thesis 5.1.2, Appendix D).
 
+A ChArUco board has an ArUco mark in each light tile, by which its corners are told apart.
+
 Its frame has the origin at the board's centre, x along the columns, y along the rows, and z out of
 the printed side, in m. Inner corners run fastest along x.
 """
@@ -12,10 +14,13 @@ import numpy as np
 
 from thesis_lib.arrays import Array
 
+DICTIONARY = "DICT_5X5_1000"  # OpenCV's name of the marks on boards that are printed here
+MARK = 0.7  # side of such a mark over that of its tile
+
 
 @dataclass(frozen=True)
 class Board:
-    """A checkerboard."""
+    """A checkerboard, with ArUco marks or without."""
 
     #: Tiles along x and y
     columns: int = 9
@@ -23,6 +28,8 @@ class Board:
     tile: float = 0.045  #: Side of a tile in m
     margin: float = 0.045  #: Width of the white margin around the tiles in m
     thickness: float = 0.0  #: Distance of the printed sides, of a board that has two, in m
+    mark: float = 0.0  #: Side of the marks in m; 0 if there are none
+    dictionary: str = DICTIONARY  #: OpenCV's name of the dictionary that marks are of
 
     @property
     def shape(self) -> tuple[int, int]:

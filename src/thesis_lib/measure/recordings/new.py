@@ -33,10 +33,11 @@ ASKED = (  # what no file shows
     "structure.density_kg_m3", "structure.youngs_modulus_pa", "structure.force_position_mm",
     "structure.markers.rows", "structure.markers.columns", "structure.markers.spacing_mm",
     "structure.markers.row_spacing_mm", "structure.markers.diameter_mm", "structure.markers.tone",
-    "board.columns", "board.rows", "board.tile_mm", "board.two_sided",
+    "board.kind", "board.columns", "board.rows", "board.tile_mm", "board.two_sided",
     "excitation.frequency_hz", "excitation.sound", "excitation.rest_s", "excitation.steady_s",
     "cameras.exposure_s",
 )  # fmt: skip
+ASKED_OF_MARKS = ("board.mark_mm", "board.dictionary")
 EXPOSURE = 0.25  # of the shortest frame, which stands for an exposure that is not given
 
 
@@ -83,6 +84,11 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     whole_text(path, "\n".join(_text(manifest, given)) + "\n")
     told = [*_told(manifest, folder, infos), *_cornered(manifest, folder)]
     return path, [*told, *_assumed(manifest, given)]
+
+
+def _asked(manifest: Manifest) -> tuple[str, ...]:
+    """What no file shows of such a structure and board."""
+    return ASKED + ASKED_OF_MARKS * (manifest.board.kind == "charuco")
 
 
 def _values(
@@ -201,7 +207,7 @@ def _and(names: Sequence[str]) -> str:
 
 def _assumed(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
     """What no file shows and was not given, with what stands for it."""
-    for name in ASKED:
+    for name in _asked(manifest):
         if not _is_given(name, given):
             value: Any = manifest
             for part in name.split("."):
@@ -219,7 +225,7 @@ def _is_given(name: str, given: Mapping[str, Any]) -> bool:
 def _text(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
     """The manifest as commented YAML; what must be checked is marked."""
     yield "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them."
-    asked = ASKED if manifest.structure.hole is not None else (*ASKED, "cameras.corners_px")
+    asked = (*_asked(manifest), *["cameras.corners_px"] * (manifest.structure.hole is None))
     yield from _fields(manifest, "", -2, asked, given)
     yield "cameras:"
     for camera in manifest.cameras:
