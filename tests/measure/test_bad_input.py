@@ -16,7 +16,8 @@ import yaml
 from command import thesis
 from scenes.manifests import change
 
-from thesis_lib.measure.recordings.media import write_png, write_video
+from thesis_lib.measure.recordings.media import write_video
+from thesis_lib.measure.recordings.pictures import write_png
 
 WIDTH, HEIGHT, RATE = 64, 48, 60
 

@@ -20,7 +20,8 @@ from thesis_lib.measure.recordings.manifest import (
     write_manifest,
 )
 from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
-from thesis_lib.measure.recordings.media import write_png, write_video
+from thesis_lib.measure.recordings.media import write_video
+from thesis_lib.measure.recordings.pictures import write_png
 
 SIZE = (64, 48)
 

@@ -11,8 +11,6 @@ import pytest
 from thesis_lib.measure.recordings.media import (
     read_audio,
     read_frames,
-    read_png,
-    write_png,
     write_video,
 )
 from thesis_lib.measure.recordings.media_info import (
@@ -21,6 +19,7 @@ from thesis_lib.measure.recordings.media_info import (
     frame_times,
     probe,
 )
+from thesis_lib.measure.recordings.pictures import read_png, write_png
 
 RATE = 48000
 SIZE = (64, 48)

@@ -12,7 +12,6 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.measure.fitting.frequency import FrequencyError
 from thesis_lib.measure.pipeline import measure
-from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.markers import Markers
@@ -100,7 +99,7 @@ def silent(tmp_path_factory):
     manifest = read_manifest(path)
     pictures = [folder / camera.shots for camera in manifest.cameras]
     for place in pictures:  # one pose that is seen by none, and two that one camera has exchanged
-        media.write_png(place / "02.png", np.full((540, 960), 90, np.uint8))
+        pictures.write_png(place / "02.png", np.full((540, 960), 90, np.uint8))
     one, other = pictures[1] / "05.png", pictures[1] / "06.png"
     first, second = one.read_bytes(), other.read_bytes()
     one.write_bytes(second)

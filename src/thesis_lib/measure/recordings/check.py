@@ -13,13 +13,13 @@ from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
 from thesis_lib.measure.recordings.markers import Markers
-from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
     VideoInfo,
     frame_clock,
     probe,
 )
+from thesis_lib.measure.recordings.pictures import read_png
 from thesis_lib.studies.refusals import shown
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples

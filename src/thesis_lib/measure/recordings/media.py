@@ -1,4 +1,4 @@
-"""Recordings as files: gray video with its audio track, and pictures (thesis 5.1.2).
+"""Recordings as files: gray video with its audio track (thesis 5.1.2).
 
 Everything streams: memory does not grow with the number of frames. One convention of time serves
 all of the laboratory: frame k is exposed around k / frame rate after the start of the recording
@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Literal
 
 import av
-import cv2
 import numpy as np
 from av.video.reformatter import ColorRange
 from av.video.stream import VideoStream
@@ -266,56 +265,3 @@ def read_audio(path: Path) -> tuple[Array, int, float]:
     """
     with opened_audio(path) as audio:
         return np.concatenate(list(audio.blocks)), audio.rate, audio.start
-
-
-def write_png(path: Path, image: Image) -> None:
-    """Write a gray picture, uint8 of shape (height, width), whole or not at all.
-
-    Raises
-    ------
-    MediaError
-        If the picture is of another kind.
-    """
-    if image.dtype != np.uint8 or image.ndim != 2 or not image.size:
-        raise MediaError(f"{path}: {image.dtype} of shape {image.shape}, allowed: gray uint8")
-    _, data = cv2.imencode(".png", image)
-    whole_file(path, lambda part: part.write_bytes(data.tobytes()))
-
-
-def read_png(path: Path) -> Image:
-    """Read a picture as gray, uint8 of shape (height, width).
-
-    Raises
-    ------
-    MediaError
-        If there is no such file, it is not a picture, or cut off.
-    """
-    if not path.is_file():
-        raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
-    data = path.read_bytes()
-    png = data.startswith(b"\x89PNG")
-    whole = not png or b"IEND" in data[-12:]  # OpenCV fills what is cut off
-    if data[4:8] == b"ftyp":
-        return _read_heic(path)
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
-    if image is None or not whole:
-        raise MediaError(f"{path}: not a readable picture, or cut off")
-    return np.asarray(image, np.uint8)
-
-
-def _read_heic(path: Path) -> Image:
-    """A picture as telephones store it, turned as it is to be shown."""
-    try:
-        import pillow_heif
-    except ImportError:
-        raise MediaError(
-            f"{path}: HEIC needs pillow-heif: pip install thesis-lib[heic], or save JPEG"
-        ) from None
-    try:
-        picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
-    except (ValueError, OSError, EOFError, SyntaxError):
-        raise MediaError(f"{path}: not a readable picture, or cut off") from None
-    to_grey = {3: cv2.COLOR_RGB2GRAY, 4: cv2.COLOR_RGBA2GRAY}
-    if picture.ndim == 3:
-        picture = cv2.cvtColor(picture, to_grey[picture.shape[2]])
-    return np.ascontiguousarray(picture, np.uint8)
