@@ -29,10 +29,11 @@ from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_deflection
 from thesis_lib.measure.recordings import check as recordings_check
-from thesis_lib.measure.recordings import media, pictures
+from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.recordings.media_info import MediaError, probe
+from thesis_lib.measure.recordings.pictures import write_png
 from thesis_lib.measure.steps import calibrated
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
 from thesis_lib.measure.tracking.homography import TrackingError
@@ -459,7 +460,7 @@ def test_another_size_is_named(folder):
 
 
 def test_another_size_of_a_shot_is_named(folder):
-    pictures.write_png(folder / "A" / "03.png", gray(1, (640, 360))[0])
+    write_png(folder / "A" / "03.png", gray(1, (640, 360))[0])
     message = refusal(folder, ManifestError)
     assert "cameras[0].shots" in message
     assert "03.png" in message
@@ -467,7 +468,7 @@ def test_another_size_of_a_shot_is_named(folder):
 
 def test_fewer_than_three_usable_shots_are_counted(folder):
     for k in range(6):
-        pictures.write_png(folder / "B" / f"{k:02d}.png", gray()[0])
+        write_png(folder / "B" / f"{k:02d}.png", gray()[0])
     message = refusal(folder, CalibrationError)
     assert message.startswith("B: 2 of 8 shots show the board")
 
@@ -475,7 +476,7 @@ def test_fewer_than_three_usable_shots_are_counted(folder):
 def test_shots_without_a_board_are_left_out_and_said(conforms, folder, rig):
     # Not refused: six others are enough.
     for k in (3, 6):
-        pictures.write_png(folder / "B" / f"{k:02d}.png", gray()[0])
+        write_png(folder / "B" / f"{k:02d}.png", gray()[0])
     manifest = read_manifest(folder / "manifest.yaml")
     corners, lost, _, full = calibration_rig.adjusted(manifest, folder)
     assert len(lost) == 2

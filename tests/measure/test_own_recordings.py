@@ -15,6 +15,7 @@ from thesis_lib.measure.pipeline import measure
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.pictures import write_png
 from thesis_lib.measure.report import notes
 from thesis_lib.measure.steps import calibrated
 from thesis_lib.vibration.motion import Component
@@ -99,7 +100,7 @@ def silent(tmp_path_factory):
     manifest = read_manifest(path)
     pictures = [folder / camera.shots for camera in manifest.cameras]
     for place in pictures:  # one pose that is seen by none, and two that one camera has exchanged
-        pictures.write_png(place / "02.png", np.full((540, 960), 90, np.uint8))
+        write_png(place / "02.png", np.full((540, 960), 90, np.uint8))
     one, other = pictures[1] / "05.png", pictures[1] / "06.png"
     first, second = one.read_bytes(), other.read_bytes()
     one.write_bytes(second)

@@ -14,9 +14,10 @@ from thesis_lib.laboratory.poses import default_poses
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.measured import deflection, recorded
-from thesis_lib.measure.recordings import media, pictures
+from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.recordings.pictures import write_png
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision.lens import project
 
@@ -78,7 +79,7 @@ def make(
         sensor = board_sensor or Sensor()
         plain = replace(rig, stations=tuple(replace(s, sensor=sensor) for s in rig.stations))
         for k, shot in enumerate(shots(plain, index)):
-            pictures.write_png(folder / name / f"{k:02d}.png", shot)
+            write_png(folder / name / f"{k:02d}.png", shot)
         if corners:
             files = files.model_copy(update={"corners_px": corners_px(rig, index)})
         cameras.append(files)

@@ -13,7 +13,7 @@ import xarray as xr
 from thesis_lib import files
 from thesis_lib.figure_sets import sample
 from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.fitting.result import rms
+from thesis_lib.measure.fitting.models import rms
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report import page as report
 from thesis_lib.measure.report.notes import notes

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from thesis_lib.arrays import Array, Image
 from thesis_lib.laboratory.render import BeamView, board_image
 from thesis_lib.laboratory.rig import REST, Rig
-from thesis_lib.measure.recordings import media, pictures
+from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board_fields import BoardSpec
 from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.measure.recordings.manifest import write_manifest
@@ -20,6 +20,7 @@ from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 from thesis_lib.measure.recordings.manifest_model import Markers as MarkerSpec
 from thesis_lib.measure.recordings.manifest_model import Structure as StructureSpec
 from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.pictures import write_png
 from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.plate import Plate
@@ -68,7 +69,7 @@ def write_video(
 def write_shots(rig: Rig, index: int, folder: Path) -> None:
     """Write the pictures of the board by one camera: camera A's are ``A/00.png`` and so on."""
     for k, image in enumerate(shots(rig, index)):
-        pictures.write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
+        write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
 
 
 def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23) -> Path:

@@ -23,8 +23,9 @@ from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.calibration.alignment import align
 from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.recordings import media, pictures
+from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import read_manifest
+from thesis_lib.measure.recordings.pictures import read_png
 from thesis_lib.measure.steps import calibrated
 from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking.homography import find_view
@@ -148,7 +149,7 @@ def _pictures(rig: Rig, camera: lens.Camera, folder: Path) -> xr.Dataset:
     peak = round((maximum - rig.stations[0].start) * rig.stations[0].frame_rate)
     first = {name: next(media.read_frames(folder / f"{name}.mkv", 0, 1)) for name in names}
     moved = next(media.read_frames(folder / f"{names[0]}.mkv", peak, peak + 1))
-    shot = pictures.read_png(folder / names[0] / "01.png")
+    shot = read_png(folder / names[0] / "01.png")
     corners = find_corners(shot, rig.board)
     view = sharpen(first[names[0]], find_view(first[names[0]], camera, rig.markers))
     tracker = Tracker(view)

@@ -18,10 +18,10 @@ from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.calibration.reprojection import planar_pose
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError, zhang
-from thesis_lib.measure.recordings import pictures
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.pictures import read_png
 from thesis_lib.studies.parallel import abreast
 from thesis_lib.vision.lens import Camera
 
@@ -73,7 +73,7 @@ def adjusted(
 
     def one(path: Path | None) -> Array | BoardNotFound | None:
         try:
-            return None if path is None else find_corners(pictures.read_png(path), board)
+            return None if path is None else find_corners(read_png(path), board)
         except BoardNotFound as error:
             return error
         finally:

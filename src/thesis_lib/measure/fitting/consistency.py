@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
-from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, deviation, motion
+from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, deviation, motion
 
 FROZEN = 0.2  # of the median scatter, below which a marker stands still in the video
 AWAKE = 0.5  # of it, from which on one certainly does not
@@ -114,3 +114,27 @@ def _slope(places: Array, w: ComplexArray) -> ComplexArray:
     A = np.stack([*offset, np.ones_like(offset[0])], axis=-1)  # markers, neighbours, 3
     slope[:] = (np.linalg.pinv(A, rcond=1e-6) @ w[known][near][..., None])[:, :2, 0].T
     return slope
+
+
+def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> tuple[Array, Array]:
+    """Shapes from all cameras but one, and how far they should be from that of all.
+
+    Both (cameras, markers), in m. The estimate of all is the best of all their combinations, so the
+    difference has the variance of the part less that of all.
+    """
+    count = len(fit.cameras)
+    shapes = np.full((count, fit.rest.shape[2]), np.nan)
+    deviations, best = shapes.copy(), deviation(fit, omega, exposures)
+    for left_out in range(count if count > 2 else 0):
+        kept = [i for i in range(count) if i != left_out]
+        part = Fitted(
+            [fit.cameras[i] for i in kept],
+            [fit.harmonics[i] for i in kept],
+            fit.rest[kept],
+            fit.frame,
+        )
+        turned = amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
+        shapes[left_out] = turned.real
+        more = deviation(part, omega, exposures[kept]) ** 2 - best**2
+        deviations[left_out] = np.sqrt(np.where(more > 0, more, np.nan))
+    return shapes, deviations

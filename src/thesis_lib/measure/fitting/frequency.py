@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import xarray as xr
 from scipy.optimize import minimize_scalar
 
 from thesis_lib.arrays import Array
@@ -172,3 +173,17 @@ def _slope(x: Array, y: Array, weight: Array) -> tuple[float, float]:
     residual = dy - slope * dx
     error = np.sqrt(float(w**2 @ (residual**2 * dx**2))) / spread
     return slope, float(error * np.sqrt(len(x) / max(len(x) - 2, 1)))
+
+
+def surer(start: float, motion: Advance, sound: xr.Dataset) -> float:
+    """The frequency in Hz of the fit: what was given or looked for, unless tracks or sound differ.
+
+    The more certain of the two decides, if it is three standard errors away.
+    """
+    found = [
+        (motion.deviation, motion.frequency),
+        (float(sound["of_sound_deviation"]), float(sound["of_sound"])),
+    ]
+    known = [(error, value) for error, value in found if np.isfinite([error, value]).all()]
+    error, value = min(known, default=(np.nan, start))
+    return value if abs(value - start) > 3 * error else start

@@ -256,3 +256,18 @@ def deviation(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2) ->
     own = unblurred(fit, omega, exposures)
     spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in own])
     return height_deviation(fit.P, fit.frame, fit.points, fit.sigma * spread, axis)
+
+
+def common_phase(shape: ComplexArray, force: complex = 0j, damping: float = 0.0) -> float:
+    """Phase in rad that leaves least of the shape in quadrature.
+
+    Of the two that do, half a period apart, it is the one that a force at resonance gives; where
+    the force is unknown, the one in which the largest deflection is upward.
+    """
+    phase = 0.5 * float(np.angle(np.nansum(shape**2)))
+    if force:
+        upside_down = np.cos(phase - (np.angle(force) - (np.pi / 2 - damping))) < 0
+    else:
+        real = np.nan_to_num(np.real(shape * np.exp(-1j * phase)))
+        upside_down = real[np.argmax(np.abs(real))] < 0
+    return phase + np.pi if upside_down else phase

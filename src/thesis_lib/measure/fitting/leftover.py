@@ -22,6 +22,7 @@ BUMP = 0.1  # px by which a whole picture must jump
 CLEAR = 8.0  # standard errors that it must jump by
 MOST = 4096  # frames that are looked at
 EDGE = 5  # frames before and after a jump, at least
+NOTHING = 0.05  # share of the motion below which a frequency explains none of it
 
 
 @dataclass(frozen=True)
@@ -104,3 +105,19 @@ def bump(
     if size[k] < max(BUMP, CLEAR * white / weight[k]):
         return 0.0, np.nan
     return float(size[k]), float(when[before[k]])
+
+
+def check_explained(tone: Share, given: float) -> None:
+    """Refuse a frequency in Hz that is given and explains nothing of a motion that has another.
+
+    Raises
+    ------
+    FrequencyError
+        If it does, with the other frequency.
+    """
+    if tone.explained < NOTHING and tone.ratio > 1:
+        raise FrequencyError(
+            f"excitation.frequency_hz: given {given:.6g}, which explains "
+            f"{max(tone.explained, 0):.1%} of the motion; most of it is near {tone.frequency:.3g} "
+            "Hz: allowed: the frequency of the motion, or null"
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import resonance
+from thesis_lib.vision.simulation import assurance
 
 BENDING, TORSION, PLATE = 6, 3, 12  # modes of each kind that are tried
 
@@ -84,3 +86,34 @@ def scaled(measured: Array, shape: Array) -> Array:
     known = np.isfinite(measured)
     w, phi = measured[known], shape[known]
     return np.asarray(shape * float(np.sum(w * phi) / np.sum(phi * phi)), float)
+
+
+def compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]:
+    """A measured shape (markers,) in m against the model's modes.
+
+    Returns
+    -------
+    dict
+        The variables of :data:`~thesis_lib.measure.fitting.result.VARIABLES` that tell of it.
+    str
+        Name of the most similar mode; empty without a model.
+    """
+    mac = np.array([assurance(shape, mode.shape) for mode in modes])
+    best = modes[int(np.nanargmax(mac))] if np.isfinite(mac).any() else None
+    reference = scaled(shape, best.shape) if best else np.full_like(shape, np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        error = 100 * np.abs(shape - reference) / np.abs(reference).max()
+    values = {
+        "mac": mac,
+        "model_frequency": [mode.frequency for mode in modes],
+        "reference_deflection": reference,
+        "point_error": error,
+        "mean_error": rms(error),
+    }
+    return values, best.name if best else ""
+
+
+def rms(values: Array) -> float:
+    """Root mean square of what is known; NaN if nothing is."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

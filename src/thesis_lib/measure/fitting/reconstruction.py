@@ -220,3 +220,20 @@ def checked_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> F
         f"{GRID_SCALE:.0%}); {who if off[worst] > 1 else ''}are "
         "videos and shots those of the same cameras, and tile and spacings as the manifest says?"
     )
+
+
+def check_sides(frame: Frame, cameras: Sequence[Camera]) -> None:
+    """Refuse markers that are seen from behind: given corners that run the wrong way round.
+
+    Raises
+    ------
+    ChainError
+        If every camera is on the other side of the markers.
+    """
+    heights = frame.to_beam(np.array([c.centre for c in cameras]).T)[2]
+    if np.all(heights < 0):
+        raise ChainError(
+            "every camera would be below the structure: corners_px run the wrong way round in all "
+            "of them, as in a mirror; allowed: (0, 0), (length, 0), (length, width), (0, width), "
+            "with x and y as the markers' places have them"
+        )

@@ -4,44 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import reduce
-from operator import add
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.aliasing import alias
 from thesis_lib.measure.fitting.aliasing import candidates as aliases_of
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.clocks import lags_of, late, paced, paces, shifted
-from thesis_lib.measure.fitting.consistency import excess, frozen, held_back, in_plane
-from thesis_lib.measure.fitting.frequency import Advance, FrequencyError, advance, look_for
-from thesis_lib.measure.fitting.harmonics import (
-    Fitted,
-    Harmonics,
-    amplitude,
-    deviation,
-    mean_of,
-    sums_of,
+from thesis_lib.measure.fitting.consistency import (
+    excess,
+    frozen,
+    held_back,
+    in_plane,
+    without_each,
 )
-from thesis_lib.measure.fitting.leftover import Share, bump, share
-from thesis_lib.measure.fitting.models import Candidate, candidates, scaled
-from thesis_lib.measure.fitting.reconstruction import Frame, checked_frame, misfit_at_rest
-from thesis_lib.measure.recordings.check import ChainError, markers_of
+from thesis_lib.measure.fitting.frequency import advance, look_for, surer
+from thesis_lib.measure.fitting.harmonics import Fitted, amplitude, common_phase, deviation
+from thesis_lib.measure.fitting.leftover import bump, check_explained, share
+from thesis_lib.measure.fitting.models import candidates, compared
+from thesis_lib.measure.fitting.of_tracks import at_rest, fit_tracks
+from thesis_lib.measure.fitting.reconstruction import check_sides, checked_frame, misfit_at_rest
+from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.tracking import tracks
 from thesis_lib.measure.tracking.tracks import Recording, lost_share
 from thesis_lib.studies.variables import declared, labelled
-from thesis_lib.vision.lens import Camera, distorted
-from thesis_lib.vision.simulation import assurance
 
 ORDER = 2  # harmonics of the images that are fitted
 HIGHEST = 4.0  # frame rates up to which aliases are considered
 ENOUGH = 1000  # frames that tell them
 SCALE = 0.002  # by which the grid's size may be off before it counts as wrong
-NOTHING = 0.05  # share of the motion below which a frequency explains none of it
 FOLDED = 0.2  # of the frame rate; from there on the second harmonic's alias nears the first's
 VARIABLES = declared("""
     x(marker) [m] place along the structure
@@ -148,17 +142,17 @@ def result(
     still_s = excitation.rest_s or end  # if never at rest, their mean place
     rest = np.array([at_rest(own, still_s) for own in recordings])
     frame = checked_frame(cameras, rest, markers)
-    _check_sides(frame, cameras)
+    check_sides(frame, cameras)
     given = float(sound["frequency"])
     start = given if np.isfinite(given) else look_for(recordings, begin, end)
     order = ORDER if start < FOLDED * min(own.rate for own in recordings) else 1
     pace = paces(recordings, begin, end, start, order)
     recordings = paced(recordings, pace, 0.5 * (begin + end))
     phases = advance(recordings, begin, end, start, order)
-    frequency = _best(start, phases, sound)
+    frequency = surer(start, phases, sound)
     omega = 2 * np.pi * frequency
     exposures = np.array([own.exposure for own in recordings])
-    raw = _fitted(recordings, rest, frame, omega, begin, end, order)
+    raw = fit_tracks(recordings, rest, frame, omega, begin, end, order)
     scatter = np.sqrt(np.mean(raw.sigma**2, axis=1))
     softened = [held_back(own, markers.centres) for own in raw.harmonics]
     fit = replace(raw, harmonics=[own for own, _ in softened])
@@ -175,7 +169,7 @@ def result(
     )
     more = excess(moved[:, ~still.any(axis=0)], allowed[:, ~still.any(axis=0)])
     tone = share(recordings, begin, end, frequency, order)
-    _check_explained(tone, given)
+    check_explained(tone, given)
     jumps = [
         bump(own, fitted, omega, begin, end)
         for own, fitted in zip(recordings, fit.harmonics, strict=True)
@@ -184,7 +178,7 @@ def result(
     if excitation.sound == "none":  # starts that are not known tell nothing
         apart = np.full_like(apart, np.nan)
 
-    without, differs = _without_each(fit, omega, exposures, phase)
+    without, differs = without_each(fit, omega, exposures, phase)
     said = {c.name: c.frame_rate_hz for c in manifest.cameras}
     values = {
         "x": markers.centres[0],
@@ -238,39 +232,20 @@ def result(
         "camera_centre": frame.to_beam(np.array([c.centre for c in cameras]).T).T,
     }
     modes = candidates(manifest.structure)
-    compared, best = _compared(shape, modes)
+    beside, best = compared(shape, modes)
     coords = {
         "camera": ("camera", [c.name for c in cameras], {"long_name": "camera"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
         "candidate": ("candidate", [m.name for m in modes], {"long_name": "mode of the model"}),
     }
     attrs = {"most_similar": best, "sound": excitation.sound}
-    data = xr.Dataset(labelled(values | compared, VARIABLES), coords, attrs)
+    data = xr.Dataset(labelled(values | beside, VARIABLES), coords, attrs)
     if covariance is None:
         return data
     rows = common_errors([fit], markers, [omega], exposures, covariance)[:, 0]
     shared = np.sqrt(np.sum((rows * np.exp(-1j * phase)).real ** 2, axis=0))
     data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
     return data.assign(labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED))
-
-
-def _fitted(
-    recordings: Sequence[Recording],
-    rest: Array,
-    frame: Frame,
-    omega: float,
-    begin: float,
-    end: float,
-    order: int,
-) -> Fitted:
-    """All cameras' harmonics as they are, with the markers' places at rest."""
-    fits = [
-        _harmonics(own, still, omega, begin, end, order)
-        for own, still in zip(recordings, rest, strict=True)
-    ]
-    middle = np.array([own.coefficients[0] for own in fits])
-    places = np.where(np.isfinite(rest), rest, middle)  # of markers that were hidden at first
-    return Fitted([own.camera for own in recordings], fits, places, frame)
 
 
 def _aliases(
@@ -295,7 +270,7 @@ def _aliases(
     apart = []
     for other in alike:
         omega = 2 * np.pi * other
-        own = _fitted(recordings, fit.rest, fit.frame, omega, begin, end, 1)
+        own = fit_tracks(recordings, fit.rest, fit.frame, omega, begin, end, 1)
         apart.append(np.degrees(np.abs(late(own, omega, exposures)[0]).max()))
     return np.array(alike), np.array(apart)
 
@@ -307,127 +282,6 @@ def _uneven(own: Recording) -> float:
     return float(np.std(times[k] - np.polyval(np.polyfit(k, times[k], 1), k)))
 
 
-def _check_explained(tone: Share, given: float) -> None:
-    """Refuse a frequency that is given and explains nothing of a motion that has another."""
-    if tone.explained < NOTHING and tone.ratio > 1:
-        raise FrequencyError(
-            f"excitation.frequency_hz: given {given:.6g}, which explains "
-            f"{max(tone.explained, 0):.1%} of the motion; most of it is near {tone.frequency:.3g} "
-            "Hz: allowed: the frequency of the motion, or null"
-        )
-
-
-def _check_sides(frame: Frame, cameras: Sequence[Camera]) -> None:
-    """Refuse markers that are seen from behind: given corners that run the wrong way round."""
-    heights = frame.to_beam(np.array([c.centre for c in cameras]).T)[2]
-    if np.all(heights < 0):
-        raise ChainError(
-            "every camera would be below the structure: corners_px run the wrong way round in all "
-            "of them, as in a mirror; allowed: (0, 0), (length, 0), (length, width), (0, width), "
-            "with x and y as the markers' places have them"
-        )
-
-
-def _best(start: float, motion: Advance, sound: xr.Dataset) -> float:
-    """The frequency in Hz of the fit: what was given or looked for, unless tracks or sound differ.
-
-    The more certain of the two decides, if it is three standard errors away.
-    """
-    found = [
-        (motion.deviation, motion.frequency),
-        (float(sound["of_sound_deviation"]), float(sound["of_sound"])),
-    ]
-    known = [(error, value) for error, value in found if np.isfinite([error, value]).all()]
-    error, value = min(known, default=(np.nan, start))
-    return value if abs(value - start) > 3 * error else start
-
-
-def at_rest(own: Recording, seconds: float) -> Array:
-    """Mean centres before the motion, without distortion, (2, markers), px."""
-    last = own.delay + seconds - 1 / own.rate
-    parts = [uv for _, uv in own.parts(own.delay, last)]
-    return mean_of(np.concatenate(parts))
-
-
-def _harmonics(
-    own: Recording, still: Array, omega: float, begin: float, end: float, order: int
-) -> Harmonics:
-    """Harmonics of the tracks of one camera, part by part about the markers' places at rest.
-
-    A rolling shutter sees every marker at the time of its row; the harmonics are those at the
-    frames' times.
-    """
-    middle, sums = still, []
-    for times, uv in own.parts(begin, end):
-        middle = np.where(np.isfinite(middle), middle, mean_of(uv))
-        sums.append(sums_of(omega, times, uv - middle, order))
-        sums = [reduce(add, sums)]
-    rows = distorted(own.camera, middle)[1] / own.camera.size[1]
-    return sums[0].solve().raised(middle).earlier(omega, own.readout * (rows - 0.5))
-
-
-def common_phase(shape: ComplexArray, force: complex = 0j, damping: float = 0.0) -> float:
-    """Phase in rad that leaves least of the shape in quadrature.
-
-    Of the two that do, half a period apart, it is the one that a force at resonance gives; where
-    the force is unknown, the one in which the largest deflection is upward.
-    """
-    phase = 0.5 * float(np.angle(np.nansum(shape**2)))
-    if force:
-        upside_down = np.cos(phase - (np.angle(force) - (np.pi / 2 - damping))) < 0
-    else:
-        real = np.nan_to_num(np.real(shape * np.exp(-1j * phase)))
-        upside_down = real[np.argmax(np.abs(real))] < 0
-    return phase + np.pi if upside_down else phase
-
-
-def _without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> tuple[Array, Array]:
-    """Shapes from all cameras but one, and how far they should be from that of all.
-
-    Both (cameras, markers), in m. The estimate of all is the best of all their combinations, so the
-    difference has the variance of the part less that of all.
-    """
-    count = len(fit.cameras)
-    shapes = np.full((count, fit.rest.shape[2]), np.nan)
-    deviations, best = shapes.copy(), deviation(fit, omega, exposures)
-    for left_out in range(count if count > 2 else 0):
-        kept = [i for i in range(count) if i != left_out]
-        part = Fitted(
-            [fit.cameras[i] for i in kept],
-            [fit.harmonics[i] for i in kept],
-            fit.rest[kept],
-            fit.frame,
-        )
-        turned = amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
-        shapes[left_out] = turned.real
-        more = deviation(part, omega, exposures[kept]) ** 2 - best**2
-        deviations[left_out] = np.sqrt(np.where(more > 0, more, np.nan))
-    return shapes, deviations
-
-
-def _compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]:
-    """The measured shape against the model's modes, and the name of the most similar."""
-    mac = np.array([assurance(shape, mode.shape) for mode in modes])
-    best = modes[int(np.nanargmax(mac))] if np.isfinite(mac).any() else None
-    reference = scaled(shape, best.shape) if best else np.full_like(shape, np.nan)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        error = 100 * np.abs(shape - reference) / np.abs(reference).max()
-    values = {
-        "mac": mac,
-        "model_frequency": [mode.frequency for mode in modes],
-        "reference_deflection": reference,
-        "point_error": error,
-        "mean_error": rms(error),
-    }
-    return values, best.name if best else ""
-
-
 def size_off(scale: float) -> float:
     """By how much shapes may be off in size if a grid measures `scale` of its own; 0 if it fits."""
     return scale - 1 if abs(scale - 1) > SCALE else 0.0
-
-
-def rms(values: Array) -> float:
-    """Root mean square of what is known; NaN if nothing is."""
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

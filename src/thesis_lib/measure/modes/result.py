@@ -10,9 +10,11 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.calibration_error import common_errors
+from thesis_lib.measure.fitting.harmonics import common_phase
 from thesis_lib.measure.fitting.models import candidates, scaled
+from thesis_lib.measure.fitting.of_tracks import at_rest
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
-from thesis_lib.measure.fitting.result import at_rest, common_phase, size_off
+from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.modes.identify import Asked, assurance, identify
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import tracks_of

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.arrays import Image
-from thesis_lib.measure.recordings import media, pictures
+from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import PICTURES, by_number
 from thesis_lib.measure.recordings.media_info import MediaError
+from thesis_lib.measure.recordings.pictures import read_png
 
 #: Names in the text header and in the XML header of what is needed
 FIELDS = {
@@ -79,7 +80,7 @@ def _pictures(folder: Path) -> tuple[None, Iterator[Image]]:
     files = [file for file in folder.iterdir() if file.suffix.lower() in PICTURES]
     if not files:
         raise MediaError(f"{folder}: no picture in it ({', '.join(sorted(PICTURES))})")
-    return None, map(pictures.read_png, sorted(files, key=lambda file: by_number(file.name)))
+    return None, map(read_png, sorted(files, key=lambda file: by_number(file.name)))
 
 
 def _raw(header: Path) -> tuple[float, Iterator[Image]]:

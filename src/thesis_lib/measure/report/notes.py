@@ -9,7 +9,8 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.jackknife import FEWEST
-from thesis_lib.measure.fitting.result import SCALE, rms
+from thesis_lib.measure.fitting.models import rms
+from thesis_lib.measure.fitting.result import SCALE
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report.meanings import Note
 

@@ -13,7 +13,7 @@ from thesis_lib.arrays import Image
 from thesis_lib.measure.exchange import files
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.feasibility.limits import Assessment
-from thesis_lib.measure.fitting.result import rms
+from thesis_lib.measure.fitting.models import rms
 from thesis_lib.measure.radiation.files import MEANINGS as SOUND_FILES
 from thesis_lib.measure.radiation.report import sound_section
 from thesis_lib.measure.recordings.manifest_model import Manifest

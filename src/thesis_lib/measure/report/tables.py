@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from thesis_lib.measure.fitting.result import rms
+from thesis_lib.measure.fitting.models import rms
 
 
 def cameras(data: xr.Dataset) -> pd.DataFrame:
