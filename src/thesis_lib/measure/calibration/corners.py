@@ -178,11 +178,18 @@ def _windows(
     du, dv = pixels - corners[:, :, None]
     (au, av), (bu, bv) = steps[..., None]
     determinant = au * bv - av * bu
-    off = np.stack([abs(du * bv - dv * bu), abs(dv * au - du * av)]) / abs(determinant)
-    inside &= (off.max(axis=0) <= _WINDOW) & (du**2 + dv**2 <= _REACH**2)
-    px = abs(determinant) / np.stack([np.hypot(bu, bv), np.hypot(au, av)])  # of one of these
-    inside &= np.any((beside - off) * px >= _OFF_MARK, axis=0)
+    off = np.stack([du * bv - dv * bu, dv * au - du * av]) / determinant
+    inside &= (abs(off).max(axis=0) <= _WINDOW) & (du**2 + dv**2 <= _REACH**2)
     grey = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(float)
+    if np.isfinite(beside):  # not what marks reach, which are in the lighter of the tiles
+        px = abs(determinant) / np.stack([np.hypot(bu, bv), np.hypot(au, av)])  # of one of these
+        across = off[0] * off[1] > 0
+        mean = [
+            np.mean(grey, axis=1, where=inside & part, keepdims=True) for part in (across, ~across)
+        ]
+        inside &= np.any((beside - abs(off)) * px >= _OFF_MARK, axis=0) | (
+            across == (mean[0] < mean[1])
+        )
     return pixels, inside.astype(float), grey
 
 

@@ -71,37 +71,38 @@ def _marked(image: Image, board: Board) -> Array:
     dictionary, marks, numbers = _read(image, f"{bits}_{size}")
     nx, ny = board.shape
     corners = np.full((nx * ny, 2), np.nan)
-    for legacy in (False, True):  # before OpenCV 4.6 a board began with a light tile
+    # Before OpenCV 4.6 a board began with a light tile. Its check refuses some steep views, too.
+    for legacy, checked in ((False, True), (True, True), (False, False)):
         layout = cv2.aruco.CharucoBoard((nx + 1, ny + 1), board.tile, board.mark, dictionary)
         layout.setLegacyPattern(legacy)
-        detector = cv2.aruco.CharucoDetector(layout)
+        parameters = cv2.aruco.CharucoParameters()
+        parameters.checkMarkers = checked
+        detector = cv2.aruco.CharucoDetector(layout, parameters)
         places, which, _, _ = detector.detectBoard(image, None, None, marks, numbers)
         if which is not None:
             corners[np.ravel(which)] = np.reshape(places, (-1, 2)) + HALF
             break
-    else:
-        others = _others(image, count) if 2 * len(marks) < count else ""
-        raise BoardNotFound(
-            f"{len(marks)} marks of {board.dictionary} seen, not as on a board of {nx + 1} × "
-            f"{ny + 1} tiles{others}"
-        )
     corners = corners.reshape(ny, nx, 2).transpose(2, 0, 1)[:, ::-1]  # OpenCV's rows run down
     corners[:, _to_border(corners, image) < _CLEAR] = np.nan
     corners[:, _off_plane(corners, board)] = np.nan
     seen, least = int(np.isfinite(corners[0]).sum()), min(_FEWEST, nx * ny // 2)
     if seen < least:
-        raise BoardNotFound(f"{seen} of {nx * ny} corners seen, needs {least}")
+        others = _others(image, count) if 2 * len(marks) < count else ""
+        raise BoardNotFound(
+            f"{len(marks)} marks of {board.dictionary} seen{others}; {seen} corners between them "
+            f"as on a board of {nx + 1} × {ny + 1} tiles, needs {least}"
+        )
     return corners
 
 
 def _off_plane(corners: Array, board: Board) -> Mask:
-    """Which corners (2, ny, nx) are off the plane of most, as a mark was taken for another."""
-    seen = np.isfinite(corners[0])
-    off = np.zeros_like(seen)
-    if seen.sum() > 4:
-        plane = board.corners[:2].reshape(corners.shape)[:, seen]
-        _, right = cv2.findHomography(corners[:, seen].T, plane.T, cv2.RANSAC, board.tile / 4)
-        off[seen] = np.ravel(right) == 0
+    """Which corners (2, ny, nx) are not where most are on a plane; all, if most are not."""
+    off = np.isfinite(corners[0])
+    if np.count_nonzero(off) > 4:
+        plane = board.corners[:2].reshape(corners.shape)[:, off]
+        _, right = cv2.findHomography(corners[:, off].T, plane.T, cv2.RANSAC, board.tile / 4)
+        if 2 * np.count_nonzero(right) > right.size:
+            off[off] = np.ravel(right) == 0
     return off
 
 
