@@ -1,7 +1,8 @@
 """Print all measurements and draw the growth: ``python -m benchmarks``, five minutes at most.
 
 ``--peers`` measures beside the peers alone, ``--scale`` a large study in pieces alone;
-``--tracking`` follows markers beside other trackers. ``--publish`` keeps what any of these has
+``--tracking`` follows markers beside other trackers, ``--compression`` as their motion becomes
+small in compressed films. ``--publish`` keeps what any of these has
 measured as what the book shows.
 """
 
@@ -21,6 +22,7 @@ import numpy as np
 
 from benchmarks import (
     centre,
+    compression,
     laboratory,
     limits,
     measure,
@@ -97,6 +99,15 @@ def print_tracking(keep: bool) -> None:
         warnings.simplefilter("ignore")  # that points are rounded to pixels
         data = publish.rounded(tracking.run())
     print_columns(benchmark_tables.tracking(data))
+    if keep:
+        publish.keep(data)
+
+
+def print_compression(keep: bool) -> None:
+    """What compressed films leave of small motions."""
+    print("\nCompression: rms error of an amplitude, in % of it, by the pixels of motion")
+    data = publish.rounded(compression.run())
+    print_columns(benchmark_tables.compression(data))
     if keep:
         publish.keep(data)
 
@@ -216,18 +227,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--peers", action="store_true", help="beside the peers alone")
     parser.add_argument("--tracking", action="store_true", help="trackers of markers alone")
+    parser.add_argument("--compression", action="store_true", help="compressed films alone")
     parser.add_argument("--scale", action="store_true", help="a large study in pieces alone")
     parser.add_argument("--publish", action="store_true", help="keep that for the book")
     asked = parser.parse_args()
     print(f"Python {platform.python_version()}, NumPy {np.__version__}, "
           f"{os.cpu_count()} processors, one BLAS thread (OPENBLAS_NUM_THREADS=1)")  # fmt: skip
-    everything = not (asked.peers or asked.scale or asked.tracking)
+    everything = not (asked.peers or asked.scale or asked.tracking or asked.compression)
     if asked.peers or everything:
         print_peers(asked.publish)
     if asked.scale or everything:
         print_scale(asked.publish)
     if asked.tracking or everything:
         print_tracking(asked.publish)
+    if asked.compression or everything:
+        print_compression(asked.publish)
     if everything:
         print_own()
 

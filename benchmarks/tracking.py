@@ -64,12 +64,16 @@ Prepare = Callable[[Filmed], Callable[[], Array]]
 
 
 def filmed(
-    steady: int, noise: bool = True, crf: int | None = None, covered: bool = False
+    steady: int,
+    noise: bool = True,
+    crf: int | None = None,
+    covered: bool = False,
+    tip: float = Component.amplitude,
 ) -> Filmed:
-    """The recording; `crf` is that of H.264, None for lossless frames."""
+    """The recording; `crf` is that of H.264, None for lossless frames; `tip` in m."""
     setup = default_rig(setups.beam(), list(ExperimentResolution().directions_deg.values()))
     station, markers = setup.stations[0], setup.markers
-    motion = Motion(setups.beam(), (Component(),), 0.0, RAMP / RATE)
+    motion = Motion(setups.beam(), (Component(amplitude=tip),), 0.0, RAMP / RATE)
     camera = lens.resized(station.camera, SIZE)
     light = BeamView(camera, markers, motion, station.sensor)
     times = np.arange(-REST, RAMP + steady) / RATE
@@ -89,7 +93,7 @@ def filmed(
     return Filmed(frames, sharpen(frames[0], find_view(frames[0], camera, markers)), times, truth)
 
 
-def _library(f: Filmed) -> Callable[[], Array]:
+def follower(f: Filmed) -> Callable[[], Array]:
     turn = 2 * np.pi * Component().frequency / RATE
     at_rest = Follower(Tracker(f.view, turn), f.frames[0])
 
@@ -153,7 +157,7 @@ class Followed:
 
 def contenders() -> dict[str, Prepare]:
     """Trackers that are installed, by name."""
-    found: dict[str, Prepare] = {"thesis_lib": _library, "OpenCV PyrLK, 21×21": _pyramid}
+    found: dict[str, Prepare] = {"thesis_lib": follower, "OpenCV PyrLK, 21×21": _pyramid}
     try:
         import pyidi  # noqa: F401
     except ImportError:
@@ -175,9 +179,9 @@ def compare(steady: int = 90, rounds: int = 5) -> Iterator[Followed]:
         for _ in range(rounds):
             for name, call in calls.items():
                 spent[name].append(1e3 * processor_seconds(call) / images)
-        true = _amplitudes(f, f.truth)
+        true = amplitudes(f, f.truth)
         for name, tracks in found.items():
-            off = np.hypot(*np.abs(_amplitudes(f, tracks) - true))
+            off = np.hypot(*np.abs(amplitudes(f, tracks) - true))
             kept = off < LOST
             yield Followed(
                 film, name, spent[name], float(np.sqrt(np.mean(off[kept] ** 2))),
@@ -185,7 +189,7 @@ def compare(steady: int = 90, rounds: int = 5) -> Iterator[Followed]:
             )  # fmt: skip
 
 
-def _amplitudes(f: Filmed, tracks: Array) -> Array:
+def amplitudes(f: Filmed, tracks: Array) -> Array:
     """Complex amplitudes (2, markers) of the steady part in px; NaN if a frame is missing."""
     steady = slice(REST + RAMP, None)
     angle = 2 * np.pi * Component().frequency * f.times[steady]

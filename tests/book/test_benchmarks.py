@@ -9,10 +9,11 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import limits, peers, publish, rayleigh, tracking
+from benchmarks import compression, limits, peers, publish, rayleigh, tracking
 from thesis_lib import files
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.measure.feasibility.limits import LIMIT
 from thesis_lib.studies import times
 
 OPERATIONS = """
@@ -151,6 +152,27 @@ def test_page_takes_every_number_from_the_published_run():
     assert {row["cameras"] for row in data["triangulation"]} == {2, 4, 12}
     text = pieces_write.PIECES["benchmarks-comparison"]({})
     assert len(text.splitlines()) == len(data["triangulation"]) + 2
+
+
+def test_the_warning_of_small_motion_comes_where_a_phones_film_takes_a_tenth():
+    left, least = benchmark_tables.left_of, LIMIT["small-motion"]
+    assert 0.05 < left(least, "H.264, crf 23") < 0.1 < left(least, "H.264, crf 28") < 0.12
+    assert left(least / 10, "lossless") < 0.1  # as its remedy says
+    rows = benchmark_tables.read()["compression"]["rows"]
+    assert left(0.2, "lossless") == pytest.approx(
+        next(r["error"] for r in rows if r["film"] == "lossless" and r["motion_px"] == 0.2)
+    )
+    assert left(1, "H.264, crf 18") < left(0.7, "H.264, crf 18") < left(0.5, "H.264, crf 18")
+
+
+@pytest.mark.slow
+def test_compression_takes_more_of_a_smaller_motion(monkeypatch):
+    monkeypatch.setattr(compression, "FILMS", {"lossless": None, "H.264, crf 23": 23})
+    monkeypatch.setattr(compression, "TIPS", (0.0012, 0.0004))
+    found = {(one.film, one.motion_px): one for one in compression.compare(steady=30)}
+    assert all(found["H.264, crf 23", px].error > found["lossless", px].error for px in (0.2, 1.0))
+    assert found["H.264, crf 23", 0.1].error > 0.3 > 0.1 > found["H.264, crf 23", 1.0].error
+    assert found["lossless", 0.5].error < 0.03
 
 
 def test_without_a_published_run_the_page_says_so(monkeypatch, tmp_path):

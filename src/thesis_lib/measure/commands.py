@@ -46,11 +46,13 @@ def one_line(place: Path) -> Iterator[None]:
 
 
 def start(folder: Path, given: Mapping[str, Any]) -> None:
-    """Write a manifest into a folder of recordings, and say what is missing."""
+    """Write a manifest into a folder, of its recordings or of planned ones; say what is missing."""
+    from thesis_lib.measure.feasibility.planned import planned_manifest
     from thesis_lib.measure.recordings.new import new_manifest
 
     with one_line(folder):
-        manifest, lines = new_manifest(folder, given)
+        write = planned_manifest if "cameras" in given else new_manifest
+        manifest, lines = write(folder, given)
     click.echo("\n".join(lines))
     name = shlex.quote(str(manifest))
     click.echo(f"Now look through {name}, and ask: thesis measure --check {name}")

@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from thesis_lib.book.pieces import times
 from thesis_lib.files import project_root
 from thesis_lib.web.markdown import columns, table
@@ -216,6 +218,35 @@ def tracking(data: Row) -> Iterator[Cells]:
         }
 
 
+def compression(data: Row) -> Iterator[Cells]:
+    """What films leave of a motion, by the pixels that it moves an image."""
+    rows = data["compression"]["rows"]
+    for motion in sorted({row["motion_px"] for row in rows}):
+        yield {"motion, px": f"{motion:g}"} | {
+            row["film"]: percent(row["error"]) for row in rows if row["motion_px"] == motion
+        }
+
+
+def percent(share: float) -> str:
+    """A share in percent, to two digits or whole."""
+    return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
+
+
+def left_of(motion_px: float, film: str) -> float:
+    """Share of an amplitude that a published film has wrong, between those that were measured.
+
+    Parameters
+    ----------
+    motion_px : float
+        Pixels that an image moves, from rest to its maximum.
+    film : str
+        One of the films of ``benchmarks/compression.py``.
+    """
+    rows = [row for row in read()["compression"]["rows"] if row["film"] == film]
+    known, errors = (np.log([row[name] for row in rows]) for name in ("motion_px", "error"))
+    return float(np.exp(np.interp(np.log(motion_px), known, errors)))
+
+
 def scale_load(data: Row) -> str:
     """What else the machine did while the large study was measured."""
     load = ", ".join(f"{x:.1f}" for x in data["scale"]["load"]) or "unknown"
@@ -246,6 +277,11 @@ def _tracking() -> str:
     return columns(tracking(data)) if "tracking" in data else NOT_YET
 
 
+def _compression() -> str:
+    data = read()
+    return columns(compression(data)) if "compression" in data else NOT_YET
+
+
 PIECES: dict[str, Callable[[], str]] = {
     "benchmarks-machine": _machine,
     "benchmarks-targets": partial(_piece, targets),
@@ -255,5 +291,6 @@ PIECES: dict[str, Callable[[], str]] = {
     "benchmarks-plan": partial(_piece, plan),
     "benchmarks-scale": _scale,
     "benchmarks-tracking": _tracking,
+    "benchmarks-compression": _compression,
     "benchmarks-times": times.piece,
 }

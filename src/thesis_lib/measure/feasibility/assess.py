@@ -200,6 +200,7 @@ def _of_view(
     elevation, distance = camera.elevation_deg or np.nan, camera.distance_mm or np.nan
     low, high, coarse = LIMIT["shallow-view"], LIMIT["steep-view"], LIMIT["coarse"]
     thin, free, gate = (LIMIT[c] for c in ("foreshortened", "crowded-markers", "large-move"))
+    still = LIMIT["small-motion"]
     lost = camera.corners_px is None and not np.isnan(row.in_view) and not corners.all()
     diameter, tilt = manifest.structure.markers.diameter_mm, f"given {elevation:g}, allowed: "
     texts = {
@@ -220,6 +221,12 @@ def _of_view(
         and (
             f"given {elevation:g}, images of neighbours are {row.gap_px:.2g} px apart, allowed: "
             f"{free:g} px; raise the camera, come nearer, or use markers below {diameter:g} mm"
+        ),
+        "distance_mm small-motion": row.motion_px < still
+        and (
+            f"given {distance:g}, images move {row.motion_px:.2g} px, of which compressed films "
+            f"lose a tenth or more; allowed: {still:g} px, from "
+            f"{distance * row.motion_px / still:.3g} mm, with more pixels, or without loss"
         ),
         "distance_mm out-of-view": row.in_view < LIMIT["out-of-view"]
         and (

@@ -10,7 +10,7 @@ from thesis_lib.measure.feasibility.limits import Assessment
 from thesis_lib.measure.feasibility.outlook import CameraOutlook
 
 COLUMNS = 100
-HEAD = "camera,mm/px,size px,gap px,blur px,lost,sharp mm,depths mm,view,px/frame,spacings"
+HEAD = "camera,mm/px,size px,gap px,motion px,blur px,lost,sharp mm,depths mm,view,spacings"
 
 
 def describe(assessment: Assessment) -> list[str]:
@@ -55,12 +55,12 @@ def _row(one: CameraOutlook) -> tuple[str, ...]:
         _number(one.ground_sample_mm),
         _pair(one.along_px, one.across_px, "x", 1),
         _number(one.gap_px),
+        _number(one.motion_px),
         _number(one.blur_px),
         _share(one.lost, 1),
         _pair(one.near_mm, one.far_mm),
         _pair(one.nearest_mm, one.farthest_mm),
         _share(one.in_view),
-        _number(one.move_px),
         _number(one.move_spacings),
     )
 

@@ -32,6 +32,7 @@ THRESHOLDS = {
     "coarse": Threshold(5, "px", "rendered markers were tracked down to 3.8 px"),
     "foreshortened": Threshold(3, "px", "twice what rendered markers are missed at"),
     "crowded-markers": Threshold(2, "px", "twice what rendered neighbours are missed at"),
+    "small-motion": Threshold(0.5, "px", "a phone's compression takes about a tenth of it"),
     "out-of-view": Threshold(1, "of the markers", "what is cut off is not measured"),
     "lost-markers": Threshold(2, "cameras", "fewer give no point in space"),
     "shallow-view": Threshold(8, "°", "markers are a seventh as high as wide"),

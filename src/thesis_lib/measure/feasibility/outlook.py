@@ -54,9 +54,9 @@ class CameraOutlook:
     defocus_px: float
     in_view: float  #: Share of the markers that stay in the picture
     gap_px: float  #: Least distance between the edges of two markers' images, px
-    #: Most that an image moves from frame to frame, 2A |sin(πf/r)| ∂(u, v)/∂Z, px; what the same is
-    #: on the plane at rest, by the cotangent of the line of sight, over the least spacing
-    move_px: float
+    motion_px: float  #: Most that an image moves from rest, A ∂(u, v)/∂Z, px
+    #: Most that a marker moves from frame to frame, 2A |sin(πf/r)|, as it seems along the plane at
+    #: rest, by the cotangent of the line of sight, over the least spacing
     move_spacings: float
 
 
@@ -180,7 +180,7 @@ def outlook(manifest: Manifest, sight: Sight, i: int, amplitude: float) -> Camer
         circle if ends[0] > 0 and distance > focal else np.nan,
         sight.seen[i].mean() if sight.located[i] else np.nan,
         _gap(sight.uv[i], sight.J[i, :, :2], markers.diameter_mm / 1000),
-        step * lift,
+        amplitude * lift,
         step * np.fmax.reduce(sight.slide[i]) / spacing,
     )
 

@@ -35,6 +35,8 @@ REMEDIES: dict[str, dict[str, str]] = {
         "coarse": "Go nearer, or take more pixels, a longer lens or larger markers.",
         "foreshortened": "Raise the camera, go nearer, or take larger markers.",
         "crowded-markers": "Raise the camera, go nearer, or leave more room between markers.",
+        "small-motion": "Go nearer, film with more pixels or a longer lens, or vibrate more. A "
+        "film without loss shows a tenth of that as well.",
         "out-of-view": "Go farther away or take a shorter lens. If all markers are seen and only "
         "corners are cut off, give `corners_px`.",
         "shallow-view": "Raise the camera.",

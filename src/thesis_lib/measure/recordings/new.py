@@ -74,21 +74,35 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     videos = sorted(file for file in folder.iterdir() if file.suffix.lower() in VIDEOS)
     if not 2 <= len(videos) <= 16:
         kinds = ", ".join(sorted(VIDEOS))
-        raise ManifestError(f"{folder}: {len(videos)} videos, allowed: 2 to 16 of {kinds}")
+        raise ManifestError(
+            f"{folder}: {len(videos)} videos, allowed: 2 to 16 of {kinds}; to ask before any is "
+            "filmed: -p cameras=4"
+        )
     infos = [probe(video) for video in videos]
-    values = _values(folder, videos, infos, given)
+    manifest = validated(_values(folder, videos, infos, given))
+    asked = asked_of(manifest)
+    whole_text(path, text_of(manifest, given, asked))
+    told = [*_told(manifest, folder, infos), *_cornered(manifest, folder)]
+    return path, [*told, *assumed(manifest, given, asked)]
+
+
+def validated(values: dict[str, Any]) -> Manifest:
+    """The manifest with some values.
+
+    Raises
+    ------
+    ManifestError
+        If it may not have them.
+    """
     try:
-        manifest = Manifest.model_validate_json(json.dumps(values))
+        return Manifest.model_validate_json(json.dumps(values))
     except ValidationError as error:
         raise ManifestError(f"-p: {first_problem(values, error)}") from None
-    whole_text(path, "\n".join(_text(manifest, given)) + "\n")
-    told = [*_told(manifest, folder, infos), *_cornered(manifest, folder)]
-    return path, [*told, *_assumed(manifest, given)]
 
 
-def _asked(manifest: Manifest) -> tuple[str, ...]:
+def asked_of(manifest: Manifest, among: Sequence[str] = ASKED) -> tuple[str, ...]:
     """What no file shows of such a structure and board."""
-    return ASKED + ASKED_OF_MARKS * (manifest.board.kind == "charuco")
+    return (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
 
 
 def _values(
@@ -108,6 +122,17 @@ def _values(
         }
         for video, info in zip(videos, infos, strict=True)
     ]
+    values = with_given(cameras, given)
+    reused = values.get("calibration")
+    placed = reused and (isinstance(reused, str) or reused.get("poses", "kept") == "kept")
+    for camera in cameras:
+        if camera["shots"] is None and "cameras.shots" not in given and not placed:
+            camera["shots"] = f"board/{Path(camera['video']).stem}"
+    return values
+
+
+def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[str, Any]:
+    """A manifest's values: those of cameras, which are changed, and all that is given."""
     values: dict[str, Any] = {"cameras": cameras}
     for name, value in given.items():
         *parts, last = name.split(".")
@@ -123,11 +148,6 @@ def _values(
                     f"-p: {name} is inside what is given, too; allowed: one of them"
                 )
         inside[last] = value
-    reused = values.get("calibration")
-    placed = reused and (isinstance(reused, str) or reused.get("poses", "kept") == "kept")
-    for camera in cameras:
-        if camera["shots"] is None and "cameras.shots" not in given and not placed:
-            camera["shots"] = f"board/{Path(camera['video']).stem}"
     markers = values.get("structure", {}).get("markers", {})
     if isinstance(markers, dict) and "spacing_mm" in markers:  # as on the printed sheet
         markers.setdefault("row_spacing_mm", markers["spacing_mm"])
@@ -205,9 +225,9 @@ def _and(names: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
-def _assumed(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
+def assumed(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) -> Iterator[str]:
     """What no file shows and was not given, with what stands for it."""
-    for name in _asked(manifest):
+    for name in asked:
         if not _is_given(name, given):
             value: Any = manifest
             for part in name.split("."):
@@ -222,16 +242,18 @@ def _is_given(name: str, given: Mapping[str, Any]) -> bool:
     return any(name == one or name.startswith(f"{one}.") for one in given)
 
 
-def _text(manifest: Manifest, given: Mapping[str, Any]) -> Iterator[str]:
+def text_of(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) -> str:
     """The manifest as commented YAML; what must be checked is marked."""
-    yield "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them."
-    asked = (*_asked(manifest), *["cameras.corners_px"] * (manifest.structure.hole is None))
-    yield from _fields(manifest, "", -2, asked, given)
-    yield "cameras:"
+    asked = asked if manifest.structure.hole is not None else (*asked, "cameras.corners_px")
+    lines = [
+        "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them.",
+        *_fields(manifest, "", -2, asked, given),
+        "cameras:",
+    ]
     for camera in manifest.cameras:
-        lines = [*_fields(camera, "cameras", 2, asked, given)]
-        yield f"  - {lines[0].lstrip()}"
-        yield from lines[1:]
+        first, *more = _fields(camera, "cameras", 2, asked, given)
+        lines += [f"  - {first.lstrip()}", *more]
+    return "\n".join(lines) + "\n"
 
 
 def _part(

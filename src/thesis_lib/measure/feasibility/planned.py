@@ -1,0 +1,146 @@
+"""A manifest before anything is filmed: phones around a structure, for ``--check`` to judge."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thesis_lib.files import whole_text
+from thesis_lib.measure.feasibility.outlook import sight_of
+from thesis_lib.measure.recordings.manifest import ManifestError
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.new import ASKED, assumed, text_of, validated, with_given
+
+PHONE: dict[str, Any] = {  # its main camera, as if on a sensor of 36 mm
+    "width_px": 1920,
+    "height_px": 1080,
+    "frame_rate_hz": 60.0,
+    "exposure_s": 0.002,
+    "focal_length_mm": 26.0,
+    "sensor_width_mm": 36.0,
+    "f_number": 7.0,
+}
+FIRST, ELEVATION = 20.0, 30.0  # azimuth of the first, elevation of all, °
+ROOM = 1.05  # of the distance from which the structure just fits into every picture
+COLUMNS, ROWS = 6, 4  # of a plate's markers, unless they are given
+LARGEST = 12.0  # diameter of a marker, mm
+STEADY = [5.0, 35.0]  # half a minute, s
+SAID = (
+    *(name for name in ASKED if name != "cameras.exposure_s"),
+    "excitation.amplitude_mm",
+    *(f"cameras.{name}" for name in (*PHONE, "distance_mm", "elevation_deg")),
+)
+
+
+def planned_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:
+    """Write ``planned.yaml`` into a folder, which is made if there is none.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the recordings will be; nothing in it is read.
+    given : mapping
+        Fields by path; ``cameras`` is how many there are.
+
+    Returns
+    -------
+    Path
+        The manifest.
+    list of str
+        Where the cameras stand, and what was not given and so assumed.
+
+    Raises
+    ------
+    ManifestError
+        If there is such a manifest already, or what is given is not allowed.
+    """
+    path = folder / "planned.yaml"
+    if path.exists():
+        raise ManifestError(f"{path}: is there already, allowed: none; edit it, or remove it")
+    manifest, own = planned(given), {k: v for k, v in given.items() if k != "cameras"}
+    folder.mkdir(parents=True, exist_ok=True)
+    whole_text(path, text_of(manifest, own, SAID))
+    places = ", ".join(f"{c.azimuth_deg:g}°" for c in manifest.cameras)
+    first = manifest.cameras[0]
+    where = (
+        f"{len(manifest.cameras)} cameras, {first.distance_mm:g} mm from the structure's centre "
+        f"and {first.elevation_deg:g}° above its plane, at azimuths {places}"
+    )
+    return path, [where, *assumed(manifest, own, SAID)]
+
+
+def planned(given: Mapping[str, Any]) -> Manifest:
+    """The manifest of phones on all sides, as near as the structure fits into their pictures.
+
+    Azimuths are even; for a structure that is more than twice as long as wide, two sides are
+    favoured, since from its ends it is seen foreshortened.
+
+    Raises
+    ------
+    ManifestError
+        If what is given is not allowed.
+    """
+    count, rest = given["cameras"], {k: v for k, v in given.items() if k != "cameras"}
+    if type(count) is not int or not 2 <= count <= 16:
+        raise ManifestError(f"-p: cameras: given {count}, allowed: a whole number from 2 to 16")
+    cameras = [
+        {
+            "name": f"phone-{i + 1}",
+            "video": f"phone-{i + 1}.mp4",
+            "shots": f"board/phone-{i + 1}",
+            **PHONE,
+            "distance_mm": 1000.0,
+            "elevation_deg": ELEVATION,
+        }
+        for i in range(count)
+    ]
+    filled = {"excitation.steady_s": STEADY} | _markers(rest) | rest
+    manifest = validated(with_given(cameras, filled))
+    size = manifest.structure.width_mm, manifest.structure.length_mm
+    turn = np.radians(FIRST) + 2 * np.pi * np.arange(count) / count
+    slender = min(1.0, 2 * size[0] / size[1])
+    azimuths = np.degrees(np.arctan2(slender * np.sin(turn), np.cos(turn)))
+    for camera, azimuth in zip(cameras, azimuths, strict=True):
+        camera.setdefault("azimuth_deg", round(float(azimuth), 1))
+    values = with_given(cameras, filled)
+    if "cameras.distance_mm" not in rest:
+        distance = _distance(validated(values))
+        for camera in cameras:
+            camera["distance_mm"] = distance
+    return validated(values)
+
+
+def _markers(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Markers all over a plate, unless any of theirs is given."""
+    size: list[Any] = [given.get(f"structure.{side}_mm") for side in ("length", "width")]
+    known = all(isinstance(one, (int, float)) and one > 0 for one in size)
+    own = any(name.startswith("structure.markers") for name in given)
+    if own or not known or given.get("structure.kind", "beam") == "beam":
+        return {}
+    along, across = (one / (n + 0.5) for one, n in zip(size, (COLUMNS, ROWS), strict=True))
+    return {
+        "structure.markers.columns": COLUMNS,
+        "structure.markers.rows": ROWS,
+        "structure.markers.spacing_mm": _digits(along),
+        "structure.markers.row_spacing_mm": _digits(across),
+        "structure.markers.diameter_mm": min(LARGEST, _digits(min(along, across) / 3)),
+    }
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def _distance(manifest: Manifest) -> float:
+    """From how far all cameras have all of the structure in their pictures, with room, mm."""
+    low, high = 1.0, 1e5
+    while high > 1.001 * low:
+        middle = float(np.sqrt(low * high))
+        cameras = tuple(c.model_copy(update={"distance_mm": middle}) for c in manifest.cameras)
+        sight = sight_of(manifest.model_copy(update={"cameras": cameras}), 0.0)
+        inside = bool(sight.corners.all() and sight.seen.all())
+        low, high = (low, middle) if inside else (middle, high)
+    return float(10 * np.ceil(ROOM * high / 10))

@@ -1,0 +1,93 @@
+"""``thesis measure --new FOLDER -p cameras=4``: a manifest to ask by, before anything is filmed."""
+
+import numpy as np
+import pytest
+from command import thesis
+
+from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.feasibility.planned import FIRST, PHONE, planned
+from thesis_lib.measure.recordings.manifest import read_manifest
+
+PLATE = {
+    "cameras": 4, "structure.kind": "plate", "structure.length_mm": 600, "structure.width_mm": 400,
+    "structure.thickness_mm": 3, "excitation.frequency_hz": 50, "excitation.amplitude_mm": 0.2,
+}  # fmt: skip
+
+
+def options(given):
+    return [part for name, one in given.items() for part in ("-p", f"{name}={one}")]
+
+
+def test_one_command_in_an_empty_place_makes_what_the_check_reads(tmp_path):
+    done = thesis("measure", "--new", "plate", *options(PLATE), cwd=tmp_path)
+    assert (done.status, done.err) == (0, "")
+    first, *assumed, last = done.out.splitlines()
+    assert first.startswith("4 cameras, ")
+    assert "not given, so assumed: -p cameras.focal_length_mm=26.0" in assumed
+    assert not any("length_mm=600" in line or "amplitude_mm" in line for line in assumed)
+    assert last.endswith("ask: thesis measure --check plate/planned.yaml")
+    checked = thesis("measure", "--check", "plate/planned.yaml", cwd=tmp_path)
+    assert (checked.status, checked.err) == (0, "")
+    for code in ("undersampled", "small-motion"):
+        assert f"[{code}]" in checked.out.replace("\n  ", " ")
+    again = thesis("measure", "--new", "plate", *options(PLATE), cwd=tmp_path)
+    assert (again.status, again.out) == (2, "")
+    assert "planned.yaml: is there already" in again.err
+    drawn = thesis("measure", "--check", "plate/planned.yaml", "--out", "drawn", cwd=tmp_path)
+    assert (drawn.status, drawn.err) == (0, "")
+
+
+def test_phones_stand_around_and_as_near_as_the_structure_fits_into_their_pictures():
+    manifest = planned(PLATE)
+    azimuths = np.array([c.azimuth_deg for c in manifest.cameras])
+    np.testing.assert_allclose(azimuths % 360, FIRST + 90 * np.arange(4), atol=0.1)
+    (distance,) = {c.distance_mm for c in manifest.cameras}
+
+    def lost(of):
+        return {w.code for w in assess(planned(PLATE | {"cameras.distance_mm": of})).warnings}
+
+    assert "out-of-view" not in lost(distance)
+    assert "out-of-view" in lost(0.92 * distance)
+
+
+def test_a_slender_structure_is_seen_from_its_two_sides():
+    for camera in planned({"cameras": 4}).cameras:  # the thesis's beam, along x
+        assert abs(np.cos(np.radians(camera.azimuth_deg))) > 0.9
+
+
+def test_what_is_given_stands_and_the_rest_is_a_phones():
+    given = PLATE | {"cameras.width_px": 3840, "cameras.height_px": 2160, "cameras": 2,
+                     "structure.markers.rows": 3, "structure.markers.columns": 5,
+                     "excitation.steady_s": [1, 3]}  # fmt: skip
+    manifest = planned(given)
+    assert [c.size for c in manifest.cameras] == [(3840, 2160)] * 2
+    assert {c.frame_rate_hz for c in manifest.cameras} == {PHONE["frame_rate_hz"]}
+    assert (manifest.structure.markers.rows, manifest.structure.markers.columns) == (3, 5)
+    assert manifest.excitation.steady_s == (1, 3)
+    assert abs(manifest.cameras[0].azimuth_deg - manifest.cameras[1].azimuth_deg) == 180
+
+
+@pytest.mark.parametrize("cameras", ["1", "17", "true", "four", "2.5", "[]"])
+def test_a_number_of_cameras_that_is_not_allowed_is_refused(tmp_path, cameras):
+    done = thesis("measure", "--new", tmp_path / "new", "-p", f"cameras={cameras}")
+    assert (done.status, done.out) == (2, "")
+    assert "cameras: given" in done.err
+    assert "allowed: a whole number from 2 to 16" in done.err
+    assert not (tmp_path / "new").exists()
+
+
+def test_what_is_wrong_is_told_and_nothing_is_written(tmp_path):
+    for wrong in ("structure.kind=disc", "cameras.distance_mm=0", "board=5", "structure.size_mm=3"):
+        done = thesis("measure", "--new", tmp_path / "new", "-p", "cameras=4", "-p", wrong)
+        assert (done.status, done.out) == (2, "")
+        assert len(done.err.splitlines()) == 1
+    assert not (tmp_path / "new").exists()
+
+
+def test_where_there_are_no_videos_it_is_told_how_to_ask(tmp_path):
+    assert "-p cameras=4" in thesis("measure", "--new", tmp_path).err
+
+
+def test_the_example_of_a_plan_is_read_back(tmp_path):
+    thesis("measure", "--new", tmp_path, *options(PLATE))
+    assert read_manifest(tmp_path / "planned.yaml", check_files=False) == planned(PLATE)
