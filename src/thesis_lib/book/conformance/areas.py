@@ -13,7 +13,7 @@ AREAS = {
     "The experiment": "scene lens render media pack corners calibration adjustment jackknife "
     "synchronisation listening tracking reconstruction laboratory tapped experiment_study "
     "lab_layouts lab_motions",
-    "Own recordings": "feasibility planned modes measuring measure result calibration_error "
+    "Own recordings": "feasibility modes measuring measure result calibration_error "
     "own_recordings foreign exchange reuse paper povray sync own_sound response",
     "Beyond the thesis": "rounding design_law dither polytope interval "
     "pixel_noise estimators planner planner_machines planner_sound finite_elements shapes",

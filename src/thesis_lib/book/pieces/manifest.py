@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from thesis_lib.book.pieces import answer
 from thesis_lib.book.pieces import filming as guidance
 from thesis_lib.files import whole_text
 from thesis_lib.measure.feasibility.limits import THRESHOLDS
@@ -138,6 +139,7 @@ PIECES: dict[str, Callable[[], str]] = {
     "record-notes-sound": partial(meanings, OF_SOUND),
     "record-notes-force": partial(meanings, OF_FORCE),
     **guidance.PIECES,
+    **answer.PIECES,
 }
 
 

@@ -66,8 +66,9 @@ def _of_small_motion() -> str:
     point = errors.predicted(scene, best.layout, best.resolution[0])
     most = float(errors.counted(point, "mean").max())
     return (
-        f"Percent are of the largest deflection. Of {SMALL_MM:g} mm the law gives the same cameras "
-        f"errors of up to {most:.0f} %. So give your own `amplitude_mm`.\n"
+        f"Percent are of the largest deflection. Of {SMALL_MM:g} mm whole pixels leave the same "
+        f"cameras errors of up to {most:.0f} %. So give your own `amplitude_mm`. Fitted centres "
+        "err far less: [this plate and four phones](recordings.md#will-it-do).\n"
     )
 
 

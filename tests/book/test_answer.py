@@ -1,0 +1,51 @@
+"""Will it do? What the page answers is what the commands tell, and it turns with what is asked."""
+
+import re
+import shlex
+
+import pytest
+from command import thesis
+
+from thesis_lib.book.pieces import answer, benchmarks
+from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.feasibility.limits import LIMIT
+from thesis_lib.measure.feasibility.planned import planned
+
+
+def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
+    text = answer.answer()
+    block = re.search(r"```console\n(.*?)```", text, re.DOTALL).group(1).replace("\\\n", " ")
+    commands = [shlex.split(line.removeprefix("$ "))[1:] for line in block.splitlines()]
+    first, check = (thesis(*command, cwd=tmp_path) for command in commands)
+    assert (first.status, check.status) == (0, 0)
+    shown = re.search(r"```text\n(.*?)\n```", text, re.DOTALL).group(1)
+    assert check.out.strip() == shown.strip()
+
+
+def test_the_rule_is_the_limit_that_the_check_warns_of():
+    assert LIMIT["small-motion"] == 0.5
+    text = answer.rule()
+    assert "half a pixel is the least" in text
+    row = next(line for line in text.splitlines() if line.startswith("| as a phone"))
+    at_one = 100 * answer.wrong_px(answer.COMPRESSED)
+    assert f"{at_one:.1f} %" in row
+    assert f"{at_one / 0.5:.0f} %" in row
+    assert 10 * answer.wrong_px(answer.LOSSLESS) < answer.wrong_px(answer.COMPRESSED)
+
+
+def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
+    moved = min(row.motion_px for row in assess(planned(answer.PLATE)).table)
+    share = benchmarks.percent(answer.wrong_px(answer.COMPRESSED) / moved)
+    line = next(line for line in answer.answer().splitlines() if line.startswith("| full HD"))
+    assert f"| {moved:.2f} | {share} |" in line
+
+
+@pytest.mark.parametrize(
+    ("deflection", "verdict"),
+    [(0.05, "Four phones will not do.**"), (0.2, "will do in 4K (11 %), not in full HD (22 %).**"),
+     (2.0, "will do in full HD (2.2 %) and 4K (1.1 %).**")],
+)  # fmt: skip
+def test_the_verdict_turns_with_the_deflection(monkeypatch, deflection, verdict):
+    plate = answer.PLATE | {"excitation.amplitude_mm": deflection}
+    monkeypatch.setattr(answer, "PLATE", plate)
+    assert verdict in answer.answer()
