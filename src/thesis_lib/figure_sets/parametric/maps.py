@@ -56,7 +56,7 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     figures.setup_panel(axes["a"], cube, part)
     bars = [error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
     figures.bar_panel(axes["b"], part, bars)
-    axes["b"].set(title="(c) rms error of the field", ylabel="% of the largest pressure")
+    axes["b"].set(title="(d) rms error of the field", ylabel="% of the largest pressure")
     u, z = cube["u"].values * 1000, cube["z"].values * 1000
     c = cube["case_name"].values.tolist().index(case)
     measured = cube["pressure_measured_real"].isel(case=c).sel(mode=mode)
@@ -68,13 +68,13 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     nodal = part["independent_ratio"].isnull()
     ideal = part["pressure_reference_real"]
     loudest = float(abs(ideal).max())
-    for row, plane in zip(("cde", "fgh"), ("XZ", "YZ"), strict=True):
+    for letter, row, plane in zip("bc", ("cde", "fgh"), ("XZ", "YZ"), strict=True):
         silent = bool(nodal.sel(plane=plane))
         true = ideal.sel(plane=plane)
         wrong = measured.sel(plane=plane) - true
         of_true = loudest if silent else float(abs(true).max())
         fields = (
-            (f"(b) {plane}, ideal{' (nodal)' if silent else ''}", true, of_true),
+            (f"({letter}) {plane}, ideal{' (nodal)' if silent else ''}", true, of_true),
             (
                 f"error, best shape:\n{best}",
                 wrong.sel(extreme="best"),

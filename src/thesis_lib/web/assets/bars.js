@@ -44,16 +44,14 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
         (low, high) => (low === high ? mark(3, left - 5, low, 4) : `M${left - 1} ${low}h-4V${high}h4`));
       return parts;
     }
-    let last = null; // number that was written
-    function number(r, middle) { // what would touch the one on its left stands above it
-      const words = show(r.mean), half = 3.7 * words.length;
-      let place = y(Math.max(...[0, r.mean, r.high, r.stated?.[1]].filter(isNumber))) - 6;
-      if (last && middle - last.middle < half + last.half && Math.abs(place - last.place) < 12) place = last.place - 12;
-      last = { middle, half, place };
-      return text(middle, place, words);
-    }
+    // Numbers stand right above their bars, the smaller the closer these are.
+    const longest = Math.max(...errors.map((r) => show(r.mean).length)), near = count > 1 ? wide + gap : slotWidth;
+    const size = Math.min(12, Math.min(near, slotWidth - (count - 1) * near) / (0.58 * longest));
+    const number = (r, middle) => text(middle,
+      y(Math.max(...[0, r.mean, r.high, r.stated?.[1]].filter(isNumber))) - 6, show(r.mean));
     // Beside the buttons, not in them: a button's own text is its setting, and its name begins with it.
-    const values = settings.map((_, i) => svg("g", { class: "tl-value", "data-setting": i, "aria-hidden": "true" },
+    const values = settings.map((_, i) => svg("g", {
+      class: `tl-value${size < 12 ? " tl-tight" : ""}`, style: `font-size: ${size}px`, "data-setting": i, "aria-hidden": "true" },
       ...every[i].map((r, n) => (isNumber(r.mean) || !r.name ? number(r, middleOf(i, n)) : ""))));
     const bars = settings.map((setting, i) => {
       const drop = staggered && i % 2 ? 15 : 0;
