@@ -60,11 +60,11 @@ def rule() -> str:
         for name, wrong in films.items()
     ]
     return (
-        "**One pixel of motion will do. With a phone's film half a pixel is the least.**\n\n"
-        f"{columns(rows)}\nBy how much a shape is wrong at most, in % of its largest deflection, "
-        "if that moves a marker by so many pixels of the picture, counted from rest. [Films "
-        "compressed by x264](benchmarks.md#what-compression-leaves), as it does by itself, stand "
-        "for a phone's. The last row is the average of four cameras.\n"
+        "**One pixel of motion will do. With a phone's film half a pixel is the least.** Count the "
+        "pixels that the largest deflection moves a marker in the picture, from rest. Of that "
+        f"deflection a shape is then wrong by up to\n\n{columns(rows)}\n[Films compressed by "
+        "x264](benchmarks.md#what-compression-leaves), as it does by itself, stand for a phone's. "
+        "The last row is the average of four cameras.\n"
     )
 
 
@@ -72,16 +72,16 @@ def answer() -> str:
     """The plate: what to type, what comes out, and whether it will do."""
     told = {name: assess(planned(PLATE | phone)) for name, phone in PHONES.items()}
     asked = f"```console\n$ {command(PLATE)}\n$ thesis measure --check plate/planned.yaml\n```\n"
-    more = " ".join(f"`-p {name}={value}`" for name, value in PHONES["4K"].items())
+    more = " ".join(f"-p {name}={value}" for name, value in PHONES["4K"].items())
     said = "\n".join(["```text", *describe(told["full HD"]), "```"])
     return "\n".join(
         [
-            asked,
-            "No film and no folder need be there. The first command puts phones around the plate, "
-            "so near that it just fits into their pictures, and lists what it assumed. For 4K add "
-            f"{more}.\n",
-            columns([_row(name, one) for name, one in told.items()]),
             _verdict(told),
+            columns([_row(name, one) for name, one in told.items()]),
+            f"These commands tell it, before anything is filmed:\n\n{asked}",
+            "No folder need be there. The first command puts phones around the plate, so near that "
+            "it just fits into their pictures, and lists what it assumed. For 4K add "
+            f"`{more}`.\n",
             f":::{{dropdown}} What the check says of full HD\n{said}\n:::\n",
         ]
     )
@@ -119,8 +119,8 @@ def _verdict(told: Mapping[str, Assessment]) -> str:
     fails = f", not in {' and '.join(errs[name] for name in few)}" if few and enough else ""
     rate, steady = 2 * PLATE["excitation.frequency_hz"], next(iter(told.values())).rig.steady_s
     return (
-        f"**{does}{fails}.** Errors count as above, of the largest deflection. At "
-        f"{PLATE['excitation.frequency_hz']} Hz film more than {rate} frames a second. Or "
+        f"**{does}{fails}.** So much is the shape wrong at most. "
+        f"{PLATE['excitation.frequency_hz']} Hz also ask for more than {rate} frames a second. Or "
         f"know the frequency to {LIMIT['alias'] / steady:.1g} Hz, as from a generator, and say "
         "`excitation.undersampled=true`.\n"
     )
