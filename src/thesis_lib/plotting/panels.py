@@ -31,21 +31,20 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     """Bars of each setting, one or more side by side."""
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
     colors = [color(index) for index in range(n_settings)]
-    top = 0.1
+    top, named = 0.1, False
     for g, bars in enumerate(groups):
         position = np.arange(n_settings) + (g - (len(groups) - 1) / 2) * width
-        first = g == 0
-        hidden = "" if first else "_"  # in the legend once
         if np.isnan(bars.literal).all():
             axes.plot([], [], " ", label=f"{bars.name}: nodal plane")
             continue
+        hidden, named = "_" if named else "", True  # in the legend once
         low, median, high = bars.band
         axes.bar(
             position,
             bars.literal,
             0.9 * width,
             color=colors,
-            alpha=0.75 if first else 0.4,
+            alpha=0.4 if g else 0.75,
             label=bars.name or part.attrs["trial_0"],
         )
         if np.isfinite(median).all():  # there were trials

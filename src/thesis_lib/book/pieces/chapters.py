@@ -123,11 +123,14 @@ def _changes(chapter: Sequence[xr.Dataset]) -> str:
                     cells[title] = f"{text(first)} → {text(last)} (×{last / first:.2f})"
             columns = list(cells)
             varied = STUDIES[cube.attrs["figure_set"]].varied_label
-            rows.append([case, varied, f"{labels[0]} → {labels[-1]}", *cells.values()])
+            ends = " → ".join(str(labels[i]).removesuffix(" cameras") for i in (0, -1))
+            rows.append([case, varied, ends, *cells.values()])
+    rows.sort(key=lambda row: row[0] if row[0][0].isdigit() else "")  # others stay as they are
     what = "pressure of the plane" if "plane_error" in chapter[0] else "deflection"
-    return table([*header, *columns], rows) + (
-        f"\nMedian over the trials of the rms error, in % of the largest reference {what}.\n"
-    )
+    return (
+        "From the first setting of each case to the last: the median over the trials of the mean "
+        f"(rms) error, in % of the largest reference {what}, and its change.\n\n"
+    ) + table([*header, *columns], rows)
 
 
 def _agreement(chapter: Sequence[xr.Dataset]) -> str:
@@ -149,7 +152,7 @@ def _agreement(chapter: Sequence[xr.Dataset]) -> str:
         every = [inside for checks in met.values() for inside in checks]
         total.append(f"**{sum(every)} of {len(every)}** ({np.mean(every):.0%})")
     words = {"mean": "mean errors", "peak": "peak errors"}
-    return table(
+    return "How many of the values that the thesis states are met:\n\n" + table(
         ["figure set", *(words.get(kind, f"errors on {kind}") for kind in kinds)], [*rows, total]
     )
 

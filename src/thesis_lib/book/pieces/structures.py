@@ -134,7 +134,8 @@ def markers(opened: dict[str, xr.Dataset]) -> str:
             }
         )
     slope = np.polyfit(np.log(counts), np.log(ratios), 1)[0]
-    return columns(rows) + (f"\nThe fitted exponent of M is {slope:.3f}.\n")
+    exponent = f"{slope:.3f}".replace("-", "−")
+    return columns(rows) + f"\nThe fitted exponent of M is {exponent}.\n"
 
 
 def levels(opened: dict[str, xr.Dataset]) -> str:
