@@ -115,7 +115,7 @@ def test_captions_of_all_figures_are_printed(words):
 
 @needs_pdf
 def test_pdf_has_the_explorer_and_every_row_of_the_ledger(printed, words):
-    key = "measured, pixels as in the thesis (literal run) expected: ± 2 σ by the law of rounding"
+    key = "measured, pixels as in the thesis expected: ± 2 σ by the law of rounding"
     assert words.count(plain(key)) == 2  # at home and on the explorer's page
     cube = xr.open_dataset(ROOT / "data" / "results" / "claims.nc")
     rows = cube["claim"].size

@@ -46,7 +46,7 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
     }
     // Numbers stand right above their bars, the smaller the closer these are.
     const longest = Math.max(...errors.map((r) => show(r.mean).length)), near = count > 1 ? wide + gap : slotWidth;
-    const size = Math.min(12, Math.min(near, slotWidth - (count - 1) * near) / (0.58 * longest));
+    const size = Math.min(12, Math.min(near, slotWidth - (count - 1) * near) / (0.62 * longest));
     const number = (r, middle) => text(middle,
       y(Math.max(...[0, r.mean, r.high, r.stated?.[1]].filter(isNumber))) - 6, show(r.mean));
     // Beside the buttons, not in them: a button's own text is its setting, and its name begins with it.

@@ -27,7 +27,7 @@ export default (app) => {
       "aria-hidden": "true" }, path(cls, cls === "tl-mark" ? mark(0, 11, 6, 3) : "M1 6H21")), words);
     const [bent, bars] = ["Deflection of the beam", "Error of each marker"].map((name) => picture(name));
     node.replaceChildren(html("p", { class: "tl-ex-key" }, sample("tl-reference", "reference"),
-      sample("tl-mark", "measured, pixels as in the thesis (literal run)"),
+      sample("tl-mark", "measured, pixels as in the thesis"),
       sample("tl-ex-band", "expected: ± 2 σ by the law of rounding")), bent, bars);
     return ({ reference, measured, variance, errors: { point } }, amplitude) => {
       const [at] = model.markers(app.structure);
