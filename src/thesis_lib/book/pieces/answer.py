@@ -63,7 +63,7 @@ def rule() -> str:
         "**One pixel of motion will do. With a phone's film half a pixel is the least.** Count the "
         "pixels that the largest deflection moves a marker in the picture, from rest. Of that "
         f"deflection a shape is then wrong by up to\n\n{columns(rows)}\n[Films compressed by "
-        "x264](benchmarks.md#what-compression-leaves), as it does by itself, stand for a phone's. "
+        "x264](benchmarks.md#what-compression-leaves), by its own defaults, stand for a phone's. "
         "The last row is the average of four cameras.\n"
     )
 
@@ -119,8 +119,8 @@ def _verdict(told: Mapping[str, Assessment]) -> str:
     fails = f", not in {' and '.join(errs[name] for name in few)}" if few and enough else ""
     rate, steady = 2 * PLATE["excitation.frequency_hz"], next(iter(told.values())).rig.steady_s
     return (
-        f"**{does}{fails}.** So much is the shape wrong at most. "
-        f"{PLATE['excitation.frequency_hz']} Hz also ask for more than {rate} frames a second. Or "
+        f"**{does}{fails}.** So much is the shape wrong at most. For "
+        f"{PLATE['excitation.frequency_hz']} Hz take more than {rate} frames a second, too. Or "
         f"know the frequency to {LIMIT['alias'] / steady:.1g} Hz, as from a generator, and say "
         "`excitation.undersampled=true`.\n"
     )
