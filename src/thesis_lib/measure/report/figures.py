@@ -119,7 +119,7 @@ def cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
                     textcoords="offset points",
                 )
             panel.set(aspect="equal", xlabel="x in mm", ylabel=f"{'xyz'[j]} in mm")
-            panel.margins(0.12)
+            panel.margins(0.12, 0.12 if j == 1 else 0.35)  # names of all on one height fit below
         axes[0].set_title("(a) from above")
         axes[1].set_title("(b) from the side")
     return figure
