@@ -105,17 +105,22 @@ def limits(cube: xr.Dataset) -> str:
         free = coarse(cube, THESIS[body])["expected_error"].values
         own = coarse(cube, question)["expected_error"].values
         cells = [
-            _text(e) + ("" if np.isnan(more) or abs(more) < TIE else f" ({100 * more:+.0f} %)")
+            _text(e) + ("" if np.isnan(more) or abs(more) < TIE else f" ({_change(more)})")
             for e, more in zip(own, own / free - 1, strict=True)
         ]
         rows.append([str(question), *cells])
     tilt = asked(cube, "tilt_deg")
-    return table(["", *(f"{n} cameras" for n in counts)], rows) + (
-        "\nErrors in %, averaged over amplitudes, and how much more than in the first row of the "
+    return (
+        "Errors in %, averaged over amplitudes, and how much more than in the first row of the "
         "structure. In the first row a marker is read from any side; in all others up to "
         f"{tilt:g}° from its normal. With a wall or a machine cameras may stand nearer or farther, "
-        "too.\n"
-    )
+        "too.\n\n"
+    ) + table(["", *(f"{n} cameras" for n in counts)], rows)
+
+
+def _change(share: float) -> str:
+    """A change as a share, in percent with its sign."""
+    return f"{100 * share:+.0f} %".replace("-", "−")
 
 
 def front(cube: xr.Dataset) -> str:
@@ -190,17 +195,18 @@ def for_sound(cube: xr.Dataset) -> str:
         before, after = one["sound_error"].max("mode").values
         drawn = one["sound_simulated"].max("mode").values
         shape = one["sound_shape_error"].values
-        cells = [_text(value) for value in (before, after)]
-        gain = "—" if np.isnan(after) else f"{100 * (1 - after / before):.0f}"
-        rows.append([str(count), *cells, gain, *map(_text, drawn), *map(_text, shape)])
-    kinds = ("for the shape", "for the sound")
-    header = ["cameras", *(f"planned {kind}" for kind in kinds), "less by, %"]
-    header += [f"{what} {kind}" for what in ("simulated,", "the shape's error,") for kind in kinds]
+        cells = [f"{_text(a)} ({_text(b)})" for a, b in zip((before, after), drawn, strict=True)]
+        gain = "—" if np.isnan(after) else _change(after / before - 1)
+        rows.append([str(count), *cells, gain, *map(_text, shape)])
+    kinds = ("planned for the shape", "planned for the sound")
+    header = ["cameras", *(f"field, {one}" for one in kinds), "change"]
+    header += [f"shape, {one}" for one in kinds]
     width, height = asked(cube, "resolutions_px")[0]
-    return table(header, rows) + (
-        f"\nField errors of the plate's worst mode on its worse plane, in % of the plane's largest "
-        f"pressure, {width}×{height} px; errors of the shape in % of its largest deflection.\n"
-    )
+    return (
+        "Errors of the field as predicted (simulated), for the plate's worst mode on its worse "
+        f"plane, in % of the plane's largest pressure, {width}×{height} px; then errors of the "
+        "shape, in % of its largest deflection.\n\n"
+    ) + table(header, rows)
 
 
 def near(cube: xr.Dataset, question: str, count: int) -> int:
