@@ -311,7 +311,8 @@ def claims(as_json: bool) -> None:
     type=_PATH,
     metavar="FOLDER",
     help="Instead of measuring, write a manifest for the videos and pictures in FOLDER; -p gives "
-    "what no file shows, as -p board.tile_mm=30.",
+    "what no file shows, as -p board.tile_mm=30. With -p cameras=4, for four phones, before "
+    "anything is filmed.",
 )
 @_ASSIGNMENTS
 def measure(
