@@ -169,7 +169,7 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
         replace(_conformance(plan), after=after),
         step(
             "numbers",
-            lambda: pieces_write.write(made, executed, plan.without, numbers),
+            lambda: pieces_write.write(made, executed, plan.without, numbers, costs),
             [pieces_write],
             [*made, *costs],
             texts(numbers),

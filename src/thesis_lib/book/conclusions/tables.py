@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import xarray as xr
 from scipy.stats import spearmanr
 
 from thesis_lib.book.conclusions.knobs import KNOBS
@@ -295,7 +294,7 @@ def _in_view(opened: Cubes, subject: str, name: str) -> str:
     return f"{min(shares):.0%}" if shares else "—"
 
 
-PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
+PIECES: dict[str, Callable[[Cubes], str]] = {
     **{f"conclusions-{name}": partial(_knob, name) for name in KNOBS},
     "conclusions-stated": _stated,
     "conclusions-counted": _counted,

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
+from thesis_lib.book.conclusions.strengths import Cubes
 from thesis_lib.book.pieces.opened import Opened, of_subject
 from thesis_lib.book.pieces.results import missed
 from thesis_lib.facts import claims
@@ -21,31 +22,31 @@ from thesis_lib.studies import cubes
 from thesis_lib.web.markdown import columns, table
 
 
-def _chapter(opened: dict[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
+def _chapter(opened: Cubes, subject: str) -> list[xr.Dataset]:
     if isinstance(opened, Opened):
         opened.wanted |= {name for name in opened.without if STUDIES[name].subject == subject}
     return of_subject(opened, subject)
 
 
-def beam_results(opened: dict[str, xr.Dataset]) -> str:
+def beam_results(opened: Cubes) -> str:
     """What comes out for the beam: changes, agreement, the law of rounding."""
     chapter = _chapter(opened, "beam")
     unexplained = missed(opened) + "\n"
     return "\n".join([_changes(chapter), _agreement(chapter), unexplained, _law(chapter)])
 
 
-def plate_results(opened: dict[str, xr.Dataset]) -> str:
+def plate_results(opened: Cubes) -> str:
     """What comes out for the plate: changes, agreement, the law of rounding."""
     chapter = _chapter(opened, "plate")
     return "\n".join([_changes(chapter), _agreement(chapter), _law(chapter)])
 
 
-def sound_results(opened: dict[str, xr.Dataset]) -> str:
+def sound_results(opened: Cubes) -> str:
     """What comes out for the sound: changes and agreement."""
     return "\n".join([_changes(_chapter(opened, "sound")), _agreement(_chapter(opened, "sound"))])
 
 
-def experiment_results(opened: dict[str, xr.Dataset]) -> str:
+def experiment_results(opened: Cubes) -> str:
     """What comes out of the experiment, and what would explain its scatter."""
     chapter = _chapter(opened, "experiment")
     return "\n".join([_changes(chapter), _agreement(chapter), *map(_explaining_scatter, chapter)])
@@ -66,7 +67,7 @@ def _explaining_scatter(cube: xr.Dataset) -> str:
     )
 
 
-def repeats(opened: dict[str, xr.Dataset]) -> str:
+def repeats(opened: Cubes) -> str:
     """Whether bands are over other recordings, how many, and how far the first is from these."""
     rows, drawn = [], []
     for name in (one for one, figure_set in FIGURE_SETS.items() if figure_set.others):
@@ -181,7 +182,7 @@ def _standard_error(squared: xr.DataArray) -> Array:
     return np.ravel(squared.std("trial", ddof=1) / squared.mean("trial") / (2 * np.sqrt(n)))
 
 
-def scatter_table(opened: dict[str, xr.Dataset]) -> str:
+def scatter_table(opened: Cubes) -> str:
     """How far one rounding scatters, by mode and plane."""
     chapter = _chapter(opened, "sound")
     rows = []
@@ -206,7 +207,7 @@ def scatter_table(opened: dict[str, xr.Dataset]) -> str:
     return columns(rows) + "\nMedians and ranges over all settings of the chapter.\n"
 
 
-def layouts(opened: dict[str, xr.Dataset]) -> str:
+def layouts(opened: Cubes) -> str:
     """Rms field error over rms deflection error, by case: what the layout does to κ."""
     chapter = _chapter(opened, "sound")
     pairs = heard(chapter[0])

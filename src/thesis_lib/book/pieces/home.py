@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
 
 from thesis_lib.book.conclusions.knobs import KNOBS
 from thesis_lib.book.conclusions.pixels import equal_pixels
-from thesis_lib.book.conclusions.strengths import strengths
+from thesis_lib.book.conclusions.strengths import Cubes, strengths
 from thesis_lib.book.pieces.results import changes, missed, over_rms
 from thesis_lib.ledger.cube import from_cube
 
 HELD = ("agrees", "within scatter", "no material change")
 
 
-def findings(opened: dict[str, xr.Dataset]) -> str:
+def findings(opened: Cubes) -> str:
     """Five sentences, each with where it is shown."""
     claims = [entry for entry in from_cube(opened["claims"]) if entry.counted]
     met = {word: sum(entry.verdict == word for entry in claims) for word in (*HELD, "differs")}

@@ -1,27 +1,48 @@
-"""Cubes that a page is made of, opened once."""
+"""Cubes that a page is made of, opened once, when they are first asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 
 import xarray as xr
 
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import STUDIES
 
 
 def of_subject(opened: Mapping[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
     """The cubes of a subject, such as ``beam``."""
-    return [cube for name, cube in opened.items() if STUDIES[name].subject == subject]
+    return [opened[name] for name in opened if STUDIES[name].subject == subject]
 
 
-class Opened(dict[str, xr.Dataset]):
-    """Cubes by name, which remember the missing ones that a piece would have used."""
+class Opened(Mapping[str, xr.Dataset]):
+    """Cubes by name, which remember what a piece used, and what it would have used."""
 
-    def __init__(self, cubes_: Mapping[str, xr.Dataset], without: Iterable[str]) -> None:
-        super().__init__(cubes_)
+    def __init__(self, made: Iterable[Path], without: Iterable[str]) -> None:
+        self._files = {path.stem: path for path in made}
+        self._read: dict[str, xr.Dataset] = {}
         self.without = frozenset(without)
-        self.wanted: set[str] = set()
+        self.forget()
 
-    def __missing__(self, name: str) -> xr.Dataset:
-        self.wanted.add(name)
-        raise KeyError(name)
+    def forget(self) -> None:
+        """Begin another piece."""
+        self.used, self.wanted = set[str](), set[str]()
+
+    def __getitem__(self, name: str) -> xr.Dataset:
+        if name not in self._files:
+            self.wanted.add(name)
+            raise KeyError(name)
+        self.used.add(name)
+        if name not in self._read:
+            self._read[name] = cube_file.read(self._files[name])
+        return self._read[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._files
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -10,7 +10,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.book.conclusions.knobs import KNOBS
-from thesis_lib.book.conclusions.strengths import Strength, strengths
+from thesis_lib.book.conclusions.strengths import Cubes, Strength, strengths
 from thesis_lib.book.pieces.opened import of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.planner.parameters import THESIS
@@ -21,7 +21,6 @@ from thesis_lib.plotting.selection import select, stated
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.markdown import columns
 
-Cubes = Mapping[str, xr.Dataset]
 GROUPS = ("beam", "plate", "sound")
 _ADVICE = {
     "closer": "closer",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
 
+from thesis_lib.book.conclusions.strengths import Cubes
 from thesis_lib.book.pieces.opened import of_subject
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.vibration.structure import deflection_shape, world_points
@@ -16,7 +16,7 @@ from thesis_lib.web.markdown import table
 SET = "beam-distance"
 
 
-def example(opened: dict[str, xr.Dataset]) -> str:
+def example(opened: Cubes) -> str:
     """The last marker in the first mode, at the first setting of ``beam-distance``."""
     cube, study = opened[SET].isel(setting=0, mode=0, point=-1), camera_study(SET)
     setting, structure = study.settings()[0], study.structure
@@ -46,7 +46,7 @@ def example(opened: dict[str, xr.Dataset]) -> str:
     )
 
 
-def scatter(opened: dict[str, xr.Dataset]) -> str:
+def scatter(opened: Cubes) -> str:
     """How far the trials' errors of beam and plate lie from the law."""
     rows = []
     for subject in ("beam", "plate"):

@@ -9,10 +9,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from thesis_lib.acoustics import planes, radiation
 from thesis_lib.acoustics.planes import full_factor
+from thesis_lib.book.conclusions.strengths import Cubes
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.parametric.parameters import camera_study
@@ -101,7 +101,7 @@ def beam_cameras(_: object) -> str:
     )
 
 
-def motion_needed(_: dict[str, xr.Dataset]) -> str:
+def motion_needed(_: Cubes) -> str:
     """How many pixels the largest deflection must move an image, by cameras and wanted error."""
     rows = []
     for count in (2, 3, 4, 8, 12):
@@ -111,7 +111,7 @@ def motion_needed(_: dict[str, xr.Dataset]) -> str:
     return columns(rows)
 
 
-def markers(opened: dict[str, xr.Dataset]) -> str:
+def markers(opened: Cubes) -> str:
     """κ of independent errors, relative to the antinode's peak, against the number of markers."""
     request = camera_study("sound-distance")
     plane = request.planes[0]  # type: ignore[attr-defined]
@@ -138,7 +138,7 @@ def markers(opened: dict[str, xr.Dataset]) -> str:
     return columns(rows) + f"\nThe fitted exponent of M is {exponent}.\n"
 
 
-def levels(opened: dict[str, xr.Dataset]) -> str:
+def levels(opened: Cubes) -> str:
     """Absolute levels: of a force of 1 N, and what the 10 mm of the study would mean."""
     request = camera_study("sound-distance")
     plate = setups.plate()
@@ -171,7 +171,7 @@ def levels(opened: dict[str, xr.Dataset]) -> str:
     return columns(rows)
 
 
-def effort_table(_: dict[str, xr.Dataset]) -> str:
+def effort_table(_: Cubes) -> str:
     """What each figure set costs, as measured in the published run."""
     known = effort.read()
     rows = [
@@ -185,7 +185,7 @@ def effort_table(_: dict[str, xr.Dataset]) -> str:
     return table(["figure set", "takes", "time", "memory", "cube"], rows)
 
 
-def parameters(opened: dict[str, xr.Dataset]) -> str:
+def parameters(opened: Cubes) -> str:
     """The parameters of every figure set, to be folded out."""
     parts = []
     for name in [name for chapter in CHAPTERS.values() for name in chapter]:

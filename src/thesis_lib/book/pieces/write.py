@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
 from thesis_lib import files
 from thesis_lib.book import missing
 from thesis_lib.book.conclusions import tables as conclusions_tables
+from thesis_lib.book.conclusions.strengths import Cubes
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import home, results, rounding
 from thesis_lib.book.pieces.chapters import (
@@ -35,7 +38,7 @@ from thesis_lib.book.pieces.structures import (
     structure_model,
 )
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import cube_file
+from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.optics import tables as optics_tables
 from thesis_lib.figure_sets.parametric import sound_sum, sound_turn
@@ -43,27 +46,59 @@ from thesis_lib.figure_sets.parametric import symmetry as shape_tables
 from thesis_lib.figure_sets.planner import tables as planner_tables
 from thesis_lib.planning.request import PlanRequest
 
+KNOWN = ".pieces.json"  # beside the pieces: what each was made from
+
 
 def write(
-    made: Sequence[Path], folder: Path, without: Iterable[str] = (), names: Iterable[str] = ()
+    made: Sequence[Path],
+    folder: Path,
+    without: Iterable[str] = (),
+    names: Iterable[str] = (),
+    costs: Sequence[Path] = (),
 ) -> None:
     """Write pieces of :data:`PIECES` from the cubes `made` into `folder`, all or by their `names`.
 
-    Pieces that need the figure sets `without` a cube say that these are missing.
+    Those whose cubes are as they were, and the published `costs`, stay. Pieces that need the figure
+    sets `without` a cube say that these are missing.
     """
-    read = {path.stem: cube_file.read(path) for path in made}
+    opened, known = Opened(made, without), _known(folder / KNOWN)
+    digests = {path.stem: files.sha256(path) for path in made}
+    key = f"{keys.made_by(__name__)}{files.digest_of(costs)}{sorted(digests)}"
     for name in names or PIECES:
-        piece = PIECES[name]
-        opened = Opened(read, without)
-        try:
-            text = piece(opened)
-        except Exception:
-            if not opened.wanted:
-                raise
-            text = ""
-        if opened.wanted:
-            text = "\n\n".join(filter(None, [text, missing.sentence(opened.wanted)]))
-        files.whole_text(folder / f"{name}.md", text)
+        target, used = folder / f"{name}.md", known.get(name, {}).get("used", {})
+        if known.get(name) == _made_from(key, {cube: digests.get(cube) for cube in used}, target):
+            continue
+        files.whole_text(target, _text(PIECES[name], opened))
+        known[name] = _made_from(key, {cube: digests[cube] for cube in opened.used}, target)
+    files.whole_text(folder / KNOWN, json.dumps(known, indent=1, sort_keys=True))
+
+
+def _known(path: Path) -> dict[str, Any]:
+    """What pieces were made from, by name, as far as it can be read."""
+    try:
+        known = json.loads(path.read_text(encoding="utf-8"))
+        return {str(name): of for name, of in known.items() if isinstance(of["used"], dict)}
+    except (OSError, ValueError, TypeError, AttributeError, LookupError):
+        return {}
+
+
+def _made_from(key: str, used: Mapping[str, str | None], target: Path) -> dict[str, Any]:
+    """Of one piece: code, cubes and text."""
+    return {"key": key, "used": used, "text": files.sha256(target) if target.is_file() else ""}
+
+
+def _text(piece: Callable[[Cubes], str], opened: Opened) -> str:
+    """One piece, or what it is missing."""
+    opened.forget()
+    try:
+        text = piece(opened)
+    except Exception:
+        if not opened.wanted:
+            raise
+        text = ""
+    if opened.wanted:
+        text = "\n\n".join(filter(None, [text, missing.sentence(opened.wanted)]))
+    return text
 
 
 def _lab(piece: str, cube: xr.Dataset) -> str:
@@ -91,27 +126,27 @@ def _layout(name: str, cube: xr.Dataset) -> str:
     return lab_layout_tables.RESULTS[name](cube)
 
 
-def _optics(name: str, opened: dict[str, xr.Dataset]) -> str:
+def _optics(name: str, opened: Cubes) -> str:
     """A table of chapter 2 or its appendices, from the cube of ``cameras``."""
     return optics_tables.PIECES[name](opened["cameras"])
 
 
-def _benchmark(name: str, _: dict[str, xr.Dataset]) -> str:
+def _benchmark(name: str, _: Cubes) -> str:
     """What the published run of the benchmarks measured."""
     return benchmark_tables.PIECES[name]()
 
 
-def _design(name: str, opened: dict[str, xr.Dataset]) -> str:
+def _design(name: str, opened: Cubes) -> str:
     """What is said of the law of rounding for design, from the cube of ``design-law``."""
     return design_tables.PIECES[name](opened["design-law"])
 
 
-def _planner(name: str, opened: dict[str, xr.Dataset]) -> str:
+def _planner(name: str, opened: Cubes) -> str:
     """What is said of planned layouts, from the cube of ``planner``."""
     return planner_tables.PIECES[name](opened["planner"])
 
 
-PIECES: dict[str, Callable[[dict[str, xr.Dataset]], str]] = {
+PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_tables.PIECES,
     **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
     **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -58,7 +59,7 @@ def heard(cube: xr.Dataset) -> list[tuple[int, str]]:
     return [(modes[m], planes[p]) for m, p in np.argwhere(there)]
 
 
-def sums(opened: dict[str, xr.Dataset]) -> str:
+def sums(opened: Mapping[str, xr.Dataset]) -> str:
     """The sum's error beside those of the cameras, with the finest pixels and over all of them."""
     fine, rows = opened["sound-resolution"], []
     sharpest = fine["width_px"].values.argmax()

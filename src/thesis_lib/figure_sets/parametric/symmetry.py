@@ -8,7 +8,7 @@ half as many errors as there are markers. Random shifts of the pixel grids undo 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,7 +102,7 @@ def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
     return one, other
 
 
-def symmetries(opened: dict[str, xr.Dataset]) -> str:
+def symmetries(opened: Mapping[str, xr.Dataset]) -> str:
     """The mirror's work in every case, for the rectangle, the L and the plate with holes."""
     cubes_ = {word: opened[name] for name, word in NAMES.items()}
     cases = dict.fromkeys(opened[PLATE]["case"].values.tolist())
@@ -122,7 +122,7 @@ def symmetries(opened: dict[str, xr.Dataset]) -> str:
     return columns(rows) + f"\nEach cell: {' · '.join(NAMES.values())}.\n"
 
 
-def accuracies(opened: dict[str, xr.Dataset]) -> str:
+def accuracies(opened: Mapping[str, xr.Dataset]) -> str:
     """Errors of the shapes over those of the rectangle, mode by mode, and how exact the law is."""
     plate, rows = opened[PLATE], []
     for name, word in list(NAMES.items())[1:]:
@@ -158,7 +158,7 @@ def accuracies(opened: dict[str, xr.Dataset]) -> str:
     return table([h.replace("32", str(plate.sizes["setting"])) for h in header], rows)
 
 
-def convergence(_: dict[str, xr.Dataset]) -> str:
+def convergence(_: Mapping[str, xr.Dataset]) -> str:
     """The rectangle by finite elements beside its closed form, and the order that shows."""
     plate = setups.plate()
     outline = ((0.0, 0.0), (plate.length, 0.0), plate.extent, (0.0, plate.width))
