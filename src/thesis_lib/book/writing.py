@@ -3,7 +3,8 @@
 A page is made of what was read of it and of what the book tells it: titles and contents, labels
 and numbers, names, citations, styles and scripts. If anything of that has changed, all pages are
 written anew, so that a reference that has lost its target is warned of wherever it stands; else
-those alone that were read anew, and the program texts that have changed. The others stay.
+those alone that were read anew, those that point at what is called otherwise now, and the program
+texts that have changed. The others stay.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
+from sphinx.addnodes import pending_xref
 from sphinx.builders.html import StandaloneHTMLBuilder
 from sphinx.util.parallel import ParallelTasks, SerialTasks, parallel_available
 
@@ -24,15 +26,23 @@ from thesis_lib.book.polish import polish, tidy
 from thesis_lib.files import digest_of
 
 _OWN = {"index entries", "cite bibdata", "cite bibliographies"}  # no other page's
+_CALLED = "std labels"  # page, place, and what it is called
 _PROGRAMS = "_modules/"
 
 
 def setup(app: Any) -> dict[str, bool]:
     """Have Sphinx write the book so; the module ``extension`` calls it."""
     app.add_builder(Pages, override=True)
+    app.connect("doctree-read", _keep_targets)
     app.connect("env-get-updated", _outdated, priority=900)  # when sections are numbered
     app.connect("html-collect-pages", _leave_out, priority=0)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _keep_targets(app: Any, tree: nodes.document) -> None:
+    """Keep what a page points at."""
+    targets = {one["reftarget"].lower() for one in tree.findall(pending_xref)}
+    app.env.metadata[app.env.docname]["thesis_targets"] = targets
 
 
 def _outdated(app: Any, env: Any) -> Iterable[str]:
@@ -44,14 +54,15 @@ def _outdated(app: Any, env: Any) -> Iterable[str]:
     for name in [name for name, program in programs.items() if not (program and program[2])]:
         del programs[name]  # which no page points at; that depends on the order of reading
     told = _digest([*_told(env), sorted(programs), digest_of(styles)])
-    new = {"": told, **{name: _digest([told, program]) for name, program in programs.items()}}
-    old: dict[str, str] = getattr(env, "thesis_written", {})
-    env.thesis_written = new
+    new = {name: _digest([told, program]) for name, program in programs.items()}
+    pages = {page: _digest([told, _called(env, page)]) for page in env.found_docs}
+    old, old_pages = getattr(env, "thesis_written", ({}, {}))
+    env.thesis_written = new, pages
     for name in old.keys() | new.keys():
-        if name and old.get(name) != new.get(name):
+        if old.get(name) != new.get(name):
             page = app.builder.get_outfilename(_PROGRAMS + name.replace(".", "/"))
             Path(page).unlink(missing_ok=True)
-    return () if old.get("") == told else env.found_docs
+    return sorted(page for page, made_from in pages.items() if old_pages.get(page) != made_from)
 
 
 def _told(env: Any) -> Iterator[Any]:
@@ -62,8 +73,17 @@ def _told(env: Any) -> Iterator[Any]:
         yield [page, {slug: told[1:] for slug, told in about.get("myst_slugs", {}).items()}]
     for name, domain in sorted(env.domaindata.items()):
         for key, value in sorted(domain.items()):
-            if f"{name} {key}" not in _OWN:
+            if f"{name} {key}" == _CALLED:
+                yield {label: place for label, (*place, _called) in value.items()}
+            elif f"{name} {key}" not in _OWN:
                 yield sorted(map(_text, value)) if isinstance(value, list) else value
+
+
+def _called(env: Any, page: str) -> dict[str, str]:
+    """How that which a page points at is called: captions hold numbers of a run."""
+    domain, kind = _CALLED.split()
+    labels, targets = env.domaindata[domain][kind], env.metadata[page].get("thesis_targets", ())
+    return {label: labels[label][-1] for label in targets if label in labels}
 
 
 def _digest(value: Any) -> str:
