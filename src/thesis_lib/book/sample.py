@@ -11,13 +11,6 @@ from pathlib import Path
 import xarray as xr
 
 from thesis_lib import files
-from thesis_lib.figure_sets import sample
-from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.fitting.models import rms
-from thesis_lib.measure.report import figures as draw
-from thesis_lib.measure.report import page as report
-from thesis_lib.measure.report.notes import notes
-from thesis_lib.plotting.style import svg
 
 PAGE = "sample-report.html"
 SHAPE = "guide-shape.svg"
@@ -25,6 +18,10 @@ SHAPE = "guide-shape.svg"
 
 def page(data: xr.Dataset) -> str:
     """The report, written from what was measured."""
+    from thesis_lib.figure_sets import sample
+    from thesis_lib.measure.feasibility.assess import assess
+    from thesis_lib.measure.report import page as report
+
     manifest = sample.manifest_of(data)
     pictures = report.figures(data, data, manifest, sample.first_frames())
     return report.page(data, manifest, assess(manifest), pictures)
@@ -32,12 +29,19 @@ def page(data: xr.Dataset) -> str:
 
 def summary(data: xr.Dataset) -> str:
     """The last lines that the measurement prints, as a block of text."""
+    from thesis_lib.measure.report import page as report
+    from thesis_lib.measure.report.notes import notes
+
     lines = [*report.summary(data), *(f"note: {n.text} [{n.code}]" for n in notes(data))]
     return "\n".join(["```text", *lines, "```", ""])
 
 
 def counted(data: xr.Dataset) -> str:
     """What the assessment of the manifest counts and does not, against what was measured."""
+    from thesis_lib.figure_sets import sample
+    from thesis_lib.measure.feasibility.assess import assess
+    from thesis_lib.measure.fitting.models import rms
+
     foretold = assess(sample.manifest_of(data)).rig.smallest_mm
     measured = 3 * rms(1000 * data["standard_error"].values)
     return (
@@ -58,6 +62,10 @@ NAMES = (PAGE, SHAPE, *(f"{name}.md" for name in PIECES))
 
 def write(folder: Path) -> None:
     """Write :data:`NAMES` into a folder."""
+    from thesis_lib.figure_sets import sample
+    from thesis_lib.measure.report import figures as draw
+    from thesis_lib.plotting.style import svg
+
     data = sample.sample()
     files.whole_text(folder / PAGE, page(data))
     files.whole_text(folder / SHAPE, svg(draw.shape(data, sample.manifest_of(data))))

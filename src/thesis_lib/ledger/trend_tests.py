@@ -166,9 +166,9 @@ def _planes_alike(evidence: Evidence, argument: str) -> Mask:
         by = evidence.of_modes(f"plane_error_{plane.lower()}")
         empty = "plane_error_yz" if plane == "XZ" else "plane_error_xz"
         nodal = [
-            np.isnan(errors).all()
-            for (quantity, _, m), errors in evidence.errors.items()
-            if quantity == empty and m == int(mode)
+            np.isnan(evidence.errors[key]).all()
+            for key in evidence.errors
+            if key[0] == empty and key[2] == int(mode)
         ]
         return _close(by[int(mode)], by[int(other)]) & all(nodal)
     mode = str(evidence.trend.modes[0])

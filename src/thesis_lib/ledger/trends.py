@@ -10,7 +10,7 @@ import numpy as np
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts.trends import Trend
-from thesis_lib.ledger.evidence import Evidence
+from thesis_lib.ledger.evidence import Drawn, Evidence
 from thesis_lib.ledger.trend_tests import MATERIAL, TESTS
 from thesis_lib.ledger.verdicts import UNCHANGED
 
@@ -30,6 +30,13 @@ class Series:
     values: Array  #: The varied parameter, growing, shape (settings,)
     #: In %, of the random trials; NaN where there is no reference, shape (settings, trials)
     errors: Array
+    _means: dict[int, Array] = field(default_factory=dict, compare=False, repr=False)
+
+    def means(self, seed: int) -> Array:
+        """Means over resampled trials, shape (settings, resamples), computed once."""
+        if seed not in self._means:
+            self._means[seed] = self.errors @ _weights(self.errors.shape[1], seed)
+        return self._means[seed]
 
 
 @dataclass(frozen=True)
@@ -76,11 +83,11 @@ def judge(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | No
         return None
     values = {s.case: s.values for s in kept.values()}
     common = min((n for s in kept.values() if (n := s.errors.shape[1]) > 1), default=1)
-    mean = {key: one.errors @ _weights(one.errors.shape[1], seed) for key, one in kept.items()}
-    each = {  # paired, trial by trial; what is the same in all trials beside each of them
-        key: np.broadcast_to(one.errors[:, :common], (len(one.errors), common))
-        for key, one in kept.items()
-    }
+    mean = Drawn(kept, lambda one: one.means(seed))
+    # Paired, trial by trial; what is the same in all trials stands beside each of them.
+    each = Drawn(
+        kept, lambda one: np.broadcast_to(one.errors[:, :common], (len(one.errors), common))
+    )
     name, _, argument = trend.test.partition(" ")
     shares = []
     for errors in (mean, each):

@@ -49,8 +49,9 @@ def reached(*files: Path) -> dict[Path, int]:
     count, too; what is only named in a string does not.
     """
     found, todo, places = dict.fromkeys(files, 0), [*files], folders()
+    packages = tuple(map(_as_it_is, _packages()))
     for one in todo:
-        for other in _imported(one, places) - found.keys():
+        for other in _imported(one, places, packages, _as_it_is(one)) - found.keys():
             found[other] = found[one] + 1
             todo.append(other)
     return found
@@ -61,16 +62,29 @@ def digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
-def _imported(file: Path, places: tuple[Path, ...]) -> set[Path]:
-    """The files in some places that a Python file itself imports from."""
+@cache
+def _packages() -> tuple[Path, ...]:
+    """The files of the library that may pass names on."""
+    return tuple(sorted(library().rglob("__init__.py")))
+
+
+@cache
+def _imported(
+    file: Path, places: tuple[Path, ...], _packages: object, _as_it_is: object
+) -> frozenset[Path]:
+    """The files in some places that a Python file itself imports from, while packages are so."""
     found = (_defining(module, name, places) for module, name, _ in _imports(file))
-    return {one for one in found if one} - {file}
+    return frozenset(one for one in found if one) - {file}
 
 
 def _imports(file: Path) -> tuple[tuple[str, str, str], ...]:
     """Module, name in it and name here of every import of a file; names may be empty."""
+    return _imports_of(file, _as_it_is(file))
+
+
+def _as_it_is(file: Path) -> tuple[int, ...]:
     now = file.stat()
-    return _imports_of(file, (now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns))
+    return now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns
 
 
 @cache
