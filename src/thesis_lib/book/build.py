@@ -186,7 +186,7 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
             "figure of the conclusions",
             lambda: conclusions_figure.write(made, executed),
             [conclusions_figure],
-            made,
+            conclusions_figure.used(made),
             [conclusions_figure.NAME],
         ),
         step(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -123,9 +122,14 @@ def _legend() -> list[Line2D]:
     return [*lines, rendered, stated]
 
 
-def write(made: Sequence[Path], folder: Path) -> None:
+def used(made: Iterable[Path]) -> list[Path]:
+    """Those of some cubes that the figure shows."""
+    names = {name for knob in KNOBS.values() for _, name, _, _ in knob.sources}
+    return [path for path in made if path.stem in names]
+
+
+def write(made: Iterable[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
-    used = {name for knob in KNOBS.values() for _, name, _, _ in knob.sources}
-    opened: Mapping[str, xr.Dataset] = {p.stem: cube_file.read(p) for p in made if p.stem in used}
+    opened = {path.stem: cube_file.read(path) for path in used(made)}
     text = svg(draw(opened))
     files.whole_text(folder / NAME, text)
