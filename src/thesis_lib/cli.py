@@ -109,6 +109,9 @@ def run(
     folder = output_folder(names, studies, out)
     if scheduler is not None:
         use_scheduler(scheduler, studies)
+    from thesis_lib.runs import nursery
+
+    nursery.ready()  # it imports while this process does
     from thesis_lib.runs import execute as runs
     from thesis_lib.runs import tasks
     from thesis_lib.studies import comparison

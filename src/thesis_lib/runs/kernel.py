@@ -9,9 +9,10 @@ from typing import Any
 
 from jupyter_client.kernelspec import KernelSpec
 from jupyter_client.manager import AsyncKernelManager
+from jupyter_client.provisioning.local_provisioner import LocalProvisioner
 from traitlets import default
 
-from thesis_lib.runs import kernel_main
+from thesis_lib.runs import kernel_main, nursery
 
 
 def spec() -> KernelSpec:
@@ -43,10 +44,20 @@ def manager(home: Path) -> type[AsyncKernelManager]:
             with Path(os.devnull).open("w") as nowhere:
                 await super()._async_start_kernel(**how, stdout=nowhere, stderr=nowhere)
 
+        async def _async_launch_kernel(self, kernel_cmd: list[str], **how: Any) -> None:
+            copied: Any = nursery.kernel(kernel_cmd[3:])
+            local = self.provisioner
+            if copied is None or not isinstance(local, LocalProvisioner):
+                await super()._async_launch_kernel(kernel_cmd, **how)
+            else:
+                local.process, local.pid, local.pgid = copied, copied.pid, copied.pid
+                self._reconcile_connection_info(local.connection_info)
+
         async def _async_shutdown_kernel(self, now: bool = False, restart: bool = False) -> None:
             # All is written by then, and a kernel takes 0.7 s to take its leave.
             await super()._async_shutdown_kernel(now=True, restart=restart)
 
+        _launch_kernel = _async_launch_kernel
         start_kernel = _async_start_kernel
         shutdown_kernel = _async_shutdown_kernel
 

@@ -1,5 +1,8 @@
 """The process that executes a notebook: ``python -I kernel_main.py -f CONNECTION_FILE``.
 
+With ``--nursery`` instead it imports what all notebooks need, once, and is then copied for each
+kernel that it is asked for (:mod:`thesis_lib.runs.nursery`).
+
 A result depends on its request, the library and the lock file, not on the machine of whoever makes
 it. So no configuration of IPython or Jupyter is read, no start-up file is run, nothing is imported
 from the working directory or from ``PYTHONPATH``, the library is the one that this file belongs
@@ -9,10 +12,14 @@ in which there is nothing else, is home and working directory.
 
 from __future__ import annotations
 
+import json
 import logging
 import os
+import signal
 import sys
+import time
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 
 SOURCE = next(p.parent for p in Path(__file__).resolve().parents if p.name == "thesis_lib")
@@ -24,6 +31,8 @@ KEPT = (
     "NUMBA_CPU_NAME",  # these five let libraries compute as on an older processor
     "THESIS_SCHEDULER", "THESIS_FIGURE_SETS", "JPY_PARENT_PID", "GIT_CONFIG_GLOBAL",
 )  # fmt: skip
+
+IMPORTED = ("ipykernel.kernelapp", "h5netcdf", "thesis_lib.notebook.show")  # by a nursery
 
 
 def fixed() -> dict[str, str]:
@@ -54,14 +63,60 @@ def environment(of: Mapping[str, str], home: Path) -> dict[str, str]:
 
 
 def main(arguments: list[str]) -> None:
-    """Be the kernel that the connection file asks for."""
-    home = Path(arguments[arguments.index("-f") + 1]).resolve().parent
+    """Be a kernel, or where kernels come from."""
     sys.path.insert(0, str(SOURCE))
-    left = environment(os.environ, home)
+    logging.getLogger().addHandler(logging.NullHandler())  # libraries' remarks are no output
+    if arguments == ["--nursery"]:
+        nursery()
+    else:
+        kernel(arguments, os.environ)
+
+
+def nursery() -> None:
+    """For each line that asks for a kernel be copied, and let the copy be it and say its number.
+
+    When nobody can ask any more it ends, and with it the kernels, unless whoever asked is there.
+    """
+    manager = os.getppid()
+    become(environment(os.environ, Path(os.sep)))
+    without_dask()
+    for module in IMPORTED:
+        import_module(module)
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # kernels that end leave nothing
+    while line := sys.stdin.readline():
+        if not os.fork():
+            os.setsid()
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            print(os.getpid(), flush=True)
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            for stream in range(3):
+                os.dup2(nowhere, stream)
+            asked = json.loads(line)
+            kernel(asked["arguments"], asked["environment"] | {"JPY_PARENT_PID": str(os.getppid())})
+            os._exit(0)
+    while os.getppid() == manager and kernels():
+        time.sleep(0.2)
+
+
+def kernels() -> bool:
+    """Whether a kernel of this process goes on."""
+    try:
+        return os.waitpid(-1, os.WNOHANG) == (0, 0)
+    except ChildProcessError:
+        return False
+
+
+def become(left: Mapping[str, str]) -> None:
+    """Have this environment and no other."""
     os.environ.clear()
     os.environ.update(left)
+
+
+def kernel(arguments: list[str], given: Mapping[str, str]) -> None:
+    """Be the kernel that the connection file asks for, in what is left of an environment."""
+    home = Path(arguments[arguments.index("-f") + 1]).resolve().parent
+    become(environment(given, home))
     os.chdir(home)
-    logging.getLogger().addHandler(logging.NullHandler())  # libraries' remarks are no output
     without_dask()
 
     from ipykernel.kernelapp import IPKernelApp
