@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.plotting.panels import bar_panel, setup_panel
 from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
-from thesis_lib.plotting.style import REFERENCE, color, subplots
+from thesis_lib.plotting.style import REFERENCE, color, placed
 
 
 def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
@@ -15,28 +15,28 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     part = select(cube, case, mode)
     chosen = best_and_worst(part)
     labels = list(part["label"].values)
-    drawing, axes = subplots(2, 2, figsize=(7.6, 5.4), layout="constrained")
-    setup_panel(axes[0, 0], cube, part)
+    drawing, axes = placed("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
+    setup_panel(axes["a"], cube, part)
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
-    axes[0, 1].plot(x, reference, color=REFERENCE, linewidth=3, label="reference")
+    axes["b"].plot(x, reference, color=REFERENCE, linewidth=3, label="reference")
     for index, word in zip(chosen, ranking(part), strict=False):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = f"{labels[index]}, {word}"
-        axes[0, 1].plot(x, measured, ".-", color=color(index), linewidth=1, label=name)
+        axes["b"].plot(x, measured, ".-", color=color(index), linewidth=1, label=name)
         error = part["point_error"].values[index]
-        axes[1, 0].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
-    axes[0, 1].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
-    axes[1, 0].set(
+        axes["c"].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
+    axes["b"].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
+    axes["c"].set(
         title="(c) error of each marker",
         xlabel="x in mm",
         ylabel="% of the largest deflection",
         ylim=(0, None),
     )
-    low, high = axes[0, 1].get_ylim()
-    axes[0, 1].set_ylim(low, high + 0.45 * (high - low))  # room for the legend
-    axes[0, 1].legend(loc="upper left")
-    axes[1, 0].legend()
-    bar_panel(axes[1, 1], part, [error_bars(cube, case, mode)])
-    axes[1, 1].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
+    low, high = axes["b"].get_ylim()
+    axes["b"].set_ylim(low, high + 0.45 * (high - low))  # room for the legend
+    axes["b"].legend(loc="upper left")
+    axes["c"].legend()
+    bar_panel(axes["d"], part, [error_bars(cube, case, mode)])
+    axes["d"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
     return drawing

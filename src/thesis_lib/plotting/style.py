@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import matplotlib
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -110,6 +111,57 @@ def mosaic(names: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:
     """A figure and its panels by name, as ``pyplot.subplot_mosaic`` makes them."""
     figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT})
     return figure, figure.subplot_mosaic(names, **{k: how[k] for k in _LAYOUT if k in how})
+
+
+def placed(
+    names: str,
+    size: tuple[float, float],
+    edges: tuple[float, float, float, float],
+    gaps: tuple[float, float],
+    heights: Sequence[float] | None = None,
+) -> tuple[Figure, dict[str, Any]]:
+    """A figure and its panels by name, in places that do not depend on what is drawn in them.
+
+    So figures of one kind are alike; and to look for room, as layout engines do, takes as long as
+    to draw.
+
+    Parameters
+    ----------
+    names : str
+        As ``pyplot.subplot_mosaic`` takes them.
+    size : tuple of float
+        Width and height of the figure in inches.
+    edges : tuple of float
+        Room at the left, right, bottom and top in inches.
+    gaps : tuple of float
+        Room between columns and between rows in inches.
+    heights : sequence of float, optional
+        Of the rows, relative to each other.
+    """
+    (width, height), (left, right, bottom, top) = size, edges
+    rows = names.split(";")
+    across = (width - left - right - gaps[0] * (len(rows[0]) - 1)) / len(rows[0])
+    up = (height - bottom - top - gaps[1] * (len(rows) - 1)) / len(rows)
+    grid = {
+        "left": left / width,
+        "right": 1 - right / width,
+        "bottom": bottom / height,
+        "top": 1 - top / height,
+        "wspace": gaps[0] / across,
+        "hspace": gaps[1] / up,
+    }
+    figure = Figure(figsize=size)
+    return figure, figure.subplot_mosaic(names, gridspec_kw=grid, height_ratios=heights)
+
+
+def bar_beside(panel: Axes, picture: Any, label: str) -> None:
+    """A colour bar at the right of a panel, in the room there, below its label."""
+    box, figure = panel.get_position(), panel.get_figure(root=True)
+    assert figure is not None
+    width = figure.get_figwidth()
+    place = (box.x1 + 0.08 / width, box.y0 + 0.05 * box.height, 0.1 / width, 0.85 * box.height)
+    bar = figure.colorbar(picture, cax=figure.add_axes(place))
+    bar.ax.text(0, 1.04, label, transform=bar.ax.transAxes, fontsize=8)
 
 
 def saved(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:

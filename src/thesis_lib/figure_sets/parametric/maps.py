@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.maps import draw_map
 from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
-from thesis_lib.plotting.style import mosaic
+from thesis_lib.plotting.style import bar_beside, placed
 from thesis_lib.studies import outlines
 
 
@@ -19,9 +19,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Setup, ideal shape, best and worst measured shape, bars."""
     part = select(cube, case, mode)
     chosen = best_and_worst(part)
-    drawing, axes = mosaic(
-        "abb;cde", figsize=(8.2, 5.6), layout="constrained", height_ratios=[1.15, 1]
-    )
+    drawing, axes = placed("abb;cde", (8.2, 5.6), (0.6, 0.85, 0.5, 0.3), (0.75, 0.75), (1.5, 1))
     figures.setup_panel(axes["a"], cube, part)
     figures.bar_panel(axes["b"], part, [error_bars(cube, case, mode)])
     axes["b"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
@@ -35,23 +33,23 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     x, y, place = outlines.cells(cube)
     x, y, middle = 1000 * x, 1000 * y, np.array(outlines.extent(cube)) / 2
     for name, (title, values) in zip("cde", shapes, strict=True):
-        placed = outlines.spread(values, place, len(x) * len(y))
-        picture = draw_map(axes[name], placed.reshape(len(y), len(x)), x, y, limit)
+        cells = outlines.spread(values, place, len(x) * len(y)).reshape(len(y), len(x))
+        picture = draw_map(axes[name], cells, x, y, limit)
         if outlines.kind(cube) == "panel":
             for curve in outlines.contours(cube):
                 axes[name].fill(*(1000 * (curve + middle)).T, fill=False, edgecolor="#444444")
         axes[name].plot(part["x"] * 1000, part["y"] * 1000, ".", color="#444444", markersize=1.2)
         axes[name].set(title=title, xlabel="x in mm")
     axes["c"].set_ylabel("y in mm")
-    drawing.colorbar(picture, ax=[axes[name] for name in "cde"], shrink=0.8, label="w in mm")
+    bar_beside(axes["e"], picture, "w in mm")
     return drawing
 
 
 def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Setup, bars of both planes; on both the ideal field, the best error and the worst."""
     part = select(cube, case, mode)
-    drawing, axes = mosaic(
-        "abb;cde;fgh", figsize=(8.2, 7.4), layout="constrained", height_ratios=[1.2, 1, 1]
+    drawing, axes = placed(
+        "abb;cde;fgh", (8.2, 7.6), (0.6, 0.85, 0.5, 0.3), (1.15, 0.8), (1.8, 1, 1)
     )
     figures.setup_panel(axes["a"], cube, part)
     bars = [error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
@@ -91,11 +89,6 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
             pictures.append(draw_map(axes[name], values.values.T, u, z, limit))
             axes[name].set(title=title, xlabel=f"{plane[0]} in mm")
         axes[row[0]].set_ylabel("Z in mm")
-        for picture, beside, label in (
-            (pictures[0], row[0], "Re p in Pa"),
-            (pictures[2], row[1:], "error in Pa"),
-        ):
-            drawing.colorbar(
-                picture, ax=[axes[n] for n in beside], shrink=0.85, label=label, pad=0.01
-            )
+        bar_beside(axes[row[0]], pictures[0], "Re p in Pa")
+        bar_beside(axes[row[2]], pictures[2], "error in Pa")
     return drawing
