@@ -543,6 +543,7 @@ def test_settings_are_the_cone_of_the_closed_form(conforms, study):
         conforms.closed_form(rig.P, cone.P, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_further_estimator_is_drawn_beside_least_squares(monkeypatch):
     def linear(P, uv):
         return triangulate(P, uv, steps=0)

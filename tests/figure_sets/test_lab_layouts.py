@@ -275,6 +275,7 @@ def test_exact_centres_give_exact_shapes(conforms):
             assert {"units", "long_name"} <= set(variable.attrs)
 
 
+@pytest.mark.slow
 def test_with_one_noise_for_all_the_law_is_what_the_scatter_says(conforms, sets):
     _, _, cube = sets
     assert cube.sizes["setting"] == 247
@@ -287,6 +288,7 @@ def test_with_one_noise_for_all_the_law_is_what_the_scatter_says(conforms, sets)
     conforms.sampled(np.sqrt(np.mean(literal**2)), 1, atol=0.25)
 
 
+@pytest.mark.slow
 def test_a_setting_is_the_same_in_every_request(sets):
     _, data, cube = sets
     few = ls.run(layout(cases=["subsets"], trials=7), data)

@@ -112,6 +112,7 @@ def test_markers_that_tell_the_motion_tell_the_true_sound(conforms):
         assert off < 1e-3 * np.abs(real.field).max()
 
 
+@pytest.mark.slow
 def test_errors_of_known_size_come_out(conforms):
     request = study(trials=299, cases=["plate"], width_px=700)
     cube = made(request, sounding(request))
@@ -128,6 +129,7 @@ def test_errors_of_known_size_come_out(conforms):
     assert "not as large as stated" in tables.sentences(small)
 
 
+@pytest.mark.slow
 def test_more_markers_tell_more_of_a_tone_between_modes():
     request = study(trials=1, cases=["plate"], width_px=700)
     cube = made(request, sounding(request))
@@ -138,6 +140,7 @@ def test_more_markers_tell_more_of_a_tone_between_modes():
     assert (np.diff(cube["grid_spacing"].values) < 0).all()
 
 
+@pytest.mark.slow
 def test_errors_of_a_tap_s_powers_and_energies_are_what_draws_scatter_by(conforms, monkeypatch):
     """Six taps that differ by their noise; the first is the one that the cube has."""
     rig_of, off = tap.rig_of, []
@@ -162,6 +165,7 @@ def test_errors_of_a_tap_s_powers_and_energies_are_what_draws_scatter_by(conform
     }
 
 
+@pytest.mark.slow
 def test_figures_and_tables_take_some_of_the_structures():
     request = study(trials=2, cases=["l", "beam", "plate"], width_px=700)
     data = sounding(request)

@@ -79,6 +79,7 @@ def test_it_is_listed_run_drawn_and_compared(footprint, tmp_path):
     assert "pixel at 500 mm" in differs.out
 
 
+@pytest.mark.slow
 def test_a_cube_of_it_is_known_in_its_folder_alone(footprint, tmp_path, monkeypatch):
     asked = ["run", footprint, "--out", tmp_path / "out"]
     assert thesis(*asked).status == 0

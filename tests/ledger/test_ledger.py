@@ -412,6 +412,7 @@ def users(name):
     return figures, {trend.id for trend in trends.read_trends() if name in trend.source}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["beam-arrays", "sound-aperture", "experiment-resolution"])
 def test_a_doctored_cube_changes_its_own_entries_and_no_others(found, name):
     figures, of_trends = users(name)

@@ -41,6 +41,7 @@ def rms(values):
     return np.sqrt(np.mean(np.square(values)))
 
 
+@pytest.mark.slow
 def test_corners_are_unbiased_without_noise(conforms, scenes):
     found = errors(scenes, noisy=False)
     conforms.closed_form(rms(found), below=0.005)

@@ -194,6 +194,7 @@ def test_receptance_is_that_of_the_structure_within_its_errors(driven):
     assert int(data["drive"]) in (46, 21, 71)
 
 
+@pytest.mark.slow
 def test_a_table_tells_the_same_as_a_sound_file(driven):
     times = np.arange(len(driven.truth.newtons)) / FINE
     rows = np.column_stack([times, driven.truth.newtons])[::4]
@@ -206,6 +207,7 @@ def test_a_table_tells_the_same_as_a_sound_file(driven):
     assert np.median(np.abs(apart)) < 2e-3
 
 
+@pytest.mark.slow
 def test_noise_on_both_channels_parts_h1_from_h2(tmp_path):
     """Truth is between them; a fifth of the force's power is noise."""
     force = random_force(31, 0.05)
@@ -280,6 +282,7 @@ def test_noise_at_rest_has_its_power():
 # Clocks.
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("fast", [3e-4, -3e-4])
 def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, fast):
     """As far apart after half a minute as by 30 ppm after five; and a start 4 ms late."""

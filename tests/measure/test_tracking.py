@@ -100,6 +100,7 @@ def rest():
 # Centres.
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (170.0, 0.05)])
 def test_centres_are_those_of_the_projected_discs(conforms, tracked, azimuth, k1):
     at = camera(azimuth, k1=k1)
@@ -162,6 +163,7 @@ def test_reduced_frames_are_tracked_as_well(conforms, tracked):
     conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.015)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("size", "most_missing"), [(FULL, 0.0), (HALF, 0.03)])
 def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(
     conforms, tracked, size, most_missing
@@ -546,6 +548,7 @@ def test_given_corners_are_those_in_the_picture(conforms, video):
     )
 
 
+@pytest.mark.slow
 def test_a_video_is_followed_at_several_widths_at_once(video):
     path, at, times = video
     widths = [320, 640, 1280, 1920]

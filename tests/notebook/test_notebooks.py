@@ -336,6 +336,7 @@ def test_one_changed_digit_fails(checkout, doctored, option):
     assert len(outcomes["untouched"]) == len(outcomes["changed"]) == number
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("place", [".", "tests", "doctored"])
 def test_sanitising_is_found_from_every_folder(checkout, doctored, place):
     code = (

@@ -272,6 +272,7 @@ def test_limits_are_kept_by_an_independent_check(limit, objective):
             assert np.all((u > -0.01) & (u < 1600.01) & (v > -0.01) & (v < 900.01))
 
 
+@pytest.mark.slow
 def test_every_limit_costs_something_or_nothing_but_never_helps():
     free = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
     least = optimum.layout_cost(free, best(free, 3), "mean")
@@ -281,6 +282,7 @@ def test_every_limit_costs_something_or_nothing_but_never_helps():
             assert optimum.layout_cost(own, best(own, 3), "mean") >= least * (1 - 1e-3)
 
 
+@pytest.mark.slow
 def test_more_cameras_are_never_worse():
     scene = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
     grid = places.candidates(scene, np.radians(20))

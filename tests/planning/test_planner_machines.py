@@ -126,7 +126,7 @@ def steps_off(values, per_unit, limits):
     return np.minimum(whole, limit)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "objective"),
     [(name, "mean") for name in SCENES]
@@ -154,6 +154,7 @@ def test_of_equal_layouts_the_one_of_least_rank_is_taken(name):
                 assert lattice.rank(one) <= lattice.rank(image)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["plate", "square", "mirrored spheres"])
 def test_markers_in_another_order_have_the_same_layouts(name):
     scene = SCENES[name]
@@ -258,7 +259,7 @@ def cube():
                    '"counts": [2, 4]}')  # fmt: skip
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", planner_tables.TABLES)
 def test_tables_do_not_hang_on_last_digits(cube, name):
     expected = planner_tables.TABLES[name](cube)

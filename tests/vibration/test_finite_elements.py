@@ -89,6 +89,7 @@ def test_element_has_the_values_and_slopes_that_its_coefficients_say(conforms, f
     conforms.closed_form(hess[..., 0].T, np.array([[[2.0, 3], [3, -2]]] * 2), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_small_triangles_cost_no_digits(conforms):
     """Frequencies stay when corners are renumbered and moved, though one side is 15 µm long."""
     given = FIGURE_SETS["shape-holes"].request().structure

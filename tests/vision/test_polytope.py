@@ -324,6 +324,7 @@ def test_never_worse_than_least_squares_by_two_percent_in_the_settings_of_the_th
         conforms.sampled(ratio[many], below=0.9)  # and far better with many cameras
 
 
+@pytest.mark.slow
 def test_pixel_noise_takes_the_gain_away(conforms):
     gain = []
     for noise in (0.0, 0.05, 0.1, 0.2, 0.3):
