@@ -130,8 +130,9 @@ def kernel(arguments: list[str], given: Mapping[str, str]) -> None:
         def init_code(self) -> None:
             """Run no start-up files."""
 
+    watched = f"--IPKernelApp.parent_handle={os.environ.get('JPY_PARENT_PID', 0)}"
     # No file of past inputs, which another kernel could lock; this kernel's own are known.
-    Kernel.launch_instance([*arguments, "--HistoryManager.enabled=False"])
+    Kernel.launch_instance([*arguments, watched, "--HistoryManager.enabled=False"])
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ the environment, is no longer what it was when it was started.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -74,8 +75,9 @@ class Kernel:
         return status
 
     def send_signal(self, number: int) -> None:
-        """To it alone."""
-        os.kill(self.pid, number)
+        """To it alone, if it is there."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.pid, number)
 
     def terminate(self) -> None:
         """Ask it to end."""
