@@ -49,7 +49,7 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Setup, bars of both planes; on both the ideal field, the best error and the worst."""
     part = select(cube, case, mode)
     drawing, axes = placed(
-        "abb;cde;fgh", (8.2, 7.6), (0.6, 0.85, 0.5, 0.3), (1.15, 0.8), (1.8, 1, 1)
+        "abb;cde;fgh", (8.2, 8.0), (0.6, 0.75, 0.5, 0.3), (0.95, 0.8), (1.6, 1, 1)
     )
     figures.setup_panel(axes["a"], cube, part)
     bars = [error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
