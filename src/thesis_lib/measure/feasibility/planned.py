@@ -12,7 +12,14 @@ from thesis_lib.files import whole_text
 from thesis_lib.measure.feasibility.outlook import sight_of
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.new import ASKED, assumed, text_of, validated, with_given
+from thesis_lib.measure.recordings.new import (
+    ASKED,
+    asked_of,
+    assumed,
+    text_of,
+    validated,
+    with_given,
+)
 
 PHONE: dict[str, Any] = {  # its main camera, as if on a sensor of 36 mm
     "width_px": 1920,
@@ -62,14 +69,14 @@ def planned_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list
         raise ManifestError(f"{path}: is there already, allowed: none; edit it, or remove it")
     manifest, own = planned(given), {k: v for k, v in given.items() if k != "cameras"}
     folder.mkdir(parents=True, exist_ok=True)
-    whole_text(path, text_of(manifest, own, SAID))
+    whole_text(path, text_of(manifest, own, asked_of(manifest, SAID)))
     places = ", ".join(f"{c.azimuth_deg:g}°" for c in manifest.cameras)
     first = manifest.cameras[0]
     where = (
         f"{len(manifest.cameras)} cameras, {first.distance_mm:g} mm from the structure's centre "
         f"and {first.elevation_deg:g}° above its plane, at azimuths {places}"
     )
-    return path, [where, *assumed(manifest, own, SAID)]
+    return path, [where, *assumed(manifest, own, asked_of(manifest, SAID))]
 
 
 def planned(given: Mapping[str, Any]) -> Manifest:
