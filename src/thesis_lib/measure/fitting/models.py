@@ -94,7 +94,7 @@ def compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]
     Returns
     -------
     dict
-        The variables of :data:`~thesis_lib.measure.fitting.result.VARIABLES` that tell of it.
+        What of the result tells of it, by the names of variables.
     str
         Name of the most similar mode; empty without a model.
     """
