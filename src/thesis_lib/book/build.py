@@ -17,6 +17,7 @@ from thesis_lib.book import (
     downloads,
     missing,
     sample,
+    sphinx_process,
     unchanged,
 )
 from thesis_lib.book import publish as publishing
@@ -34,7 +35,7 @@ from thesis_lib.figure_sets.experiment.walk import numbers as walk_numbers
 from thesis_lib.figure_sets.experiment.walk import pictures
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.runs import execute as runs
-from thesis_lib.runs import tasks
+from thesis_lib.runs import nursery, tasks
 from thesis_lib.studies import effort, times
 from thesis_lib.web.page import PACKAGES
 
@@ -64,6 +65,8 @@ def build(publish: bool = False, chapter: str = "") -> Path:
         If anything failed; the message names all of it.
     """
     begun = unchanged.written()
+    nursery.ready()  # both import while this process looks for what is stale
+    sphinx_process.begin(files.project_root())
     plan = planned(chapter, publish)
     while True:  # each time round without what failed before
         steps = _tasks(plan)

@@ -11,26 +11,16 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from thesis_lib import records
 from thesis_lib.asides import aside
-from thesis_lib.book import kept
+from thesis_lib.book import kept, sphinx_process
 from thesis_lib.files import staging
 from thesis_lib.web.page import INSTALLED, PACKAGES, BookError, damaged_assets
 
-_JUPYTER_BOOK = """
-import gc
-gc.set_threshold(1_000_000, 50, 1000)  # trees of all pages stay: looking for waste costs a third
-from functools import partial
-from jupyter_book import sphinx
-from jupyter_book.cli.main import main
-sphinx.build_sphinx = partial(sphinx.build_sphinx, jobs=2)
-main()
-"""
 _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 
 
@@ -104,26 +94,12 @@ def in_one_page(root: Path, work: Path) -> Path:
 
 def _build(root: Path, work: Path, kind: str = "html") -> None:
     """Run Jupyter Book into `work`; raise with its warnings if it fails."""
-    command = [sys.executable, "-c", _JUPYTER_BOOK, "build"]
-    command += [str(root / "book"), "--config", str(root / "_config.yml")]
-    command += ["--path-output", str(work), "-W", "-n", "--keep-going"]
-    command += ["--builder", kind]
-    path = [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")]
-    env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "NO_COLOR": "1"}
-    done = subprocess.run(
-        command,
-        cwd=root,
-        env=env,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        encoding="utf-8",
-        errors="replace",
-        check=False,
-    )
-    if done.returncode == 0 and (work / "_build" / kind / "index.html").is_file():
+    arguments = ["build", str(root / "book"), "--config", str(root / "_config.yml")]
+    arguments += ["--path-output", str(work), "-W", "-n", "--keep-going", "--builder", kind]
+    status, said = sphinx_process.run(root, arguments)
+    if status == 0 and (work / "_build" / kind / "index.html").is_file():
         return
-    text = re.sub(r"\x1b\[[0-9;]*m", "", done.stdout).replace(f"{root}{os.sep}", "")
+    text = re.sub(r"\x1b\[[0-9;]*m", "", said).replace(f"{root}{os.sep}", "")
     found = [line.strip() for line in text.splitlines() if _WARNING.search(line)]
     lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
     raise BookError("\n".join(["the book was not rendered:", *lines]))
