@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import re
+import threading
+import time
 
 import pytest
 
@@ -154,6 +156,37 @@ def test_what_most_waits_for_begins_first(tmp_path, monkeypatch):
     made = [one("a", 1), one("b", 2), one("unknown", 0), one("c", 1), one("d", 5, "c")]
     tasks.run(made, workers=1)
     assert began == ["c", "d", "b", "a", "unknown"]
+
+
+@pytest.mark.parametrize(("elsewhere", "here", "most_here"), [(2, 3, 1), (1, 3, 1), (0, 3, 2)])
+def test_one_is_done_here_beside_what_other_processes_do(
+    tmp_path, monkeypatch, elsewhere, here, most_here
+):
+    monkeypatch.setattr(tasks, "workplace", lambda: tmp_path)
+    over, lock, at_work, most = threading.Event(), threading.Lock(), [0], [0]
+
+    def of_processes() -> None:
+        assert over.wait(20)
+
+    def of_this() -> None:
+        with lock:
+            at_work[0] += 1
+            most[0] = max(most[0], at_work[0])
+        time.sleep(0.05)
+        with lock:
+            at_work[0] -= 1
+            done.append(1)
+        if len(done) == here:
+            over.set()
+
+    done = list[int]()
+    made = [
+        tasks.task(f"{act.__name__} {n}", act, [], [], elsewhere=act is of_processes, seconds=s)
+        for act, number, s in ((of_processes, elsewhere, 9), (of_this, here, 1))
+        for n in range(number)
+    ]
+    tasks.run(made)  # which would not end if what is done here waited for other processes
+    assert most[0] == most_here
 
 
 def test_a_run_foretells_and_tells_what_is_left(tmp_path, monkeypatch, capsys):

@@ -139,6 +139,7 @@ def _tasks(plan: Plan) -> list[tasks.Task]:
         needs,
         [plan.index.parent, *plan.archives],
         seconds=plan.takes("pages"),
+        elsewhere=True,
     )
     first = [*runs.job_tasks(plan.ran, plan.seconds), scripts, *published]
     steps = [*first, *pieces, *of_cubes, pages]
@@ -153,6 +154,9 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
     costs += [path for path in read if path.is_file()]
     figures, notebooks = shown.names(plan.pages), [job.notebook for job in plan.jobs]
     numbers = [name for name in pieces_write.PIECES if plan.includes(f"{name}.md")]
+    of_ledger = [name for name in numbers if name in pieces_write.OF_LEDGER]
+    numbers = [name for name in numbers if name not in of_ledger]
+    others = [path for path in made if path.stem != "claims"]
     published = sorted((plan.root / "data" / "published").glob("*.csv"))
 
     def texts(names: Iterable[str]) -> list[str]:
@@ -172,10 +176,17 @@ def _pieces(plan: Plan, made: Sequence[Path], after: frozenset[str]) -> list[tas
         replace(_conformance(plan), after=after),
         step(
             "numbers",
-            lambda: pieces_write.write(made, executed, plan.without, numbers, costs),
+            lambda: pieces_write.write(others, executed, plan.without, numbers, costs),
+            [pieces_write],
+            [*others, *costs],
+            texts(numbers),
+        ),
+        step(
+            "numbers of the ledger",
+            lambda: pieces_write.write(made, executed, plan.without, of_ledger, costs),
             [pieces_write],
             [*made, *costs],
-            texts(numbers),
+            texts(of_ledger),
         ),
         step(
             "figures of notebooks",

@@ -40,6 +40,7 @@ def made_beforehand(asked: Study, seconds: Mapping[str, float]) -> Task:
         key=" ".join(keys.key(*each) for each in needs),
         record=cache / f"{asked.name}-beforehand.json",
         seconds=seconds.get(name, 0.0),
+        elsewhere=True,
     )
 
 

@@ -249,6 +249,7 @@ def job_tasks(jobs: Sequence[Job], seconds: Mapping[str, float] | None = None) -
             key=digest(job),
             after=frozenset(after - {name}),
             seconds=(seconds or {}).get(name, 0.0),
+            elsewhere=True,
         )
         tasks.append(one)
     return tasks

@@ -54,6 +54,7 @@ class Task:
     after: frozenset[str] = frozenset()  #: Names of tasks that come before, if they are there
     always: bool = False  #: Whether to do it even if it is up to date
     seconds: float = 0.0  #: How long it will take; 0 if that is not known
+    elsewhere: bool = False  #: Whether another process does it
 
     def made_from(self) -> str:
         """Digest of all that it depends on, as it is now."""
@@ -83,6 +84,7 @@ def task(
     record: Path | None = None,
     always: bool = False,
     seconds: float = 0.0,
+    elsewhere: bool = False,
 ) -> Task:
     """A task whose record is a file of its own."""
     place = record or workplace() / "build" / "made" / f"{_slug(name)}.json"
@@ -91,11 +93,15 @@ def task(
         action()
         records.write(place, made_from, makes)
 
-    return Task(name, act, makes, place, needs, key, always=always, seconds=seconds)
+    return Task(
+        name, act, makes, place, needs, key, always=always, seconds=seconds, elsewhere=elsewhere
+    )
 
 
 def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
     """Run what is stale of some tasks, so many at a time, those first that most waits for.
+
+    Beside those that other processes do, one more is done here, where only one can compute.
 
     Returns the seconds of each task that was not up to date, by its name.
 
@@ -117,7 +123,7 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
     for name, others in waits.items():
         order.add(name, *others)
     order.prepare()
-    pool = ThreadPoolExecutor(workers)
+    pool = ThreadPoolExecutor(workers + 1)
     most = urgency(dict.fromkeys(named, 0.0) | progress.known, waits)
     at_work: dict[Future[str], str] = {}
     ready: list[str] = []
@@ -132,9 +138,10 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
                 progress.end(name, measured=False)
                 order.done(name)
                 ready.remove(name)
-            while ready and len(at_work) < workers:
-                name = ready.pop(0)
-                at_work[pool.submit(_one, named[name], progress)] = name
+            for name in [*ready]:
+                if _may_begin(named[name], [named[one] for one in at_work.values()], workers):
+                    ready.remove(name)
+                    at_work[pool.submit(_one, named[name], progress)] = name
             passing = live()
             ended = wait(at_work, 1 if passing else _SILENCE, FIRST_COMPLETED).done
             if at_work and not ended:
@@ -152,6 +159,15 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
         told = {n: t if t.startswith(n) else f"{n}: {t}" for n, t in failed.items()}
         raise RunError("\n".join(told.values()), told, unmet)
     return progress.took
+
+
+def _may_begin(task: Task, at_work: Sequence[Task], workers: int) -> bool:
+    """Whether there is room for a task beside others."""
+    elsewhere = sum(one.elsewhere for one in at_work)
+    here = len(at_work) - elsewhere
+    if task.elsewhere:
+        return elsewhere < workers and len(at_work) <= workers
+    return here < (1 if elsewhere else workers)
 
 
 def _makers(tasks: Sequence[Task]) -> dict[str, set[str]]:

@@ -46,8 +46,6 @@ from thesis_lib.figure_sets.parametric import symmetry as shape_tables
 from thesis_lib.figure_sets.planner import tables as planner_tables
 from thesis_lib.planning.request import PlanRequest
 
-KNOWN = ".pieces.json"  # beside the pieces: what each was made from
-
 
 def write(
     made: Sequence[Path],
@@ -61,25 +59,27 @@ def write(
     Those whose cubes are as they were, and the published `costs`, stay. Pieces that need the figure
     sets `without` a cube say that these are missing.
     """
-    opened, known = Opened(made, without), _known(folder / KNOWN)
+    opened = Opened(made, without)
     digests = {path.stem: files.sha256(path) for path in made}
+    (folder / ".made").mkdir(exist_ok=True)
     key = f"{keys.made_by(__name__)}{files.digest_of(costs)}{sorted(digests)}"
     for name in names or PIECES:
-        target, used = folder / f"{name}.md", known.get(name, {}).get("used", {})
-        if known.get(name) == _made_from(key, {cube: digests.get(cube) for cube in used}, target):
+        target, record = folder / f"{name}.md", folder / ".made" / f"{name}.json"
+        known = _known(record)
+        if known == _made_from(key, {cube: digests.get(cube) for cube in known["used"]}, target):
             continue
         files.whole_text(target, _text(PIECES[name], opened))
-        known[name] = _made_from(key, {cube: digests[cube] for cube in opened.used}, target)
-    files.whole_text(folder / KNOWN, json.dumps(known, indent=1, sort_keys=True))
+        known = _made_from(key, {cube: digests[cube] for cube in opened.used}, target)
+        files.whole_text(record, json.dumps(known, indent=1))
 
 
-def _known(path: Path) -> dict[str, Any]:
-    """What pieces were made from, by name, as far as it can be read."""
+def _known(record: Path) -> dict[str, Any]:
+    """What a piece was made from, as far as that can be read."""
     try:
-        known = json.loads(path.read_text(encoding="utf-8"))
-        return {str(name): of for name, of in known.items() if isinstance(of["used"], dict)}
-    except (OSError, ValueError, TypeError, AttributeError, LookupError):
-        return {}
+        known: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))
+        return known if isinstance(known["used"], dict) else {"used": {}}
+    except (OSError, ValueError, TypeError, LookupError):
+        return {"used": {}}
 
 
 def _made_from(key: str, used: Mapping[str, str | None], target: Path) -> dict[str, Any]:
@@ -145,6 +145,9 @@ def _planner(name: str, opened: Cubes) -> str:
     """What is said of planned layouts, from the cube of ``planner``."""
     return planner_tables.PIECES[name](opened["planner"])
 
+
+OF_LEDGER = ("home-findings", "conclusions-counted", "conclusions-stated", "conclusions-wishes")
+"""Those that read the cube of the ledger, which comes after all others."""
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_tables.PIECES,
