@@ -150,6 +150,7 @@ def test_a_simply_supported_plate_radiates_at_low_frequency_as_wallace_has_it(m,
     conforms.closed_form(found, leading, rtol=4e-3)
 
 
+@pytest.mark.slow
 def test_cells_move_as_the_mean_of_what_moves_in_them(conforms):
     """As few cells then make the power of many; their middles alone would make too much."""
     omega, powers = 2 * np.pi * 100, {}

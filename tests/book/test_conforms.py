@@ -157,6 +157,7 @@ def test_report_has_one_row_for_each_check_however_many_workers(tmp_path, worker
     assert (report["failed"], report["skipped"]) == ({}, {})
 
 
+@pytest.mark.slow
 def test_a_doctored_law_fails_in_the_report_which_is_not_published(tmp_path):
     (tmp_path / "doctor.py").write_text(DOCTOR, encoding="utf-8")
     chosen = PROJECT / "tests" / "vibration" / "test_plate.py"

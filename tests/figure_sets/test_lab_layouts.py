@@ -386,6 +386,7 @@ def test_settings_with_missing_markers_are_no_optimum():
     assert best.low >= 20 - 1e-9  # nothing is said beyond
 
 
+@pytest.mark.slow
 def test_tables_and_figures_show_every_case(sets):
     _, _, cube = sets
     part = numbers.part_of(cube, "subsets")

@@ -48,6 +48,7 @@ def test_corners_are_unbiased_without_noise(conforms, scenes):
     conforms.closed_form(np.abs(found.mean(axis=2)).max(), below=0.002)
 
 
+@pytest.mark.slow
 def test_corners_are_exact_to_nine_thousandths_of_a_pixel_with_noise(conforms, scenes):
     found = errors(scenes, noisy=True)
     conforms.sampled(rms(found), below=0.009)

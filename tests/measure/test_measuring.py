@@ -189,7 +189,7 @@ class StopError(Exception):
     """Someone pulls the plug."""
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shares", [(), (0.5, 1)])
 def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch, shares):
     rig = default_rig(setups.beam(), [(10, 30), (-10, 30)], size=(960, 540))

@@ -48,6 +48,7 @@ def test_modes_of_unlike_rates_and_rolling_shutters(decay):
     np.testing.assert_allclose(found.noise, 0.02, rtol=0.03)
 
 
+@pytest.mark.slow
 def test_errors_are_what_draws_scatter_by():
     truth = beam_modes()
     off, shapes = [], []
@@ -212,6 +213,7 @@ def test_one_tone_is_the_default_and_has_its_frequency():
     assert Excitation(kind="decay").frequency_hz is None
 
 
+@pytest.mark.slow
 def test_calibrations_err_for_all_modes_alike(decay, conforms):
     """Rows of all modes together hold each one's own covariance, and what they have in common."""
     _, found = decay
@@ -266,6 +268,7 @@ def test_errors_of_shapes_hold_those_of_the_calibration(tmp_path, conforms):
 
 
 @pytest.mark.parametrize("told", [False, True], ids=["unknown", "known"])
+@pytest.mark.few(1)
 def test_the_sound_of_modes_is_that_of_the_true_ones(tmp_path, conforms, told):
     """Waves far longer than the beam: each mode is a point source before a wall."""
     truth = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))
@@ -308,6 +311,7 @@ def test_the_sound_of_modes_is_that_of_the_true_ones(tmp_path, conforms, told):
     )
 
 
+@pytest.mark.slow
 def test_modes_go_to_a_report_and_files(tmp_path):
     """From tracks on disk, as the command leaves them; other programs' readers find the same."""
     truth = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))

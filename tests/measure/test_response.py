@@ -224,6 +224,7 @@ def test_noise_on_both_channels_parts_h1_from_h2(tmp_path):
     assert np.all((first <= middle) & (middle <= second))
 
 
+@pytest.mark.slow
 def test_a_sweep_from_rest_to_rest_is_right_however_fast(swept):
     manifest = swept.asked("sweep")
     data = swept.responded(manifest)
@@ -282,7 +283,7 @@ def test_noise_at_rest_has_its_power():
 # Clocks.
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("fast", [3e-4, -3e-4])
 def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, fast):
     """As far apart after half a minute as by 30 ppm after five; and a start 4 ms late."""
@@ -432,6 +433,7 @@ def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path, force, kind
 # Report and files.
 
 
+@pytest.mark.slow
 def test_curves_go_to_a_report_and_files(driven, tmp_path):
     of, said = Recorded(SILENT, calibration_of(driven.recordings), driven.recordings), []
     page = _not_one_tone(driven.asked(), driven.folder, of, tmp_path, said.append)
@@ -505,6 +507,7 @@ def test_another_library_finds_the_same_modes_in_the_exported_curves(tapped):
     assert min(assurance([a, b])[0, 1] for a, b in zip(model.A.T, shape, strict=True)) > 0.999
 
 
+@pytest.mark.slow
 def test_what_a_reader_should_know_is_told(driven):
     manifest = driven.asked(segment_s=5.0)
     data = driven.responded(manifest)

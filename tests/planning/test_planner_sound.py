@@ -79,6 +79,7 @@ def test_predicted_field_errors_are_those_of_draws(conforms, request_, layout):
     conforms.sampled(found / law, 1, atol=0.12)
 
 
+@pytest.mark.slow
 def test_average_is_about_that_of_draws_over_amplitudes_and_turns(conforms, request_):
     scene = request_.scene()
     for layout in (SQUARE, TURNED):

@@ -38,6 +38,7 @@ def test_it_comes_first_and_the_ledger_waits_for_it_and_for_all_cubes(tmp_path):
     assert [one.name for one in job_tasks(jobs[1:])] == ["claims"]
 
 
+@pytest.mark.slow
 def test_the_ledger_finds_what_it_would_have_made(empty, monkeypatch):
     step = beforehand.made_beforehand(ASKED, {})
     assert step.is_stale()

@@ -114,6 +114,7 @@ def test_a_hostile_machine_gives_the_same_cube_and_says_nothing(plain, tmp_path)
     assert same(out / f"{NAME}.nc", tmp_path / "out" / f"{NAME}.nc")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "extra",
     [
