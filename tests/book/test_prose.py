@@ -1,6 +1,5 @@
 """The numbers in the book's prose are those of the cubes; all of them are made for that."""
 
-import json
 import re
 from functools import cache
 
@@ -109,10 +108,7 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
 @pytest.mark.book
 def test_the_pieces_of_the_ledger_are_those_that_read_its_cube():
     folder = files.project_root() / "book" / "executed" / ".made"
-    used = {
-        name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))["used"]
-        for name in pieces_write.PIECES
-    }
+    used = {name: pieces_write.used(folder / f"{name}.json") for name in pieces_write.PIECES}
     assert {name for name, cubes in used.items() if "claims" in cubes} == {*pieces_write.OF_LEDGER}
 
 

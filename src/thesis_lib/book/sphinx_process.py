@@ -15,7 +15,7 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from thesis_lib.files import library_files
+from thesis_lib.runs.nursery import library_as_it_is
 
 _PROGRAM = """
 import gc, json, sys
@@ -46,9 +46,10 @@ def run(root: Path, arguments: Sequence[str]) -> tuple[int, str]:
     global _early
     with _ALONE:
         early, _early = _early, None
-    process = _started(root) if early is None or early[1] != _as_it_is(root) else early[0]
-    if early is not None and process is not early[0]:
+    if early is not None and early[1] != _as_it_is(root):
         early[0].communicate()  # told nothing, it ends
+        early = None
+    process = early[0] if early is not None else _started(root)
     said, _ = process.communicate(json.dumps([*arguments]) + "\n")
     return process.returncode, said
 
@@ -71,4 +72,4 @@ def _started(root: Path) -> subprocess.Popen[str]:
 
 def _as_it_is(root: Path) -> object:
     """What it rests on."""
-    return root, dict(os.environ), [(one, one.stat().st_ctime_ns) for one in library_files()]
+    return root, dict(os.environ), library_as_it_is()

@@ -81,8 +81,8 @@ def _told(env: Any) -> Iterator[Any]:
 
 def _called(env: Any, page: str) -> dict[str, str]:
     """How that which a page points at is called: captions hold numbers of a run."""
-    domain, kind = _CALLED.split()
-    labels, targets = env.domaindata[domain][kind], env.metadata[page].get("thesis_targets", ())
+    labels = env.domaindata["std"]["labels"]
+    targets = env.metadata[page].get("thesis_targets", ())
     return {label: labels[label][-1] for label in targets if label in labels}
 
 

@@ -16,9 +16,9 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
+from thesis_lib.files import library_files
 from thesis_lib.runs import kernel_main
 
 _ALONE = threading.Lock()
@@ -88,11 +88,15 @@ class Kernel:
         self.send_signal(signal.SIGKILL)
 
 
+def library_as_it_is() -> Any:
+    """What tells whether a process that has imported the library has imported what it is now."""
+    return [(path, path.stat().st_ctime_ns) for path in library_files()]
+
+
 def _as_it_is() -> Any:
     """All that a nursery rests on."""
-    code = sorted(Path(kernel_main.SOURCE, "thesis_lib").rglob("*.py"))
     kept = {name: os.environ.get(name) for name in kernel_main.KEPT if name != "JPY_PARENT_PID"}
-    return [(path, path.stat().st_ctime_ns) for path in code], kept
+    return library_as_it_is(), kept
 
 
 def ready() -> Nursery | None:

@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from thesis_lib.book.pieces import times
 from thesis_lib.files import project_root
 from thesis_lib.web.markdown import columns, table
@@ -230,21 +228,6 @@ def compression(data: Row) -> Iterator[Cells]:
 def percent(share: float) -> str:
     """A share in percent, to two digits or whole."""
     return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
-
-
-def left_of(motion_px: float, film: str) -> float:
-    """Share of an amplitude that a published film has wrong, between those that were measured.
-
-    Parameters
-    ----------
-    motion_px : float
-        Pixels that an image moves, from rest to its maximum.
-    film : str
-        One of the films of ``benchmarks/compression.py``.
-    """
-    rows = [row for row in read()["compression"]["rows"] if row["film"] == film]
-    known, errors = (np.log([row[name] for row in rows]) for name in ("motion_px", "error"))
-    return float(np.exp(np.interp(np.log(motion_px), known, errors)))
 
 
 def scale_load(data: Row) -> str:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
 
-from thesis_lib import files
+from thesis_lib import files, records
 from thesis_lib.book import missing
 from thesis_lib.book.conclusions import tables as conclusions_tables
 from thesis_lib.book.conclusions.strengths import Cubes
@@ -61,30 +59,30 @@ def write(
     """
     opened = Opened(made, without)
     digests = {path.stem: files.sha256(path) for path in made}
+    key = f"{keys.made_by(__name__)}{files.digest_of(costs)}{','.join(sorted(digests))}"
     (folder / ".made").mkdir(exist_ok=True)
-    key = f"{keys.made_by(__name__)}{files.digest_of(costs)}{sorted(digests)}"
     for name in names or PIECES:
         target, record = folder / f"{name}.md", folder / ".made" / f"{name}.json"
-        known = _known(record)
-        if known == _made_from(key, {cube: digests.get(cube) for cube in known["used"]}, target):
+        kept = records.read(record)
+        if (
+            kept is not None
+            and kept.made_from == _made_from(key, used(record), digests)
+            and not records.damage(record, [target])
+        ):
             continue
         files.whole_text(target, _text(PIECES[name], opened))
-        known = _made_from(key, {cube: digests[cube] for cube in opened.used}, target)
-        files.whole_text(record, json.dumps(known, indent=1))
+        records.write(record, _made_from(key, opened.used, digests), [target])
 
 
-def _known(record: Path) -> dict[str, Any]:
-    """What a piece was made from, as far as that can be read."""
-    try:
-        known: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))
-        return known if isinstance(known["used"], dict) else {"used": {}}
-    except (OSError, ValueError, TypeError, LookupError):
-        return {"used": {}}
+def _made_from(key: str, names: Iterable[str], digests: Mapping[str, str]) -> str:
+    """What a piece is made from: all code, and the cubes that it uses."""
+    return " ".join([key, *(f"{name}={digests.get(name)}" for name in sorted(names))])
 
 
-def _made_from(key: str, used: Mapping[str, str | None], target: Path) -> dict[str, Any]:
-    """Of one piece: code, cubes and text."""
-    return {"key": key, "used": used, "text": files.sha256(target) if target.is_file() else ""}
+def used(record: Path) -> list[str]:
+    """The cubes that a piece used, by its record."""
+    kept = records.read(record)
+    return [part.partition("=")[0] for part in kept.made_from.split()[1:]] if kept else []
 
 
 def _text(piece: Callable[[Cubes], str], opened: Opened) -> str:

@@ -68,15 +68,16 @@ def planned_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list
     if path.exists():
         raise ManifestError(f"{path}: is there already, allowed: none; edit it, or remove it")
     manifest, own = planned(given), {k: v for k, v in given.items() if k != "cameras"}
+    asked = asked_of(manifest, SAID)
     folder.mkdir(parents=True, exist_ok=True)
-    whole_text(path, text_of(manifest, own, asked_of(manifest, SAID)))
+    whole_text(path, text_of(manifest, own, asked))
     places = ", ".join(f"{c.azimuth_deg:g}°" for c in manifest.cameras)
     first = manifest.cameras[0]
     where = (
         f"{len(manifest.cameras)} cameras, {first.distance_mm:g} mm from the structure's centre "
         f"and {first.elevation_deg:g}° above its plane, at azimuths {places}"
     )
-    return path, [where, *assumed(manifest, own, asked_of(manifest, SAID))]
+    return path, [where, *assumed(manifest, own, asked)]
 
 
 def planned(given: Mapping[str, Any]) -> Manifest:
