@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from thesis_lib.figure_sets.recorded import STEP
 
 from thesis_lib import asides, files
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import recorded, repeated, sample
 from thesis_lib.figure_sets.lab_layout import recordings as lab_layout_film
 from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
-from thesis_lib.figure_sets.recorded import STEP
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.laboratory import recordings as lab_films
 from thesis_lib.studies import cache

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from command import thesis
+from thesis_lib.figure_sets.repeated import STEP
 
 from thesis_lib import asides
 from thesis_lib.figure_sets import record, recorded, repeated
 from thesis_lib.figure_sets.lab_modes.recordings import beam_rig
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
-from thesis_lib.figure_sets.repeated import STEP
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.laboratory import another
 from thesis_lib.laboratory.direct import seen
