@@ -75,6 +75,47 @@ def foreign(path, pix_fmt, limited, frames, times=None, audio=None, codec="ffv1"
     return path
 
 
+@pytest.mark.parametrize("name", ["12:30:05.mkv", "a%03d.mkv", "http:/x.mkv", "=1.mkv", "-.mkv"])
+def test_a_name_is_never_an_address(video, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    Path(name).parent.mkdir(exist_ok=True)
+    Path(name).write_bytes(video.read_bytes())
+    assert probe(Path(name)) == probe(video)
+
+
+@pytest.mark.parametrize("prefix", ["concat:", "subfile,,start,0,end,0,,:", "data:video/x,"])
+def test_no_other_file_is_read_through_a_name(video, tmp_path, monkeypatch, prefix):
+    monkeypatch.chdir(tmp_path)
+    given = Path(f"{prefix}{video}")
+    given.parent.mkdir(parents=True)
+    given.write_text("not a video")
+    with pytest.raises(MediaError, match="not a"):
+        probe(given)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "ffconcat version 1.0\nfile A.mkv\n",
+        "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nA.ts\n#EXT-X-ENDLIST\n",
+        "words\n" * 99,
+        "<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'></svg>",
+    ],
+)
+@pytest.mark.parametrize("name", ["list.mkv", "list.m3u8", "list.txt", "list.svg"])
+def test_what_names_other_files_is_no_recording(video, tmp_path, name, text):
+    (tmp_path / "A.mkv").write_bytes(video.read_bytes())
+    with av.open(str(video)) as old, av.open(str(tmp_path / "A.ts"), "w") as new:
+        track = new.add_stream("mpeg4", rate=60)
+        track.width, track.height, track.pix_fmt = *SIZE, "yuv420p"
+        for frame in old.decode(video=0):
+            new.mux(track.encode(frame.reformat(format="yuv420p")))
+        new.mux(track.encode(None))
+    (tmp_path / name).write_text(text)
+    with pytest.raises(MediaError):
+        probe(tmp_path / name)
+
+
 def cut(path, to, share):
     data = path.read_bytes()
     to.write_bytes(data[: int(share * len(data))])

@@ -28,8 +28,9 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
+    file_address,
     info_of,
-    opened,
+    open_media,
     start_of,
     video_track,
 )
@@ -88,7 +89,9 @@ def write_video(
         name, options = "libx264", {"preset": "medium", "crf": str(crf), "mbtree": "0"}
 
     def write(part: Path) -> None:
-        with av.open(str(part), "w", format=container, options={"fflags": "+bitexact"}) as file:
+        with av.open(
+            file_address(part), "w", format=container, options={"fflags": "+bitexact"}
+        ) as file:
             file.metadata["comment"] = " ".join([name, *map("=".join, options.items())])
             video = file.add_stream(name, rate=Fraction(frame_rate).limit_denominator(1001))
             assert isinstance(video, VideoStream)
@@ -148,7 +151,7 @@ def read_frames(
     MediaError
         While the frames are taken: as :func:`probe`, or if a frame is missing or cannot be decoded.
     """
-    with opened(path) as file:
+    with open_media(path) as file:
         info, stream = info_of(file, path), video_track(file, path)
         k, previous, first = 0, np.nan, np.nan
         frames = file.decode(stream)
@@ -205,7 +208,7 @@ def opened_audio(path: Path, channel: int | None = None) -> Iterator[Audio]:
         As :func:`probe`, or if there is no audio track, or no such channel; while the blocks are
         taken, if it is damaged or has a gap.
     """
-    with opened(path) as file:
+    with open_media(path) as file:
         if not file.streams.audio:
             raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
         track = file.streams.audio[0]

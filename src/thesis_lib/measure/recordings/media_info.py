@@ -16,6 +16,10 @@ from av.video.stream import VideoStream
 from thesis_lib.arrays import Array
 
 ROUNDING = 1.001e-3  # s that time stamps may be off an even rate: Matroska's unit
+# Formats that FFmpeg opens and that hold no recording themselves, by its names for them
+NOT_RECORDINGS = {"tty": "a text"} | dict.fromkeys(
+    ("concat", "dash", "hls", "imf"), "a list of other files"
+)
 
 
 class MediaError(ValueError):
@@ -44,16 +48,30 @@ class VideoInfo:
         return self.channels > 0
 
 
+def file_address(path: Path) -> str:
+    """Return the address of a file for FFmpeg, which takes `12:30:05.mkv` for a protocol `12`."""
+    return f"file:{path.absolute()}"
+
+
 @contextmanager
-def opened(path: Path) -> Iterator[InputContainer]:
-    """The file, open for reading; refused if there is none or it is no recording."""
+def open_media(path: Path) -> Iterator[InputContainer]:
+    """Open a video or sound file for reading; no other file, and no network, is ever read for it.
+
+    Raises
+    ------
+    MediaError
+        If there is no such file, or it is no recording.
+    """
     if not path.is_file():
         raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
+    options = {"protocol_whitelist": "file", "pattern_type": "none"}  # a % in a name is a %
     try:
-        file = av.open(str(path))
+        file = av.open(file_address(path), options=options)
     except (av.FFmpegError, OSError):
         raise MediaError(f"{path}: not a video, or cut off before its index") from None
     with file:
+        if file.format.name in NOT_RECORDINGS:
+            raise MediaError(f"{path}: {NOT_RECORDINGS[file.format.name]}, not a recording")
         yield file
 
 
@@ -62,6 +80,8 @@ def video_track(file: InputContainer, path: Path) -> VideoStream:
     if not file.streams.video:
         raise MediaError(f"{path}: no video track")
     stream = file.streams.video[0]
+    if stream.codec_context is None:  # an SVG, for one
+        raise MediaError(f"{path}: no decoder for its video track")
     stream.thread_type = "AUTO"
     return stream
 
@@ -117,7 +137,7 @@ def probe(path: Path) -> VideoInfo:
     MediaError
         If there is no such file, it is not a video, or has no video track.
     """
-    with opened(path) as file:
+    with open_media(path) as file:
         info = info_of(file, path)
         try:
             first = next(file.decode(video_track(file, path)), None)
@@ -163,7 +183,7 @@ def frame_times(path: Path) -> Array:
     MediaError
         As :func:`probe`, or if the video has no presentation times.
     """
-    with opened(path) as file:
+    with open_media(path) as file:
         stream = video_track(file, path)
         times = []
         try:

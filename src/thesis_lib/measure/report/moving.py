@@ -25,6 +25,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.files import whole_file
 from thesis_lib.measure.exchange.mesh import edges, faces
 from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.media_info import file_address
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import in_style
 
@@ -160,7 +161,9 @@ def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:
     first = next(remaining)
 
     def write(part: Path) -> None:
-        with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as file:
+        with av.open(
+            file_address(part), "w", format="mp4", options={"movflags": "+faststart"}
+        ) as file:
             stream = file.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
             assert isinstance(stream, VideoStream)
             stream.height, stream.width = first.shape[:2]
