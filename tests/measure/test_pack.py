@@ -1,5 +1,6 @@
 """Pictures, raw frames and Phantom's files against what was put into them, by their formats."""
 
+import re
 import struct
 
 import numpy as np
@@ -84,7 +85,10 @@ def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
         (lambda p: p.with_suffix(".mraw").unlink(), "not there"),
         (lambda p: p.write_text("Record Rate(fps) : 5\n"), "does not say 'totalFrame|Total Frame'"),
         (lambda p: p.unlink(), "no such file"),
-        (lambda p: p.write_text(CIH.format(bits=36, depth=12, side="Lower")), "36 bits"),
+        (
+            lambda p: p.write_text(CIH.format(bits=36, depth=12, side="Lower")),
+            'Color Bit: given "36"',
+        ),
     ],
 )
 def test_broken_raw_frames_are_named_in_a_line(tmp_path, break_, said):
@@ -94,6 +98,40 @@ def test_broken_raw_frames_are_named_in_a_line(tmp_path, break_, said):
         pack(source, tmp_path / "C1.mov")
     assert "\n" not in str(refused.value)
     assert not (tmp_path / "C1.mov").exists()
+
+
+WRONG = {
+    "recordRate": ["0", "-5", "1e-300", "1e300", "nan", "inf", "&x;", "12,5", "9" * 5000],
+    "totalFrame": ["0", "-7", "1e12", "seven", "", "8"],
+    "width": ["0", "1", "-64", "1e9", "x", "9" * 5000],
+    "height": ["0", "-48", "99999"],
+    "bit": ["0", "10", "32", "-8", "eight"],
+    "depth": ["0", "7", "99", "-1", "12"],
+    "side": ["Weird", "lower", "0"],
+}
+
+
+@pytest.mark.parametrize(("field", "value"), [(f, v) for f, all_ in WRONG.items() for v in all_])
+def test_a_wrong_header_is_refused_by_its_field(tmp_path, field, value):
+    """One line with the file in it, and no words of Python's."""
+    source = photron(tmp_path, *RAW["8 bits"], ".cihx")
+    text, n = re.subn(f"<{field}>.*?</{field}>", f"<{field}>{value}</{field}>", CIHX)
+    assert n == 1
+    source.write_text(text.format(bits=8, depth=8, side="Lower"), encoding="utf-8")
+    result = CliRunner().invoke(cli, ["pack", str(source)])
+    said = result.output.splitlines()
+    assert (result.exit_code, len(said)) == (2, 4)  # usage, and one line
+    assert "C1." in said[-1]
+    assert not re.search("Error: .*(Error|index|could not|division|literal|NoneType)", said[-1])
+    assert not source.with_suffix(".mov").exists()
+
+
+def test_a_header_of_gigabytes_is_not_read(tmp_path):
+    source = photron(tmp_path, *RAW["8 bits"])
+    with source.open("ab") as file:
+        file.truncate(5_000_000_000)  # takes no room
+    with pytest.raises(MediaError, match="larger than 1 MB"):
+        pack(source, tmp_path / "C1.mov")
 
 
 def test_a_folder_without_pictures_or_rate_is_refused(tmp_path):

@@ -6,7 +6,6 @@ them count pixels from the middle of the first one, half a pixel less than we do
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,11 +13,16 @@ from typing import Any
 
 import cv2
 import numpy as np
-import yaml
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.rig import cameras_in
 from thesis_lib.measure.recordings.manifest import ManifestError
+from thesis_lib.measure.recordings.text_files import (
+    TextFileError,
+    parse_toml,
+    parse_yaml,
+    read_text,
+)
 from thesis_lib.studies import storage
 from thesis_lib.studies.refusals import shown
 from thesis_lib.vision.lens import HALF, Camera
@@ -38,15 +42,6 @@ class Found:
     placed: bool  #: Whether the file says where they are
     #: Of their poses, then lenses, see :func:`~thesis_lib.measure.calibration.jackknife.jackknife`
     covariance: Array | None = None
-
-
-class _Yaml(yaml.SafeLoader):  # type: ignore[misc]
-    """YAML with OpenCV's matrices as what they hold."""
-
-
-_Yaml.add_constructor(
-    "tag:yaml.org,2002:opencv-matrix", lambda own, node: own.construct_mapping(node, deep=True)
-)
 
 
 def read_cameras(path: Path, unit: str | None = None) -> Found:
@@ -114,14 +109,12 @@ def _own(path: Path) -> Found:
 def _values(path: Path) -> dict[str, Any]:
     """What a text file holds, by names."""
     try:
-        text = path.read_text(encoding="utf-8")
-        if path.suffix.lower() == ".toml":
-            return tomllib.loads(text)
-        first, _, rest = text.partition("\n")
-        values = yaml.load(rest if first.startswith("%YAML") else text, _Yaml)
-    except (OSError, ValueError, yaml.YAMLError, RecursionError):
+        text = read_text(path)
+        values = parse_toml(text) if path.suffix.lower() == ".toml" else parse_yaml(text)
+    except (OSError, TextFileError) as error:
+        why = error if isinstance(error, TextFileError) else error.strerror
         raise ManifestError(
-            f"{path}: not a calibration that can be read, allowed: YAML of OpenCV, TOML of "
+            f"{path}: not a calibration that can be read ({why}), allowed: YAML of OpenCV, TOML of "
             "aniposelib or caliscope, calibration.nc"
         ) from None
     return values if isinstance(values, dict) else {}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import typing
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,71 +12,27 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from thesis_lib.measure.recordings.manifest_model import INSIDE, CameraFiles, Manifest
+from thesis_lib.measure.recordings.text_files import (
+    POWER,
+    TextFileError,
+    parse_yaml,
+    read_text,
+)
 from thesis_lib.studies.refusals import nearest, permitted, shown
 from thesis_lib.text import first_hidden, one_line
 
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}  # sought in folders
-DEEPEST = 20  # levels of a YAML text; a manifest has six
 
 
 class ManifestError(ValueError):
     """A manifest that cannot be used; the message is one line."""
 
 
-_POWER = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # as 210e9, which YAML 1.1 has as text
-
-
 class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
-    """Writes so that the loader reads the same."""
+    """Write so that :func:`~.text_files.parse_yaml` reads the same."""
 
 
-class _Loader(yaml.SafeLoader):  # type: ignore[misc]
-    """YAML as plain as JSON: no key twice, nothing that stands for something else."""
-
-    depth = 0
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):  # a few lines of them can stand for gigabytes
-            mark = self.peek_event().start_mark
-            raise yaml.MarkedYAMLError(problem="an alias, allowed: values", problem_mark=mark)
-        if self.depth >= DEEPEST:
-            mark = self.peek_event().start_mark
-            raise yaml.MarkedYAMLError(
-                problem=f"nested too deep, allowed: {DEEPEST} levels", problem_mark=mark
-            )
-        self.depth += 1
-        node = super().compose_node(parent, index)
-        self.depth -= 1
-        return node
-
-    def construct_object(self, node: Any, deep: bool = False) -> Any:
-        try:
-            return super().construct_object(node, deep)
-        except ValueError:  # a number of thousands of digits, a day that is none
-            raise yaml.MarkedYAMLError(
-                problem=f"given {one_line(str(node.value))}, allowed: a value that can be read",
-                problem_mark=node.start_mark,
-            ) from None
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        keys: set[str] = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                raise yaml.MarkedYAMLError(
-                    problem="a list or an object as a field's name, allowed: text",
-                    problem_mark=key.start_mark,
-                )
-            if key.value in keys:
-                raise yaml.MarkedYAMLError(
-                    problem=f"{one_line(str(key.value))} is given twice",
-                    problem_mark=key.start_mark,
-                )
-            keys.add(str(key.value))
-        return super().construct_mapping(node, deep)
-
-
-for _one in (_Loader, _Dumper):
-    _one.add_implicit_resolver("tag:yaml.org,2002:float", _POWER, list("-+0123456789"))
+_Dumper.add_implicit_resolver("tag:yaml.org,2002:float", POWER, list("-+0123456789"))
 
 
 def read_manifest(path: Path, check_files: bool = True) -> Manifest:
@@ -100,13 +55,9 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
             f"{path}: {'a folder, give the YAML file in it' if path.is_dir() else 'no such file'}"
         )
     try:
-        values = yaml.load(path.read_text(encoding="utf-8"), _Loader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        where = f"line {mark.line + 1}" if mark else "its text"
-        raise ManifestError(f"{path}: {where}: {one_line(str(error.problem))}") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError):
-        raise ManifestError(f"{path}: not a YAML text in UTF-8") from None
+        values = parse_yaml(read_text(path))
+    except TextFileError as error:
+        raise ManifestError(f"{path}: {error}") from None
     if not isinstance(values, dict):
         raise ManifestError(f"{path}: given {shown(values)}, allowed: fields and their values")
     if problem := first_hidden(values):

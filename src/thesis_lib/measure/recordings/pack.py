@@ -6,6 +6,7 @@ in text (``.cih``) or XML (``.cihx``). Phantom's ``.cine`` is read as it is.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,17 +18,19 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import PICTURES, by_number
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.pictures import read_png
+from thesis_lib.measure.recordings.text_files import TextFileError, read_text
+from thesis_lib.studies.refusals import shown
 
-#: Names in the text header and in the XML header of what is needed
+#: Names in the text header and in the XML header of what is needed, and the numbers allowed
 FIELDS = {
-    "rate": (r"Record Rate\(fps\)", "recordRate"),
-    "frames": ("Total Frame", "totalFrame"),
-    "width": ("Image Width", "width"),
-    "height": ("Image Height", "height"),
-    "bits": ("Color Bit", "bit"),
-    "depth": ("EffectiveBit Depth", "depth"),
-    "side": ("EffectiveBit Side", "side"),
+    "rate": ("Record Rate(fps)", "recordRate", (1, 10**7)),  # Hz; the fastest sold reach 2e6
+    "frames": ("Total Frame", "totalFrame", (1, 10**8)),
+    "width": ("Image Width", "width", (2, 16384)),  # px, as H.264 allows
+    "height": ("Image Height", "height", (2, 16384)),
+    "bits": ("Color Bit", "bit", (8, 16)),
+    "depth": ("EffectiveBit Depth", "depth", (8, 16)),
 }
+SIDE = ("EffectiveBit Side", "side")  # "Lower" or "Higher" bits of sixteen
 
 
 def pack(source: Path, target: Path, rate: float | None = None) -> tuple[int, tuple[int, int]]:
@@ -87,21 +90,29 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
     """Rate and frames of a header and the raw file beside it."""
     if not header.is_file():
         raise MediaError(f"{header}: no such file")
-    text = header.read_bytes().decode("utf-8", "replace")
-    patterns = [rf"^{name} : (.+?)\r?$" for name, _ in FIELDS.values()]
-    if header.suffix == ".cihx":
-        patterns = [rf"<{name}>([^<]+)</{name}>" for _, name in FIELDS.values()]
-    found = [re.search(pattern, text, re.MULTILINE) for pattern in patterns]
-    for (name, _), match in zip(FIELDS.values(), found, strict=True):
-        if match is None:
-            raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")
-    said = {key: match[1].strip() for key, match in zip(FIELDS, found, strict=True) if match}
-    rate, side = float(said.pop("rate")), said.pop("side")
+    try:
+        text = read_text(header, errors="replace")
+    except TextFileError as error:
+        raise MediaError(f"{header}: {error}") from None
+    xml = header.suffix == ".cihx"
+    said = {
+        key: _header_number(header, text, names[xml], *bounds)
+        for key, (*names, bounds) in FIELDS.items()
+    }
+    rate = said.pop("rate")
     number = {key: int(value) for key, value in said.items()}
+    side = _header_value(header, text, SIDE[xml])
+    if side not in ("Lower", "Higher"):
+        raise MediaError(f"{header}: {SIDE[xml]}: given {shown(side)}, allowed: Lower or Higher")
     bits, shape = number["bits"], (number["height"], number["width"])
     taken = _EIGHT_BITS.get(bits)
-    if taken is None:
-        raise MediaError(f"{header}: {bits} bits for a pixel, allowed: {[*_EIGHT_BITS]}, grey")
+    if taken is None or number["depth"] > bits:
+        raise MediaError(
+            f"{header}: {bits} bits for a pixel, {number['depth']} of them used, allowed: "
+            f"{[*_EIGHT_BITS]}, grey"
+        )
+    if bits == 12 and shape[0] * shape[1] % 2:
+        raise MediaError(f"{header}: given {shape[1]} × {shape[0]} px, allowed: an even number")
     raw, size = header.with_suffix(".mraw"), shape[0] * shape[1] * bits // 8
     if not raw.is_file() or raw.stat().st_size < number["frames"] * size:
         raise MediaError(
@@ -115,6 +126,29 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
                 yield taken(np.frombuffer(file.read(size), np.uint8), shift).reshape(shape)
 
     return rate, frames()
+
+
+def _header_value(header: Path, text: str, name: str) -> str:
+    """Return what a header says for a name."""
+    name_ = re.escape(name)
+    xml = header.suffix == ".cihx"
+    pattern = rf"<{name_}>([^<]+)</{name_}>" if xml else rf"^{name_} : (.+?)\r?$"
+    match = re.search(pattern, text, re.MULTILINE)
+    if match is None:
+        raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")
+    return match[1].strip()
+
+
+def _header_number(header: Path, text: str, name: str, low: float, high: float) -> float:
+    """Return the number that a header gives for a name, refused outside of the bounds."""
+    given = _header_value(header, text, name)
+    try:
+        value = float(given)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise MediaError(f"{header}: {name}: given {shown(given)}, allowed: {low} to {high}")
+    return value
 
 
 def _eight(data: Image, shift: int) -> Image:

@@ -1,0 +1,203 @@
+"""Text files from elsewhere, in YAML, TOML, XML or JSON: read within bounds of size and depth.
+
+A few lines of YAML can stand for gigabytes, a list in a list for ever. Whatever is read here is
+read, or refused in one line, within a second.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import yaml
+
+from thesis_lib.text import one_line
+
+MAX_BYTES = 1_000_000  # of a file; fifty views of a board, with all their corners, are 150 kB
+MAX_VALUES = 50_000  # in a YAML text, which takes a third of a second
+MAX_DEPTH = 20  # levels; a manifest has six
+MAX_CHARACTERS = 10_000  # of a single value in YAML
+# Of TOML, which needs memory as the square of a name's parts: twenty in a row, a thousand quoted
+_LONG_NAME = re.compile(r"(?:\.[ \t]*+[\w-]++[ \t]*+){20}")
+_QUOTED_PART = re.compile(r"""["'][ \t]*+\.""")
+POWER = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # as 210e9, which YAML 1.1 has as text
+_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class TextFileError(ValueError):
+    """A text that cannot be read; the message is one line, without the name of the file."""
+
+
+class _Loader(_SafeLoader):  # type: ignore[misc]
+    """YAML as plain as JSON, with OpenCV's matrices as what they hold: no key twice."""
+
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except ValueError:  # a number of thousands of digits, a day that is none
+            given = one_line(str(node.value))
+            raise _refusal(f"given {given}, allowed: a value that can be read", node) from None
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        keys: set[str] = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise _refusal("a list or an object as a field's name, allowed: text", key)
+            if key.value in keys:
+                raise _refusal(f"{one_line(str(key.value))} is given twice", key)
+            keys.add(str(key.value))
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_constructor(
+    "tag:yaml.org,2002:opencv-matrix", lambda own, node: own.construct_mapping(node, deep=True)
+)
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", POWER, list("-+0123456789"))
+
+
+def _refusal(problem: str, at: Any) -> TextFileError:
+    return TextFileError(f"line {at.start_mark.line + 1}: {problem}")
+
+
+def read_text(path: Path, errors: str = "strict") -> str:
+    """Return the text of a file in UTF-8, without a byte order mark.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    errors : str
+        What becomes of bytes that are no UTF-8, as in :meth:`bytes.decode`.
+
+    Raises
+    ------
+    TextFileError
+        If it has more than :data:`MAX_BYTES`, or is no text.
+    OSError
+        If it cannot be read.
+    """
+    with path.open("rb") as file:  # no more than this, however large it is or grows
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise TextFileError(f"larger than {MAX_BYTES / 1e6:g} MB, allowed: a smaller text")
+    try:
+        return data.decode("utf-8-sig", errors)
+    except UnicodeDecodeError:
+        raise TextFileError("not a text in UTF-8") from None
+
+
+def parse_yaml(text: str) -> Any:
+    r"""Return the values of a YAML text, of OpenCV's too; aliases are refused.
+
+    Raises
+    ------
+    TextFileError
+        With the line and what is wrong there.
+
+    Examples
+    --------
+    >>> parse_yaml("%YAML:1.0\n---\nE: 210e9")
+    {'E': 210000000000.0}
+    """
+    if text.startswith("%YAML:"):  # OpenCV writes it so, which is no YAML
+        text = "#" + text
+    try:
+        _check_yaml(text)
+        return yaml.load(text, _Loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = f"line {mark.line + 1}: " if mark else ""
+        raise TextFileError(f"{where}{one_line(str(error.problem))}") from None
+    except TextFileError:
+        raise
+    except (yaml.YAMLError, TypeError, AttributeError, LookupError, ValueError):
+        raise TextFileError("not a YAML text") from None
+
+
+def _check_yaml(text: str) -> None:
+    """Refuse a text that would take long to read, by its events, which come one by one."""
+    depth = 0
+    for count, event in enumerate(yaml.parse(text, _Loader)):
+        if isinstance(event, yaml.AliasEvent):
+            raise _refusal("an alias, allowed: values", event)
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+        if isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if isinstance(event, yaml.ScalarEvent) and len(event.value) > MAX_CHARACTERS:
+            raise _refusal(f"a value of more than {MAX_CHARACTERS} characters", event)
+        if depth > MAX_DEPTH:
+            raise _refusal(f"nested too deep, allowed: {MAX_DEPTH} levels", event)
+        if count > MAX_VALUES:
+            raise _refusal(f"too many values, allowed: {MAX_VALUES}", event)
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the values of a TOML text.
+
+    Raises
+    ------
+    TextFileError
+        With what is wrong.
+    """
+    if _LONG_NAME.search(text) or len(_QUOTED_PART.findall(text)) > 1000:
+        raise TextFileError(f"a name of too many parts, allowed: {MAX_DEPTH}")
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise TextFileError(f"not a TOML text: {one_line(str(error), 120)}") from None
+    except (ValueError, RecursionError):  # a number of thousands of digits, lists in lists
+        raise TextFileError("not a TOML text that can be read") from None
+    return _shallow(values)
+
+
+def parse_json(text: str) -> Any:
+    """Return the values of a JSON text.
+
+    Raises
+    ------
+    TextFileError
+        With what is wrong.
+    """
+    try:
+        return _shallow(json.loads(text))
+    except json.JSONDecodeError as error:
+        raise TextFileError(f"line {error.lineno}: not a JSON text: {error.msg}") from None
+    except (ValueError, RecursionError):
+        raise TextFileError("not a JSON text that can be read") from None
+
+
+def parse_xml(text: str) -> ElementTree.Element:
+    """Return the outermost element of an XML text; declarations of types and entities are refused.
+
+    Raises
+    ------
+    TextFileError
+        With what is wrong.
+    """
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise TextFileError("declares its own types (DOCTYPE), allowed: elements")
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise TextFileError(f"not an XML text: {one_line(str(error))}") from None
+    level = [root]
+    for _ in range(MAX_DEPTH):
+        level = [inside for one in level for inside in one]
+    if level:
+        raise TextFileError(f"nested too deep, allowed: {MAX_DEPTH} levels")
+    return root
+
+
+def _shallow(values: Any) -> Any:
+    level = [values]
+    for _ in range(MAX_DEPTH + 1):
+        inside = [one for one in level if isinstance(one, dict | list)]
+        level = [v for one in inside for v in (one.values() if isinstance(one, dict) else one)]
+    if any(isinstance(one, dict | list) for one in level):
+        raise TextFileError(f"nested too deep, allowed: {MAX_DEPTH} levels")
+    return values

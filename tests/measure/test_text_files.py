@@ -1,0 +1,94 @@
+"""Texts from strangers are read, or refused in one line, within a second."""
+
+import time
+
+import pytest
+
+from thesis_lib.measure.exchange.reading import read_cameras
+from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
+from thesis_lib.measure.recordings.text_files import (
+    MAX_BYTES,
+    TextFileError,
+    parse_json,
+    parse_toml,
+    parse_xml,
+    parse_yaml,
+    read_text,
+)
+
+N = MAX_BYTES - 10
+ALIASES = "a: &a [x, x]\n" + "".join(f"a{k}: &a{k} [*a{k or ''}, *a{k or ''}]\n" for k in range(30))
+HOSTILE = {
+    "aliases": (parse_yaml, ALIASES),
+    "300,000 values": (parse_yaml, "a: [" + "1," * 300_000 + "]"),
+    "a list in a list": (parse_yaml, "[" * N),
+    "a line in a line": (parse_yaml, "- " * (N // 2)),
+    "sexagesimal digits": (parse_yaml, "a: 1" + ":59" * (N // 3 - 2)),
+    "anchors": (parse_yaml, "- &a b\n" * (N // 7)),
+    "an object of Python": (parse_yaml, "a: !!python/object/apply:os.system [ls]"),
+    "a day that is none": (parse_yaml, "a: 2026-99-99"),
+    "a null character": (parse_yaml, "a: \0"),
+    "TOML: a list in a list": (parse_toml, "a=" + "[" * N),
+    "TOML: a name of many parts": (parse_toml, "a" + ".a" * (N // 2 - 5) + "=1"),
+    "TOML: quoted parts": (parse_toml, "a" + '.","' * (N // 4 - 5) + "=1"),
+    "TOML: tables in tables": (parse_toml, ("[" + "a." * 500 + "b]\n") * 900),
+    "TOML: digits": (parse_toml, "a=" + "9" * 9000),
+    "JSON: a list in a list": (parse_json, "[" * N),
+    "JSON: fifty levels": (parse_json, "[" * 50 + "]" * 50),
+    "JSON: digits": (parse_json, "9" * 9000),
+    "XML: an element in an element": (parse_xml, "<a>" * (N // 7) + "</a>" * (N // 7)),
+    "XML: entities": (parse_xml, "<!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>"),
+    "XML: no element": (parse_xml, "words"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_hostile_texts_are_refused_at_once(kind):
+    parse, text = HOSTILE[kind]
+    began = time.process_time()
+    with pytest.raises(TextFileError) as refused:
+        parse(text)
+    assert time.process_time() - began < 1
+    said = str(refused.value)
+    assert "\n" not in said
+    assert len(said) < 200
+    assert not any(word in said for word in ("Error", "recursion", "<class", "object at"))
+
+
+@pytest.mark.parametrize(
+    ("parse", "text"),
+    [
+        (parse_yaml, "a: [" + "1.5," * 49_900 + "]"),
+        (parse_yaml, "".join(f"k{i}: 1.5\n" for i in range(24_000))),
+        (parse_yaml, "".join(f"a{i}: 1{':59' * 3000}\n" for i in range(100))),
+        (parse_toml, "a=[" + "1," * (N // 2 - 5) + "]"),
+        (parse_toml, "[[a]]\n" * (N // 6)),
+        (parse_json, "[" + "1," * (N // 2 - 5) + "1]"),
+        (parse_xml, "<a>" + "<a/>" * (N // 4 - 5) + "</a>"),
+    ],
+)
+def test_the_largest_texts_that_are_allowed_take_no_longer(parse, text):
+    began = time.process_time()
+    parse(text)
+    assert time.process_time() - began < 2  # a second, on a machine that is not busy
+
+
+def test_a_calibration_and_a_manifest_are_read_within_these_bounds(tmp_path):
+    for name, text in [("a.yaml", ALIASES), ("a.toml", "a=" + "[" * N), ("b.yaml", "x" * 2 * N)]:
+        (tmp_path / name).write_text(text)
+        with pytest.raises(ManifestError, match=name):
+            read_cameras(tmp_path / name)
+        with pytest.raises(ManifestError, match=name):
+            read_manifest(tmp_path / name)
+
+
+def test_no_more_than_a_megabyte_is_read(tmp_path):
+    with (tmp_path / "large.yaml").open("wb") as file:
+        file.truncate(5_000_000_000)  # takes no room
+    with pytest.raises(TextFileError, match="larger than 1 MB"):
+        read_text(tmp_path / "large.yaml")
+
+
+def test_a_byte_order_mark_and_foreign_line_ends_are_read(tmp_path):
+    (tmp_path / "a.yaml").write_bytes(b"\xef\xbb\xbf%YAML:1.0\r\n---\r\na: 1e3\r\n")
+    assert parse_yaml(read_text(tmp_path / "a.yaml")) == {"a": 1000.0}
