@@ -92,24 +92,20 @@ def camera_places(settings: list[Setting]) -> dict[str, Any]:
 
 
 def filmed(
-    coords: dict[str, Any], hertz: Sequence[float], drawn: str, others: xr.Dataset | None = None
+    coords: dict[str, Any], hertz: Sequence[float], others: xr.Dataset | None = None
 ) -> dict[str, Any]:
-    """Coordinates of modes that were rendered at these frequencies.
-
-    Trials are other recordings if there are any; else words tell what they draw.
-    """
+    """Return coordinates of modes rendered at these frequencies; trials are recordings."""
     words = {"long_name": "frequency of the vibration", "units": "Hz"}
     coords["frequency"] = ("mode", np.array(hertz), words)
-    coords["trial"][2]["long_name"] = drawn
-    if others is not None:
-        told = {"long_name": "recording, 0 for the one whose tracks are kept", "units": "1"}
-        coords["trial"] = ("trial", np.arange(1 + others.sizes["recording"]), told)
+    count = 0 if others is None else others.sizes["recording"]
+    words = {"long_name": "recording, 0 for the one whose tracks are stored", "units": "1"}
+    coords["trial"] = ("trial", np.arange(1 + count), words)
     return coords
 
 
 def drawn_by(others: xr.Dataset | None) -> dict[str, str]:
-    """Attribute of a rendered cube: how many other recordings its trials are, if there are any."""
-    return {} if others is None else {"draws": f"{others.sizes['recording']} recordings"}
+    """Return the attribute of a rendered cube that says how many other recordings it has."""
+    return {"draws": f"{0 if others is None else others.sizes['recording']} recordings"}
 
 
 def coordinates(

@@ -208,13 +208,12 @@ Trials = Annotated[
 Repeats = Annotated[
     Annotated[int, Field(ge=1, le=1000)] | Literal["kept"],
     means(
-        "recordings of every setting, the first included; other ones stand in for drawn trials, "
-        "as many as there are trials",
+        "recordings of every setting, the first included; the bands are over the others",
         'a whole number from 1 to 1000, or "kept" (what data/recordings holds of just these)',
     ),
 ]
 Shifts = Annotated[int, means("random shifts of the pixel grids", ge=2, le=10_000)]
-Runs = Annotated[int, means("further runs, with noise drawn at random", ge=0, le=10_000)]
+Runs = Annotated[int, means("further recordings of each setting, at most", ge=0, le=10_000)]
 Seed = Annotated[
     int,
     means("seed of the random shifts", "a whole number from 0 to 2^63 - 1", ge=0, lt=2**63),

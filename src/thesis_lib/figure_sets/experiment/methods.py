@@ -38,20 +38,6 @@ WHOLE_FRAMES = ("matched", "literal")  # methods that take frames as they are
 
 
 @dataclass(frozen=True)
-class MatchErrors:
-    """How far the template match is from the fitted centres, frame by frame.
-
-    Neighbours share much of it: the markers' spacing is a whole number of the resampled picture's
-    pixels. So it is kept as it is, for trials to draw from.
-    """
-
-    #: Of each camera, in px: at rest, and within a frame and a half of a maximum, shape
-    #: (frames, 2, markers)
-    rest: list[Array]
-    moved: list[Array]
-
-
-@dataclass(frozen=True)
 class Tracks(Fitted):
     """Tracks of the chosen cameras at one width, ready for triangulation."""
 
@@ -59,11 +45,7 @@ class Tracks(Fitted):
     times: Array  #: On the reference camera's clock, s, shape (cameras, frames)
     #: Delays to the first of these cameras in whole frames (eq. 5.2), shape (cameras,)
     frames: IntArray
-    #: Mean of the fitted centres at rest, px: what `rest` scatters about, shape
-    #: (cameras, 2, markers)
-    still: Array
     rest_frames: int  #: Frames that `rest` is the mean of
-    match_errors: MatchErrors | None = None  #: Of the template match, if its places are the centres
 
     @property
     def rate(self) -> float:
@@ -78,13 +60,12 @@ def tracks_of(
     width: int,
     calibration: str,
     matched: bool = False,
-    damping: float = 0.0,
 ) -> Tracks:
     """The tracks of some cameras at one width, by one of the two calibrations.
 
     `names` is a sequence of the cameras' names. If `matched`, the centres are those of the template
     match: at rest those of the first frame, and in motion they scatter about the harmonics of the
-    fitted ones; `damping` then tells when the deflection is at its maximum.
+    fitted ones.
     """
     index = [list(data["camera"].values).index(name) for name in names]
     every = cameras_of(data, calibration, width)
@@ -105,23 +86,16 @@ def tracks_of(
     ]
     still = np.array([mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
     rest, rest_frames = still, int(np.count_nonzero(resting[0]))
-    errors = None
     if matched:
         uv = _undistorted(cameras, data["matches"].sel(width=width).values[index].astype(float))
         rest, rest_frames = uv[:, 0], 1
-        maxima = instant_of(data, damping).times
-        near = np.abs(times[:, :, None] - maxima).min(axis=2) < 1.5 / rates[:, None]
-        moved = []
         for i, own in enumerate(harmonics):
             off = uv[i] - own.at(omega, times[i])
             harmonics[i] = replace(own, sigma=np.sqrt(mean_of(off[steady[i]] ** 2)))
-            moved.append(off[near[i]])
-        at_rest = [own[chosen] - s for own, chosen, s in zip(uv, resting, still, strict=True)]
-        errors = MatchErrors(at_rest, moved)
     fit = fitted(cameras, harmonics, rest, markers)
     delays = data["delay"].values[index]
     whole = whole_frames(delays - delays[0], rates[0])
-    return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, still, rest_frames, errors)
+    return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, rest_frames)
 
 
 def _undistorted(cameras: list[Camera], raw: Array) -> Array:

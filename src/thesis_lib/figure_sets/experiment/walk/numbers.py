@@ -180,7 +180,7 @@ def _parts(data: xr.Dataset) -> str:
         images = [
             own.at(instant.omega, [t])[0] for own, t in zip(tracks.harmonics, times, strict=True)
         ]
-        return deflection_at(tracks.P, tracks.frame, tracks.still, np.array(images))
+        return deflection_at(tracks.P, tracks.frame, tracks.rest, np.array(images))
 
     peak, rounding, both = (
         lost(times) for times in (np.full(n, frame), maximum + left, frame + left)
