@@ -19,8 +19,9 @@ import matplotlib
 import xarray as xr
 
 from thesis_lib.book.conclusions import figure as conclusions_figure
-from thesis_lib.figure_sets import cube_file, recorded
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
+from thesis_lib.figure_sets.experiment.recordings import EXPERIMENT
 from thesis_lib.figure_sets.experiment.walk import pictures
 from thesis_lib.files import project_root
 from thesis_lib.notebook import show as notebook
@@ -60,7 +61,7 @@ def of_conclusions(results: Path) -> bytes:
 
 def of_recordings(folder: Path) -> Iterator[tuple[str, bytes]]:
     """The pictures of the walk through chapter 5, from the measured recordings in the cache."""
-    data = recorded.measured(*recorded.behind(ExperimentResolution()))
+    data = EXPERIMENT.load(ExperimentResolution().recordings)
     for path in pictures.write(data, folder):
         yield path.name, path.read_bytes()
 

@@ -17,7 +17,7 @@ from scenes import own
 from conftest import PARTS
 from thesis_lib import files
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import recorded
+from thesis_lib.figure_sets.record import experiments
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.runs import execute
 from thesis_lib.studies import storage
@@ -153,13 +153,13 @@ def test_it_is_compared_with_the_published_run(reader, run):
 
 def test_the_library_and_its_recordings_are_those_of_the_clone(reader):
     code = (
-        "import json; from thesis_lib import files; from thesis_lib.figure_sets import recorded; "
-        "print(json.dumps([files.library_digest(), "
-        "*(one.made_from for one in recorded.every() if one.kept() is not None)]))"
+        "import json; from thesis_lib import files; "
+        "from thesis_lib.figure_sets.record import experiments; "
+        "print(json.dumps([files.library_digest(), *(name for name, (experiment, request) "
+        "in experiments().items() if experiment.stored(request) is not None)]))"
     )
     done = reader.python("-c", code)
-    here = [files.library_digest(), *(one.made_from for one in recorded.every())]
-    assert json.loads(done.stdout or "0") == here, done.stderr
+    assert json.loads(done.stdout or "0") == [files.library_digest(), *experiments()], done.stderr
 
 
 def test_plans_need_no_clone(reader):

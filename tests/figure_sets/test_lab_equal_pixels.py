@@ -5,9 +5,8 @@ import pytest
 from refused import refusal
 from scenes.equal_pixels import equal_pixels
 
-from thesis_lib.figure_sets import recorded
 from thesis_lib.figure_sets.lab_equal_pixels import compute, recordings, tables
-from thesis_lib.figure_sets.lab_equal_pixels.parameters import RECORDED
+from thesis_lib.figure_sets.lab_equal_pixels.parameters import REPLICATES
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.laboratory import outlined
 from thesis_lib.measure.calibration.zhang import CalibrationError
@@ -33,7 +32,7 @@ def test_all_rigs_have_as_many_pixels_per_second():
     kinds = study().kinds
     rates = [kind.count * np.prod(kind.size) * kind.frame_rate for kind in kinds.values()]
     np.testing.assert_allclose(rates, study().kinds["30 mm", 16].frame_rate * 16 * 320 * 180)
-    assert len(study().filmed_kinds) == len(kinds) - 2  # shared by light and frames
+    assert len(study().rendered_kinds) == len(kinds) - 2  # shared by light and frames
     light = [kinds["light", n] for n in (2, 4, 8, 16)]
     gathered = [kind.shot_noise / kind.size[0] ** 2 for kind in light]
     np.testing.assert_allclose(gathered, gathered[0])
@@ -61,10 +60,10 @@ def test_what_says_nothing_is_refused_in_a_line(values, words):
     assert words in refusal("lab-equal-pixels", **values)
 
 
-def test_fewer_of_the_kept_recordings_are_not_filmed():
-    assert study(trials=3).recordings == study().recordings
-    assert study(trials=RECORDED + 1).recordings.trials == RECORDED + 1
-    assert study(trials=3, distance_mm=1100).recordings.trials == 3
+def test_fewer_replicates_are_taken_from_those_that_are_stored():
+    assert study(trials=3).rendering == study().rendering
+    assert recordings.EXPERIMENT.load(study(trials=3)).sizes["replicate"] == 4
+    assert study(trials=REPLICATES + 1).wanted_replicates(REPLICATES) == REPLICATES + 2
 
 
 # The laws.
@@ -127,7 +126,7 @@ def test_bands_of_ratios_hold_the_truth_as_often_as_they_say():
         data = equal_pixels(request, sigma=lambda kind: 1e-6 * kind.count, seed=seed)
         errors = {
             kind: compute._errors(request, kind, data.isel(rig=i), _shape(request))
-            for i, kind in enumerate(request.filmed_kinds)
+            for i, kind in enumerate(request.rendered_kinds)
         }
         few, many = (compute._resampled(each, k) for k, each in enumerate(errors.values()))
         low, high = np.quantile(many / few, compute.BAND)
@@ -157,9 +156,9 @@ def test_the_verdict_follows_the_bands():
 
 def test_a_recording_is_measured_as_well_as_its_scatter_says():
     request = study(trials=0, counts=[2], width_px=480, cases=["pixels"], diameters_mm=[30.0])
-    kind = request.filmed_kinds[0]
-    data = recordings.measured(request, kind, 0)
-    error = compute._errors(request, kind, data.expand_dims("trial"), _shape(request))[0]
+    data = recordings.measure(request, 0).isel(rig=0)
+    error = compute._errors(request, request.rendered_kinds[0], data.expand_dims("replicate"),
+                            _shape(request))[0]  # fmt: skip
     scatter = 100 * data["deviation"].values / _shape(request).max()
     assert 0.5 < np.sqrt(np.mean(error**2) / np.mean(scatter**2)) < 2
     assert data["missing"] == 0
@@ -173,46 +172,9 @@ def test_cameras_that_find_no_board_have_no_result(monkeypatch):
 
     monkeypatch.setattr(outlined, "calibrated", none)
     request = study(trials=0, counts=[2], cases=["pixels"], diameters_mm=[30.0])
-    data = recordings.measured(request, request.filmed_kinds[0], 0)
-    assert all(np.isnan(values).all() for values in data.data_vars.values())
-    cube = compute.run(request, data.expand_dims({"rig": 1, "trial": 1}))
+    assert recordings.measure_kind(request, request.rendered_kinds[0], 0) == {}
+    data = equal_pixels(request)
+    data = data.map(lambda values: np.nan * values)
+    cube = compute.run(request, data)
     assert cube["failed"] == 1
     assert "nan" not in tables.recordings_table(with_provenance(cube, request, 0.0)).data
-
-
-def test_a_run_that_was_stopped_goes_on(monkeypatch, tmp_path):
-    request = study(trials=1, counts=[2, 4], cases=["pixels"], diameters_mm=[12.0]).recordings
-    monkeypatch.setattr(recordings, "workplace", lambda: tmp_path)
-    whole, asked = equal_pixels(request), []
-
-    def measured(film, kind, recording):
-        asked.append((kind, recording))
-        if len(asked) == 3:
-            raise KeyboardInterrupt
-        return whole.isel(rig=film.filmed_kinds.index(kind), trial=recording)
-
-    monkeypatch.setattr(recordings, "measured", measured)
-    with pytest.raises(KeyboardInterrupt):
-        recordings.run(request)
-    before = len(asked)
-    data = recordings.run(request)
-    assert len(asked) < before + 4
-    np.testing.assert_allclose(data["deflection"], whole["deflection"], rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_a_recording_rendered_now_is_the_one_that_was_kept():
-    """One of those that are data, another in each run."""
-    (kept,) = recorded.behind(study())
-    data, film = recorded.measured(kept), kept.request
-    draw = np.random.default_rng()
-    rig, trial = int(draw.integers(data.sizes["rig"])), int(draw.integers(data.sizes["trial"]))
-    own = data.isel(rig=rig, trial=trial)
-    now = recordings.measured(film, film.filmed_kinds[rig], trial)
-    for name in ("deflection", "known_deflection"):
-        rounded = 0.5 ** own[name].attrs["_QuantizeBitRoundNumberOfSignificantBits"]
-        allowed = rounded * np.abs(own[name]) + 0.1 * own["deviation"].mean()
-        assert not (np.abs(now[name] - own[name]) > allowed).any(), (rig, trial, name)
-        np.testing.assert_array_equal(np.isnan(now[name]), np.isnan(own[name]))
-    for name in ("missing", "board_views"):
-        np.testing.assert_allclose(now[name], own[name], atol=0.01, err_msg=f"{rig}, {trial}")

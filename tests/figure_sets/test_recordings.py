@@ -5,21 +5,19 @@ import re
 import numpy as np
 import pytest
 
-from thesis_lib.figure_sets import recorded
 from thesis_lib.figure_sets.experiment import compute as study
+from thesis_lib.figure_sets.experiment.recordings import EXPERIMENT
 from thesis_lib.figure_sets.experiment.tables import harmonic_table, tracking_table
 from thesis_lib.figure_sets.experiment.walk import numbers, pictures
 from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.studies.attributes import with_provenance
 
-pytestmark = pytest.mark.slow  # a fresh clone films first
-
 
 @pytest.fixture(scope="module")
 def data():
     """What was measured on the default recordings."""
-    return recorded.measured(*recorded.behind(validate("experiment-resolution", {})))
+    return EXPERIMENT.load(validate("experiment-resolution", {}).recordings)
 
 
 @pytest.fixture(scope="module")

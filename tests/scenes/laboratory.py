@@ -3,7 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from thesis_lib.figure_sets.experiment.recordings import rig_of, true_tracks
+from thesis_lib.figure_sets.experiment.recordings import estimate, rig_of, true_tracks
+from thesis_lib.laboratory.experiment import joined
 from thesis_lib.laboratory.parameters import NAMES
 from thesis_lib.laboratory.rig import REST
 
@@ -56,3 +57,16 @@ def recordings(request, sigma=0.0, seed=0, starts=None):
         coords={"camera": list(NAMES), "width": request.widths_px,
                 "calibration": ["literal", "full"]},
     )  # fmt: skip
+
+
+def replicates(request, count, sigma=0.0):
+    """Return recordings that differ by starts and noise alone, with their estimates."""
+    starts = [np.random.default_rng(n).uniform(0, 0.25, len(NAMES)) for n in range(count)]
+    every = [recordings(request, sigma, n, own) for n, own in enumerate(starts)]
+    return estimated(request, every)
+
+
+def estimated(request, every):
+    """Return recordings as replicates, with their estimates."""
+    names = [str(name) for name in every[0].data_vars]
+    return joined([data.merge(estimate(request, data)) for data in every], names)

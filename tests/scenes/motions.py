@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from thesis_lib.figure_sets.lab_modes.recordings import beam_rigs
-from thesis_lib.figure_sets.lab_plate.recordings import plate_rigs
+from thesis_lib.figure_sets.lab_modes import recordings as beam_films
+from thesis_lib.figure_sets.lab_plate import recordings as plate_films
 from thesis_lib.laboratory import recordings as lab_films
 from thesis_lib.laboratory.direct import Seen
+from thesis_lib.laboratory.experiment import joined
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.vision import lens
 
@@ -41,7 +42,11 @@ def look(sigma=0.0, seed=0):
 
 
 def films(study, sigma=0.0, seed=0):
-    """The recordings that a study of ``lab-modes`` or ``lab-plate`` needs."""
-    request = study.recordings
-    make = beam_rigs if study.study == "modes" else plate_rigs
-    return lab_films.record(make(request, request.seed), request.frames, look(sigma, seed))
+    """Return the replicates that a study of ``lab-modes`` or ``lab-plate`` needs."""
+    film = beam_films if study.study == "modes" else plate_films
+    replicates = []
+    for number in range(study.trials + 1):
+        rigs = film.rigs_of(study, number)
+        data = lab_films.record(rigs, study.frames, look(sigma, seed))[["tracks"]]
+        replicates.append(data.merge(film.estimate(study, data, number)))
+    return joined(replicates, ("tracks",))

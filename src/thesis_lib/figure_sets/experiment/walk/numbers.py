@@ -21,8 +21,8 @@ LITERAL, FULL = "literal", "full"
 
 
 def _parameters(data: xr.Dataset) -> dict[str, Any]:
-    """The parameters that the recordings were made with."""
-    given: dict[str, Any] = json.loads(data.attrs["parameters"])
+    """Return the parameters that the recordings were rendered with."""
+    given: dict[str, Any] = json.loads(data.attrs["rendering"])
     return given
 
 
