@@ -29,7 +29,6 @@ from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate_study
 from thesis_lib.figure_sets.lab_radiation import compute as lab_radiation_study
-from thesis_lib.figure_sets.misses import compute as misses_study
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
@@ -80,8 +79,6 @@ def opened():
         elif name == "planner":
             quick = {"trials": 3, "counts": [2, 4], "starts": 0, "step_deg": 30}
             cube = planner_study.run(validate(name, quick))
-        elif name == "misses":
-            cube = misses_study.run(validate(name, {"topics": ["rest"], "theses": 3}))
         elif name == "claims":
             cube = ledgered(made)
         else:

@@ -32,7 +32,7 @@ RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
 PLATE, SOUND, LEDGER = "plate-distance", "sound-aperture", "claims"
 LAW = "design-law"
 PLANNER = "planner"
-WITHOUT_SETTINGS = (LEDGER, PLANNER, "misses", "lab-radiation")
+WITHOUT_SETTINGS = (LEDGER, PLANNER, "lab-radiation")
 SHAPE = "shape-l"
 
 

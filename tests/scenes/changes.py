@@ -133,7 +133,6 @@ OWN_CHANGES = {
         "exposure_ms": 0.9,
         "trials": 40,
     },
-    "misses": {"topics": ["rest"], "theses": 3, "together": 1},
     "lab-modes": {
         "modes": [2],
         "amplitude_mm": 1,
