@@ -18,7 +18,7 @@ NOTEBOOKS := notebooks/beam-distance.ipynb notebooks/sound-distance.ipynb
 
 BROWSED = $(shell grep -rl --include='test_*.py' open_offline tests)
 
-.PHONY: book pdf test test-all test-nightly test-javascript test-cpus quick check bench picture photographs platforms lock clean
+.PHONY: book pdf test test-all test-nightly test-javascript test-cpus quick check bench photographs platforms lock clean
 
 book: $(BOOK)  ## the executed book, in build/html
 	$(BIN)/thesis book
@@ -51,9 +51,6 @@ check: $(ALL)  ## lint, format, rooms, types
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
-
-picture: book $(ALL)  ## the moving picture of the README, data/published/explorer.gif; needs Chromium
-	$(BIN)/python -m thesis_lib.book.moving
 
 photographs: build/photographs/left01.jpg  ## real pictures of a board, for tests that are else skipped
 

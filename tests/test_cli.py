@@ -162,9 +162,6 @@ def test_other_readings_are_refused_by_name(tmp_path):
         (["plan", "--out", "x" * 300], ["--out", "xxx"]),
         (["plan", "--out", "a\nb"], ["--out"]),
         (["compare", "x\ny.nc"], ["y.nc"]),
-        (["book", "ch7"], ["ch7: no such chapter", "there are ch2, ch3", "shapes"]),
-        (["book", "ch3\n"], [r"ch3\n: no such chapter", "did you mean ch3?"]),
-        (["book", "ch3", "--publish"], ["ch3: given with --publish, allowed: alone"]),
     ],
     ids=lambda value: " ".join(value)[:40] if isinstance(value, list) else None,
 )

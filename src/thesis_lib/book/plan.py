@@ -1,15 +1,13 @@
-"""What a book is made of, and where: all of it, or one chapter."""
+"""What the book is made of, and where."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 
-from thesis_lib.book import chapter as one_chapter
 from thesis_lib.book import downloads
-from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
+from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import project_root
 from thesis_lib.runs.execute import Job
 from thesis_lib.studies import effort, times
@@ -24,7 +22,6 @@ class Plan:
     #: What these and other steps of a whole book will take, by name, as far as it is known
     seconds: Mapping[str, float] = field(default_factory=dict)
     publish: bool = False  #: Whether these results become the published ones
-    chapter: str = ""  #: The chapter that is made; empty for all
     failed: dict[str, str] = field(default_factory=dict)  #: Why a step failed, by its name
 
     @property
@@ -41,55 +38,37 @@ class Plan:
     @property
     def executed(self) -> Path:
         """Folder of what pages include."""
-        return self.root / ("build" if self.chapter else "book") / self.chapter / "executed"
+        return self.root / "book" / "executed"
 
     @property
     def tables(self) -> Path:
         """Folder of the numbers that pages offer."""
-        return self.root / "build" / self.chapter / "tables"
+        return self.root / "build" / "tables"
 
     @property
     def index(self) -> Path:
         """The page to open."""
-        return self.root / "build" / self.chapter / "html" / "index.html"
+        return self.root / "build" / "html" / "index.html"
 
     @property
-    def archives(self) -> list[Path]:
-        """The whole book as one file; a part of it is none."""
-        return [] if self.chapter else [self.root / "build" / f"{downloads.ARCHIVE}.zip"]
+    def archive(self) -> Path:
+        """The whole book as one file."""
+        return self.root / "build" / f"{downloads.ARCHIVE}.zip"
 
     @property
     def pages(self) -> list[Path]:
         """What is rendered, beside what is executed and included."""
-        if self.chapter:
-            return one_chapter.pages(self.root, self.chapter)
         there = [path for path in (self.root / "book").rglob("*") if path.is_file()]
         there = [path for path in there if self.executed not in path.parents]
         return sorted({*there, self.root / "book" / "assets" / "overview.svg"})
 
-    def takes(self, name: str) -> float:
-        """Seconds of a step that takes the longer, the more figure sets this book has."""
-        return self.seconds.get(name, 0.0) * len(self.jobs) / len(STUDIES)
 
-    def step(self, name: str) -> str:
-        """The name of a step that makes something for this book alone."""
-        return f"{self.chapter} {name}".strip()
-
-    @cached_property
-    def _said(self) -> str:
-        return "".join(page.read_text(encoding="utf-8") for page in self.pages)
-
-    def includes(self, name: str) -> bool:
-        """Whether a page includes a file; the whole book includes all."""
-        return not self.chapter or f"executed/{name}" in self._said
-
-
-def planned(chapter: str = "", publish: bool = False) -> Plan:
-    """The book, or that of a chapter, in this project; what takes longest comes first."""
+def planned(publish: bool = False) -> Plan:
+    """Return the plan of the book in this project; what takes longest comes first."""
     root = project_root()
     executed, results = root / "book" / "executed", root / "data" / "results"
     seconds = {name: cost.seconds for name, cost in effort.read().items()}
     seconds |= times.expected(times.read(times.published_path())["book"])
-    names = sorted(CHAPTERS.get(chapter, STUDIES), key=lambda name: -seconds.get(name, 0.0))
+    names = sorted(STUDIES, key=lambda name: -seconds.get(name, 0.0))
     jobs = [Job(STUDIES[n](), executed / f"{n}.ipynb", results / f"{n}.nc") for n in names]
-    return Plan(root, jobs, seconds, publish, chapter)
+    return Plan(root, jobs, seconds, publish)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from thesis_lib.text import hidden, listed, one_line
+from thesis_lib.text import hidden, one_line
 
 if TYPE_CHECKING:
     from thesis_lib.studies.request import Study
@@ -93,19 +93,6 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     for note in notes:
         click.echo(note, err=True)
     return studies
-
-
-def check_chapter(name: str, option: str) -> None:
-    """Refuse what is no chapter, or is given with an option for the whole book."""
-    from thesis_lib.figure_sets.registry import CHAPTERS
-    from thesis_lib.studies.refusals import suggestion
-
-    if name not in CHAPTERS:
-        near = suggestion(name, CHAPTERS)
-        chapters = listed(CHAPTERS, "thesis list")
-        raise Refused(f"{one_line(name)}: no such chapter{near}; {chapters}")
-    if option:
-        raise Refused(f"{name}: given with {option}, allowed: alone")
 
 
 def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
