@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import block_diag
 
 from thesis_lib import __version__
 from thesis_lib.arrays import Array
@@ -14,11 +16,12 @@ from thesis_lib.measure.calibration.alignment import camera_deviations
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
 from thesis_lib.measure.calibration.jackknife import jackknife, with_lenses
 from thesis_lib.measure.calibration.reprojection import LENS, POSE
-from thesis_lib.measure.calibration.rig import cameras_in
+from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.studies.attributes import with_origin
 from thesis_lib.studies.cache import kept, key_of
 from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.vision.lens import Camera
 
 VARIABLES = declared("""
     board_poses() [1] poses of the board that were used; 0 of a calibration that is reused
@@ -54,16 +57,19 @@ def exact(
     def compute() -> xr.Dataset:
         corners = calibration["corners"].values
         corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
-        points, free = board.shown(corners), held is None
+        points, lenses = board.shown(corners), held
+        if lenses is None and contradict(calibration):
+            lenses = _alone(corners, points, cameras_in(calibration))
+        free = lenses is None
         full = adjust(corners, points, cameras_in(calibration), free, free)
         cameras = jackknife(corners, points, full)
-        if held is not None and np.isfinite(held).all():
-            covariance = with_lenses(corners, points, full, held, cameras.covariance)
+        if lenses is not None and np.isfinite(lenses).all():
+            covariance = with_lenses(corners, points, full, lenses, cameras.covariance)
             cameras = replace(cameras, covariance=covariance)
-        lenses = np.diag(cameras.covariance if held is None else held)[-LENS * len(full.cameras) :]
+        variances = np.diag(cameras.covariance if lenses is None else lenses)
         values = {
             "board_poses": corners.shape[1],
-            "focal_deviation": np.sqrt(lenses[::LENS]),
+            "focal_deviation": np.sqrt(variances[-LENS * len(full.cameras) :: LENS]),
             "centre_deviation": np.linalg.norm(camera_deviations(cameras)[0], axis=1),
             "covariance": cameras.covariance,
         }
@@ -74,6 +80,22 @@ def exact(
         compute,
         key_of([calibration.attrs["key"], held is not None and held.tolist()]),
     )
+
+
+def contradict(calibration: xr.Dataset) -> bool:
+    """Whether the lenses are those of each camera alone, as the cameras contradict each other."""
+    together, alone = calibration["reprojection_rms"], calibration["single_rms"].values
+    return contradiction(float(together), alone) > MAX_CONTRADICTION
+
+
+def _alone(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:
+    """Covariance of the lenses, (8 n, 8 n), as each camera's own images determine them."""
+    blocks = []
+    for k, camera in enumerate(cameras):
+        seen = np.isfinite(corners[k]).any(axis=(1, 2))
+        own, of = corners[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
+        blocks.append(jackknife(own, of, adjust(own, of, [camera])).covariance[POSE:, POSE:])
+    return block_diag(*blocks)
 
 
 def stated(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:

@@ -5,6 +5,8 @@ Module :mod:`~thesis_lib.measure.calibration.corners` makes them exact.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import cv2
@@ -17,41 +19,66 @@ from thesis_lib.vision.lens import HALF
 _CLEAR = 4.0  # least distance of a corner from the image's border, px
 _FEWEST = 12  # corners of a board with marks that must be seen, or half of a small one's
 _SIZES = (50, 100, 250, 1000)  # of OpenCV's dictionaries, which begin with the same marks
+_REDUCED_PX = 640  # longer side of the smaller image in which large tiles are looked for
 _COMMON = ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "ARUCO_ORIGINAL", "APRILTAG_36H11")
+
+
+# Least contrast of tiles beyond the outermost ones, over theirs, by which a board goes on. Margins
+# and backgrounds have up to 0.2.
+_CONTINUED = 0.5
+Finder = Callable[[Image, Board], tuple[Image, Array]]
 
 
 class BoardNotFound(ValueError):  # noqa: N818 - no mistake, an image without a board
     """An image in which no trustworthy board is seen; the message says why."""
 
 
-def grid_of(image: Image, board: Board) -> Array:
-    """Inner corners of a board.
+def finders(board: Board) -> tuple[Finder, ...]:
+    """Return the ways of finding a board, to be tried one after the other.
 
-    Parameters
-    ----------
-    image : ndarray of uint8, shape (h, w)
-        Grey levels.
-    board : Board
-        The board to look for.
-
-    Returns
-    -------
-    ndarray, shape (2, rows − 1, columns − 1)
-        Pixels from the image's top-left corner, with x and y as seen from the printed side; NaN
-        where a corner of a board with marks is not seen. A checkerboard is seen as a whole.
-
-    Raises
-    ------
-    BoardNotFound
-        If the image shows no board, or too little of it.
+    Each returns the image in which it saw the board, the given one or its negative, and the inner
+    corners, shape (2, rows − 1, columns − 1), px from the image's top-left corner, with x and y as
+    seen from the printed side; NaN where a corner of a board with marks is not seen. A checkerboard
+    is seen as a whole. It raises :class:`BoardNotFound` if the image shows no board, or too little
+    of it.
     """
-    return _marked(image, board) if board.mark else _checkered(image, board)
+    ways = (_marked,) if board.mark else (_by_quads, _by_reduced_quads, _by_sectors)
+    return tuple(partial(_find, way, negative) for negative in (False, True) for way in ways)
 
 
-def _checkered(image: Image, board: Board) -> Array:
+def _find(
+    way: Callable[[Image, Board], Array], negative: bool, image: Image, board: Board
+) -> tuple[Image, Array]:
+    """Find the corners in an image or in its negative, as of a board printed white on black."""
+    shown = 255 - image if negative else image
+    return shown, way(shown, board)
+
+
+def _by_quads(image: Image, board: Board) -> Array:
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     # No fast check: it gives up on most views that are steep or have a narrow margin.
-    found, raw = cv2.findChessboardCorners(image, board.shape, flags=flags)
+    return _ordered(*cv2.findChessboardCorners(image, board.shape, flags=flags), image, board)
+
+
+def _by_reduced_quads(image: Image, board: Board) -> Array:
+    """Find large tiles, whose edges the finder loses in noise and texture, on a smaller image."""
+    height, width = image.shape
+    factor = max(image.shape) / _REDUCED_PX
+    if factor <= 1:
+        raise BoardNotFound("no checkerboard seen")
+    size = round(width / factor), round(height / factor)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    scale = np.array([width / size[0], height / size[1]])
+    return scale[:, None, None] * _by_quads(small, board)
+
+
+def _by_sectors(image: Image, board: Board) -> Array:
+    """Find corners by OpenCV's other finder, which is sure of large tiles but not of small ones."""
+    return _ordered(*cv2.findChessboardCornersSB(image, board.shape), image, board)
+
+
+def _ordered(found: bool, raw: Any, image: Image, board: Board) -> Array:
+    """Return a finder's corners with y up where x is right."""
     if not found:
         raise BoardNotFound("no checkerboard seen")
     nx, ny = board.shape
@@ -60,7 +87,48 @@ def _checkered(image: Image, board: Board) -> Array:
     if nearest < _CLEAR:
         raise BoardNotFound(f"a corner is {nearest:.1f} px from the border, needs {_CLEAR:.0f}")
     (xu, xv), (yu, yv) = (np.gradient(corners, axis=axis).mean((1, 2)) for axis in (2, 1))
-    return corners if xu * yv - xv * yu < 0 else corners[:, ::-1]  # y is up where x is right
+    corners = corners if xu * yv - xv * yu < 0 else corners[:, ::-1]
+    if _continues(image, corners):
+        raise BoardNotFound(
+            f"the tiles go on beyond a board of {nx + 1} × {ny + 1}: are there more than that?"
+        )
+    return corners
+
+
+def _continues(image: Image, corners: Array) -> bool:
+    """Whether dark and light alternate beyond the tiles about corners (2, ny, nx), on any side."""
+    _, ny, nx = corners.shape
+    y, x = np.mgrid[:ny, :nx].astype(float)
+    found, _ = cv2.findHomography(np.stack([x.ravel(), y.ravel()], 1), corners.reshape(2, -1).T)
+    if found is None:
+        return False
+    H = np.asarray(found, float)
+    for length, width, across in ((nx, ny, False), (ny, nx, True)):
+        along = np.arange(-0.5, length)
+        parity = 1 - 2 * (np.arange(length + 1) % 2) * 1.0
+        parity -= parity.mean()
+        for last, beyond in ((-0.5, -1.5), (width - 0.5, width + 0.5)):
+            rows = []
+            for off in (last, beyond):
+                places = np.stack([along, np.full_like(along, off)])
+                grey = _grey(image, H, places[::-1] if across else places)
+                rows.append(float(parity @ grey))
+            if -rows[1] * np.sign(rows[0]) > _CONTINUED * abs(rows[0]):
+                return True
+    return False
+
+
+def _grey(image: Image, H: Array, places: Array) -> Array:
+    """Mean grey levels about places (2, n) of a plane; NaN where any is outside the image."""
+    spread = 0.2 * np.array([[-1, 1, -1, 1, 0], [-1, -1, 1, 1, 0]])  # of a tile, about its middle
+    points = (places[:, :, None] + spread[:, None]).reshape(2, -1)
+    u, v, w = H @ np.vstack([points, np.ones_like(points[:1])])
+    height, width = image.shape
+    column, row = np.floor(u / w), np.floor(v / w)
+    inside = (w > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    column, row = (np.where(inside, c, 0).astype(int) for c in (column, row))
+    grey = np.where(inside, image[row, column].astype(float), np.nan)
+    return np.asarray(grey.reshape(-1, spread.shape[1]).mean(axis=1))
 
 
 def _marked(image: Image, board: Board) -> Array:
@@ -87,7 +155,7 @@ def _marked(image: Image, board: Board) -> Array:
     corners[:, _off_plane(corners, board)] = np.nan
     seen, least = int(np.isfinite(corners[0]).sum()), min(_FEWEST, nx * ny // 2)
     if seen < least:
-        others = _others(image, count) if 2 * len(marks) < count else ""
+        others = _others(image, f"{bits}_{size}", count) if 2 * len(marks) < count else ""
         raise BoardNotFound(
             f"{len(marks)} marks of {board.dictionary} seen{others}; {seen} corners between them "
             f"as on a board of {nx + 1} × {ny + 1} tiles, needs {least}"
@@ -115,12 +183,14 @@ def _read(image: Image, name: str) -> tuple[cv2.aruco.Dictionary, Any, Any]:
     return dictionary, marks, numbers
 
 
-def _others(image: Image, count: int) -> str:
-    """Which marks are seen instead on a board that has so many."""
-    for name in _COMMON:
-        marks = _read(image, f"DICT_{name}")[1]
-        if 2 * len(marks) >= count:  # fewer may be by chance
-            return f", but {len(marks)} of DICT_{name}"
+def _others(image: Image, name: str, count: int) -> str:
+    """Say which marks are seen instead on a board that has so many; fewer may be by chance."""
+    mirrored = len(_read(np.ascontiguousarray(image[:, ::-1]), name)[1])
+    if 2 * mirrored >= count:
+        return f", but {mirrored} mirrored: it is seen from the back, or the camera mirrors"
+    for other in _COMMON:
+        if 2 * (seen := len(_read(image, f"DICT_{other}")[1])) >= count:
+            return f", but {seen} of DICT_{other}"
     return ""
 
 

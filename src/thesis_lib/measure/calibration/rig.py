@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +26,11 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.pictures import read_png
 from thesis_lib.studies.parallel import abreast
 from thesis_lib.vision.lens import Camera
+
+# Rms residual of all cameras together over that of each alone, from which on the board moved
+# between their images: 1.0 on rendered and 1.1 on photographed boards, 10 on a board held by hand
+# before cameras that are up to 20 ms out of step.
+MAX_CONTRADICTION = 3.0
 
 
 @contextlib.contextmanager
@@ -57,8 +64,9 @@ def adjusted(
     single : list of Calibration
         Zhang's method, camera by camera, with all corners.
     full : Adjustment
-        All corners, intrinsics and distortion adjusted, too. Its residuals are of all poses, its
-        boards those of the poses that were used.
+        All corners, intrinsics and distortion adjusted, too; but not if the cameras contradict each
+        other by more than :data:`MAX_CONTRADICTION`: lenses then stay as of each camera alone. Its
+        residuals are of all poses, its boards those of the poses that were used.
 
     Raises
     ------
@@ -68,8 +76,6 @@ def adjusted(
         If a picture cannot be read.
     """
     board = manifest.board.board
-
-    lost: list[str] = []
 
     def one(path: Path | None) -> Array | BoardNotFound | None:
         try:
@@ -81,24 +87,26 @@ def adjusted(
 
     paths = [shot_paths(camera, folder) for camera in manifest.cameras]
     found = iter(abreast(one, [path for row in paths for path in row]))
-    shots: list[list[Array | None]] = []
-    for camera, row in zip(manifest.cameras, paths, strict=True):
-        shots.append([])
-        for path in row:
-            corners_of = next(found)
-            if isinstance(corners_of, BoardNotFound):
-                lost.append(f"{camera.name}, {path.name if path else '—'}: {corners_of}")
-                corners_of = None
-            shots[-1].append(corners_of)
-    try:
-        single = [posed(row, board, lens) for row, lens in zip(shots, lenses, strict=False)] or [
-            zhang(row, board, camera.size, True, camera.name)
-            for camera, row in zip(manifest.cameras, shots, strict=True)
-        ]
-    except CalibrationError as error:
-        tiles = f"{manifest.board.kind} of {board.columns} × {board.rows} tiles"
-        hint = f" ({lost[0]}; is the board a {tiles}?)" if lost else ""
-        raise CalibrationError(f"{error}{hint}") from None
+    shots, refused = list[list[Array | None]](), list[dict[str, str]]()
+    for row in paths:
+        seen_in = [(path, next(found)) for path in row]
+        shots.append([None if isinstance(uv, BoardNotFound) else uv for _, uv in seen_in])
+        refused.append(
+            {p.name: str(uv) for p, uv in seen_in if p and isinstance(uv, BoardNotFound)}
+        )
+    lost = [
+        f"{camera.name}, {file}: {why}"
+        for camera, reasons in zip(manifest.cameras, refused, strict=True)
+        for file, why in reasons.items()
+    ]
+    single = [posed(row, board, lens) for row, lens in zip(shots, lenses, strict=False)]
+    for camera, seen_by, reasons in zip(manifest.cameras, shots, refused, strict=True):
+        if lenses:
+            break
+        try:
+            single.append(zhang(seen_by, board, camera.size, True, camera.name))
+        except CalibrationError as error:
+            raise CalibrationError(f"{error}{_commonest(reasons, manifest)}") from None
     corners, moved = unify(single, shots, board, manifest.board.two_sided)
     seen = np.isfinite(corners).any(axis=(0, 2, 3))
     for pose in np.flatnonzero(~seen):
@@ -109,9 +117,30 @@ def adjusted(
     cameras = [one.camera() for one in single]
     used = corners[:, seen]
     full = adjust(used, board.shown(used), cameras, not lenses, not lenses)
+    if not lenses and contradiction(full.rms, [one.rms for one in single]) > MAX_CONTRADICTION:
+        full = adjust(used, board.shown(used), cameras, intrinsics=False, distortion=False)
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)
+
+
+def contradiction(together: float, alone: Iterable[float]) -> float:
+    """Return the rms residual of cameras adjusted together over that of each camera alone."""
+    return together / float(np.sqrt(np.mean(np.square(list(alone)))))
+
+
+def _commonest(refused: Mapping[str, str], manifest: Manifest) -> str:
+    """Name the commonest reason for which a camera's images were refused, with its count."""
+    if not refused:
+        return ""
+    kinds = {file: re.sub(r"[0-9.]+", "", why) for file, why in refused.items()}
+    kind, count = Counter(kinds.values()).most_common(1)[0]
+    first = next(file for file, other in kinds.items() if other == kind)
+    tiles = f"{manifest.board.kind} of {manifest.board.columns} × {manifest.board.rows} tiles"
+    return (
+        f" ({count} of {len(refused)} refused images for one reason, as {first}: {refused[first]}; "
+        f"is the board a {tiles}?)"
+    )
 
 
 def posed(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibration:

@@ -109,6 +109,15 @@ OF_A_SHAPE = {
         "a whole, by an unknown amount.",
         "Reuse the folder of an earlier measurement, or give pictures of the board.",
     ),
+    "board-moved": Meaning(
+        "All cameras together leave … px (rms) of the board's corners, each alone",
+        "Each camera sees the board as a board, but no one place of it fits all cameras: it moved "
+        "while cameras that are out of step took their images, or a camera was touched between two "
+        "poses. If the residuals differ by more than three times, lenses are calibrated camera by "
+        "camera, which such a motion does not disturb; the cameras' places suffer from it.",
+        "Calibrate again with the board at rest in each pose: lean or clamp it, wait a second, and "
+        "then take the images. Do not touch the cameras.",
+    ),
     "few-poses": Meaning(
         "The board was used in … poses, which is few",
         "How far the cameras may be off is seen by leaving out one pose of the board after the "
