@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import time
 from dataclasses import replace
 
 import cv2
@@ -11,7 +13,7 @@ import pytest
 import xarray as xr
 import yaml
 from scenes import own
-from scenes.calibration import BOARD, observations, rig
+from scenes.calibration import BOARD, SIZE, observations, rig
 from scenes.jackknife import deviations_of, differences
 
 from thesis_lib.facts import setups
@@ -118,6 +120,111 @@ def toml(unit="", scale=1.0, matrix=False, key="name"):
 def test_toml_in_metres_or_millimetres(tmp_path, text, unit):
     (tmp_path / "array.toml").write_text(text, encoding="utf-8")
     assert_same(read_cameras(tmp_path / "array.toml", unit))
+
+
+@pytest.mark.parametrize("ending", [".xml", ".json"])
+def test_xml_and_json_of_opencv(tmp_path, ending):
+    for camera in CAMERAS:
+        turn, _ = cv2.Rodrigues(camera.R_camera_world)
+        opencv(tmp_path / f"{camera.name}{ending}", camera, rvec=turn, tvec=camera.t[:, None])
+    assert_same(read_cameras(tmp_path))
+
+
+def test_a_file_of_kalibr(tmp_path):
+    values, before, cameras, first = {}, np.eye(4), [], CAMERAS[0]  # whose axes are the world
+    for k, one in enumerate(CAMERAS):
+        pose = np.eye(4)
+        pose[:3, :3] = one.R_camera_world @ first.R_camera_world.T
+        pose[:3, 3] = one.R_camera_world @ (first.centre - one.centre)
+        values[f"cam{k}"] = {
+            "camera_model": "pinhole",
+            "intrinsics": [*one.K[[0, 1], [0, 1]].tolist(), *(one.K[:2, 2] - 0.5).tolist()],
+            "distortion_model": "radtan",
+            "distortion_coeffs": one.distortion[:4].tolist(),
+            "resolution": list(one.size),
+            "rostopic": f"/cam{k}/image_raw",
+        } | ({"T_cn_cnm1": (pose @ np.linalg.inv(before)).tolist()} if k else {})
+        before, turn = pose, pose[:3, :3]
+        centre = -turn.T @ pose[:3, 3]
+        cameras.append(replace(one, name=f"cam{k}", R_camera_world=turn, centre=centre))
+    path = tmp_path / "camchain.yaml"
+    path.write_text(yaml.safe_dump(values), encoding="utf-8")
+    assert_same(read_cameras(path), cameras)
+    values["cam1"]["distortion_model"] = "equidistant"
+    path.write_text(yaml.safe_dump(values), encoding="utf-8")
+    with pytest.raises(ManifestError, match=r"cam1: distortion model .*equidistant"):
+        read_cameras(path)
+
+
+def test_a_file_of_pose2sim(tmp_path):
+    size = f"size = [{SIZE[0]}.0, {SIZE[1]}.0]\nfisheye = false"
+    text = toml().replace(f"size = {list(SIZE)}", size)
+    assert text.count("fisheye") == 4
+    (tmp_path / "Calib.toml").write_text(f"{text}\n[metadata]\nadjusted = false\nerror = 0.0\n")
+    assert_same(read_cameras(tmp_path / "Calib.toml"))
+
+
+def test_a_camera_that_caliscope_ignored_is_left_out(tmp_path):
+    text = toml(key="cam_id").replace("[cam_3]", "[cam_3]\nignore = true")
+    (tmp_path / "array.toml").write_text(text, encoding="utf-8")
+    assert_same(read_cameras(tmp_path / "array.toml"), CAMERAS[:3])
+
+
+@pytest.mark.parametrize("ending", [".yml", ".xml", ".json", ".toml"])
+def test_line_ends_and_marks_of_windows(tmp_path, ending):
+    path = tmp_path / f"A{ending}"
+    if ending == ".toml":
+        path.write_text(toml(), encoding="utf-8")
+    else:
+        opencv(path, CAMERAS[0])
+    before = read_cameras(path)
+    text = path.read_text(encoding="utf-8").replace("\n", "\r\n")
+    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert_same(read_cameras(path), before.cameras, before.placed)
+
+
+ALIASES = "\n".join(
+    ["a0: &a0 [1, 1]", *(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]" for k in range(1, 40))]
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("aliases.yaml", ALIASES),
+        ("deep.yaml", "[" * 5000 + "]" * 5000),
+        ("deep.json", "[" * 50000 + "]" * 50000),
+        ("deep.toml", "a = " + "[" * 5000 + "]" * 5000),
+        ("entities.xml", '<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><x>&b;</x>'),
+        ("large.yaml", "camera_matrix: [" + "1, " * 400_000 + "1]"),
+        ("huge.json", '{"camera_matrix": [' + ", ".join(["1" + "0" * 400] * 9) + "]}"),
+        ("digits.json", '{"camera_matrix": ' + "1" * 9000 + "}"),
+        ("sizes.toml", "matrix = [[1e3, 0, 1], [0, 1e3, 1], [0, 0, 1]]\nsize = [1e300, 1e300]"),
+        ("focal.toml", "matrix = [[1e-9, 0, 1], [0, 1e-9, 1], [0, 0, 1]]\nsize = [640, 480]"),
+        ("words.xml", "<opencv_storage><camera_matrix>a b</camera_matrix></opencv_storage>"),
+        ("kalibr.yaml", "cam0: {intrinsics: [1, x, 2, 3], resolution: [640, 480]}"),
+        ("chain.yaml", "cam0: {intrinsics: 5, T_cn_cnm1: 3}\ncam1: {intrinsics: {}}"),
+        (
+            "step.yaml",
+            "cam0: {intrinsics: [1, 1, 1, 1], resolution: [2, 2]}\n"
+            "cam1: {intrinsics: [1, 1, 1, 1], resolution: [2, 2], T_cn_cnm1: 3}",
+        ),
+        ("hidden.json", '{"\\u202ename": 1}'),
+        ("binary.toml", "\0\1"),
+    ],
+)
+def test_hostile_calibrations_are_refused_in_one_line_at_once(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    began = time.process_time()
+    with pytest.raises(ManifestError) as refused:
+        read_cameras(path)
+    assert time.process_time() - began < 1
+    line = str(refused.value)
+    assert line.startswith(str(path))
+    assert "\n" not in line
+    assert len(line) < 400 + len(str(path))
+    assert not re.search(r"Error|Exception|NoneType|object at|'(list|dict|str|float)'", line), line
 
 
 def test_errors_go_with_their_cameras(tmp_path):

@@ -1,7 +1,8 @@
 """Calibrated cameras from files of other programs, and of earlier measurements.
 
-YAML is that of ``cv2.FileStorage`` and of ROS, TOML that of aniposelib and of caliscope. All of
-them count pixels from the middle of the first one, half a pixel less than we do.
+YAML, XML and JSON are those of ``cv2.FileStorage``, YAML that of ROS and Kalibr, too, TOML that of
+aniposelib, caliscope and Pose2Sim. All of them count pixels from the middle of the first one, half
+a pixel less than we do.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import cv2
 import numpy as np
@@ -19,18 +21,41 @@ from thesis_lib.measure.calibration.rig import cameras_in
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.text_files import (
     TextFileError,
+    parse_json,
     parse_toml,
+    parse_xml,
     parse_yaml,
     read_text,
 )
 from thesis_lib.studies import storage
 from thesis_lib.studies.refusals import shown
+from thesis_lib.text import first_hidden, one_line
 from thesis_lib.vision.lens import HALF, Camera
 
 OWN = "calibration.nc"
-ENDINGS = (".yaml", ".yml", ".toml", ".nc")
+ENDINGS = (".yaml", ".yml", ".toml", ".xml", ".json", ".nc")
+KINDS = (
+    "YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, caliscope or Pose2Sim"
+)
 FAR = 100.0  # m between cameras, from which on lengths are taken for millimetres
 _MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan"}  # all the same one
+# Names under which programs and scripts write what a camera needs, in lower case
+_MATRIX = ("camera_matrix", "matrix", "cameramatrix", "intrinsic_matrix", "k", "mtx")
+_COEFFICIENTS = (
+    "distortion_coefficients",
+    "distortions",
+    "distortion_coeffs",
+    "dist_coeffs",
+    "dist_coeff",
+    "distcoeffs",
+    "dist",
+    "d",
+)
+_SIZE = ("size", "image_size", "imagesize", "resolution")
+_ROTATION, _TRANSLATION = ("rvec", "rotation", "r"), ("tvec", "translation", "t")
+# Focal lengths over an image's width: a fisheye lens has 0.3, the longest telephoto lens 250
+_MIN_FOCAL, _MAX_FOCAL = 0.02, 2000
+_MAX_SIDE_PX = 100_000
 _OTHERS = {8: "rational", 12: "thin prism", 14: "tilted"}  # by their number of coefficients
 
 
@@ -62,7 +87,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     if path.is_dir():
         if (path / OWN).is_file():
             return read_cameras(path / OWN)
-        files = sorted(one for one in path.iterdir() if one.suffix.lower() in ENDINGS[:3])
+        files = sorted(one for one in path.iterdir() if one.suffix.lower() in ENDINGS[:-1])
     else:
         files = [path]
     if not files or not all(map(Path.is_file, files)):
@@ -76,14 +101,15 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
         scale = unit or (said.get("units") if isinstance(said, Mapping) else None) or "m"
         if scale not in ("m", "mm"):
             raise ManifestError(f"{file}: lengths in {shown(scale)}, allowed: m or mm")
-        for name, entry in _entries(values, file.stem):
-            try:
+        name = file.stem
+        try:
+            for name, entry in _entries(values, file.stem):
                 camera, at = _camera(entry, name, 1e-3 if scale == "mm" else 1.0)
-            except (KeyError, TypeError, ValueError) as error:
-                why = f"no {error.args[0]}" if isinstance(error, KeyError) else error
-                raise ManifestError(f"{file}: camera {name}: {why}") from None
-            cameras.append(camera)
-            placed.append(at)
+                cameras.append(camera)
+                placed.append(at)
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            why = f"no {error.args[0]}" if isinstance(error, KeyError) else error
+            raise ManifestError(f"{file}: camera {one_line(name)}: {why}") from None
     if not cameras:
         raise ManifestError(f"{path}: no camera in it, allowed: those with a camera_matrix")
     centres = np.array([one.centre for one in cameras])
@@ -110,28 +136,74 @@ def _values(path: Path) -> dict[str, Any]:
     """What a text file holds, by names."""
     try:
         text = read_text(path)
-        values = parse_toml(text) if path.suffix.lower() == ".toml" else parse_yaml(text)
+        match path.suffix.lower():
+            case ".toml":
+                values = parse_toml(text)
+            case ".json":
+                values = parse_json(text)
+            case ".xml":
+                values = _of_xml(parse_xml(text))
+            case _:
+                values = parse_yaml(text)
     except (OSError, TextFileError) as error:
         why = error if isinstance(error, TextFileError) else error.strerror
         raise ManifestError(
-            f"{path}: not a calibration that can be read ({why}), allowed: YAML of OpenCV, TOML of "
-            "aniposelib or caliscope, calibration.nc"
+            f"{path}: not a calibration that can be read ({why}), allowed: {KINDS}, {OWN}"
         ) from None
+    if problem := first_hidden(values):
+        raise ManifestError(f"{path}: {problem}")
     return values if isinstance(values, dict) else {}
+
+
+def _of_xml(element: Element) -> Any:
+    """Values of an element of OpenCV's XML: an object, or a text, a number or numbers."""
+    if len(element):
+        return {inside.tag: _of_xml(inside) for inside in element}
+    text = (element.text or "").strip()
+    try:
+        numbers = [float(number) for number in text.split()]
+    except ValueError:
+        return text.strip('"')
+    return numbers[0] if len(numbers) == 1 else numbers
 
 
 def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Names and values of each camera, whether a file has one, or several one below the other."""
     own = {str(key).lower(): value for key, value in values.items()}
-    if "camera_matrix" in own or "matrix" in own:
+    if own.get("ignore") is True:  # a camera of caliscope's that was not calibrated
+        return
+    if any(isinstance(own.get(name), list | Mapping) for name in _MATRIX):
         name = next(
             (own[key] for key in ("name", "camera_name", "cam_id", "port") if key in own), stem
         )
         yield str(name), own
         return
+    if cameras := {k: v for k, v in values.items() if isinstance(v, Mapping) and "intrinsics" in v}:
+        yield from _of_kalibr(cameras)
+        return
     for key, value in values.items():
         if isinstance(value, Mapping):
             yield from _entries(value, str(key))
+
+
+def _of_kalibr(cameras: Mapping[Any, Mapping[str, Any]]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Names and values of the cameras of a camchain, each placed by the one before."""
+    pose = np.eye(4)
+    for k, (name, given) in enumerate(cameras.items()):
+        entry = {key.lower(): value for key, value in given.items()}
+        focal = entry["intrinsics"]
+        if entry.get("camera_model", "pinhole") != "pinhole":
+            entry["distortion_model"] = entry["camera_model"]
+        if isinstance(focal, list) and len(focal) == 4:
+            f_x, f_y, c_x, c_y = focal
+            entry["camera_matrix"] = [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]
+        step = entry.get("t_cn_cnm1")
+        if k == 0 and len(cameras) > 1:
+            step = np.eye(4).tolist()
+        if step is not None:
+            pose = _numbers(step, "T_cn_cnm1", (16,)).reshape(4, 4) @ pose
+            entry |= {"rotation": pose[:3, :3].tolist(), "translation": pose[:3, 3].tolist()}
+        yield str(name), entry
 
 
 def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, bool]:
@@ -140,20 +212,29 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
     def of(*names: str) -> Any:
         return next((entry[one] for one in names if entry.get(one) is not None), None)
 
-    K = _numbers(of("camera_matrix", "matrix"), "camera_matrix", (9,)).reshape(3, 3)
+    K = _numbers(of(*_MATRIX), "camera_matrix", (9,)).reshape(3, 3)
     if K[0, 0] < 0 or K[1, 1] < 0:
         raise ValueError("mirrored axes (a negative focal length), allowed: x right, y down")
     if not (K[0, 0] and K[1, 1] and np.allclose(K[2], [0, 0, 1]) and abs(K[1, 0]) < 1e-9):
         raise ValueError(f"camera_matrix: given {shown(K.tolist())}, allowed: an intrinsic matrix")
     K[:2, 2] += HALF
-    size = of("size") or [of("image_width"), of("image_height")]
-    width, height = (int(side) for side in _numbers(size, "image_width and image_height", (2,)))
-    turn, move = of("rvec", "rotation", "r"), of("tvec", "translation", "t")
+    size = of(*_SIZE) or [of("image_width", "width"), of("image_height", "height")]
+    width, height = _numbers(size, "image_width and image_height", (2,))
+    if not (0 < width <= _MAX_SIDE_PX and 0 < height <= _MAX_SIDE_PX):
+        raise ValueError(
+            f"given {width:.6g} × {height:.6g} px, allowed: sides of 1 to {_MAX_SIDE_PX} px"
+        )
+    if not all(_MIN_FOCAL < focal / width < _MAX_FOCAL for focal in (K[0, 0], K[1, 1])):
+        raise ValueError(
+            f"focal lengths {K[0, 0]:.4g} and {K[1, 1]:.4g} px, allowed: {_MIN_FOCAL} to "
+            f"{_MAX_FOCAL} widths of the image"
+        )
+    turn, move = of(*_ROTATION), of(*_TRANSLATION)
     R, t = np.eye(3), np.zeros(3)
     if turn is not None and move is not None:
         R = _rotation(_numbers(turn, "rotation", (3, 9)))
         t = scale * _numbers(move, "translation", (3,))
-    camera = Camera(name, K, _distortion(entry, of), R, -R.T @ t, (width, height))
+    camera = Camera(name, K, _distortion(entry, of), R, -R.T @ t, (int(width), int(height)))
     return camera, turn is not None and move is not None
 
 
@@ -173,7 +254,7 @@ def _distortion(entry: Mapping[str, Any], of: Any) -> Array:
     model = str(of("distortion_model", "camera_model", "model") or "").lower()
     if of("fisheye", "fisheye_model"):
         model = "fisheye"
-    given = of("distortion_coefficients", "distortions", "dist_coeffs")
+    given = of(*_COEFFICIENTS)
     values = np.zeros(5) if given is None else _numbers(given, "distortion_coefficients", ())
     count, extra = values.size, bool(values[5:].any())
     if model not in _MODELS and (model != "rational_polynomial" or extra):
@@ -191,7 +272,7 @@ def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:
     inner = given.get("data") if isinstance(given, Mapping) else given
     try:
         values = np.ravel(np.asarray(inner, float))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.array([np.nan])
     if not np.isfinite(values).all() or (counts and values.size not in counts):
         raise ValueError(f"{name}: given {shown(inner)}, allowed: finite numbers")

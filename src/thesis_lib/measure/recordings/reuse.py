@@ -16,7 +16,8 @@ class Reuse(Refusing):
     file: Annotated[str, Field(min_length=1, max_length=500)] = field(
         ...,
         "folder of an earlier measurement, or of one file for each camera; or a file: "
-        "calibration.nc, YAML of OpenCV, TOML of aniposelib or caliscope",
+        "calibration.nc, YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, "
+        "caliscope or Pose2Sim",
         "a path, seen from the manifest's folder",
     )
     poses: Literal["kept", "anew"] = field(
