@@ -229,6 +229,9 @@ def sweep(*folders: Path) -> None:
             if not _NAME.fullmatch(left.name) or left.is_symlink() or not left.is_dir():
                 continue  # none of ours
             with contextlib.suppress(OSError):
+                if not (left / _LOCK).is_file():  # killed before it was locked, or none of ours
+                    left.rmdir()  # if it is empty
+                    continue
                 lock = _locked(left, wait=False)
                 if lock is not None:
                     _remove(left)

@@ -36,6 +36,7 @@ from thesis_lib.figure_sets import sample
 from thesis_lib.laboratory.example import AMPLITUDE, example_manifest, example_rig
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.fitting import result
+from thesis_lib.measure.pipeline import OUTPUTS
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest import read_manifest
@@ -43,6 +44,7 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media_info import frame_times
 from thesis_lib.measure.report.notes import notes
 from thesis_lib.measure.tracking.tracks import Recording, _state
+from thesis_lib.outputs import CACHE_TAG, RECORD, put_files
 from thesis_lib.studies import storage
 from thesis_lib.vibration.structure import deflection_shape
 from thesis_lib.vision.lens import project
@@ -51,7 +53,7 @@ from thesis_lib.vision.simulation import assurance
 pytestmark = pytest.mark.slow  # for the report of conformance
 
 NETCDF = ["calibration.nc", "cameras.nc", "sound.nc"]
-WHOLE = [*(f".{name}.sha256" for name in NETCDF), *NETCDF]
+WHOLE = [*(f".{name}.sha256" for name in NETCDF), CACHE_TAG, *NETCDF]
 STEPS = WHOLE + [f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")]
 LATER = "the same command goes on where this one stopped"
 
@@ -188,6 +190,8 @@ def test_rendered_and_measured_now_it_is_what_is_kept_for_the_book(measured):
 def test_every_file_is_there_and_no_other(measured):
     out = measured / "measured"
     assert names(out) == sorted(RESULTS | {".steps"})
+    of_all = {file for one in OUTPUTS for file in out.glob(one)}
+    assert {file for file in out.rglob("*.*") if not {".steps", RECORD} & {*file.parts}} == of_all
     assert names(out / ".steps") == STEPS
     assert len(names(out / "figures")) == 8
 
@@ -250,7 +254,7 @@ def many(values):
 
 
 REFUSED = {  # what is wrong: change of the manifest, words of the refusal
-    "no YAML": (lambda _: "cameras: [1, 2", ["line 1"]),
+    "no YAML": (lambda _: "cameras: [1, 2", ["line 2"]),
     "an alias": (lambda _: "a: &a [x]\nb: [*a, *a]", ["line 2", "alias"]),
     "an unknown field": (excitation(frequency=3.0), ["excitation.frequency: no such field",
                                                      "did you mean frequency_hz?"]),
@@ -593,7 +597,10 @@ def test_a_folder_that_may_not_be_written_to_is_told_before_the_work(
 def test_a_full_disk_leaves_the_results_of_before(measured, tmp_path, monkeypatch):
     folder = copied(measured, tmp_path / "recording", results=True)
     out = folder / "measured"
-    (out / "report.html").write_text("of before")
+    (out / "part").mkdir()
+    (out / "part" / "report.html").write_text("of before")
+    put_files(out / "part", out)
+    (out / "part").rmdir()
 
     def full(path, write):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -610,7 +617,7 @@ def test_a_full_disk_leaves_the_results_of_before(measured, tmp_path, monkeypatc
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert_words(line, [str(out), "File too large", LATER])
-    assert names(out) == [".steps", "report.html"]
+    assert names(out) == [".steps", RECORD, "report.html"]
     assert (out / "report.html").read_text() == "of before"
     assert names(out / ".steps") == STEPS
 

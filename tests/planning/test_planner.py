@@ -670,7 +670,7 @@ def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
     done = thesis("plan", *words, "--out", "made", cwd=tmp_path)
     assert done.status == 0, done.err
     folder = tmp_path / "made"
-    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
+    assert sorted(folder.glob("[!.]*")) == sorted(folder / name for name in FILES)
     assert "cameras of" in done.out
     assert "places to choose from" in done.err
     with xr.open_dataset(folder / "plan.nc") as cube:

@@ -84,7 +84,11 @@ def again(canned, made, tmp_path, capsys):
         tamper(out)
         hand_out(canned, which)
         capsys.readouterr()
+        tampered = {path.name: path.read_bytes() for path in out.glob(f"{NAME}.*")}
         tasks.run(runs.job_tasks([job(wanted, out)]))
+        for kept_aside in out.glob(f"{NAME}.1.*"):
+            assert kept_aside.read_bytes() == tampered[kept_aside.name.replace(".1.", ".")]
+            kept_aside.unlink()
         assert wrong(canned, out, wanted) == ""
         return capsys.readouterr().err
 
@@ -159,11 +163,12 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_what_is_damaged_is_named_and_made_anew(again, damage):
     tamper, name = DAMAGES[damage]
-    lines = again(tamper).splitlines()
-    assert len(lines) == 2
-    assert name in lines[0]
-    assert lines[0].endswith("; it is made anew")
-    assert "done in" in lines[1]
+    first, *kept_aside, last = again(tamper).splitlines()
+    assert name in first
+    assert first.endswith("; it is made anew")
+    assert all("has changed since it was written; it is kept as" in line for line in kept_aside)
+    assert len(kept_aside) == (0 if damage in ("cube gone", "page gone") else 1)
+    assert "done in" in last
 
 
 def test_undamaged_is_up_to_date_wherever_it_is_put(again):
@@ -209,8 +214,8 @@ def test_names_that_are_not_ours_stay(tmp_path):
 
 
 def test_what_dead_processes_left_is_removed_locked_or_not_yet(tmp_path):
-    for name in ("abcdefgh", "12345678"):
-        (tmp_path / f".staging-{name}" / "kernel").mkdir(parents=True)
+    (tmp_path / ".staging-abcdefgh").mkdir()  # killed before it was locked
+    (tmp_path / ".staging-12345678" / "kernel").mkdir(parents=True)
     (tmp_path / ".staging-12345678" / ".lock").touch()
     files.sweep(tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -235,6 +240,7 @@ def test_folders_made_by_many_at_once_are_never_swept_while_they_live(tmp_path):
 def test_a_disk_without_locks_is_written_to_and_never_swept(tmp_path, monkeypatch):
     fcntl = pytest.importorskip("fcntl")
     (tmp_path / ".staging-abcdefgh").mkdir()
+    (tmp_path / ".staging-abcdefgh" / ".lock").touch()
 
     def no_locks(*_):
         raise OSError(errno.ENOLCK, "No locks available")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import shlex
 from collections.abc import Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,12 +28,13 @@ def one_line(place: Path) -> Iterator[None]:
     """Every failure as one line, also what the system or another library raises."""
     from thesis_lib.measure.paper.page import PaperError
     from thesis_lib.measure.recordings.manifest import ManifestError
+    from thesis_lib.outputs import OutputError
 
     try:
         yield
     except click.ClickException:
         raise
-    except (ManifestError, PaperError) as error:
+    except (ManifestError, OutputError, PaperError) as error:
         raise click.UsageError(str(error)) from None  # exit status 2
     except OSError as error:  # a full disk, a folder that may not be written to
         raise click.ClickException(
@@ -58,16 +58,19 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
     click.echo(f"Now look through {name}, and ask: thesis measure --check {name}")
 
 
-def draw(manifest: Manifest, folder: Path) -> None:
-    """Draw where the cameras stand and what they will reach into a folder."""
-    from thesis_lib.files import whole_file
+def draw(manifest: Manifest, folder: Path) -> list[str]:
+    """Draw where the cameras stand and what they will reach into a folder; return what it wrote."""
+    from thesis_lib.files import staging
     from thesis_lib.measure.feasibility.drawing import drawings
+    from thesis_lib.outputs import put_files
     from thesis_lib.plotting.style import saved
 
-    for name, figure in drawings(manifest).items():
-        file, picture = folder / f"{name}.png", saved(figure, "png", dpi=140)
-        whole_file(file, partial(Path.write_bytes, data=picture))
-        click.echo(f"Wrote {file}")
+    figures = drawings(manifest)
+    with staging(folder) as part:
+        for name, figure in figures.items():
+            (part / f"{name}.png").write_bytes(saved(figure, "png", dpi=140))
+        put_files(part, folder)
+    return [f"Wrote {folder / name}.png" for name in figures]
 
 
 @click.group("print")
@@ -181,13 +184,15 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
 def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
     """Write a folder of pictures, or raw frames (.cih, .cihx), as a video without loss.
 
-    SOURCE is not changed. VIDEO is SOURCE.mov if not given.
+    SOURCE is not changed. VIDEO is SOURCE.mov if not given; a file that is there is not replaced.
     """
     from thesis_lib.measure.recordings.media_info import MediaError
     from thesis_lib.measure.recordings.pack import pack as write
+    from thesis_lib.outputs import check_outputs
 
     target = video or source.with_suffix(".mov")
     with one_line(target):
+        check_outputs(target.parent, [target])
         try:
             count, (width, height) = write(source, target, rate_hz)
         except MediaError as error:

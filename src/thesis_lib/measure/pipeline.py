@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 
 from thesis_lib.files import staging
@@ -25,10 +26,17 @@ from thesis_lib.measure.report import page as report
 from thesis_lib.measure.report.notes import notes
 from thesis_lib.measure.report.shown import shown
 from thesis_lib.measure.response.write import alone, over_force
+from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
 
 STEPS = ".steps"  # folder of what is kept between runs
+#: All that a measurement may write, as patterns
+OUTPUTS = (
+    "report.html", "figures/*.*", "vtk/**/*.*", "measured.*", "shapes.*", "motion.*", "modes.*",
+    "mode-*.*", "response.*", "radiated.*", "heard-*.wav", "calibration.nc", "cameras.*", "shape.*",
+    "tracked.mp4",
+)  # fmt: skip
 
 
 def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path:
@@ -58,6 +66,11 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         If what was recorded does not suffice; one line that says what is missing.
     """
     manifest, folder = read_manifest(path), path.parent
+    read = [one.file for one in (manifest.calibration, manifest.force) if one is not None]
+    read += [manifest.truth] if manifest.truth else []
+    there = chain.from_iterable(map(out.glob, OUTPUTS))
+    check_outputs(out, there, [folder / name for name in read])
+    check_cache(out / STEPS)
     assessment = assess(manifest)
     for line in describe(assessment):
         say(line)
@@ -86,7 +99,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         if radiated is not None:
             radiation_files.write(part, radiated)
         (part / "report.html").write_text(page, encoding="utf-8")
-        files.move(part, out)
+        put_files(part, out)
     for line in [*report.summary(data), *radiation_report.summary(radiated)]:
         say(line)
     for note in notes(data):

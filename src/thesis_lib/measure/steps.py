@@ -18,6 +18,7 @@ from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.synchronisation.listen import listen
 from thesis_lib.measure.tracking.tracks import Recording, record
+from thesis_lib.outputs import mark_cache
 from thesis_lib.studies.cache import kept, key_of
 from thesis_lib.studies.parallel import abreast
 from thesis_lib.studies.variables import declared, labelled
@@ -127,6 +128,7 @@ def heard(
             "signal_to_noise": found.snr,
         }
         data = xr.Dataset(labelled(values, SOUND))
+        mark_cache(steps)  # now that nothing more is refused
         return data.assign_attrs(
             synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
         )

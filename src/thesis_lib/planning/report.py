@@ -7,7 +7,6 @@ import hashlib
 import io
 import json
 import shlex
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from html import escape
@@ -18,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.files import staging
+from thesis_lib.outputs import check_outputs, put_files
 from thesis_lib.planning import errors
 from thesis_lib.planning.camera_table import camera_table
 from thesis_lib.planning.cube import as_cube
@@ -66,6 +66,7 @@ def write_plan(
     list of str
         The summary, line by line.
     """
+    check_outputs(folder, [folder / name for name in FILES], [structure] if structure else [])
     start = time.perf_counter()
     body = None if structure is None else read_body(structure, request.modes)
     made = plan(request, body, tell)
@@ -82,8 +83,7 @@ def write_plan(
         (part / "plan.csv").write_text(camera_table(cube, made.chosen), encoding="utf-8")
         (part / "plan.svg").write_text(picture, encoding="utf-8")
         (part / "plan.html").write_text(page(made, cube, lines, picture), encoding="utf-8")
-        for name in FILES:
-            shutil.move(part / name, folder / name)
+        put_files(part, folder)
     return lines
 
 

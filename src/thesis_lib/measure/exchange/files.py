@@ -73,12 +73,3 @@ def _structure(data: xr.Dataset) -> dict[str, object]:
         fields[str(name)] = np.array(variable.values, dtype=object) if texts else variable.values
     units = {str(name): str(v.attrs.get("units", "")) for name, v in data.variables.items()}
     return fields | {"units": units}
-
-
-def move(part: Path, out: Path) -> None:
-    """Move all files of a folder to another, each in place of the one that is there."""
-    files = [path.relative_to(part) for path in part.rglob("*") if path.is_file()]
-    for folder in {file.parent for file in files}:
-        (out / folder).mkdir(parents=True, exist_ok=True)
-    for file in files:
-        (part / file).replace(out / file)

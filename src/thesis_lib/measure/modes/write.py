@@ -12,7 +12,7 @@ import xarray as xr
 from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration.exactness import covariance_of, to_keep
-from thesis_lib.measure.exchange import cameras, files, history, uff, vtk
+from thesis_lib.measure.exchange import cameras, history, uff, vtk
 from thesis_lib.measure.exchange.reading import OWN
 from thesis_lib.measure.modes import report
 from thesis_lib.measure.modes.result import result
@@ -23,6 +23,7 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html, moving
 from thesis_lib.measure.report.page import Pictures
 from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.outputs import put_files
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
 
@@ -92,7 +93,7 @@ def several(
         if radiated is not None:
             radiation_files.write(part, radiated)
         (part / "report.html").write_text(page, encoding="utf-8")
-        files.move(part, out)
+        put_files(part, out)
     for line in [*report.summary(data), *radiation_report.summary(radiated)]:
         say(line)
     for note in report.notes(data, manifest):

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from thesis_lib.files import whole_file
+from thesis_lib.outputs import check_file
 
 SIZES = {  # mm, upright
     "A4": (210.0, 297.0),
@@ -56,7 +57,13 @@ def write(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, s
     pages : iterable of (callable, str)
         What draws on axes in mm, whose origin is the lower left corner of the :func:`area`, and
         words that stand beside the ruler.
+
+    Raises
+    ------
+    OutputError
+        If the file is there already, or does not end in .pdf.
     """
+    check_file(path, ".pdf")
     width, height = sorted(SIZES[paper], reverse=landscape)
     made = io.BytesIO()
     with PdfPages(made, metadata={"CreationDate": None, "Creator": "thesis_lib"}) as file:

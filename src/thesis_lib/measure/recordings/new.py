@@ -5,14 +5,13 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from thesis_lib.files import whole_file, whole_text
+from thesis_lib.files import staging
 from thesis_lib.measure.recordings.check import rate_of
 from thesis_lib.measure.recordings.manifest import (
     PICTURES,
@@ -24,6 +23,7 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import VideoInfo, frame_clock, probe
 from thesis_lib.measure.recordings.ruled import ruled
+from thesis_lib.outputs import put_files
 from thesis_lib.plotting.style import saved
 
 VIDEOS = {".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".cine"}
@@ -81,8 +81,11 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     infos = [probe(video) for video in videos]
     manifest = validated(_values(folder, videos, infos, given))
     asked = asked_of(manifest)
-    whole_text(path, text_of(manifest, given, asked))
-    told = [*_told(manifest, folder, infos), *_cornered(manifest, folder)]
+    told = [*_told(manifest, folder, infos)]
+    with staging(folder) as part:
+        told += _cornered(manifest, folder, part)
+        (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
+        put_files(part, folder)
     return path, [*told, *assumed(manifest, given, asked)]
 
 
@@ -205,16 +208,15 @@ def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Itera
             yield f"missing: {file}, no such file in {folder}"
 
 
-def _cornered(manifest: Manifest, folder: Path) -> Iterator[str]:
-    """What is asked for where no hole tells which end is which, and pictures to read it in."""
+def _cornered(manifest: Manifest, folder: Path, part: Path) -> Iterator[str]:
+    """Ask for corners where no hole tells which end is which, and draw pictures to read them in."""
     lacking = [camera for camera in manifest.cameras if camera.corners_px is None]
     if manifest.structure.hole is not None or not lacking:
         return
     for camera in lacking:
         image = next(read_frames(folder / camera.video, 0, 1))
-        file, picture = folder / "corners" / f"{camera.name}.png", saved(ruled(image), "png")
-        file.parent.mkdir(exist_ok=True)
-        whole_file(file, partial(Path.write_bytes, data=picture))
+        (part / "corners").mkdir(exist_ok=True)
+        (part / "corners" / f"{camera.name}.png").write_bytes(saved(ruled(image), "png"))
     yield (
         f"missing: corners_px of {_and([camera.name for camera in lacking])}, which tell how the "
         f"structure lies: read them in {folder / 'corners'}, beginning with the same corner"

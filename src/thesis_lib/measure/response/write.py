@@ -10,13 +10,14 @@ import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.files import staging
-from thesis_lib.measure.exchange import files, uff
+from thesis_lib.measure.exchange import uff
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
 from thesis_lib.measure.report.page import Pictures
 from thesis_lib.measure.response import report
 from thesis_lib.measure.response.result import responded
 from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.outputs import put_files
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
 from thesis_lib.web.shell import shell
@@ -50,7 +51,7 @@ def over_force(
     with staging(out) as part:
         storage.write(data, part / "response.nc")
         uff.write_response(part / "response.uff", data)
-        files.move(part, out)
+        put_files(part, out)
     for line in report.summary(data):
         say(line)
     for note in report.warnings(data, manifest):
@@ -74,5 +75,5 @@ def alone(
     with staging(out) as part:
         html.write_pictures(part, pictures)
         (part / "report.html").write_text(shell(title, "\n".join(page)), encoding="utf-8")
-        files.move(part, out)
+        put_files(part, out)
     return out / "report.html"

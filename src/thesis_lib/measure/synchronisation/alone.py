@@ -15,6 +15,7 @@ from thesis_lib.measure.recordings.media_info import probe
 from thesis_lib.measure.synchronisation.audio import Recording, hear
 from thesis_lib.measure.synchronisation.drift import Drift
 from thesis_lib.measure.synchronisation.pairs import beside_first, track_of
+from thesis_lib.outputs import check_outputs, put_files
 from thesis_lib.plotting.style import color, drawable, in_style, saved, subplots
 
 SHOWN = 1500  # points of an envelope
@@ -75,6 +76,7 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
     list of str
         What was found.
     """
+    check_outputs(out, [out / "sync.csv", out / "sync.png"])
     drifts, names = synchronised(videos)
     frame_rate = probe(videos[0]).frame_rate
     picture = saved(_picture(videos, drifts, names), "png", dpi=140)
@@ -82,8 +84,7 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
         rows = table(drifts, names, frame_rate)
         rows.to_csv(part / "sync.csv", index=False, float_format="%.9g")
         (part / "sync.png").write_bytes(picture)
-        for file in ("sync.csv", "sync.png"):
-            (part / file).replace(out / file)
+        put_files(part, out)
     return [*describe(drifts, names, frame_rate)]
 
 
