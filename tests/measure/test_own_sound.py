@@ -1,6 +1,7 @@
 """The sound of a measurement: from shapes with errors to levels with errors, files, refusals."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,8 +74,8 @@ def measurement(shape=TRUE, height=0.0, noise=NOISE):
 def exact():
     """Power of the true shape by Rayleigh's sum over 3600 cells."""
     fine = Surface.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 3600)
-    w = deflection_shape(PLATE, 1, fine.spots, 1e-3)
-    return float(np.ravel(fine.power_form(w[..., None], OMEGA))[0])
+    w = deflection_shape(PLATE, 1, fine.places, 1e-3)
+    return float(np.ravel(fine.power_form(w[:, None], OMEGA))[0])
 
 
 @pytest.fixture(scope="module")
@@ -128,6 +129,91 @@ def test_standard_errors_are_the_scatter_of_measurements(kind, conforms):
         should = np.real(np.conj(TRUE) @ power @ TRUE) if name == "power" else truth[name].value
         within = np.abs(value - should) <= 2 * error
         assert np.all(np.mean(within, axis=0) > 0.92), name
+
+
+PANEL = (0.6, 0.4)  # m; a plate of 3 mm steel, with 15 × 10 markers
+OTHERS = ((1, 1, 1.0), (3, 1, 0.7), (2, 3, -0.5))  # half-waves along and across, and their size
+
+
+def panel(x, y):
+    return sum(
+        size * np.sin(m * np.pi * x / PANEL[0]) * np.sin(n * np.pi * y / PANEL[1])
+        for m, n, size in OTHERS
+    )
+
+
+def panel_efficiency(hertz):
+    """Of the shape of :func:`panel`, by Gauss's rule of high order."""
+    (u, a), (v, b) = map(np.polynomial.legendre.leggauss, (48, 40))
+    x, y = np.meshgrid((u + 1) / 2 * PANEL[0], (v + 1) / 2 * PANEL[1], indexing="ij")
+    x, y, w = x.ravel(), y.ravel(), np.outer(a, b).ravel() / 4 * np.prod(PANEL)
+    k, shape = 2 * np.pi * hertz / 343, panel(x, y)
+    R = np.sinc(k * np.hypot(x[:, None] - x, y[:, None] - y) / np.pi)
+    return k**2 / (2 * np.pi) * (w * shape) @ R @ (w * shape) / (w @ shape**2)
+
+
+def of_panel(hertz, noise, draw):
+    """What is measured of it, with white noise in m; all of it 0.1 % too large or too small."""
+    markers = {"columns": 15, "rows": 10, "spacing_mm": 40, "row_spacing_mm": 40, "diameter_mm": 1}
+    own = manifest(length_mm=600, width_mm=400, thickness_mm=3, markers=markers)
+    found = 1e-3 * panel(*own.structure.marker_points) * (1 + COMMON * draw.normal())
+    found = found + noise * (draw.normal(size=len(found)) + 1j * draw.normal(size=len(found)))
+    return sound_of(measurement(found, noise=noise).assign(frequency=hertz), own)
+
+
+def test_efficiency_has_the_uncertainty_of_the_sum_where_markers_have_none(conforms, monkeypatch):
+    monkeypatch.setattr(of_measurement, "SHAPE", (3, 2))
+    made = of_panel(900, 1e-9, np.random.default_rng(1))
+    off = float(made["efficiency"][0]) / panel_efficiency(900) - 1
+    stated = float(made["efficiency_error"][0] / made["efficiency"][0])
+    conforms.independent(off, 0, atol=1.3 * stated)
+    conforms.independent(stated, below=2e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hertz", [60, 900])
+def test_efficiencies_err_by_what_they_state(hertz, conforms, monkeypatch):
+    """Of 80 measurements, whose markers alone put 0.02 % into the efficiency."""
+    monkeypatch.setattr(of_measurement, "SHAPE", (3, 2))
+    draw, true = np.random.default_rng(2), panel_efficiency(hertz)
+    found = [of_panel(hertz, 3e-6, draw).isel(tone=0) for _ in range(80)]
+    z = np.array(
+        [(float(one["efficiency"]) - true) / float(one["efficiency_error"]) for one in found]
+    )
+    conforms.sampled(np.sqrt(np.mean(z**2)), above=0.75, below=1.2)
+    assert np.mean(np.abs(z) < 2) >= 0.92
+
+
+def test_motion_in_the_plane_makes_the_sound_less_certain(conforms):
+    """As much as markers that scatter by so much more."""
+    wide = sound_of(measurement().assign(in_plane_excess=3.0), manifest())
+    more = sound_of(measurement(noise=3 * NOISE), manifest())
+    for name in ("power_error", "efficiency_error", "pressure_error", "band_power_level_error"):
+        conforms.invariance(wide[name].values, more[name].values, rtol=1e-9)
+
+
+def test_a_decay_that_is_not_well_known_turns_shapes_as_much_as_it_stretches_them(conforms):
+    """ln of a decay e^(st) at a moment errs by Δs (t₀ − t): its parts alike, as those of s."""
+    data = modes().drop_vars(["shared_real", "shared_imag"])
+    shapes = of_measurement.shapes_of(data, np.ones(len(TRUE), bool))
+    for k, shape in enumerate((TRUE, OTHER)):
+        own = shapes.part(np.arange(len(TRUE)) + k * len(TRUE))
+        for turn in (1, 1j):
+            way = turn * shape / np.linalg.norm(shape)
+            row = np.concatenate([way.real, way.imag])
+            expected = NOISE**2 + (WRONG * DECAYS[k] * SINCE * np.linalg.norm(shape)) ** 2
+            conforms.closed_form(row @ own.covariance @ row, expected, rtol=1e-3)
+
+
+def test_markers_tell_waves_of_two_spacings_and_no_shorter_ones(made, conforms):
+    """A square plate of the same sheet with sides of √2 spacings has such waves in its mode 1."""
+    side = np.sqrt(2) * float(made.attrs["spacing"])
+    small = replace(PLATE, length=side, width=side)
+    hertz = float(small.angular_frequencies(1)[0]) / (2 * np.pi)
+    conforms.closed_form(made.attrs["highest"], hertz, rtol=1e-9)
+    for factor, told in ((0.99, False), (1.01, True)):
+        high = made.assign_coords(frequency=("tone", [factor * hertz]))
+        assert ("shorter than two spacings" in report.sound_section(high, manifest())) is told
 
 
 def test_a_spline_comes_near_the_model_and_tells_what_it_does_not_know(conforms):
@@ -250,7 +336,7 @@ def test_powers_of_tones_add_up_and_their_common_errors_too(steady, conforms):
 def test_errors_of_totals_and_energies_are_the_scatter_of_measurements(conforms, monkeypatch):
     """Of 60 that are drawn. A decay that is taken for too fast began too large."""
     monkeypatch.setattr(of_measurement, "SHAPE", (3, 2))
-    monkeypatch.setattr(radiated, "CELLS", 200)
+    monkeypatch.setattr(radiated, "NODES", 200)
     draw, said = np.random.default_rng(5), manifest()
     rows = {"band_power": [], "energy": []}
     for _ in range(60):

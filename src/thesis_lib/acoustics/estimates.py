@@ -119,6 +119,11 @@ def ratio(above: ArrayLike, below: ArrayLike, of: Amplitudes) -> Estimate:
     return Estimate(np.array(value), np.sqrt(_covariance(D, D, of)) / abs(b))
 
 
+def widened(of: Estimate, relative: float) -> Estimate:
+    """Return an estimate whose standard error also holds a relative one, independent of it."""
+    return Estimate(of.value, np.hypot(of.error, relative * of.value))
+
+
 def magnitude(rows: ArrayLike, of: Amplitudes) -> Estimate:
     """Absolute values |rₖ·w|, without what errors add to their squares; 0 where that is all."""
     at, S = _products(rows, of)

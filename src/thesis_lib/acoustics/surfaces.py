@@ -1,12 +1,11 @@
 """Flat radiators of any outline, whose motion is known at some points.
 
-The outline is covered by equal cells. A cell radiates with the share of it that lies inside, as a
-piston of that part of the velocity. What moves between the points that are known is a linear
-function of what they do, so that all sound is linear, or a quadratic form, in *their* amplitudes.
+The outline is covered by equal cells, each with the four nodes of Gauss's rule. Where the outline
+cuts a cell, nodes have the area, the centre and the variances of the part inside. The error falls
+with the fourth power of a cell's side Δ, as (kΔ)⁴/4320 of a wavenumber k in the surface or the air.
 
-A cell moves as the mean of what moves in it. That of its middle is larger where the surface bends:
-by a share of k²Δ²/24 for a side Δ and a flexural wavenumber k, which for 1600 cells and a plate's
-first mode makes 0.1 % of the power.
+Motion between the points that are known is a linear function of theirs, so that all sound is
+linear, or a quadratic form, in *their* amplitudes.
 """
 
 from __future__ import annotations
@@ -20,90 +19,94 @@ from numpy.typing import ArrayLike
 from thesis_lib.acoustics.radiation import radiation_matrix
 from thesis_lib.acoustics.sources import AIR, Medium, Pistons, transfer
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.vibration.polygons import area, contains
+from thesis_lib.vibration.polygons import clip, contains, distances, moments
 
-FINE = 6  # places along each side of a cell by which its share inside is counted
-WHOLE = 1 - 1e-9  # share from which on a cell lies inside
+# Nodes in standard deviations: of a whole cell, and of a cut one the first that all lie inside.
+SQUARE = np.array([[-1, 1, -1, 1], [-1, -1, 1, 1]])
+CROSS = np.sqrt(2 - 1e-6) * np.array([[-1, 1, 0, 0], [0, 0, -1, 1]])
+INSIDE = CROSS, SQUARE[:, [0, 3, 0, 3]], SQUARE[:, [1, 2, 1, 2]], 0 * SQUARE
+SLIVER = 1e-9  # share of a cell's area below which a part of it is left out
+# Relative standard uncertainty of a power and of an efficiency by the sum over 1600 nodes, of whole
+# cells and what cut cells add by their share of the area: errors against Gauss's rule of high order
+# for rectangles, an L and a disc, with up to four half-waves a side.
+SUM_STD, CUT_STD = 1e-4, 4e-3
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A flat surface in a rigid baffle, as cells."""
+    """A flat surface in a rigid wall, as nodes."""
 
-    pistons: Pistons  #: The cells, each at the middle of what lies inside, from the origin
-    share: Array  #: Of each cell, what lies inside the outline, shape (cells,)
-    places: Array  #: The same middles in the outline's own frame, m, shape (2, cells)
+    pistons: Pistons  #: The nodes from the origin, each with a quarter of a cell
+    share: Array  #: Area of each node over that of its piston, shape (nodes,)
+    places: Array  #: The nodes in the outline's own frame, m, shape (2, nodes)
 
     @classmethod
     def of(
-        cls, outline: ArrayLike, cells: int, origin: tuple[float, float] = (0.0, 0.0)
+        cls, outline: ArrayLike, nodes: int, origin: tuple[float, float] = (0.0, 0.0)
     ) -> Surface:
-        """The surface inside corners (n, 2) in m, with about so many cells in the box around it.
+        """Cover corners (n, 2) in m, with about so many nodes in the box around them.
 
-        Sound is told from an origin in the outline's frame.
+        Sound is computed from an origin in the outline's frame.
         """
         corners = np.asarray(outline, float)
         low, extent = corners.min(axis=0), np.ptp(corners, axis=0)
-        counts = np.maximum(np.rint(np.sqrt(cells * extent / extent[::-1])), 2).astype(int)
+        counts = np.maximum(np.rint(np.sqrt(nodes / 4 * extent / extent[::-1])), 1).astype(int)
         size = extent / counts
-        x, y = (low[i] + (np.arange(counts[i]) + 0.5) * size[i] for i in range(2))
-        centres = np.stack([np.tile(x, len(y)), np.repeat(y, len(x))])
-        steps = (np.arange(FINE) + 0.5) / FINE - 0.5
-        parts = np.stack(np.meshgrid(*[steps, steps])).reshape(2, -1) * size[:, None]
-        fine = centres[:, :, None] + parts[:, None]
-        inside = contains(corners, fine.reshape(2, -1)).reshape(fine.shape[1:])
-        on, share = inside.any(axis=1), inside.mean(axis=1)
-        places = np.sum(fine * inside, axis=2)[:, on] / inside.sum(axis=1)[on]
-        share = share[on] * abs(area(corners)) / (np.sum(share) * np.prod(size))  # the exact area
-        own = Pistons(places - np.array(origin)[:, None], (float(size[0]), float(size[1])))
-        return cls(own, share, places)
-
-    @cached_property
-    def spots(self) -> Array:
-        """Four places in each cell, whose mean is the cell's (Gauss), shape (2, cells, 4), in m.
-
-        Where the outline cuts a cell, all are the middle of what lies inside.
-        """
-        aside = np.array([[-1, 1, -1, 1], [-1, -1, 1, 1]]) / np.sqrt(12)
-        off = np.array(self.pistons.size)[:, None] * aside
-        whole = self.share > WHOLE
-        return np.asarray(self.places[:, :, None] + off[:, None] * whole[:, None], float)
+        grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij")).reshape(2, -1)
+        centres = low[:, None] + (grid + 0.5) * size[:, None]
+        near = distances(corners, centres).min(axis=0) < np.hypot(*size) / 2
+        whole = centres[:, ~near & contains(corners, centres)].T
+        square = size[:, None] / np.sqrt(12) * SQUARE
+        parts = [(1.0, middle[:, None] + square) for middle in whole]
+        parts += [_part(corners, middle, size) for middle in centres[:, near].T]
+        parts = [one for one in parts if one[0] > SLIVER]
+        at = np.concatenate([nodes for _, nodes in parts], axis=1)
+        pistons = Pistons(at - np.array(origin)[:, None], (float(size[0] / 2), float(size[1] / 2)))
+        return cls(pistons, np.repeat([share for share, _ in parts], 4), at)
 
     @cached_property
     def area(self) -> float:
         """Area in m²."""
         return float(self.pistons.area * self.share.sum())
 
+    @cached_property
+    def sum_std(self) -> float:
+        """Relative standard uncertainty of a power or an efficiency by the sum over nodes."""
+        cut = self.share[self.share < 1 - SLIVER].sum() / self.share.sum()
+        return float(SUM_STD + CUT_STD * cut)
+
     def power_form(self, moving: ArrayLike, omega: float, medium: Medium = AIR) -> Array:
         """Form A of the radiated power wᴴAw in W of amplitudes w (points,) in m.
 
         Parameters
         ----------
-        moving : array_like, shape (cells, points) or (cells, 4, points)
-            Displacement of the cells, or of their :attr:`spots`, by that of the points.
+        moving : array_like, shape (nodes, points)
+            Displacement of the nodes by that of the points.
         omega, medium
             Frequency in rad/s, and the fluid.
         """
-        B = omega * self.share[:, None] * _mean(moving)
+        B = omega * self.share[:, None] * np.asarray(moving, float)
         return np.asarray(B.T @ radiation_matrix(self.pistons, omega, medium) @ B)
 
     def plane_wave_form(self, moving: ArrayLike, omega: float, medium: Medium = AIR) -> Array:
         """Form of the power ρ₀cS⟨v²⟩/2 that a plane wave of the same area and motion carries."""
         B = omega * np.asarray(moving, float)
         scale = medium.density * medium.speed_of_sound * self.pistons.area / 2
-        many = 1 if B.ndim == 2 else B.shape[1]
-        each = B.reshape(-1, B.shape[-1])
-        return np.asarray(scale / many * each.T @ (np.repeat(self.share, many)[:, None] * each))
+        return np.asarray(scale * B.T @ (self.share[:, None] * B))
 
     def pressure_matrix(
         self, moving: ArrayLike, points: ArrayLike, omega: float, medium: Medium = AIR
     ) -> ComplexArray:
         """Pressure in Pa at points (3, n) in front, by amplitudes in m, shape (n, points)."""
-        B = 1j * omega * self.share[:, None] * _mean(moving)
+        B = 1j * omega * self.share[:, None] * np.asarray(moving, float)
         return np.asarray(transfer(self.pistons, points, omega, medium) @ B)
 
 
-def _mean(moving: ArrayLike) -> Array:
-    """Displacement of cells by that of points, (cells, points), of theirs or of their spots'."""
-    B = np.asarray(moving, float)
-    return B if B.ndim == 2 else np.asarray(B.mean(axis=1), float)
+def _part(corners: Array, middle: Array, size: Array) -> tuple[float, Array]:
+    """Share of a cell's area inside an outline, and its nodes (2, 4)."""
+    area, centre, variances = moments(clip(corners - middle, -size / 2, size / 2))
+    share, std = area / float(np.prod(size)), np.sqrt(np.maximum(variances, 0))[:, None]
+    if share > 1 - SLIVER:
+        return 1.0, middle[:, None] + std * SQUARE
+    nodes = [(middle + centre)[:, None] + std * one for one in INSIDE]
+    return share, next((one for one in nodes if contains(corners, one).all()), nodes[-1])

@@ -51,6 +51,46 @@ def area(polygon: ArrayLike) -> float:
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
 
 
+def clip(polygon: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
+    """Return the part of a polygon (corners, 2) in a box between two corners (2,), as a polygon.
+
+    I. E. Sutherland and G. W. Hodgman, Commun. ACM 17 (1974): parts that lie apart are joined by
+    edges of no width. No corners are left of a polygon outside.
+    """
+    found = np.asarray(polygon, float)
+    for axis, sign, limit in (
+        (axis, sign, limit)
+        for sign, limits in ((1, low), (-1, high))
+        for axis, limit in enumerate(np.asarray(limits, float))
+    ):
+        depth = sign * (found[:, axis] - limit)
+        corners = []
+        for i in range(len(found)):  # the edge to each corner from the one before
+            if (depth[i - 1] < 0) != (depth[i] < 0):
+                t = depth[i - 1] / (depth[i - 1] - depth[i])
+                corners.append(found[i - 1] + t * (found[i] - found[i - 1]))
+            if depth[i] >= 0:
+                corners.append(found[i])
+        found = np.array(corners).reshape(-1, 2)
+    return found
+
+
+def moments(polygon: ArrayLike) -> tuple[float, Array, Array]:
+    """Return area, centroid (2,) and variances (2,) of a polygon (corners, 2) about it.
+
+    Without an area, the others are 0.
+    """
+    start = np.asarray(polygon, float).reshape(-1, 2)
+    end = np.roll(start, -1, axis=0)
+    cross = start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]
+    whole = float(cross.sum() / 2)
+    if whole == 0:
+        return 0.0, np.zeros(2), np.zeros(2)
+    centre = (start + end).T @ cross / (6 * whole)
+    square = (start**2 + start * end + end**2).T @ cross / (12 * whole)
+    return abs(whole), centre, square - centre**2
+
+
 def contains(polygon: ArrayLike, points: Array) -> Mask:
     """Whether points (2, n) lie in a polygon (corners, 2), by the number of edges to their right.
 

@@ -27,7 +27,7 @@ from thesis_lib.measure.radiation import files
 from thesis_lib.measure.radiation.bands import ALL
 from thesis_lib.measure.radiation.between import by_model
 from thesis_lib.measure.radiation.of_measurement import shapes_of, tones_of
-from thesis_lib.measure.radiation.radiated import CELLS, radiated
+from thesis_lib.measure.radiation.radiated import NODES, radiated
 from thesis_lib.measure.recordings.check import ChainError
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.studies.variables import declared
@@ -73,9 +73,9 @@ def of_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any
         return none | {"tap_frequency": hertz, "tap_time": times}
     own, (x, y) = driven("beam"), rig.markers.extent
     assert isinstance(own.structure, Beam)
-    surface = Surface.of(np.array(own.corners), CELLS, (x / 2, y / 2))
+    surface = Surface.of(np.array(own.corners), NODES, (x / 2, y / 2))
     markers = rig.markers.centres  # seen as points, not by their edges
-    between = by_model(own.structure, markers, 0.0, surface.spots)
+    between = by_model(own.structure, markers, 0.0, surface.places)
     plane = Plane("XZ", x, float(POINT[2, 0]), float(POINT[2, 0]), (2, 1))
     data = _as_measured(found)
     shapes = shapes_of(data, np.ones(len(markers[0]), bool))
@@ -154,10 +154,10 @@ def _as_measured(found: Modes) -> xr.Dataset:
 
 def _true_power(motion: Tapped, moment: float, surface: Surface, medium: Medium) -> Array:
     """Sound power of each mode of the true motion at a moment in s, W."""
-    shapes = motion.amplitudes(surface.spots.reshape(2, -1), moment)
+    shapes = motion.amplitudes(surface.places, moment)
     omega, powers = np.abs(motion.poles), []
     for w, shape in zip(omega, shapes, strict=True):
         real = np.abs(shape) * np.sign((shape / shape[np.argmax(np.abs(shape))]).real)
-        form = surface.power_form(real.reshape(*surface.spots.shape[1:], 1), float(w), medium)
+        form = surface.power_form(real[:, None], float(w), medium)
         powers.append(float(form[0, 0]))
     return np.array(powers)

@@ -13,7 +13,7 @@ from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.radiation import between as interpolation
 from thesis_lib.measure.radiation.between import Between
-from thesis_lib.measure.radiation.radiated import Tone, cells_for, complex_of, radiated
+from thesis_lib.measure.radiation.radiated import Tone, complex_of, count_nodes, radiated
 from thesis_lib.measure.recordings.check import ChainError
 from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
 from thesis_lib.measure.recordings.radiation_fields import FEWEST, Radiation
@@ -57,7 +57,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     corners = asked.corners(size, structure.marker_points, diameter)
     tones = tones_of(several)
     highest = max(tone.omega for tone in tones)
-    count = cells_for(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
+    count = count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
     surface = Surface.of(corners, count, (size[0] / 2, size[1] / 2))
     shapes = shapes_of(several, known)
     between = _chosen(asked, structure, surface, corners, markers, shapes)
@@ -163,14 +163,14 @@ def _chosen(
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
         radius = structure.markers.diameter_mm / 2000
-        found = interpolation.by_model(model, markers, radius, surface.spots)
+        found = interpolation.by_model(model, markers, radius, surface.places)
         places = np.arange(len(shapes.value)).reshape(-1, markers.shape[1])
         left = np.array([found.left(shapes.part(own)) for own in places])
         if asked.between == "model" or np.all(left[:, 0] <= FITS * left[:, 1]):
             return found
     step = interpolation.spacing(markers)
     held = interpolation.along(corners, asked.held(structure.kind, len(corners)), step)
-    return interpolation.by_spline(markers, held, surface.spots)
+    return interpolation.by_spline(markers, held, surface.places)
 
 
 def _planes(asked: Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:

@@ -30,8 +30,8 @@ from thesis_lib.measure.radiation.bands import octaves
 from thesis_lib.measure.radiation.between import Between
 from thesis_lib.studies.variables import declared, labelled
 
-CELLS = 1600  # of the surface
-PER_WAVE = 8  # cells to the length of a sound wave, at least
+NODES = 1600  # of the surface
+PER_WAVE = 8  # nodes to the length of a sound wave, at least
 MODES = 6  # radiation modes that are told
 DECIBEL = 10 / np.log(10)
 VARIABLES = declared("""
@@ -96,9 +96,9 @@ def radiated(
     Parameters
     ----------
     surface : Surface
-        What moves, as cells.
+        What moves, as nodes.
     between : Between
-        How the cells, or their spots, move by the markers.
+        How its nodes move by the markers.
     tones : sequence of Tone
         Frequencies and decays.
     shapes : Amplitudes
@@ -166,7 +166,10 @@ def _of_tone(
 ) -> dict[str, Array]:
     B, omega = between.moving, tone.omega
     plain = surface.plane_wave_form(B, omega, medium)
-    power, efficiency = estimates.quadratic(form, shape), estimates.ratio(form, plain, shape)
+    power, efficiency = (
+        estimates.widened(one, surface.sum_std)
+        for one in (estimates.quadratic(form, shape), estimates.ratio(form, plain, shape))
+    )
     each = estimates.factored(ways[:MODES], shape)
     here, size = at @ shape.value, estimates.magnitude(at, shape)
     above = [
@@ -255,10 +258,10 @@ def _levels(
     return {name: scale * np.log(value / reference), f"{name}_error": scale * known.error / value}
 
 
-def cells_for(extent: tuple[float, float], omega: float, medium: Medium) -> int:
-    """How many cells a surface of an extent in m needs."""
+def count_nodes(extent: tuple[float, float], omega: float, medium: Medium) -> int:
+    """Return how many nodes a surface of an extent in m needs."""
     wave = 2 * np.pi * medium.speed_of_sound / omega
-    return max(CELLS, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
+    return max(NODES, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
 
 
 def complex_of(data: xr.Dataset, name: str) -> ComplexArray:

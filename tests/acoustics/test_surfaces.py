@@ -1,0 +1,98 @@
+"""Sums over the nodes of a surface against integrals by another rule, of other outlines."""
+
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import leggauss
+
+from thesis_lib.acoustics.sources import AIR
+from thesis_lib.acoustics.surfaces import Surface
+from thesis_lib.vibration.polygons import area, clip, moments
+
+PLATE = np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]])
+L = np.array([[0, 0], [0.6, 0], [0.6, 0.23], [0.21, 0.23], [0.21, 0.4], [0, 0.4]])
+TURN = 2 * np.pi * (np.arange(120) + 0.5) / 120
+DISC = 0.3 + 0.2 * np.column_stack([np.cos(TURN), np.sin(TURN)])
+SHAPES = {
+    "as one": lambda x, y: 1 + 0 * x,
+    "tilting": lambda x, y: x - 0.2,
+    "one half-wave": lambda x, y: np.sin(np.pi * x / 0.6) * np.sin(np.pi * y / 0.4),
+    "three by two": lambda x, y: np.sin(3 * np.pi * x / 0.6) * np.cos(2 * np.pi * y / 0.4),
+}
+
+
+def rectangle(x, y, nodes=(40, 30)):
+    """Gauss's nodes (2, n) and weights of a rectangle between two x and two y."""
+    (u, a), (v, b) = map(leggauss, nodes)
+    grid = np.meshgrid(x[0] + (u + 1) / 2 * np.ptp(x), y[0] + (v + 1) / 2 * np.ptp(y))
+    return np.stack(grid).reshape(2, -1), np.outer(b, a).ravel() * np.ptp(x) * np.ptp(y) / 4
+
+
+def sectors(corners, nodes=8):
+    """The same of a polygon around (0.3, 0.3), as triangles of which this is a corner."""
+    (u, a), centre, places, weights = leggauss(nodes), np.array([0.3, 0.3]), [], []
+    s, t = np.meshgrid((u + 1) / 2, (u + 1) / 2)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        aside = (1 - t.ravel())[:, None] * (start - centre) + t.ravel()[:, None] * (end - centre)
+        places.append(centre + s.ravel()[:, None] * aside)
+        turned = np.linalg.det([start - centre, end - centre])
+        weights.append((s * np.outer(a, a)).ravel() * turned / 4)
+    return np.concatenate(places).T, np.concatenate(weights)
+
+
+OUTLINES = {
+    "rectangle": (PLATE, lambda: rectangle((0, 0.6), (0, 0.4))),
+    "L": (L, lambda: [np.concatenate(both, axis=-1) for both in zip(
+        rectangle((0, 0.6), (0, 0.23)), rectangle((0, 0.21), (0.23, 0.4), (20, 20)), strict=True)]),
+    "disc": (DISC, lambda: sectors(DISC, 6)),
+}  # fmt: skip
+
+
+def efficiency(places, weights, shape, k):
+    v, (x, y) = weights * shape(*places), places
+    power = v @ np.sinc(k * np.hypot(x[:, None] - x, y[:, None] - y) / np.pi) @ v
+    return k**2 / (2 * np.pi) * power / (v @ shape(*places))
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_the_stated_uncertainty_holds_what_sums_are_off_by(name, conforms):
+    corners, integral = OUTLINES[name]
+    surface, (places, weights) = Surface.of(corners, 1600), integral()
+    conforms.closed_form(surface.area, area(corners), rtol=1e-9)
+    conforms.independent(weights.sum(), area(corners), rtol=1e-9)
+    off = []
+    for hertz in (60, 300, 900):
+        omega = 2 * np.pi * hertz
+        for shape in SHAPES.values():
+            moving = shape(*surface.places)[:, None]
+            found = surface.power_form(moving, omega) / surface.plane_wave_form(moving, omega)
+            exact = efficiency(places, weights, shape, omega / AIR.speed_of_sound)
+            off.append(float(found[0, 0]) / exact - 1)
+    ratio = np.sqrt(np.mean(np.square(off))) / surface.sum_std
+    conforms.independent(ratio, above=0.02, below=1)
+    assert np.max(np.abs(off)) < 3 * surface.sum_std
+
+
+def test_the_error_of_a_sum_falls_with_the_fourth_power_of_its_cells(conforms):
+    omega, shape = 2 * np.pi * 900, SHAPES["three by two"]
+    exact = efficiency(*rectangle((0, 0.6), (0, 0.4)), shape, omega / AIR.speed_of_sound)
+    off = []
+    for nodes in (24, 96, 384):
+        surface = Surface.of(PLATE, 4 * nodes)
+        moving = shape(*surface.places)[:, None]
+        found = surface.power_form(moving, omega) / surface.plane_wave_form(moving, omega)
+        off.append(abs(float(found[0, 0]) / exact - 1))
+    conforms.order(np.log2(np.array(off[:-1]) / off[1:]), 4, atol=0.4)
+
+
+def test_a_clipped_polygon_has_the_moments_of_its_part(conforms):
+    """A triangle cut to a trapezium, and an L of which two parts lie in the box."""
+    triangle = clip([[0, 0], [2, 0], [0, 2]], [0, 0], [1, 1])
+    whole, centre, variances = moments(triangle)
+    conforms.closed_form(whole, 1, rtol=1e-12)
+    assert len(triangle) >= 4
+    u = [[0, 0], [3, 0], [3, 2], [2, 2], [2, 1], [1, 1], [1, 2], [0, 2]]
+    whole, centre, variances = moments(clip(u, [0, 1.5], [3, 2]))
+    conforms.closed_form(whole, 1, rtol=1e-12)
+    conforms.closed_form(centre, [1.5, 1.75], rtol=1e-12)
+    conforms.closed_form(variances, [1 / 12 + 1, 0.25 / 12], rtol=1e-12)
+    assert moments(clip(u, [5, 5], [6, 6]))[0] == 0
