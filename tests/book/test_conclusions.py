@@ -64,7 +64,7 @@ def test_the_opposite_of_a_conclusion_is_seen():
 def test_a_fall_in_every_run_that_is_not_material_is_no_support():
     cube = power_law("beam-distance", "closer", np.log(0.95) / np.log(500 / 1500))
     (one,) = conclusions.strengths({"beam-distance": cube}, KNOBS["closer"])
-    assert (one.confident, one.opposite, one.unchanged, one.single) == (0, 0, 2, 1)
+    assert (one.confident, one.opposite, one.unchanged, one.single) == (0, 0, 2, 0)
     assert "0 of 2 (2 no material change)" in plain(
         conclusions_tables.PIECES["conclusions-closer"]({"beam-distance": cube})
     )
@@ -84,6 +84,32 @@ def test_the_experiment_confirms_what_changes_by_more_than_a_tenth(factor, held)
     (row,) = [line for line in text.splitlines() if "| matched |" in line]
     assert f"×{factor:.2f}" in row
     assert row.endswith(f"| {held} |")
+
+
+@pytest.mark.parametrize(("turned", "held"), [(True, "not monotonic, best at "), (False, "yes")])
+def test_the_experiment_names_the_best_width_of_an_error_that_turns(turned, held):
+    request = validate("experiment-resolution", {"trials": 9, "cases": ["matched"]})
+    cube = experiment.run(request, recordings(request.recordings, sigma=0.02))
+    by = dict(
+        zip(cube["value"].values.tolist(), [2.80, 2.16, 2.41 if turned else 2.0], strict=True)
+    )
+    error = [by[value] for value in cube["value"].values.tolist()] * xr.ones_like(
+        cube["mean_error"]
+    ).transpose(..., "setting")
+    cube = with_provenance(cube.assign(mean_error=error), request, 0.0)
+    text = conclusions_tables.PIECES["conclusions-experiment"]({"experiment-resolution": cube})
+    (row,) = [line for line in text.splitlines() if "| matched |" in line]
+    assert f"| {held}" in row
+    assert ("1280" in row.split("|")[-2]) == turned
+
+
+def test_an_error_that_neither_surely_falls_nor_rises_is_not_told_apart():
+    cube = power_law("beam-distance", "closer", 0.0)
+    scatter = 1 + 0.5 * np.random.default_rng(0).standard_normal(cube["mean_error"].shape)
+    (one,) = conclusions.strengths(
+        {"beam-distance": cube.assign(mean_error=cube["mean_error"] * scatter)}, KNOBS["closer"]
+    )
+    assert (one.confident, one.opposite) == (0, 0)
 
 
 def plain(text):

@@ -39,6 +39,8 @@ def row(i: int) -> dict[str, Any]:
         "href": f"beam-distance.html#fig-{chapter}-{i}",
         "place": f"figure {chapter}.{1 + i * 7 % 40}",
         "command": "thesis run beam-distance" if i % 2 == 0 else "", "counted": chapter != 5,
+        "note_href": "../errata.html#errata-a6" if i % 6 == 3 else "",
+        "step_back": "2.16 at 1280 but 2.41 at 1920" if i % 50 == 7 else "",
     }  # fmt: skip
 
 
@@ -380,6 +382,21 @@ def test_a_row(chromium: Browser, path: Path) -> None:
         roles = opened.page.get_by_role("table").locator("tbody").first
         assert roles.get_by_role("cell").count() == 8
         assert roles.get_by_role("rowheader").count() == 1
+
+
+def test_a_row_says_why_it_differs_and_that_a_trend_is_not_monotonic(
+    chromium: Browser, path: Path
+) -> None:
+    with open_offline(chromium, path) as opened:
+        one = claim(opened, 3)
+        one.get_by_role("button", name=re.compile("^why about ")).click()
+        second = one.locator(".tl-ledger-second")
+        assert ROWS[3]["note"] in second.inner_text()
+        more = second.get_by_role("link", name="More on this")
+        assert more.get_attribute("href") == ROWS[3]["note_href"]
+        verdict = claim(opened, 7).locator(".tl-ledger-verdict").inner_text()
+        assert verdict.strip() == f"{ROWS[7]['verdict']}, not monotonic"
+        assert "not monotonic" not in claim(opened, 6).locator(".tl-ledger-verdict").inner_text()
 
 
 @pytest.mark.parametrize("allowed", [True, False])

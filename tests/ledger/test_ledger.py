@@ -4,15 +4,17 @@ import json
 import re
 import shlex
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
 
-from thesis_lib.facts import claims, setups, trends
+from thesis_lib.facts import claims, reasons, setups, trends
+from thesis_lib.facts import rows as fact_rows
 from thesis_lib.facts.numbers import read_numbers
-from thesis_lib.facts.readings import READINGS
+from thesis_lib.facts.readings import READINGS, assumptions
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
@@ -28,6 +30,7 @@ from thesis_lib.ledger import cube as ledger_cube
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import report as ledger_report
 from thesis_lib.ledger import verdicts as ledger_verdicts
+from thesis_lib.ledger.reasons import explained
 from thesis_lib.ledger.series import series_of
 from thesis_lib.ledger.verdicts import VERDICTS
 from thesis_lib.studies import commands as studies_commands
@@ -166,22 +169,19 @@ def test_each_corner_has_its_cameras_and_distance(conforms):
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
-def test_apart_has_for_each_aperture_a_series_over_the_distances(conforms, structure):
+def test_apart_has_for_each_distance_a_series_over_the_apertures(conforms, structure):
     distances = setups.table(structure, "distance")["distances_mm"]
     name = f"{structure}-aperture"
     made = own()[f"{structure}-apart"]
     here = {(s.case, s.quantity, s.mode): s for s in made}
-    cases = {f"{s.case} {s.value:g}" for s in STUDIES[name]().settings()}
+    cases = {f"{s.case} at {d:g}" for s in STUDIES[name]().settings() for d in distances}
     assert {case for case, _, _ in here} == cases
-    for number, distance in enumerate(distances):
+    for distance in distances:
         cube = studies.run(request_of(name, distance_mm=distance))
-        for row, (case, value) in enumerate(
-            zip(cube["case"].values, cube["value"].values, strict=True)
-        ):
-            series = here[f"{case} {value:g}", "mean_error", 3]
-            assert series.values.tolist() == distances
-            expected = cube["mean_error"].sel(mode=3)[row, 1:]
-            conforms.independent(series.errors[number], expected, rtol=1e-6)
+        for series in series_of(cube.assign_attrs(figure_set=name)):
+            made_here = here[f"{series.case} at {distance:g}", series.quantity, series.mode]
+            assert made_here.values.tolist() == series.values.tolist()
+            conforms.independent(made_here.errors, series.errors, rtol=1e-6)
 
 
 def test_elevation_and_tilts_are_what_is_varied(conforms):
@@ -563,6 +563,77 @@ def test_the_report_tells_why_what_is_undefined_is():
     made = entries(beam_distance="cube beam-distance.nc is missing: run `thesis book`")
     text = ledger_report.report(made)
     assert "cube beam-distance.nc is missing: run `thesis book`" in text.split("undefined:")[1]
+
+
+# -- Why claims differ --
+
+
+def interpretations(met, **meets):
+    """Which stated values the adopted interpretation and two others meet, and how many in all."""
+    names = ["adopted", "rest known", "rest known, 18 mm lens"]
+    return xr.Dataset(
+        {
+            "reading_inside": (("reading", "chapter"), [[n] for n in met]),
+            "reading_meets": (("value", "reading"), list(meets.values())),
+        },
+        {"reading": names, "value": [name.replace("_", "-") for name in meets]},
+    )  # fmt: skip
+
+
+def test_every_claim_that_differs_says_why_with_a_link(found, other_readings):
+    made = explained(found, other_readings)
+    assert [(e.id, e.verdict) for e in made] == [(e.id, e.verdict) for e in found]
+    for entry, before in zip(made, found, strict=True):
+        if entry.verdict == "differs":
+            assert entry.note.endswith((".", "rms")), entry.id
+            assert entry.note_href, entry.id
+        else:
+            assert entry == before
+
+
+def test_an_interpretation_is_named_if_it_meets_the_value():
+    base = entries()[0]
+    one = [replace(base, id="a-b", kind="figure", verdict="differs", note="")]
+
+    def why(met, *meets):
+        (entry,) = explained(one, interpretations(met, a_b=meets))
+        return entry.note
+
+    none = "No explanation was found: none of 2 other interpretations meets this value."
+    assert why((9, 4, 6), 0, 0, 0) == none
+    assert "“rest known” meets this one, but only 4 in all; the adopted one meets 9." in why(
+        (9, 4, 6), 0, 1, 0
+    )
+    assert "“rest known, 18 mm lens”, meets this value, and 12 values in all" in why(
+        (9, 4, 12), 0, 0, 1
+    )
+    assert "“rest known” meets" in why((9, 4, 12), 0, 1, 1)  # the other changes more than needed
+    (unknown,) = explained([replace(one[0], id="else")], interpretations((9, 4, 6), a_b=(0, 0, 0)))
+    assert unknown.note == "No explanation was found."
+
+
+def test_reasons_are_of_claims_and_lead_to_places_of_the_book():
+    stated = {one.id for read in (claims.read_claims, trends.read_trends, read_numbers)
+              for one in read()}  # fmt: skip
+    known = reasons.read_reasons()
+    assert set(known) <= stated
+    items = {item["id"] for item in assumptions()}
+    for one in known.values():
+        document, _, anchor = one.page.partition("#")
+        text = (project_root() / "book" / f"{document}.md").read_text(encoding="utf-8")
+        if document == "assumptions":
+            assert anchor.removeprefix("assumed-") in items
+        elif anchor:
+            headings = {h.lower().replace(" ", "-") for h in re.findall(r"^#+ (.*)$", text, re.M)}
+            assert f"({anchor})=" in text or anchor in headings, one.page
+
+
+def test_a_malformed_reason_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
+    for row, field in (("a,No stop,errata", "reason"), ("a,Because.,not a page", "page")):
+        (tmp_path / "reasons.csv").write_text(f"id,reason,page\n{row}\n", encoding="utf-8")
+        with pytest.raises(ValueError, match=f"reasons.csv, line 2: {field}"):
+            reasons.read_reasons()
 
 
 # -- The ledger as a cube --

@@ -5,10 +5,12 @@ the pixel grids. It is tested on resamples of the trials, the same in every sett
 resamples in which it holds is its *confidence*. The share of single trials in which it holds tells
 how often somebody with one run, such as the thesis, would see it.
 
-A trend that says that an error falls or rises has an *effect*, too: by what factor the expected
+A trend that says that an error falls or rises has *effects*, too: by what factor the expected
 error changes from the first to the last setting, of all the errors that it names the one that
-changes least in the stated direction. Within ``MATERIAL`` of 1 it is no material change, however
-sure its sign.
+changes least in the stated direction, and the one that changes most. If no expected error changes
+by more than the smallest effect that counts, ``MATERIAL``, it is no material change, however sure
+its sign. If an expected error goes the other way by more than that between two neighbouring
+settings, the trend is not monotonic, which is said beside the verdict.
 
 What the words mean is set in ``trend_tests.py``, once for all trends.
 """
@@ -26,7 +28,7 @@ _ONE_SIDED = rf"{_NUMBER}( first| last)?"
 WORDS = {  # what is stated, and what has to be said with it
     "falls": "", "rises": "", "falls_steadily": "", "falls_irregularly": "",
     "flat": rf"({_INTERVALS})?", "within": _INTERVALS,
-    "no_trend": "", "mostly_no_trend": "", "same_pattern": "",
+    "no_trend": "", "mostly_no_trend": "", "same_pattern": "", "same_trends": "",
     "below": _ONE_SIDED, "at_most": _ONE_SIDED, "above": rf"{_NUMBER} first",
     "peaks": _NUMBER, "highest_last": "", "modes_alike": "",
     "worst_mode": r"\d+", "best_mode": r"\d+", "planes_alike": r"((XZ|YZ) \d \d)?",

@@ -21,6 +21,8 @@ TEXTS = {  # fields that the cube holds as text, and what they are
     "note": "reason or remark",
     "href": "page with its figure",
     "command": "what makes the cubes that it is judged by",
+    "note_href": "page that tells more of the reason",
+    "step_back": "largest material step against a trend, which is then not monotonic",
 }
 UNITS = {  # numbers of figures and trends; those of stray numbers have the units of their texts
     "least": "least value that is stated",
@@ -31,7 +33,8 @@ UNITS = {  # numbers of figures and trends; those of stray numbers have the unit
     "high": "95 % quantile of the trials",
     "confidence": "share of resampled expectations in which a trend holds",
     "single": "share of single trials in which a trend holds",
-    "effect": "expected error of a rise or fall at the last setting over that at the first",
+    "effect": "expected error at the last setting over that at the first, where it changes least",
+    "largest_effect": "expected error at the last setting over the first, where it changes most",
     "ratio": "median over the nearest stated value",
 }
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -31,7 +32,10 @@ Opener = Callable[[Study], "xr.Dataset | str"]
 CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
 RENDERED = ("experiment", "lab")  # judged by recordings that were rendered, not filmed
 NAN = float("nan")
-NUMBERS = ("least", "most", "literal", "median", "low", "high", "confidence", "single", "effect")
+NUMBERS = (
+    "least", "most", "literal", "median", "low", "high",
+    "confidence", "single", "effect", "largest_effect",
+)  # fmt: skip
 QUANTITIES = {
     "mean_error": "mean error",
     "max_point_error": "largest marker error",
@@ -74,6 +78,9 @@ class Entry:
     confidence: float = NAN
     single: float = NAN
     effect: float = NAN
+    largest_effect: float = NAN
+    step_back: str = ""  #: Of a trend that is not monotonic
+    note_href: str = ""  #: The page that tells more of the reason
 
     @property
     def row(self) -> dict[str, object]:
@@ -176,7 +183,7 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
     )
 
 
-def _numbers(found: Check | Finding | None, *names: str) -> dict[str, float]:
+def _numbers(found: Check | Finding | None, *names: str) -> dict[str, Any]:
     return {} if found is None else {name: getattr(found, name) for name in names}
 
 
@@ -222,14 +229,17 @@ def _trend(
         counted=not rendered,
         href=link if first else "",
         command="\n".join(commands),
-        **_numbers(finding, "confidence", "single", "effect"),
+        step_back=finding.step_back if finding else "",
+        **_numbers(finding, "confidence", "single", "effect", "largest_effect"),
     )
 
 
 def _found(finding: Finding) -> str:
     """What is found of a trend, in a few words."""
-    effect = f"×{finding.effect:.2f}, " if np.isfinite(finding.effect) else ""
-    return f"{effect}confidence {finding.confidence:.0%}, single runs {finding.single:.0%}"
+    ends = [f"{one:.2f}" for one in (finding.effect, finding.largest_effect) if np.isfinite(one)]
+    effect = f"×{'–'.join(sorted(set(ends)))}, " if ends else ""
+    back = f"not monotonic ({finding.step_back}), " if finding.step_back else ""
+    return f"{effect}{back}confidence {finding.confidence:.0%}, single runs {finding.single:.0%}"
 
 
 def _number(number: StatedNumber) -> Entry:

@@ -42,6 +42,7 @@ class Evidence:
     trend: Trend
     errors: Mapping[Key, Array]
     values: Mapping[str, Array]
+    one_run: bool = False  #: Whether each draw is a single run, not an expectation
 
     @property
     def cases(self) -> tuple[str, ...]:
@@ -49,14 +50,19 @@ class Evidence:
         return self.trend.cases or tuple(self.values)
 
     @property
-    def series(self) -> list[Array]:
-        """Errors of all that the trend speaks of and that has a reference."""
+    def named(self) -> list[tuple[Key, Array]]:
+        """Errors of all that the trend speaks of and that has a reference, and what they are of."""
         spoken_of = [
-            self.errors[quantity, case, mode]
+            ((quantity, case, mode), self.errors[quantity, case, mode])
             for quantity, case, mode in self.errors
             if case in self.cases and mode in self.trend.modes and quantity in self.trend.quantities
         ]
-        return [errors for errors in spoken_of if np.isfinite(errors).all()]
+        return [(key, errors) for key, errors in spoken_of if np.isfinite(errors).all()]
+
+    @property
+    def series(self) -> list[Array]:
+        """Errors of all that the trend speaks of and that has a reference."""
+        return [errors for _, errors in self.named]
 
     def of_modes(self, quantity: str) -> dict[int, Array]:
         """Geometric mean over all settings of the cases, by mode: shape (draws,)."""

@@ -32,7 +32,7 @@ def report(found: Sequence[Entry]) -> str:
         modes = f" mode {', '.join(map(str, entry.modes))}" if entry.modes else ""
         case = f"case {entry.case}{modes}: " if entry.case else ""
         what = f"{entry.what.rstrip('.')}: {entry.stated} → {entry.got}{ratio}"
-        lines.append(f"  {entry.place}, {case}{what}")
+        lines.append(f"  {entry.place}, {case}{what}; {entry.note}")
     reasons = Counter(entry.note for entry in found if entry.verdict == "undefined")
     lines += ["\nundefined:"] if reasons else []
     lines += [f"  {number:3} × {reason}" for reason, number in reasons.items()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -10,13 +10,13 @@ import numpy as np
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts.trends import Trend
-from thesis_lib.ledger.evidence import Drawn, Evidence
-from thesis_lib.ledger.trend_tests import MATERIAL, TESTS
+from thesis_lib.ledger.evidence import Drawn, Evidence, Key
+from thesis_lib.ledger.trend_tests import TESTS, is_less
 from thesis_lib.ledger.verdicts import UNCHANGED
 
 CONFIDENT = 0.95
 RESAMPLES = 2000
-WEAKEST = {"falls": np.max, "falls_steadily": np.max, "rises": np.min}
+DIRECTIONS = {"falls": -1, "falls_steadily": -1, "rises": 1}  # tests of an end against the other
 
 
 @dataclass(frozen=True)
@@ -43,17 +43,23 @@ class Series:
 class Finding:
     """How surely a trend holds in expectation, in which share of single runs, and how strongly.
 
-    The effect is NaN for trends that are no rise or fall.
+    Effects are NaN, and no step goes back, for trends that are no rise or fall.
     """
 
     confidence: float
     single: float
+    #: Expected error at the last setting over that at the first, of the errors that are named:
+    #: where it changes least in the stated direction, and where it changes most
     effect: float = field(default=float("nan"), compare=False)
+    largest_effect: float = field(default=float("nan"), compare=False)
+    #: The largest step against the trend, if it is a material one: said beside the verdict, as
+    #: the trend is not monotonic
+    step_back: str = field(default="", compare=False)
 
     @property
     def verdict(self) -> str:
         """One word of the ledger: agrees, within scatter, differs or no material change."""
-        if abs(self.effect - 1) <= MATERIAL:
+        if _are_unchanged(np.array([self.effect, self.largest_effect])):
             return UNCHANGED
         if self.confidence >= CONFIDENT:
             return "agrees"
@@ -91,25 +97,54 @@ def judge(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | No
     name, _, argument = trend.test.partition(" ")
     shares = []
     for errors in (mean, each):
-        evidence = Evidence(trend, errors, values)
+        evidence = Evidence(trend, errors, values, one_run=errors is each)
         if not evidence.series:
             return None
         try:
             shares.append(float(np.mean(TESTS[name](evidence, argument))))
         except LookupError:  # what it is compared with is missing
             return None
-    spoken_of = Evidence(trend, mean, values).series
-    return Finding(shares[0], shares[1], _effect(name, spoken_of))
+    if name not in DIRECTIONS:
+        return Finding(shares[0], shares[1])
+    expected = {key: draws.mean(axis=1) for key, draws in Evidence(trend, mean, values).named}
+    least, most = _effects(expected.values(), DIRECTIONS[name])
+    return Finding(
+        shares[0], shares[1], least, most, _step_back(expected, values, DIRECTIONS[name])
+    )
 
 
-def _effect(test: str, series: Iterable[Array]) -> float:
-    """Expected error at the last setting over that at the first, where it changes least."""
-    if test not in WEAKEST:
-        return float("nan")
-    first, last = (np.array([np.mean(errors[at]) for errors in series]) for at in (0, -1))
-    if not first.all():
-        return float("nan")
-    return float(WEAKEST[test](last / first))
+def _are_unchanged(effects: Array) -> bool:
+    """Return whether no error is materially below the other, of some factors between two."""
+    one = np.ones_like(effects)
+    known = np.isfinite(effects).all()
+    return bool(known and not (is_less(effects, one) | is_less(one, effects)).any())
+
+
+def _effects(expected: Iterable[Array], direction: int) -> tuple[float, float]:
+    """Return the last error over the first, where it changes least in a direction, and most."""
+    ends = np.array([[errors[0], errors[-1]] for errors in expected])
+    if not ends[:, 0].all():
+        return float("nan"), float("nan")
+    ratios = ends[:, 1] / ends[:, 0]
+    least, most = (ratios.min(), ratios.max())[::direction]
+    return float(least), float(most)
+
+
+def _step_back(expected: Mapping[Key, Array], values: Mapping[str, Array], direction: int) -> str:
+    """Describe the largest step between neighbours against a trend; empty if none is material."""
+    steps = [
+        (less / more, key, at)
+        for key, errors in expected.items()
+        for at in range(len(errors) - 1)
+        for less, more in [errors[[at, at + 1]][::-direction]]
+        if is_less(less, more)
+    ]
+    if not steps:
+        return ""
+    _, (quantity, case, mode), at = min(steps)
+    errors, settings = expected[quantity, case, mode], values[case]
+    of = f", mode {mode} of {case}" if len(expected) > 1 else ""
+    return " but ".join(f"{errors[i]:.3g} at {settings[i]:g}" for i in (at, at + 1)) + of
 
 
 @lru_cache(maxsize=8)

@@ -152,11 +152,12 @@ class Strength:
     #: Fitted exponent of each curve: here, and of the prediction
     exponents: Array
     predicted: Array
-    #: Curves in which the trend holds in expectation, in which its opposite does, each in at least
-    #: 95 % of the resamples, and in which the change is not material
+    #: Curves that change towards the good end, or towards the other, by more than the smallest
+    #: effect in at least 95 % of the resamples; that change by less; that are not monotonic
     confident: int
     opposite: int
     unchanged: int
+    not_monotonic: int
     single: float  #: Share of single runs in which the trend shows
     lost: int  #: Settings without a result
 
@@ -185,6 +186,9 @@ def _strength(group: str, found: list[Curve], knob: Knob) -> Strength:
         confident=sum(f.verdict == "agrees" for f in findings),
         opposite=sum(f.verdict == "agrees" for f in against),
         unchanged=sum(f.verdict == UNCHANGED for f in findings),
+        not_monotonic=sum(
+            bool(f.step_back) and (f.effect < 1) == (knob.better > 0) for f in findings
+        ),
         single=float(np.mean([f.single for f in findings])),
         lost=max(c.lost for c in found),
     )

@@ -28,6 +28,7 @@ def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     """The ledger's cube, from the book's cubes; one that is missing or outdated is made here."""
     from thesis_lib.figure_sets.claims import own_runs, power
     from thesis_lib.ledger import cube as ledger_cube
+    from thesis_lib.ledger.reasons import explained
 
     opened: dict[str, xr.Dataset] = {}
 
@@ -38,6 +39,6 @@ def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
             opened[study.name] = cube.reset_coords()  # each coordinate costs as much as judging
         return opened[study.name]
 
-    found = judged(open_cube, own_runs.read_own(own))
+    found = explained(judged(open_cube, own_runs.read_own(own)), other)
     tested = power.power(lambda name: open_cube(STUDIES[name]()), claims.read_claims())
     return ledger_cube.as_cube(found, other.merge(tested))

@@ -9,7 +9,7 @@ are near or far, low or high, wide or narrow, of few or many cameras.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -79,6 +79,15 @@ def _across(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[Series]
         )
         for first in zip(*runs, strict=True)
         for number, label in enumerate(first[0].values)
+    ]
+
+
+def _at_each(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[Series]:
+    """The series of studies that differ in one value, each named after it."""
+    return [
+        replace(series, case=f"{series.case} at {value:g}")
+        for value, cube in zip(values, made, strict=True)
+        for series in series_of(cube)
     ]
 
 
@@ -160,7 +169,7 @@ def _own(structure: str) -> dict[str, Source]:
         ),
         f"{structure}-singly": Source((_layouts(structure, singly),), partial(_read_one, str)),
         f"{structure}-apart": Source(
-            tuple(aperture({"distance_mm": d}) for d in distances), partial(_across, distances)
+            tuple(aperture({"distance_mm": d}) for d in distances), partial(_at_each, distances)
         ),
         f"{structure}-elevation": Source(tuple(low), partial(_across, elevations)),
     }

@@ -38,12 +38,15 @@ OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated value
 VARIABLES = declared("""
     reading_claims(reading, chapter, outcome) [1] number of claims by verdict under a reading
     reading_inside(reading, chapter) [1] number of claims that the band of the trials meets
+    reading_meets(reading, value) [1] 1 if the band of the trials meets a stated value under a
+        reading
     gained(reading) [1] claims missed by the adopted reading, met by this
     lost(reading) [1] claims met by the adopted reading, missed by this
     log_residual(reading, chapter) [1] rms logarithm of median over stated value
     reading(reading) [1] reading of what the thesis leaves open
     chapter(chapter) [1] chapter of the thesis
     outcome(outcome) [1] verdict
+    value(value) [1] name of a stated value
 """)
 
 
@@ -127,7 +130,8 @@ def run(study: OtherReadings) -> xr.Dataset:
     -------
     xarray.Dataset
         ``reading_claims(reading, chapter, outcome)``: number of claims; ``reading_inside(reading,
-        chapter)``: how many of them the band of the trials meets; ``gained(reading)`` and
+        chapter)``: how many of them the band of the trials meets; ``reading_meets(reading,
+        value)``: which; ``gained(reading)`` and
         ``lost(reading)`` of them against the adopted reading; ``log_residual(reading, chapter)``:
         rms natural logarithm of median over stated, of claims with one value or an interval.
     """
@@ -143,7 +147,8 @@ def run(study: OtherReadings) -> xr.Dataset:
     counts = np.zeros((*shape, len(OUTCOMES)), int)
     inside, residual = np.zeros(shape, int), np.full(shape, np.nan)
     gained, lost = np.zeros(len(chosen), int), np.zeros(len(chosen), int)
-    stated = Counter(claim.chapter for claim in read_claims())
+    simulated = [claim for claim in read_claims() if claim.chapter in chapters]
+    stated = Counter(claim.chapter for claim in simulated)
     met = [{check.claim.id: check.inside for check in of_reading} for of_reading in made]
     for r, of_reading in enumerate(made):
         both = met[r].keys() & met[0].keys()
@@ -158,6 +163,7 @@ def run(study: OtherReadings) -> xr.Dataset:
     values = {
         "reading_claims": counts,
         "reading_inside": inside,
+        "reading_meets": [[int(of.get(c.id, False)) for c in simulated] for of in met],
         "gained": gained,
         "lost": lost,
         "log_residual": residual,
@@ -166,6 +172,7 @@ def run(study: OtherReadings) -> xr.Dataset:
         "reading": [reading.name for reading in chosen],
         "chapter": chapters,
         "outcome": list(OUTCOMES),
+        "value": [claim.id for claim in simulated],
     }
     return xr.Dataset(labelled(values, VARIABLES), labelled(coords, VARIABLES))
 

@@ -56,6 +56,7 @@ def power_table(cube: xr.Dataset) -> Markdown:
 def rules() -> Markdown:
     """The tolerances, which are the same for all claims."""
     points, low_points = f"{WIDER:g} point", f"{WIDER_BELOW_10:g} below 10 %"
+    effect = f"{trend_tests.MATERIAL:.0%}"
     rows = [
         [
             "a stated value *agrees*",
@@ -70,31 +71,38 @@ def rules() -> Markdown:
         ["… *differs*", "neither; the ratio is that of the median to the nearest stated value"],
         [
             "a trend *agrees*",
-            "true of the expected errors with a confidence of at least "
-            f"{CONFIDENT:.0%}, over {RESAMPLES} resamples of the trials",
+            f"true of the expected errors in at least {CONFIDENT:.0%} of {RESAMPLES} resamples of "
+            "the trials (its *confidence*)",
         ],
         [
             "… is *within scatter*",
             f"else, true in more than {1 - CONFIDENT:.0%} of the single runs or of the resamples",
         ],
         [
-            "falls, rises",
-            "last below (above) first, and more pairs of settings in this order than "
-            "in the other; in every mode and error that is named",
+            "falls (rises)",
+            f"last below first (first below last) by more than {effect}, and more pairs of "
+            "settings in this order than in the other; in every mode and error that is named",
+        ],
+        [
+            "*not monotonic*, beside a verdict",
+            f"between two neighbouring settings an expected error goes the other way by more than "
+            f"{effect}",
         ],
         [
             f"a rise or fall is *{UNCHANGED}*",
-            f"if the expected error changes by at most {trend_tests.MATERIAL:.0%} from first to "
-            "last, whatever the confidence; of several, the one that changes least",
+            f"whatever the confidence, no expected error that is named changes by more than "
+            f"{effect} from first to last",
         ],
         [
             "within an interval",
-            f"every expected error in it, its ends give or take {trend_tests.MATERIAL:.0%}",
+            f"every expected error in it, its ends give or take {effect}",
         ],
         [
             "flat, no significant variation",
-            f"largest at most {trend_tests.FLAT:g} times the least: "
-            "the thesis calls 7 → 3.5 % significant and 8–18 % not",
+            f"the least below the largest by no more than {effect}, so nothing that falls or rises "
+            "is flat; in a single run, whose errors scatter, what the thesis calls so: all in the "
+            f"interval that it prints, else within a factor of {trend_tests.ONE_RUN_FLAT:g} "
+            "(it calls 7 → 3.5 % significant and 8–18 % not)",
         ],
         [
             "alike, similar",
@@ -128,10 +136,9 @@ def _rows(part: list[ledger.Entry]) -> str:
     rows = []
     for entry in part:
         ratio = "" if entry.ratio is None else f"{entry.ratio:.2f}"
-        what = entry.what if entry.verdict == "differs" else f"{entry.what} ({entry.note})"
         of = " · ".join(filter(None, [entry.case, ", ".join(map(str, entry.modes))]))
-        rows.append([entry.place, of, what, entry.stated, entry.got, ratio])
-    return table(["place", "case · mode", "what", "stated", "got", "ratio"], rows)
+        rows.append([entry.place, of, entry.what, entry.stated, entry.got, ratio, entry.note])
+    return table(["place", "case · mode", "what", "stated", "got", "ratio", "why"], rows)
 
 
 def _is_mean(entry: ledger.Entry) -> bool:

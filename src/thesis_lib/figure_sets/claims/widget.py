@@ -16,6 +16,7 @@ _ESM = joined("ledger")
 _CSS = asset("ledger.css")
 _TEXTS = (
     "id", "kind", "case", "what", "stated", "got", "verdict", "note", "href", "place", "command",
+    "step_back", "note_href",
 )  # fmt: skip
 WITHOUT = "This table needs JavaScript; `thesis claims` prints the same."
 _KEYS = {*_TEXTS, "chapter", "modes", "ratio", "counted"}
@@ -45,8 +46,10 @@ class LedgerTable(anywidget.AnyWidget):
             the claim.
         ``place``, ``href``
             Where it stands, ``"figure 3.4"``, and a relative link or ``""``.
-        ``note``, ``command``
-            Texts for the second line of a row, may be ``""``.
+        ``step_back``
+            The step against a trend that is not monotonic, or ``""``.
+        ``note``, ``note_href``, ``command``
+            Texts for the second line of a row, and a relative link; may be ``""``.
 
     Raises
     ------

@@ -58,7 +58,8 @@ export default (() => {
   }
   function secondLine(row) {
     const cell = html("td", { colspan: COLUMNS.length, role: "cell" });
-    if (row.note) cell.append(html("p", {}, row.note));
+    if (row.note)
+      cell.append(html("p", {}, row.note, ...(row.note_href ? [" ", link("More on this", row.note_href)] : [])));
     if (row.command) {
       const code = html("code", {}, row.command);
       cell.append(html("p", {}, "Run again: ", code, " ", copyButton("Copy", null, () => row.command, code)));
@@ -74,7 +75,7 @@ export default (() => {
   };
   function claimOf(row, widest) {
     const body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
-    const word = row.note ? "note" : "more"; // in the name, too, for those who speak to the browser
+    const word = row.note_href ? "why" : row.note ? "note" : "more"; // in the name, too, for those who speak to the browser
     const toggle = button({ "aria-expanded": false, "aria-label": `${word} about ${row.place}: ${row.what}` },
       word, () => {
         const open = toggle.getAttribute("aria-expanded") === "true";
@@ -85,7 +86,7 @@ export default (() => {
     const shown = {
       place: [link(row.place, row.href), ...(row.counted ? [] : [html("sup", { title: "not counted" }, "†")])],
       case: [row.case], mode: [row.modes.join(", ")], what: [row.what], stated: [row.stated], got: [row.got],
-      verdict: [verdictMark(row.verdict), html("span", {}, row.verdict)],
+      verdict: [verdictMark(row.verdict), html("span", {}, row.verdict + (row.step_back ? ", not monotonic" : ""))],
       ratio: [row.ratio?.toFixed(2) ?? ""], more: [toggle],
     };
     const cells = COLUMNS.map(([name, label]) => html(name === "what" ? "th" : "td", {
