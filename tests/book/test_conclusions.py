@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import shutil
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from scenes.laboratory import recordings
+from scenes.laboratory import replicates
 
 from thesis_lib.book.conclusions import figure as conclusions_figure
 from thesis_lib.book.conclusions import pixels
@@ -70,12 +71,18 @@ def test_a_fall_in_every_run_that_is_not_material_is_no_support():
     )
 
 
+@cache
+def matched():
+    """Return a request for the experiment's own chain, and its cube from synthetic recordings."""
+    request = validate("experiment-resolution", {"trials": 3, "cases": ["matched"]})
+    return request, experiment.run(request, replicates(request.recordings, 4, sigma=0.02))
+
+
 @pytest.mark.parametrize(
     ("factor", "held"), [(0.5, "yes"), (0.97, "no material change"), (2.0, "the opposite")]
 )
 def test_the_experiment_confirms_what_changes_by_more_than_a_tenth(factor, held):
-    request = validate("experiment-resolution", {"trials": 9, "cases": ["matched"]})
-    cube = experiment.run(request, recordings(request.recordings, sigma=0.02))
+    request, cube = matched()
     first, *_, last = cube["value"].values.astype(float)
     power = np.log(factor) / np.log(last / first)
     error = (cube["value"].astype(float) / first) ** power * xr.ones_like(cube["mean_error"])
@@ -88,8 +95,7 @@ def test_the_experiment_confirms_what_changes_by_more_than_a_tenth(factor, held)
 
 @pytest.mark.parametrize(("turned", "held"), [(True, "not monotonic, best at "), (False, "yes")])
 def test_the_experiment_names_the_best_width_of_an_error_that_turns(turned, held):
-    request = validate("experiment-resolution", {"trials": 9, "cases": ["matched"]})
-    cube = experiment.run(request, recordings(request.recordings, sigma=0.02))
+    request, cube = matched()
     by = dict(
         zip(cube["value"].values.tolist(), [2.80, 2.16, 2.41 if turned else 2.0], strict=True)
     )

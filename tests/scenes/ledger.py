@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from scenes.laboratory import recordings
+from scenes.laboratory import replicates
 from scenes.layouts import layouts
 
 from thesis_lib.facts import claims, trends
@@ -33,9 +33,9 @@ def cube_of(name):
     """The cube of a figure set."""
     request = validate(name, {"trials": TRIALS})
     if request.subject == "experiment":
-        cube = study.run(request, recordings(request.recordings, sigma=0.02))
+        cube = study.run(request, replicates(request.recordings, TRIALS + 1, sigma=0.02))
     elif request.subject == "lab":
-        cube = lab_layout_study.run(request, layouts(request, sigma=0.02))
+        cube = lab_layout_study.run(request, layouts(request, sigma=0.02, replicates=TRIALS + 1))
     elif request.subject == "sound":
         request = validate(name, {"trials": TRIALS, "plane_shape": [9, 7]})
         cube = sound.run(request, cube_of(name.replace("sound", "plate")))
