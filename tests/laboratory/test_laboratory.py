@@ -34,6 +34,7 @@ from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.recordings.media_info import MediaError, probe
 from thesis_lib.measure.recordings.pictures import write_png
+from thesis_lib.measure.recordings.sound import read_audio
 from thesis_lib.measure.steps import calibrated
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
 from thesis_lib.measure.tracking.homography import TrackingError
@@ -191,7 +192,7 @@ def test_lossless_videos_hold_the_frames_as_they_were_rendered(conforms, recordi
     for index, name in enumerate("AB"):
         kept = next(media.read_frames(recordings / f"{name}.mkv", 0, 1))
         conforms.invariance(kept, next(laboratory_film.frames(rig, index)), atol=0)
-        sound, rate, start = media.read_audio(recordings / f"{name}.mkv")
+        sound, rate, start = read_audio(recordings / f"{name}.mkv")
         assert (rate, start) == (48000, 0)
         conforms.invariance(sound, laboratory_film.sound(rig, index), atol=2**-15)
 
@@ -517,7 +518,7 @@ def test_a_beam_out_of_the_frame_is_refused_with_the_file(folder, recordings, wh
     for name in "AB":
         first = next(media.read_frames(recordings / f"{name}.mkv", 0, 1))
         frames = gray(3) if what == "nothing" else np.stack([shifted(first, 600)] * 3)
-        rewritten(folder, frames, sound=media.read_audio(recordings / f"{name}.mkv")[0], name=name)
+        rewritten(folder, frames, sound=read_audio(recordings / f"{name}.mkv")[0], name=name)
     message = refusal(folder, TrackingError)
     assert re.match(
         rf"{re.escape(str(folder))}/[AB]\.mkv: frame 0: ", message

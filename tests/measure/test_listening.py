@@ -13,7 +13,8 @@ from thesis_lib.measure.recordings.check import check_excitation
 from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
-from thesis_lib.measure.recordings.media import opened_audio, read_audio, write_video
+from thesis_lib.measure.recordings.media import write_video
+from thesis_lib.measure.recordings.sound import opened_audio, read_audio
 from thesis_lib.measure.synchronisation import audio as hearing
 from thesis_lib.measure.synchronisation.listen import listen
 from thesis_lib.measure.synchronisation.tones import SynchronisationError

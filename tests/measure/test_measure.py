@@ -37,11 +37,11 @@ from thesis_lib.laboratory.example import AMPLITUDE, example_manifest, example_r
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.pipeline import OUTPUTS
-from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media_info import frame_times
+from thesis_lib.measure.recordings.sound import read_audio
 from thesis_lib.measure.report.notes import notes
 from thesis_lib.measure.tracking.tracks import Recording, _state
 from thesis_lib.outputs import CACHE_TAG, RECORD, put_files
@@ -324,7 +324,7 @@ def test_a_wrong_manifest_is_refused_in_one_line_and_leaves_no_trace(
 
 
 def sound_of(video):
-    return media.read_audio(video)[0]
+    return read_audio(video)[0]
 
 
 def cut(path, share):

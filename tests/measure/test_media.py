@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from thesis_lib.measure.recordings.media import (
-    read_audio,
     read_frames,
     write_video,
 )
@@ -20,6 +19,7 @@ from thesis_lib.measure.recordings.media_info import (
     probe,
 )
 from thesis_lib.measure.recordings.pictures import read_png, write_png
+from thesis_lib.measure.recordings.sound import read_audio
 
 RATE = 48000
 SIZE = (64, 48)

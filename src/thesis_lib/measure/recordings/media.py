@@ -11,8 +11,6 @@ before the first one and up to 1024 after the last, and trusts the reader to dro
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -22,7 +20,7 @@ import av
 import numpy as np
 from av.video.reformatter import ColorRange
 from av.video.stream import VideoStream
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.files import whole_file
@@ -31,12 +29,8 @@ from thesis_lib.measure.recordings.media_info import (
     file_address,
     info_of,
     open_media,
-    start_of,
     video_track,
 )
-
-BLOCK = 1 << 16  # samples of sound that are read at once
-GAP = 0.02  # s that a block of audio may be off its place; containers round to 1 ms
 
 
 def write_video(
@@ -183,88 +177,3 @@ def read_frames(
         if wanted is not None and k < wanted:
             says = f"the file says {there}" if stop is None else f"asked up to {stop}"
             raise MediaError(f"{path}: ends before frame {k}, {says} frames")
-
-
-@dataclass(frozen=True)
-class Audio:
-    """Sound of a video that is read block by block, once."""
-
-    rate: int  #: Samples per second in Hz
-    start: float  #: Time of the first sample after that of the first frame, s
-    #: The samples in −1…1, mixed to one channel, some tens of thousands at a time, shape
-    #: (samples,)
-    blocks: Iterator[Array]
-
-
-@contextmanager
-def opened_audio(path: Path, channel: int | None = None) -> Iterator[Audio]:
-    """Sound of a video or a sound file, however long, while the file is open.
-
-    All channels are mixed to one, or one of them is taken, the first as 1.
-
-    Raises
-    ------
-    MediaError
-        As :func:`probe`, or if there is no audio track, or no such channel; while the blocks are
-        taken, if it is damaged or has a gap.
-    """
-    with open_media(path) as file:
-        if not file.streams.audio:
-            raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
-        track = file.streams.audio[0]
-        if channel is not None and channel > track.channels:
-            raise MediaError(f"{path}: given channel {channel}, allowed: 1 to {track.channels}")
-        picture = start_of(file.streams.video[0]) if file.streams.video else 0.0
-        try:
-            frames = file.decode(track)
-            first = next(frames, None)
-        except (av.FFmpegError, OSError):
-            raise MediaError(f"{path}: damaged audio after 0.000 s") from None
-        if first is None:
-            raise MediaError(f"{path}: the audio track is empty")
-        start, rate = first.time or 0.0, track.sample_rate
-        whole = chain([first], frames)
-        yield Audio(rate, start - picture, _audio_blocks(path, whole, start, rate, channel))
-
-
-def _audio_blocks(
-    path: Path, frames: Iterable[av.AudioFrame], start: float, rate: int, channel: int | None
-) -> Iterator[Array]:
-    convert = av.AudioResampler(format="fltp")
-    blocks: list[NDArray[np.float32]] = []
-    count = held = 0
-    try:
-        for frame in frames:
-            if abs((frame.time or 0.0) - start - count / rate) > GAP:
-                raise MediaError(f"{path}: the audio has a gap at {start + count / rate:.3f} s")
-            taken = [block.to_ndarray() for block in convert.resample(frame)]
-            blocks += [x.mean(axis=0) if channel is None else x[channel - 1] for x in taken]
-            count, held = count + frame.samples, held + frame.samples
-            if held >= BLOCK:
-                yield np.concatenate(blocks, dtype=float)
-                blocks, held = [], 0
-    except (av.FFmpegError, OSError):
-        raise MediaError(f"{path}: damaged audio after {count / rate:.3f} s") from None
-    if blocks:
-        yield np.concatenate(blocks, dtype=float)
-
-
-def read_audio(path: Path) -> tuple[Array, int, float]:
-    """Sound of a video, mixed to one channel.
-
-    Returns
-    -------
-    samples : ndarray, shape (samples,)
-        In −1…1.
-    sample_rate : int
-        Samples per second in Hz.
-    start_time : float
-        Time of the first sample after that of the first frame, s.
-
-    Raises
-    ------
-    MediaError
-        As :func:`opened_audio`.
-    """
-    with opened_audio(path) as audio:
-        return np.concatenate(list(audio.blocks)), audio.rate, audio.start

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.sound import AudioTrack, opened_audio
 from thesis_lib.measure.synchronisation.checks import checked, same_rate, shortest_of
 from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
 from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, Match
@@ -34,9 +34,9 @@ class Recording:
     path: Path  #: The file
     channel: int | None = None  #: Which channel counts, the first is 1; None: all of them, mixed
 
-    def opened(self) -> AbstractContextManager[media.Audio]:
+    def opened(self) -> AbstractContextManager[AudioTrack]:
         """Its sound, while the file is open."""
-        return media.opened_audio(self.path, self.channel)
+        return opened_audio(self.path, self.channel)
 
 
 @dataclass(frozen=True)

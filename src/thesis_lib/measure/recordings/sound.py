@@ -1,0 +1,332 @@
+"""Sound of videos and sound files: its track, its channels, its pace, and its samples.
+
+A file states a sample rate, and its time stamps state another one where the recorder stamps sound
+by the clock of its pictures. The time stamps count: a line through them against the samples gives
+the samples per second of the video's clock, and only a jump between them is a gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import av
+import numpy as np
+from av.audio.stream import AudioStream
+from av.container import InputContainer
+from av.stream import Disposition
+
+from thesis_lib.arrays import Array, IntArray
+from thesis_lib.measure.recordings.media_info import MediaError, open_media, start_of
+
+BLOCK_SAMPLES = 1 << 16  # that are read at once
+MIN_GAP_S = 0.015  # jump of time stamps that is a gap: the shortest packet that is lost has 20 ms
+JUMP_FRAMES = 8  # on either side of a jump whose median counts, so that one late stamp is none
+PRIMING_S = 0.15  # at either end in which a jump is the encoder's: 4 packets of AAC have 85 ms
+MILLISECOND_S = 1.001e-3  # rounding of time stamps in containers that count in milliseconds
+PACE_PARTS = 16  # of a track whose mean time stamps tell the standard error of its pace
+PACE_SIGMAS = 5.0  # standard errors from which on a pace counts
+FAINT = 0.1  # of the loudest channel's or track's rms, 20 dB below it: holds no sound
+CANCELLED = 0.5  # of the rms that unlike channels have when they are mixed: these cancel
+#: Samples by which MP3 comes late where the file says no delay: the usual 576 of the encoder, and
+#: 529 of the decoder
+MP3_DELAY = 1105
+
+
+@dataclass(frozen=True)
+class AudioTrack:
+    """Sound of a video that is read block by block, once."""
+
+    rate: float  #: Samples per second of the video's clock
+    start: float  #: Time of the first sample after that of the first frame, s
+    #: The samples in −1…1, mixed to one channel, some tens of thousands at a time, shape
+    #: (samples,)
+    blocks: Iterator[Array]
+    stated_rate: int  #: Samples per second that the file states
+    source: str = ""  #: Which track and channels these are, if they are not all of the first track
+
+
+@dataclass
+class _Survey:
+    """Time stamps and levels of one audio track, gathered frame by frame."""
+
+    channels: int
+    rate: int = 0  #: Of the decoded frames in Hz
+    times: list[float] = field(default_factory=list)  #: Time stamp of each frame, s
+    counts: list[int] = field(default_factory=list)  #: Samples of each frame
+    #: Sums over the samples of the channels, and of their products, for their covariance
+    sums: Array = field(default_factory=lambda: np.empty(0))
+    products: Array = field(default_factory=lambda: np.empty((0, 0)))
+    unit: float = 0.0  #: Of the time stamps, s
+    damaged: float | None = None  #: When it can no longer be decoded, s
+
+    def add(self, frame: av.AudioFrame, block: Array) -> None:
+        """Take one more frame, whose samples are `block`, shape (channels, samples)."""
+        if not self.counts:
+            self.rate, self.channels = frame.sample_rate, len(block)
+            self.sums, self.products = np.zeros(len(block)), np.zeros((len(block), len(block)))
+        self.times.append(np.nan if frame.time is None else frame.time)
+        self.counts.append(frame.samples)
+        self.sums += block.sum(axis=1)
+        self.products += block @ block.T
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the channels, shape (channels, channels)."""
+        n = max(sum(self.counts), 1)
+        return self.products / n - np.outer(self.sums, self.sums) / n**2
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Which part of a file is its sound."""
+
+    track: int  #: Index among the audio tracks
+    channels: tuple[int, ...]  #: Indices of the channels that are mixed
+    first: int  #: First frame
+    last: int  #: One beyond the last frame
+    start: float  #: Time of the first sample, s
+    pace: float  #: Seconds of the time stamps for one of the samples at the stated rate
+    words: str  #: Which track and channels these are
+
+
+@contextmanager
+def opened_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
+    """Open the sound of a video or a sound file of any length.
+
+    Of several tracks the first that holds sound is used, or the loudest, if that is 20 dB louder;
+    of its channels those that hold sound are mixed, unless they cancel.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    channel : int, optional
+        The channel that is used, the first is 1; all tracks' channels are counted through.
+
+    Raises
+    ------
+    MediaError
+        If the file has no audio track, or no such channel, or if its sound is damaged or has a gap.
+    """
+    with open_media(path) as file:
+        if not file.streams.audio:
+            raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
+        source = _source_of(path, channel)
+        track = file.streams.audio[source.track]
+        films = [s for s in file.streams.video if not s.disposition & Disposition.attached_pic]
+        picture = start_of(films[0]) if films else source.start
+        rate = _surveyed(path)[source.track].rate
+        late = MP3_DELAY / rate if films and _hides_delay(file, track) else 0.0
+        yield AudioTrack(
+            rate=rate / source.pace if source.pace != 1 else float(rate),
+            start=source.start - picture - late,
+            blocks=_mixed_blocks(path, file, track, source),
+            stated_rate=rate,
+            source=source.words,
+        )
+
+
+def read_audio(path: Path) -> tuple[Array, float, float]:
+    """Read the sound of a video, mixed to one channel.
+
+    Returns
+    -------
+    samples : ndarray, shape (samples,)
+        In −1…1.
+    sample_rate : float
+        Samples per second of the video's clock.
+    start_time : float
+        Time of the first sample after that of the first frame, s.
+
+    Raises
+    ------
+    MediaError
+        As :func:`opened_audio`.
+    """
+    with opened_audio(path) as audio:
+        return np.concatenate(list(audio.blocks)), audio.rate, audio.start
+
+
+def _hides_delay(file: InputContainer, track: AudioStream) -> bool:
+    """Return whether MP3 stands in a container that cannot state its encoder's delay."""
+    return file.format.name == "avi" and track.codec_context.name.startswith("mp3")
+
+
+def _mixed_blocks(
+    path: Path, file: InputContainer, track: AudioStream, source: _Source
+) -> Iterator[Array]:
+    convert = av.AudioResampler(format="fltp")
+    chosen, blocks, held = list(source.channels), [], 0
+    try:
+        for k, frame in enumerate(file.decode(track)):
+            if k >= source.last:
+                break
+            if k < source.first:
+                continue
+            for block in convert.resample(frame):
+                blocks.append(block.to_ndarray()[chosen].mean(axis=0))
+            held += frame.samples
+            if held >= BLOCK_SAMPLES:
+                yield np.concatenate(blocks, dtype=float)
+                blocks, held = [], 0
+    except (av.FFmpegError, OSError):
+        raise MediaError(f"{path}: damaged audio") from None
+    if blocks:
+        yield np.concatenate(blocks, dtype=float)
+
+
+def _surveyed(path: Path) -> list[_Survey]:
+    """Survey all audio tracks of a file; once, unless it changes."""
+    about = path.stat()
+    return _survey(path.absolute(), about.st_size, about.st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
+    """Decode all audio tracks once, for their time stamps and levels."""
+    with open_media(path) as file:
+        tracks = file.streams.audio
+        found = [_Survey(track.channels, unit=float(track.time_base or 0)) for track in tracks]
+        place = {track.index: k for k, track in enumerate(tracks)}
+        convert = [av.AudioResampler(format="fltp") for _ in tracks]
+        packets = file.demux(*tracks)
+        while True:
+            try:
+                packet = next(packets, None)
+            except (av.FFmpegError, OSError):
+                for one in found:
+                    one.damaged = _seconds_of(one)
+                return found
+            if packet is None:
+                return found
+            own = found[k := place[packet.stream.index]]
+            if own.damaged is not None:
+                continue
+            try:
+                for frame in packet.decode():
+                    for block in convert[k].resample(frame):  # type: ignore[arg-type]
+                        own.add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
+            except (av.FFmpegError, OSError, ValueError):
+                own.damaged = _seconds_of(own)
+
+
+def _seconds_of(one: _Survey) -> float:
+    return sum(one.counts) / max(one.rate, 1)
+
+
+def _source_of(path: Path, channel: int | None) -> _Source:
+    """Choose the track and channels, and measure their start and pace."""
+    surveys = _surveyed(path)
+    if channel is None:
+        track, channels, words = _loud(surveys)
+    else:
+        every = [(k, c) for k, one in enumerate(surveys) for c in range(one.channels)]
+        if channel > len(every):
+            raise MediaError(f"{path}: given channel {channel}, allowed: 1 to {len(every)}")
+        track, chosen = every[channel - 1]
+        channels, words = (chosen,), ""
+    own = surveys[track]
+    if own.damaged is not None:
+        raise MediaError(f"{path}: damaged audio after {own.damaged:.3f} s")
+    if not own.counts:
+        raise MediaError(f"{path}: the audio track is empty")
+    first, last, start, pace = _timing(path, own)
+    return _Source(track, tuple(channels), first, last, start, pace, words)
+
+
+def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
+    """Choose the track and its channels that hold sound, and say so where others do not."""
+    levels = [
+        np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) * (one.damaged is None)
+        for one in surveys
+    ]
+    track = next(k for k, level in enumerate(levels) if level >= FAINT * max(levels))
+    words = "" if track == 0 else f"track {track + 1} of {len(surveys)}: those before hold no sound"
+    covariance = surveys[track].covariance
+    each = np.sqrt(np.diag(covariance).clip(0))
+    count = len(each)
+    channels = np.flatnonzero(each >= FAINT * each.max(initial=0.0))
+    if len(channels) < count:
+        names = _listed(channels)
+        why = f"{names} of {count}: the other{'s hold' if count > 2 else ' holds'} no sound"
+    else:
+        why = ""
+    part = covariance[np.ix_(channels, channels)]
+    if len(channels) > 1 and part.sum() < CANCELLED**2 * np.trace(part):
+        channels = np.array([int(np.argmax(each))])
+        why = f"{_listed(channels)} of {count}: mixed, the channels cancel"
+    return track, channels.tolist(), "; ".join(filter(None, [words, why]))
+
+
+def _listed(channels: IntArray) -> str:
+    numbers = ", ".join(str(c + 1) for c in channels)
+    return f"channel{'s' if len(channels) > 1 else ''} {numbers}"
+
+
+def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
+    """Fit a line through time stamps against samples.
+
+    Returns
+    -------
+    first, last : int
+        Frames from the one to before the other are without a jump.
+    start : float
+        Time of the first sample, s.
+    pace : float
+        Seconds of the time stamps for one of the samples.
+    """
+    times, rate = np.array(own.times), own.rate
+    samples = np.concatenate([[0], np.cumsum(own.counts)]) / rate
+    if not np.isfinite(times).all():  # no time stamps: the samples are the clock
+        return 0, len(times), float(np.nan_to_num(times[0])), 1.0
+    off = times - samples[:-1]
+    first, last = 0, len(times)
+    for k in _jumps(samples[:-1], off):
+        if samples[k] < PRIMING_S:
+            first = k
+        elif samples[-1] - samples[k] < PRIMING_S:
+            last = min(last, k)
+        else:
+            raise MediaError(
+                f"{path}: the audio has a gap at {times[k - 1] + own.counts[k - 1] / rate:.3f} s: "
+                f"its time stamps jump by {off[k] - off[k - 1]:+.3f} s"
+            )
+    x, y = samples[first:last] - samples[first], off[first:last]
+    rounding = MILLISECOND_S if own.unit > MILLISECOND_S / 3 else 2 * own.unit
+    if np.abs(y - y[0]).max() <= rounding:
+        return first, last, float(times[first]), 1.0
+    slope, error = _slope(x, y)
+    if abs(slope) < PACE_SIGMAS * error or abs(slope) * x[-1] <= rounding:
+        return first, last, float(times[first] + np.median(y - y[0])), 1.0
+    return first, last, float(times[first] + np.median(y - y[0] - slope * x)), 1 + slope
+
+
+def _jumps(samples: Array, off: Array) -> list[int]:
+    """Find the frames at which time stamps jump against the samples for good."""
+    if len(off) < 2:
+        return []
+    step = np.diff(off)
+    trend = float(np.median(step[JUMP_FRAMES:] if len(step) > 4 * JUMP_FRAMES else step))
+    found = []
+    for k in np.flatnonzero(np.abs(step - trend) > MIN_GAP_S / 2) + 1:
+        before = off[max(k - JUMP_FRAMES, found[-1] if found else 0) : k]
+        after = off[k : k + JUMP_FRAMES]
+        drift = trend * (len(before) + len(after)) / 2
+        if abs(np.median(after) - np.median(before) - drift) > MIN_GAP_S:
+            found.append(int(k))
+    return found
+
+
+def _slope(x: Array, y: Array) -> tuple[float, float]:
+    """Fit a slope, and tell its standard error from the means of parts."""
+    parts = min(PACE_PARTS, len(x))
+    if parts < 3:
+        return 0.0, np.inf
+    u, v = (np.array([part.mean() for part in np.array_split(z, parts)]) for z in (x, y))
+    slope, offset = np.polyfit(u, v, 1)
+    spread = float(np.sum((v - slope * u - offset) ** 2)) / (parts - 2)
+    return float(slope), float(np.sqrt(spread / np.sum((u - u.mean()) ** 2)))
