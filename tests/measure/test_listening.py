@@ -110,10 +110,19 @@ def test_a_sound_that_is_not_the_force_names_the_camera(tmp_path, sound, frequen
         assert word in message
 
 
-def test_another_sample_rate_is_named(tmp_path):
-    manifest = folder_of(tmp_path, [force(T), force(T)])
-    write_video(tmp_path / "B.mkv", np.zeros((3, 16, 16), np.uint8), 60, force(T), 44100)
-    assert "B: sample rate 44100 Hz, allowed: 48000 Hz as A" in refusal(manifest, tmp_path)
+@pytest.mark.parametrize("rates", [(RATE, 44100), (44100, RATE), (96000, 44100), (RATE, 8000)])
+def test_cameras_of_unlike_sample_rates_are_put_on_one_clock(conforms, tmp_path, rates):
+    starts = np.array([0.1, 0.2371])
+    sounds = [
+        force(np.arange(4 * rate) / rate + at) for rate, at in zip(rates, starts, strict=True)
+    ]
+    manifest = folder_of(tmp_path, sounds)
+    for name, sound, rate in zip("AB", sounds, rates, strict=True):
+        write_video(tmp_path / f"{name}.mkv", np.zeros((3, 16, 16), np.uint8), 60, sound, rate)
+    found = listen(manifest, tmp_path)
+    conforms.closed_form(found.synchronisation.delays[1], 0.1371, atol=1e-4 / 60)
+    turned = FORCE * np.exp(2j * np.pi * FREQUENCY * starts[0])
+    conforms.closed_form(abs(found.force / turned - 1), below=5e-4)
 
 
 @pytest.mark.parametrize("frequency", [1e5, 30.0])

@@ -46,7 +46,9 @@ class AudioTrack:
     #: (samples,)
     blocks: Iterator[Array]
     stated_rate: int  #: Samples per second that the file states
-    source: str = ""  #: Which track and channels these are, if they are not all of the first track
+    #: Which track and channels these are, if not all of the first one, and the pace of the time
+    #: stamps, if it is another than the file states; empty otherwise
+    source: str = ""
 
 
 @dataclass
@@ -121,12 +123,15 @@ def opened_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]
         picture = start_of(films[0]) if films else source.start
         rate = _surveyed(path)[source.track].rate
         late = MP3_DELAY / rate if films and _hides_delay(file, track) else 0.0
+        own = rate / source.pace if source.pace != 1 else float(rate)
+        stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
+        words = [source.words, stamps if own != rate else ""]
         yield AudioTrack(
-            rate=rate / source.pace if source.pace != 1 else float(rate),
+            rate=own,
             start=source.start - picture - late,
             blocks=_mixed_blocks(path, file, track, source),
             stated_rate=rate,
-            source=source.words,
+            source="; ".join(filter(None, words)),
         )
 
 
@@ -245,20 +250,24 @@ def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
         for one in surveys
     ]
     track = next(k for k, level in enumerate(levels) if level >= FAINT * max(levels))
-    words = "" if track == 0 else f"track {track + 1} of {len(surveys)}: those before hold no sound"
+    words = (
+        ""
+        if track == 0
+        else f"track {track + 1} of {len(surveys)}, since those before it hold no sound"
+    )
     covariance = surveys[track].covariance
     each = np.sqrt(np.diag(covariance).clip(0))
     count = len(each)
     channels = np.flatnonzero(each >= FAINT * each.max(initial=0.0))
     if len(channels) < count:
         names = _listed(channels)
-        why = f"{names} of {count}: the other{'s hold' if count > 2 else ' holds'} no sound"
+        why = f"{names} of {count}, since the other{'s hold' if count > 2 else ' holds'} no sound"
     else:
         why = ""
     part = covariance[np.ix_(channels, channels)]
     if len(channels) > 1 and part.sum() < CANCELLED**2 * np.trace(part):
         channels = np.array([int(np.argmax(each))])
-        why = f"{_listed(channels)} of {count}: mixed, the channels cancel"
+        why = f"{_listed(channels)} of {count}, since the channels cancel when mixed"
     return track, channels.tolist(), "; ".join(filter(None, [words, why]))
 
 
@@ -311,7 +320,7 @@ def _jumps(samples: Array, off: Array) -> list[int]:
         return []
     step = np.diff(off)
     trend = float(np.median(step[JUMP_FRAMES:] if len(step) > 4 * JUMP_FRAMES else step))
-    found = []
+    found: list[int] = []
     for k in np.flatnonzero(np.abs(step - trend) > MIN_GAP_S / 2) + 1:
         before = off[max(k - JUMP_FRAMES, found[-1] if found else 0) : k]
         after = off[k : k + JUMP_FRAMES]

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import resample_poly
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.force_fields import Force
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.synchronisation import audio
+from thesis_lib.measure.synchronisation.audio import Recording
 from thesis_lib.measure.synchronisation.checks import FULL_SCALE, SILENCE
 from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
-from thesis_lib.measure.synchronisation.drift import drift_of, loudness_match
-from thesis_lib.measure.synchronisation.pairs import track_of
-from thesis_lib.measure.synchronisation.transients import room_match
+from thesis_lib.measure.synchronisation.pairs import RATE, beside_first
+from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
 FINE = 10  # times the frame rate to which a fast recording of a force is reduced
 CLIPPED = 3  # samples at full scale from which on a force counts as clipped
@@ -128,7 +125,7 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
             full.append(int(np.count_nonzero(np.abs(block) >= FULL_SCALE)))
             yield block
 
-    with audio.Recording("the force", path, given.channel).opened() as file:
+    with Recording("the force", path, given.channel).opened() as file:
         step = step_to(file.rate, wanted)
         rate = file.rate / step
         values = np.concatenate([np.empty(0), *decimate(noted(file.blocks), step)])
@@ -158,24 +155,17 @@ def _clock(manifest: Manifest, folder: Path, delays: Array, paces: Iterable[floa
         if (folder / camera.video).resolve() == path.resolve():
             return Clock(float(delay), 0.0, pace)
     channel = given.sound_channel or given.channel
-    reference, rate, start = track_of(audio.Recording(first.name, folder / first.video))
-    other, its_rate, its_start = track_of(audio.Recording("the force", path, channel))
-    if its_rate != rate:
-        ratio = Fraction(rate / its_rate).limit_denominator(1000)
-        other = resample_poly(other, ratio.numerator, ratio.denominator).astype(np.float32)
-    match = room_match(reference, other, rate)
-    if not match.certain:
-        match = loudness_match(reference, other, rate)
-    if not match.certain:
+    both = Recording(first.name, folder / first.video), Recording("the force", path, channel)
+    try:
+        found = beside_first(both, {1: None})[1]
+    except SynchronisationError:
         raise ForceError(
             f"{path}: no sound in channel {channel} matches that of camera {first.name} beyond "
             "doubt; record a microphone beside the force and name its channel as "
             "force.sound_channel, or give force.offset_s"
-        )
-    known = match.delay + start - its_start
-    found = drift_of(reference, other, rate, (start, its_start), known)
+        ) from None
     if not np.isfinite(found.delay_deviation):
-        return Clock(known, 1 / rate)
+        return Clock(found.delay, 1 / RATE)
     pace = 1 - found.drift if abs(found.drift) > 2 * found.drift_deviation else 1.0
-    middle = len(other) / rate / 2  # where the line is best known
+    middle = float(found.times.mean())  # where the line is best known
     return Clock(found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace)

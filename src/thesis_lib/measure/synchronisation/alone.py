@@ -1,8 +1,9 @@
-"""Videos of one event, put on one clock by their sound: a table and a picture, nothing else."""
+"""Videos and sounds of one event, put on one clock by what they heard: a table and a picture."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,16 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import staging
-from thesis_lib.measure.recordings.media_info import probe
+from thesis_lib.measure.recordings.media_info import MediaError, probe
+from thesis_lib.measure.recordings.sound import opened_audio
 from thesis_lib.measure.synchronisation.audio import Recording, hear
 from thesis_lib.measure.synchronisation.drift import Drift
-from thesis_lib.measure.synchronisation.pairs import beside_first, track_of
+from thesis_lib.measure.synchronisation.pairs import beside_first
 from thesis_lib.outputs import check_outputs, put_files
 from thesis_lib.plotting.style import color, drawable, in_style, saved, subplots
 
 SHOWN = 1500  # points of an envelope
+AGREED = 0.9  # share of the windows below which it is said that they do not agree
 
 
 def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
@@ -37,6 +40,14 @@ def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
+def frame_rate_of(videos: Sequence[Path]) -> float:
+    """Return the frame rate of the first file that has pictures, Hz; NaN if none has."""
+    for video in videos:
+        with suppress(MediaError):
+            return probe(video).frame_rate
+    return np.nan
+
+
 def table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
     """A row for each video: start after the first, in s and its frames, and drift in 10⁻⁶."""
     nothing = np.array([])
@@ -47,25 +58,57 @@ def table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> p
             "starts_after_s": [one.delay for one in rows],
             "standard_error_s": [one.delay_deviation for one in rows],
             "in_frames": [one.delay * frame_rate for one in rows],
-            "clock_fast_by_ppm": [1e6 * one.drift for one in rows],
+            "clock_fast_by_ppm": [1e6 * one.fast for one in rows],
             "ppm_standard_error": [1e6 * one.drift_deviation for one in rows],
+            "agreeing_share": [1.0, *(one.agreement for one in drifts)],
         }
     )
 
 
 def describe(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> Iterator[str]:
-    """The table in sentences."""
+    """Report the table in sentences, uncertainties with two digits."""
     for name, one in zip(names[1:], drifts, strict=True):
-        ppm, error = 1e6 * one.drift, 1e6 * one.drift_deviation
-        start = f"{name} starts {one.delay:+.6f} s"
-        frames = f"after {names[0]} ({one.delay * frame_rate:+.3f} frames)"
-        if np.isnan(ppm):
-            yield f"{start} {frames}; too little sound to tell a standard error, and its clock"
-        else:
+        frames = f" ({one.delay * frame_rate:+.3f} frames)" if np.isfinite(frame_rate) else ""
+        if np.isnan(one.drift):
             yield (
-                f"{start} ± {1e3 * one.delay_deviation:.3f} ms {frames}; its clock is fast by "
-                f"{ppm:+.2f} ± {error:.2f} ppm"
+                f"{name} starts {one.delay:+.6f} s after {names[0]}{frames}; too little sound to "
+                "tell a standard error, and its clock"
             )
+            continue
+        ppm, ppm_std = 1e6 * one.fast, 1e6 * one.drift_deviation
+        yield (
+            f"{name} starts {one.delay:+.{decimals(one.delay_deviation)}f} s ± "
+            f"{format_seconds(one.delay_deviation)} after {names[0]}{frames}; its clock is fast by "
+            f"{ppm:+.{decimals(ppm_std)}f} ± {ppm_std:.{decimals(ppm_std)}f} ppm"
+        )
+        if one.agreement < AGREED:
+            yield (
+                f"{name}: only {one.agreement:.0%} of the seconds with sound agree on this, as "
+                f"where a room reverberates more than it is heard directly; the start of {name} "
+                "may be further off than its standard error"
+            )
+
+
+def decimals(std: float) -> int:
+    """Return how many decimals show two significant digits of a standard uncertainty."""
+    return max(0, 1 - int(np.floor(np.log10(std))))
+
+
+def format_seconds(std: float) -> str:
+    """Write a standard uncertainty in s with two significant digits, in s, ms or µs."""
+    unit, factor = next(
+        (unit, factor) for unit, factor in (("s", 1), ("ms", 1e3), ("µs", 1e6))
+        if std * factor >= 1 or unit == "µs"
+    )  # fmt: skip
+    return f"{std * factor:.{decimals(std * factor)}f} {unit}"
+
+
+def _sources(videos: Sequence[Path], names: Sequence[str]) -> Iterator[str]:
+    """Say which track, channels and pace a sound has, where that is not all or as stated."""
+    for video, name in zip(videos, names, strict=True):
+        with Recording(name, video).opened() as audio:
+            if audio.source:
+                yield f"{name}'s sound: {audio.source}"
 
 
 def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
@@ -78,14 +121,14 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
     """
     check_outputs(out, [out / "sync.csv", out / "sync.png"])
     drifts, names = synchronised(videos)
-    frame_rate = probe(videos[0]).frame_rate
+    frame_rate = frame_rate_of(videos)
     picture = saved(_picture(videos, drifts, names), "png", dpi=140)
     with staging(out) as part:
         rows = table(drifts, names, frame_rate)
         rows.to_csv(part / "sync.csv", index=False, float_format="%.9g")
         (part / "sync.png").write_bytes(picture)
         put_files(part, out)
-    return [*describe(drifts, names, frame_rate)]
+    return [*describe(drifts, names, frame_rate), *_sources(videos, names)]
 
 
 def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[str]) -> Figure:
@@ -113,7 +156,8 @@ def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[st
 
 def _envelope(video: Path) -> tuple[Array, Array]:
     """Times in s and largest sound about them, from 0 to 1."""
-    sound, rate, start = track_of(Recording(video.stem, video))
+    with opened_audio(video) as audio:
+        sound, rate, start = np.concatenate(list(audio.blocks)), audio.rate, audio.start
     step = max(len(sound) // SHOWN, 1)
     loud = np.abs(sound[: len(sound) // step * step]).reshape(-1, step).max(axis=1)
     times = np.asarray(start + (np.arange(len(loud)) + 0.5) * step / rate, float)

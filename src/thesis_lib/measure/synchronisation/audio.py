@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.sound import AudioTrack, opened_audio
-from thesis_lib.measure.synchronisation.checks import checked, same_rate, shortest_of
-from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
+from thesis_lib.measure.synchronisation.checks import checked, shortest_of
+from thesis_lib.measure.synchronisation.decimation import (
+    LowRate,
+    common_rate,
+    cut_off,
+    decimate,
+    step_to,
+)
 from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, Match
 from thesis_lib.measure.synchronisation.tones import TONE_RATE, check_rate
 from thesis_lib.measure.synchronisation.transients import ROOM_RATE, force_match, room_match
@@ -43,7 +49,7 @@ class Recording:
 class Heard:
     """What was read of all recordings."""
 
-    rate: float  #: Sample rate of the files in Hz
+    low: LowRate  #: At which the force is measured
     #: Of the sound of each after its first frame, s, shape (recordings,)
     starts: Array
     ends: Array
@@ -52,11 +58,16 @@ class Heard:
     tones: list[Track]
     tone_rate: float  #: Sample rate of the tones in Hz
     tone_start: float  #: When the tones' first samples come after the first samples of the files, s
+    sources: tuple[str, ...]  #: Which track and channels each one's sound is, empty if all
 
 
-def low_rate_of(rate: float, frequency: float) -> float:
-    """Rate in Hz at which the force is measured."""
-    return rate / step_to(rate, max(CORRELATION_RATE, TONE_RATE * frequency))
+def rates_of(recordings: Sequence[Recording]) -> list[float]:
+    """Return the sample rates of the recordings by their videos' clocks, Hz."""
+    rates = []
+    for recording in recordings:
+        with recording.opened() as audio:
+            rates.append(audio.rate)
+    return rates
 
 
 def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
@@ -107,39 +118,38 @@ def hear(recordings: Sequence[Recording], frequency: float | None, skip: float) 
     Raises
     ------
     MediaError, SynchronisationError
-        If a track is missing, of another rate, too short, silent or clipped.
+        If a track is missing, too short, silent or clipped.
     """
     shortest = 4 * BUTTONS if frequency is None else shortest_of(frequency)
-    rates: list[float] = []
-    starts, ends, tones, skipped = [], [], [], []
+    rates = rates_of(recordings)
+    wanted = TONE_RATE * (frequency or 0.0)
+    low = common_rate(rates, max(CORRELATION_RATE, wanted))
+    step = step_to(low.rate, wanted) if frequency else 1
+    starts, ends, tones, skipped, sources = [], [], [], [], []
     for recording in recordings:
         with recording.opened() as audio:
-            rates.append(audio.rate)
-            same_rate(rates, [one.name for one in recordings[: len(rates)]])
             lengths: list[int] = []
             blocks = checked(_noted(audio.blocks, lengths), audio.rate, shortest, recording.name)
-            low_rate = tone_rate = float(audio.rate)
             if frequency is None:
                 blocks = (block[:0] for block in blocks)
             else:
                 check_rate(audio.rate, frequency)
-                low_rate = low_rate_of(audio.rate, frequency)
-                step = step_to(low_rate, TONE_RATE * frequency)
-                blocks = decimate(decimate(blocks, round(audio.rate / low_rate)), step)
-                tone_rate = low_rate / step
-            tone, before = held(blocks, round(skip * tone_rate), SPAN)
+                blocks = decimate(low.reduce(blocks, audio.rate), step)
+            tone, before = held(blocks, round(skip * low.rate / step), SPAN)
             tones.append(tone)
             skipped.append(before)
             starts.append(audio.start)
             ends.append(audio.start + sum(lengths) / audio.rate)
-    later = max(skipped)
+            sources.append(audio.source)
+    later, tone_rate = max(skipped), low.rate / step
     return Heard(
-        rate=rates[0],
+        low=low,
         starts=np.array(starts),
         ends=np.array(ends),
         tones=[tone[later - before :] for tone, before in zip(tones, skipped, strict=True)],
         tone_rate=tone_rate,
-        tone_start=cut_off(rates[0], low_rate) + cut_off(low_rate, tone_rate) + later / tone_rate,
+        tone_start=low.cut + cut_off(low.rate, tone_rate) + later / tone_rate,
+        sources=tuple(sources),
     )
 
 
@@ -179,11 +189,10 @@ def low_track(recording: Recording, least: float, skip: float) -> tuple[Track, f
         return track, rate, audio.start + cut_off(audio.rate, rate) + before / rate
 
 
-def low_part(recording: Recording, wanted: float, first: int, last: int) -> Iterator[Array]:
-    """Samples `first` to `last` of a track at the lowest rate above `wanted`, in blocks."""
+def low_part(recording: Recording, low: LowRate, first: int, last: int) -> Iterator[Array]:
+    """Yield samples `first` to `last` of a track at a lower rate, in blocks."""
     with recording.opened() as audio:
-        low = decimate(audio.blocks, step_to(audio.rate, wanted))
-        yield from part_of(low, first, last)
+        yield from part_of(low.reduce(audio.blocks, audio.rate), first, last)
 
 
 def matches(
@@ -205,24 +214,22 @@ def matches(
     room : bool
         Whether the tracks hold what microphones hear instead of the force.
     """
-    wanted = ROOM_RATE if room else CORRELATION_RATE
+    low = common_rate(rates_of(recordings), ROOM_RATE if room else CORRELATION_RATE)
     found: dict[int, Match] = {}
     with ExitStack() as files:
         tracks = []
         for recording in recordings:
             audio = files.enter_context(recording.opened())
-            step = step_to(audio.rate, wanted)
-            low_rate = audio.rate / step
-            blocks = decimate(audio.blocks, step)
-            tracks.append(without_ends(blocks, round(BUTTONS * low_rate)) if room else blocks)
+            blocks = low.reduce(audio.blocks, audio.rate)
+            tracks.append(without_ends(blocks, round(BUTTONS * low.rate)) if room else blocks)
         for span in islice(spans(tracks, SPAN), ROOM_SPANS if room else None):
             for i, other in enumerate(span[1:], 1):
                 if i in found and (found[i].certain or len(other) < SPAN // 4):
                     continue
                 match = (
-                    room_match(span[0], other, low_rate)
+                    room_match(span[0], other, low.rate)
                     if room
-                    else force_match(span[0], other, low_rate, frequency)
+                    else force_match(span[0], other, low.rate, frequency)
                 )
                 best = found.get(i, match)
                 found[i] = max(best, match, key=lambda one: (one.certain, one.peak))

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import firwin
+from scipy.special import i0
 
 from thesis_lib.arrays import Array, Signal
 
+PHASES = 512  # of a sample at which the resampler's taps are tabulated: -105 dB between them
 EDGE = 10  # samples that the low-pass reaches to either side
+KAISER = 5.0  # shape of the low-pass's window: 50 dB beyond its edge
+STRETCH = 1 << 13  # samples that are resampled at once
 BLOCK = 1 << 17  # samples that are filtered at once
 
 
@@ -23,7 +28,7 @@ def step_to(rate: float, wanted: float) -> int:
 @cache
 def low_pass(step: int) -> Array:
     """Taps of the low-pass before every `step`-th sample is kept, symmetric."""
-    return firwin(2 * EDGE * step + 1, 1 / step, window=("kaiser", 5.0))
+    return firwin(2 * EDGE * step + 1, 1 / step, window=("kaiser", KAISER))
 
 
 def decimate(blocks: Iterable[Array], step: int) -> Iterator[Array]:
@@ -79,3 +84,75 @@ def decimated(signal: ArrayLike, rate: float, wanted: float) -> tuple[Signal, fl
 def cut_off(rate: float, low_rate: float) -> float:
     """How much later in s a signal starts that was :func:`decimated` from one rate to another."""
     return EDGE / low_rate if low_rate < rate else 0.0
+
+
+@dataclass(frozen=True)
+class LowRate:
+    """A sample rate that several signals of their own rates are reduced to, and when they begin."""
+
+    rate: float  #: In Hz, not above any of the signals' own
+    cut: float  #: Time of its first sample after the first one of each signal, s
+
+    def reduce(self, blocks: Iterable[Array], rate: float) -> Iterator[Array]:
+        """Reduce a signal in blocks, of a rate in Hz, to this rate."""
+        ratio = rate / self.rate
+        step = round(ratio)
+        if abs(ratio - step) < 1e-12 * step and (step > 1) == (self.cut > 0):
+            return decimate(blocks, step)
+        return resample(blocks, ratio, self.cut * rate)
+
+
+def common_rate(rates: Sequence[float], wanted: float) -> LowRate:
+    """Return the lowest rate above `wanted` that divides the lowest of some signals' rates."""
+    least = min(rates)
+    rate = least / step_to(least, wanted)
+    return LowRate(rate, cut_off(least, rate))
+
+
+@cache
+def _phases(ratio: float) -> Array:
+    """Tabulate the low-pass between samples, shape (phases + 1, taps)."""
+    reach = int(np.ceil(EDGE * ratio))
+    shift = np.arange(PHASES + 1)[:, None] / PHASES
+    x = (np.arange(-reach, reach + 2) - shift) / ratio
+    window = i0(KAISER * np.sqrt(np.clip(1 - (x / EDGE) ** 2, 0, None))) / i0(KAISER)
+    taps = np.sinc(x) * window * (np.abs(x) <= EDGE)
+    return np.asarray(taps / taps.sum(axis=1, keepdims=True), float)
+
+
+def resample(blocks: Iterable[Array], ratio: float, first: float) -> Iterator[Array]:
+    """Low-pass a signal in blocks, and take a sample every `ratio` of its own, at any ratio.
+
+    As :func:`decimate` does it, with the low-pass between samples taken from a table; what lies
+    before the signal counts as 0.
+
+    Parameters
+    ----------
+    blocks : iterable of ndarray, shape (samples,)
+        The signal, of any division.
+    ratio : float
+        Samples of the signal for one that is yielded, 1 or more.
+    first : float
+        Where in the signal the first one lies, in samples.
+    """
+    table = _phases(ratio)
+    reach = table.shape[1] // 2 - 1
+    begin, held, count = -reach, np.zeros(reach), 0
+    for block in blocks:
+        held = np.concatenate([held, block])
+        last = int(np.floor((begin + len(held) - reach - 2 - first) / ratio))
+        if last < count:
+            continue
+        for start in range(count, last + 1, STRETCH):
+            at = first + ratio * np.arange(start, min(start + STRETCH, last + 1))
+            low = np.floor(at).astype(int)
+            phase = (at - low) * PHASES
+            near = phase.astype(int)
+            part = phase - near
+            rows = np.lib.stride_tricks.sliding_window_view(held, table.shape[1])
+            samples = rows[low - reach - begin]
+            before, after = (np.einsum("ij,ij->i", samples, table[near + k]) for k in (0, 1))
+            yield before + part * (after - before)
+        count = last + 1
+        keep = max(int(np.floor(first + ratio * count)) - reach - begin, 0)
+        begin, held = begin + keep, held[keep:]

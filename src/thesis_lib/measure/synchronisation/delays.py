@@ -63,6 +63,7 @@ def compared(
     telling: int | None = None,
     least: float = 0.0,
     by_noise: bool = True,
+    either_sign: bool = False,
 ) -> Match:
     """Delay by the highest peak of the normalised cross-correlation, at the given rate.
 
@@ -87,10 +88,14 @@ def compared(
         Other peaks nearer than this many s do not count.
     by_noise : bool
         Whether noise lowers the ratio from which on peaks are alike.
+    either_sign : bool
+        Whether one of the recordings may be inverted, as microphones are.
     """
     shorter = min(len(np.asarray(a)), len(np.asarray(b)))
     most = shorter // 2 if max_delay is None else min(int(max_delay * rate), shorter - 2)
     lags, c = normalised_correlation(a, b, most)
+    if either_sign and -c.min() > c.max():
+        c = -c
     best = int(np.argmax(c))
     peak = float(c[best])
     tops, _ = find_peaks(np.concatenate([[-1], c, [-1]]), height=0.5 * peak, prominence=0.1 * peak)

@@ -3,28 +3,45 @@
 With Tᵢ the start of a recording and δ the share by which its clock is fast, what happens at T has
 the time t = (1 + δ)(T − Tᵢ) in it. So what is at t in the one is at t + delay − δt in the
 reference: a straight line through the delays of windows tells both.
+
+A window's correlation has several peaks where sound reverberates or repeats; the line is that
+which most of the windows have a peak on. Windows are compared as they are left by
+:func:`~thesis_lib.measure.synchronisation.transients.whitening`, so that neither hum nor a note
+has a peak at each of its periods.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import oaconvolve
 
-from thesis_lib.arrays import Array, Signal
+from thesis_lib.arrays import Array, IntArray, Signal
 from thesis_lib.measure.synchronisation.correlation import normalised_correlation, summit
 from thesis_lib.measure.synchronisation.delays import Match
+from thesis_lib.measure.synchronisation.transients import BINS, LATE, whitening
 
 WINDOW = 1.0  # s
 HOP = 0.005  # s of a step of loudness
 HELD = 300.0  # s from the start whose loudness is compared
 LEAST = 3.0  # s that sounds have in common at least
 NEXT, SECOND = 0.05, 0.7  # s from the highest peak, and share of it, that no other may reach
-REACH = 0.02  # s about the delay that was found, in which a window's is sought
+CANDIDATES = 12  # peaks of the loudness's correlation that are looked into at most
+REACH = 0.05  # s about the delay that was found, in which a window's is sought
 FASTEST = 2e-4  # most that clocks of cameras are apart, relative
+STEEPEST = 1e-3  # most that is looked for where the sounds are short
 TELLING = 6.0  # times 1/√n, by which unlike sounds correlate, that a window's correlation must be
+PEAKS = 3  # of each window that the line is sought through
+ON_LINE = 2.5e-4  # s that a window's peak may be from the line: 9 cm of a sound's way
 OUTLYING = 4.0  # times the middle deviation from the line
 FEWEST = 3  # windows that a drift is told from
+FINER = 16  # times finer than samples at which a peak is interpolated
+BESIDE = 12  # samples on either side that it is interpolated from
+SHARPEST = 0.005  # samples by which a peak between samples errs at least
+
+_AT = np.arange(-FINER, FINER + 1)[:, None] / FINER - np.arange(-BESIDE, BESIDE + 1)
+_INTERPOLATE = np.sinc(_AT) * np.cos(np.pi * _AT / (2 * BESIDE + 4)) ** 2
 
 
 @dataclass(frozen=True)
@@ -33,10 +50,21 @@ class Drift:
 
     delay: float  #: Start after the reference's, s
     delay_deviation: float  #: Its standard error, s; NaN if it rests on too few windows
-    drift: float  #: By how much its clock is fast, relative; NaN if it rests on too few windows
+    #: By how much its seconds are too short, relative; NaN if it rests on too few windows
+    drift: float
     drift_deviation: float  #: Its standard error
     times: Array  #: Middles of the windows that count, on its own clock, s, shape (windows,)
     delays: Array  #: What they show, s, shape (windows,)
+    agreement: float = 0.0  #: Share of the windows with a peak that have one on the line
+    #: Sum of the correlations of the windows on the line, over the root of all windows' number
+    score: float = 0.0
+    #: The drift of the samples at the rates that the files state; their time stamps tell another
+    sample_drift: float = np.nan
+
+    @property
+    def fast(self) -> float:
+        """By how much its clock is fast in its seconds per one of the reference's, relative."""
+        return self.drift / (1 - self.drift)
 
 
 def loudness_match(reference: Signal, other: Signal, rate: float) -> Match:
@@ -44,11 +72,7 @@ def loudness_match(reference: Signal, other: Signal, rate: float) -> Match:
 
     Loudness is so slow that clocks which drift apart do not blur it.
     """
-    a, b = (_loudness(sound, rate) for sound in (reference, other))
-    most = max(len(a), len(b)) - min(len(a), len(b), round(LEAST / HOP))
-    lags, c = normalised_correlation(a, b, most)
-    overlap = np.minimum(lags + len(b), len(a)) - np.maximum(lags, 0)
-    height = np.where(overlap > round(LEAST / HOP) / 2, c * np.sqrt(np.maximum(overlap, 0)), 0.0)
+    lags, c, height = _loudness_heights(reference, other, rate)
     top = int(np.argmax(height))
     rest = np.abs(lags - lags[top]) > round(NEXT / HOP)
     second = float(height[rest].max(initial=0.0))
@@ -63,6 +87,30 @@ def loudness_match(reference: Signal, other: Signal, rate: float) -> Match:
         snr=np.nan,
         least=TELLING,
     )
+
+
+def loudness_candidates(reference: Signal, other: Signal, rate: float) -> list[float]:
+    """Find the delays in s at which the loudness of two sounds is alike, the likeliest first."""
+    lags, c, height = _loudness_heights(reference, other, rate)
+    found: list[float] = []
+    least = SECOND * float(height.max(initial=0.0))
+    while len(found) < CANDIDATES and height.max(initial=0.0) > least:
+        top = int(np.argmax(height))
+        found.append(float(HOP * summit(lags, c, top)))
+        height[np.abs(lags - lags[top]) <= round(NEXT / HOP)] = 0.0
+    return found
+
+
+def _loudness_heights(
+    reference: Signal, other: Signal, rate: float
+) -> tuple[IntArray, Array, Array]:
+    """Return lags, correlation of the loudness, and how far that is above chance."""
+    a, b = (_loudness(sound, rate) for sound in (reference, other))
+    most = max(len(a), len(b)) - min(len(a), len(b), round(LEAST / HOP))
+    lags, c = normalised_correlation(a, b, most)
+    overlap = np.minimum(lags + len(b), len(a)) - np.maximum(lags, 0)
+    enough = overlap > round(LEAST / HOP) / 2
+    return lags, c, np.where(enough, c * np.sqrt(np.maximum(overlap, 0)), 0.0)
 
 
 def _loudness(sound: Signal, rate: float) -> Array:
@@ -94,37 +142,97 @@ def drift_of(
     -------
     Drift
     """
+    if min(len(reference), len(other)) <= 2 * BINS:
+        return _nothing(delay)
+    taps = whitening(reference, rate), whitening(other, rate)
     n = round(WINDOW * rate)
     most = round((REACH + FASTEST * len(other) / rate) * rate)
-    times, found, weights = [], [], []
-    for first in range(0, len(other) - n + 1, n):
+    peaks: list[tuple[int, float, float]] = []  # window, delay, correlation
+    times: list[float] = []
+    for first in range(0, len(other) - n - BINS + 2, n):
         at = round((starts[1] + first / rate + delay - starts[0]) * rate)
-        low, high = at - most, at + n + most
+        low, high = at - most, at + n + BINS - 1 + most
         if low < 0 or high > len(reference):
             continue
-        lags, c = normalised_correlation(reference[low:high], other[first : first + n], 2 * most)
+        one = oaconvolve(reference[low:high], taps[0], "valid")
+        two = oaconvolve(other[first : first + n + BINS - 1], taps[1], "valid")
+        lags, c = normalised_correlation(one, two, 2 * most)
         whole = (lags >= 0) & (lags <= 2 * most)  # where the window is inside
         lags, c = lags[whole], c[whole]
-        top = int(np.argmax(c))
-        if c[top] < TELLING / np.sqrt(n) or top in (0, len(c) - 1):
+        for top in _tops(np.abs(c), TELLING / np.sqrt(n)):
+            here = low + int(lags[top]) + _vertex(np.sign(c[top]) * c, top)
+            own = starts[0] + here / rate - (starts[1] + first / rate)
+            peaks.append((len(times), own, float(c[top])))
+        times.append(starts[1] + (first + LATE + n / 2) / rate)
+    if not peaks:
+        return _nothing(delay)
+    window = np.array([peak[0] for peak in peaks])
+    late, height = np.array([peak[1:] for peak in peaks]).T
+    when = np.array(times)
+    on = _on_line(window, when[window], late - delay, height)
+    found = _line(when[window[on]], late[on], np.abs(height[on]), delay, SHARPEST / rate)
+    return replace(
+        found,
+        agreement=len(on) / len(np.unique(window)),
+        score=float(np.abs(height[on]).sum() / np.sqrt(len(times))),
+    )
+
+
+def _nothing(delay: float) -> Drift:
+    return Drift(delay, np.nan, np.nan, np.nan, np.array([]), np.array([]))
+
+
+def _tops(c: Array, least: float) -> IntArray:
+    """Find the highest peaks of a window's correlation that are above chance."""
+    inner = c[1:-1]
+    peak = (inner >= c[:-2]) & (inner > c[2:]) & (inner >= least)
+    places = np.flatnonzero(peak) + 1
+    return places[np.argsort(c[places])[::-1][:PEAKS]]
+
+
+def _on_line(window: IntArray, when: Array, late: Array, height: Array) -> IntArray:
+    """Choose a peak of each window that has one on the line with most of them; one sign alone."""
+    span = max(float(np.ptp(when)), WINDOW)
+    middle, turn = when.mean(), min(REACH + FASTEST * span, STEEPEST * span)
+    slopes = np.arange(-turn, turn + ON_LINE, ON_LINE) / span
+    best, chosen = -1.0, np.array([], int)
+    for sign in (1.0, -1.0):
+        own = np.flatnonzero(sign * height > 0)
+        if not len(own):
             continue
-        times.append(starts[1] + (first + n / 2) / rate)
-        here = low + int(lags[top]) + _vertex(*c[top - 1 : top + 2])
-        found.append(starts[0] + here / rate - (starts[1] + first / rate))
-        weights.append(float(c[top]))
-    return _line(np.array(times), np.array(found), np.array(weights), delay)
+        for slope in slopes:
+            off = late[own] - slope * (when[own] - middle)
+            order = np.argsort(off)
+            sums = np.concatenate([[0], np.cumsum(np.abs(height[own])[order])])
+            ends = np.searchsorted(off[order], off[order] + 2 * ON_LINE, "right")
+            inside = sums[ends] - sums[:-1]
+            if inside.max() > best:
+                k = int(np.argmax(inside))
+                best, chosen = float(inside[k]), own[order[k : ends[k]]]
+    highest = chosen[np.argsort(-np.abs(height[chosen]), kind="stable")]
+    _, first = np.unique(window[highest], return_index=True)
+    return highest[first]
 
 
-def _vertex(left: float, middle: float, right: float) -> float:
-    """Where a parabola through three neighbours is highest, from the middle one, in samples.
+def _vertex(c: Array, top: int) -> float:
+    """Find where a peak of a band-limited signal is highest, from its sample `top`, in samples.
 
-    A clap's peak is too sharp for :func:`~thesis_lib.measure.synchronisation.correlation.summit`.
+    A parabola through three samples alone errs by up to 0.05 of them.
     """
-    return float((left - right) / (2 * (left - 2 * middle + right)))
+    near = np.clip(top + np.arange(-BESIDE, BESIDE + 1), 0, len(c) - 1)
+    fine = _INTERPOLATE @ c[near]
+    k = int(np.clip(np.argmax(fine), 1, len(fine) - 2))
+    left, middle, right = fine[k - 1 : k + 2]
+    bend = left - 2 * middle + right
+    shift = (left - right) / (2 * bend) if bend else 0.0
+    return float((k - len(fine) // 2 + shift) / FINER)
 
 
-def _line(times: Array, delays: Array, weights: Array, delay: float) -> Drift:
-    """The line through delays without those that lie far off, with standard errors."""
+def _line(times: Array, delays: Array, weights: Array, delay: float, least: float) -> Drift:
+    """Fit a line through delays without those that lie far off, with standard errors.
+
+    A peak between samples errs by `least` s at least.
+    """
     kept = np.ones(len(times), bool)
     nothing = Drift(delay, np.nan, np.nan, np.nan, times, delays)
     for _ in range(5):
@@ -135,16 +243,17 @@ def _line(times: Array, delays: Array, weights: Array, delay: float) -> Drift:
         normal = A.T @ (w**2 * A)
         line = np.linalg.solve(normal, A.T @ (w[:, 0] ** 2 * delays[kept]))
         off = delays - line[0] - line[1] * times
-        limit = OUTLYING * 1.4826 * max(float(np.median(np.abs(off[kept]))), 1e-9)
+        limit = OUTLYING * 1.4826 * max(float(np.median(np.abs(off[kept]))), least)
         kept = np.abs(off) <= limit
     part, w = off[kept], weights[kept]
     freedom = max(len(part) - 2, 1)
     inverse = np.linalg.inv(normal)
-    spread = inverse * float(np.sum((w * part) ** 2) / freedom)
+    scatter = float(np.sum((w * part) ** 2) / freedom)
+    spread = inverse * max(scatter, float(np.mean(w**2)) * least**2)
     deviations = np.sqrt(np.diag(spread))
     return Drift(
         float(line[0]),
-        float(deviations[0]),
+        float(np.hypot(deviations[0], least)),
         float(-line[1]),
         float(deviations[1]),
         times[kept],

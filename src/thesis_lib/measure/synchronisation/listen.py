@@ -29,12 +29,10 @@ from thesis_lib.measure.synchronisation.audio import (
     Recording,
     hear,
     low_part,
-    low_rate_of,
     low_track,
     matches,
 )
 from thesis_lib.measure.synchronisation.checks import find_tone
-from thesis_lib.measure.synchronisation.decimation import cut_off
 from thesis_lib.measure.synchronisation.drift import FASTEST
 from thesis_lib.measure.synchronisation.pairs import beside_first
 from thesis_lib.measure.synchronisation.synchronise import Synchronisation, combined
@@ -126,21 +124,22 @@ def _in_a_room(manifest: Manifest, recordings: list[Recording]) -> Sound:
         delay = middle + float(heard.starts[i] - heard.starts[0])
         sure = known[i]
         drifting = abs(one.drift) > DRIFTS * one.drift_deviation  # not, if it is unknown
-        if abs(one.drift) < FASTEST and (sure is None or (drifting and abs(delay - sure) < NEAR)):
+        clock = min(abs(one.drift), abs(one.sample_drift))  # stamps may run at another pace
+        if clock < FASTEST and (sure is None or (drifting and abs(delay - sure) < NEAR)):
             matched[i] = replace(matched[i], delay=delay, ambiguous=False, least=matched[i].peak)
         else:
             del drifts[i]
     found = combined(
         matched,
         [],
-        heard.rate,
+        heard.low.rate,
         manifest.cameras[0].frame_rate_hz,
         None,
         names=[one.name for one in recordings],
         sound="room",
         starts=heard.starts,
     )
-    found = replace(found, drifts=drifts)
+    found = replace(found, drifts=drifts, sources=heard.sources)
     begin, end = _common(found, heard)
     if excitation.steady_s is not None:
         _check_steady(manifest, begin, end)
@@ -179,6 +178,7 @@ def _of_the_force(manifest: Manifest, recordings: list[Recording]) -> Sound:
         starts=heard.starts,
         steady=steady,
     )
+    found = replace(found, sources=heard.sources)
     if excitation.steady_s is not None:
         _check_steady(manifest, *_common(found, heard))
     tone, rate = heard.tones[0], heard.tone_rate
@@ -186,12 +186,12 @@ def _of_the_force(manifest: Manifest, recordings: list[Recording]) -> Sound:
     part = tone[max(round(begin * rate), 0) : round(end * rate)]
     measured = tone_frequency(part, rate, frequency)
     used = excitation.frequency_hz or measured
-    low_rate = low_rate_of(heard.rate, frequency)
-    zero = float(heard.starts[0]) + cut_off(heard.rate, low_rate)
-    later = heard.tone_start - cut_off(heard.rate, low_rate)
+    low_rate = heard.low.rate
+    zero = float(heard.starts[0]) + heard.low.cut
+    later = heard.tone_start - heard.low.cut
     first, last = max(round((begin + later) * low_rate), 0), round((end + later) * low_rate)
     begin, end = zero + first / low_rate, zero + (last - 1) / low_rate
-    blocks = low_part(recordings[0], low_rate, first, last)
+    blocks = low_part(recordings[0], heard.low, first, last)
     force, _ = fitted_tone(blocks, low_rate, used, -begin)
     return Sound(
         found,

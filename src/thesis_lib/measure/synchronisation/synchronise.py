@@ -64,6 +64,8 @@ class Synchronisation:
     snr: float
     #: Of recordings whose clocks drift too far for one delay, which is then that in the middle
     drifts: Mapping[int, Drift] = field(default_factory=dict)
+    #: Which track, channels and pace each one's sound has, empty where all is as stated
+    sources: tuple[str, ...] = ()
 
     def describe(self, names: Sequence[str] | None = None) -> list[str]:
         """Sentences for a report: what was found, how sure it is, and what sound cannot show."""
@@ -79,8 +81,13 @@ class Synchronisation:
             for i in others
         ]
         lines += [
+            f"{what} {named[i]}'s sound: {source}."
+            for i, source in enumerate(self.sources)
+            if source
+        ]
+        lines += [
             f"By windows of its sound {what.lower()} {named[i]}'s clock is fast by "
-            f"{1e6 * one.drift:+.1f} ± {1e6 * one.drift_deviation:.1f} ppm; its start is given as "
+            f"{1e6 * one.fast:+.1f} ± {1e6 * one.drift_deviation:.1f} ppm; its start is given as "
             "in the middle of the recording."
             for i, one in self.drifts.items()
         ]

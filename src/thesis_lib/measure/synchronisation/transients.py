@@ -35,6 +35,8 @@ CLAP_SAME = 0.9  # and claps
 ROOM_SAME = 0.6  # and the whole sound of a room
 FAR_ABOVE = 9.0  # times its scatter that the correlation of the whole sound must reach
 BINS = 1024  # of the spectrum by which a room's sound is made white
+LATE = BINS - 1 - BINS // 2  # samples that what is whitened starts later
+PIECES = 32  # of a long sound that its spectrum is taken from
 DEEPEST = 1e-6  # of the highest power; what is below is left as weak as it is
 
 
@@ -67,13 +69,22 @@ def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
     return rest
 
 
-def whitened(x: Signal, rate: float) -> Signal:
-    """A signal whose background is equally strong at all frequencies up to 0.7 of the highest.
+def whitening(x: Signal, rate: float) -> Signal:
+    """Design a filter that makes the background of a signal equally strong at all frequencies.
 
     The background is the median over time of short spectra, so that hum and rumble weigh no more
-    than their share of the band and a clap stays what it is. The filter has no delay; where it
-    reaches beyond the ends of `x` at `rate` Hz nothing is left: `BINS` samples less.
+    than their share of the band and a clap stays what it is. Beyond 0.7 of the highest frequency
+    less and less is left. Of a long signal `PIECES` pieces are looked at.
+
+    Returns
+    -------
+    ndarray, shape (BINS,)
+        Taps of a filter whose delay is `LATE` samples.
     """
+    step = len(x) // PIECES
+    if step > 2 * BINS:
+        pieces = np.concatenate([x[k * step : k * step + 2 * BINS] for k in range(PIECES)])
+        x = pieces if pieces.any() else x
     f, power = welch(x, rate, nperseg=BINS, average="median")
     if not power.any():  # silent for most of the time
         f, power = welch(x, rate, nperseg=BINS)
@@ -81,7 +92,16 @@ def whitened(x: Signal, rate: float) -> Signal:
     gain *= np.clip((0.95 - 2 * f / rate) / 0.25, 0, 1)
     gain[0] = 0
     taps = np.roll(np.fft.irfft(gain), BINS // 2) * np.hanning(BINS + 1)[:-1]
-    return oaconvolve(x, (taps / np.abs(taps).max()).astype(x.dtype), "valid")
+    return (taps / np.abs(taps).max()).astype(x.dtype)
+
+
+def whitened(x: Signal, rate: float) -> Signal:
+    """Make the background of a signal equally strong at all frequencies, :func:`whitening`.
+
+    Where the filter reaches beyond the ends of `x` at `rate` Hz nothing is left: `BINS` samples
+    less.
+    """
+    return oaconvolve(x, whitening(x, rate), "valid")
 
 
 def standing_out(x: Signal, rate: float) -> tuple[Signal, int]:
@@ -191,7 +211,7 @@ def room_match(
     b, _ = decimated(other, rate, ROOM_RATE)
     most = _largest(a, b, low_rate, max_delay)
     a, b = whitened(a, low_rate), whitened(b, low_rate)
-    whole = compared(a, b, low_rate, most, same=ROOM_SAME, by_noise=False)
+    whole = compared(a, b, low_rate, most, same=ROOM_SAME, by_noise=False, either_sign=True)
     n = min(len(a), len(b)) - abs(whole.delay) * low_rate
     whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
     if whole.certain:
@@ -199,6 +219,14 @@ def room_match(
     (loud_a, n_a), (loud_b, n_b) = standing_out(a, low_rate), standing_out(b, low_rate)
     if not n_a or not n_b:
         return whole
-    loud = compared(loud_a, loud_b, low_rate, most, same=CLAP_SAME, telling=min(n_a, n_b))
+    loud = compared(
+        loud_a,
+        loud_b,
+        low_rate,
+        most,
+        same=CLAP_SAME,
+        telling=min(n_a, n_b),
+        either_sign=True,
+    )
     loud = replace(loud, least=LOUD)
     return loud if loud.certain else whole
