@@ -130,6 +130,51 @@ def test_law_of_a_pair_is_that_of_draws_for_any_motion(conforms, aperture, eleva
     )
 
 
+FORMS = {
+    "cone_deflection_error": (1.0, 213, 4, 1.0),
+    "cone_covariance": (1.0, 213, 4, 1.0),
+    "pair_deflection_error": (1.0, 213, 1.0, 0.4),
+    "pair_noise_error": (1.0, 213, 1.0, 0.4),
+}
+
+
+def off_centre(motion, elevation, aperture, focal):
+    """Closed form of a pair over the law with the gains of the moved centre, less 1."""
+    phi, alpha = np.radians(elevation), np.radians(aperture)
+    P = hemisphere_cameras(1, [alpha / 2, -alpha / 2], [phi, phi], focal, SIZE).P
+    moved = motion * np.outer([0, 0, 1], np.linspace(0.5, 1, 101))
+    law = np.sqrt(np.mean(rounding.deflection_variance(P, np.zeros((3, 1)), moved)))
+    closed = cone_law.pair_motion_error(1, focal, alpha, phi, moved)
+    return np.sqrt(np.mean(closed**2)) / law - 1
+
+
+@pytest.mark.parametrize("elevation", [5, 45, 85])
+@pytest.mark.parametrize("aperture", [8, 60, 180])
+@pytest.mark.parametrize("focal", [213, 3000])
+def test_closed_form_of_a_pair_holds_up_to_the_largest_motion(
+    conforms, monkeypatch, elevation, aperture, focal
+):
+    most = cone_law.MAX_MOTION_FRACTION
+    conforms.sampled(off_centre(most, elevation, aperture, focal), 0, atol=0.011)
+    monkeypatch.setattr(cone_law, "MAX_MOTION_FRACTION", 0.1)  # what would be let through
+    if aperture == 8:
+        assert off_centre(0.06, elevation, aperture, focal) < -0.07
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_motions_beyond_a_hundredth_of_the_distance_are_refused(form):
+    function, given_ = getattr(cone_law, form), FORMS[form]
+    np.testing.assert_array_equal(function(*given_, motion=0.01), function(*given_))
+    with pytest.raises(
+        ValueError, match=r"motion: given 1\.1 % of the distance, allowed: up to 1 %"
+    ):
+        function(*given_, motion=-0.011)
+    with pytest.raises(ValueError, match="motion: given nan"):
+        function(*given_, motion=[0.0, np.nan])
+    with pytest.raises(ValueError, match="motion: given 2 %"):
+        cone_law.pair_motion_error(2, 213, 1.0, 0.4, [0.0, 0.024, 0.032])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("part", design_study.PARTS)
 @pytest.mark.parametrize("structure", ["beam", "plate"])
@@ -439,7 +484,8 @@ def test_drawn_frames_and_films_are_the_law(conforms, cube):
 
 def amplitude_error(rig, filmed, seed):
     images, number = design_shares.seen(rig, filmed, seed)
-    return design_shares.fitted(filmed, triangulate(rig.P, images)[2][number])
+    wrong = design_shares.amplitude_errors(filmed, triangulate(rig.P, images)[2][number])
+    return np.sqrt(np.mean(wrong**2))
 
 
 @pytest.mark.parametrize(("count", "rate"), [(2, 60.0), (8, 480.0)])
@@ -531,7 +577,9 @@ def test_frames_that_show_the_same_pixels_are_taken_once(conforms, study):
     assert images.shape[2] < number.size / 2
     height = triangulate(rig.P, every)[2]
     conforms.invariance(
-        design_shares.fitted(filmed, height), amplitude_error(rig, filmed, 3), rtol=1e-9
+        np.sqrt(np.mean(design_shares.amplitude_errors(filmed, height) ** 2)),
+        amplitude_error(rig, filmed, 3),
+        rtol=1e-9,
     )
 
 

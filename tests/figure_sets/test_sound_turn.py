@@ -21,7 +21,7 @@ def test_pairs_that_are_not_turned_are_case_2d(conforms, cube):
     there = np.isfinite(own)
     np.testing.assert_array_equal(there, np.isfinite(found))
     conforms.invariance(found[there], own[there], rtol=1e-9)
-    assert cube["turn"].values.tolist() == [0, 0.5, 1, 2, 5]
+    assert cube["turn"].values.tolist() == list(sound_turn.TURNS_DEG)
     assert cube["elevation"].values.tolist() == [20, 40]
 
 
@@ -39,6 +39,27 @@ def test_a_few_degrees_take_what_markers_share_and_leave_the_shape(conforms, cub
     assert np.all(first["turned_coherence"] > 1.5)
     assert np.all(turned["turned_coherence"] < 1)
     assert np.all(first["turned_share"] > turned["turned_share"])
+
+
+def test_law_over_turns_is_that_of_the_turned_pairs_where_both_are(conforms, cube):
+    fine = cube["turned_law_error"].sel(law_turn=cube["turn"].values).values
+    there = np.isfinite(cube["turned_error"].values)
+    np.testing.assert_array_equal(there, np.isfinite(fine))
+    conforms.independent(fine[there], cube["turned_error"].values[there], rtol=1e-9)
+    assert cube.sizes["law_turn"] >= 50  # a line between fewer is not the law
+
+
+def test_steep_pair_is_best_near_three_degrees_and_worse_beyond(conforms):
+    """At 60°, the whole grid: 1.01 % at 3°, 2.45 % at 4.25°, 1.90 % at 4.75°, 2.79 % at 5°."""
+    asked = validate("sound-aperture", {"trials": 0, "cases": ["2d"], "elevations_deg": [60],
+                                        "modes": [1]})  # fmt: skip
+    law = cube_of(asked)["turned_law_error"].sel(mode=1, plane="XZ", elevation=60)
+    at = law.sel(law_turn=[2, 3, 3.75, 4.25, 4.75, 5]).values
+    conforms.independent(at, [1.10, 1.01, 1.34, 2.45, 1.90, 2.79], atol=0.006)
+    assert abs(float(law["law_turn"][np.argmin(law.values)]) - 3) < 0.25
+    first, last = sound_turn.BEST_DEG
+    advised = law.sel(law_turn=slice(first, last))
+    assert float(advised.max()) < min(0.25 * float(law[0]), 0.5 * float(law[-1]))
 
 
 def test_table_and_figure_show_the_planes_with_a_reference(cube):

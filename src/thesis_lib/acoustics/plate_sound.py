@@ -7,6 +7,7 @@ triangular factor F; the power is ω² wᵀRw with the radiation resistance R.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,10 +62,15 @@ class PlateSound:
         return 100 * np.stack(rms, axis=-1) / self.largest
 
     def expected_plane_errors(self, covariance: ArrayLike) -> Array:
-        """What errors with a covariance (markers, markers) in m² make of them, rms, (planes,)."""
+        """Return the rms plane errors (planes,) in % for a covariance (markers, markers) in m²."""
         C = np.asarray(covariance, float)
-        rms = [self.omega * np.sqrt(np.sum((F @ C) * F)) for F in self.factors]
+        rms = [self.omega * np.sqrt(np.sum(Q * C)) for Q in self._squares]
         return 100 * np.array(rms) / self.largest
+
+    @cached_property
+    def _squares(self) -> list[Array]:
+        """Matrices Q = FᵀF (markers, markers), whose quadratic form is a plane's mean square."""
+        return [F.T @ F for F in self.factors]
 
     @property
     def independent_ratios(self) -> Array:

@@ -29,7 +29,8 @@ from thesis_lib.arrays import Array, Mask
 from thesis_lib.vision.triangulation import UPPER, centred, checked, checked_frames, triangulate
 
 _BLOCK_VALUES = 36000  # camera × point values per block: intermediate results stay in cache
-_STEPS = 60  # Newton steps after which a polytope counts as empty
+# Newton steps after which a polytope counts as empty: of 144,249 feasible ones all were done by 25.
+_STEPS = 30
 _MARGIN = 0.1  # share of a slab that the start is away from its faces, or is made to be
 _CENTRED = 1e-5  # Newton decrement below which the step is the last: its error is the square
 _FINISHED = 0.25  # share of points that are done before they are put aside: moving costs, too

@@ -13,6 +13,11 @@ and Var z = Σ gⱼ² σⱼ². What σⱼ is depends on what makes the error:
 * *Rounding* gives a coordinate that moves by δ px the variance f(1 − f), f = frac |δ|, of
   :mod:`thesis_lib.vision.rounding`: 1/6 px² averaged over amplitudes, and nothing if it does not
   move. A deflection of the centre moves v alone. It is spared what u adds for a narrow pair.
+
+The gains are those of the centre, so the forms hold for motions up to 1 % of the distance. There
+they are within 1 % of :func:`thesis_lib.vision.rounding.deflection_variance`, which has the gains
+of the moved point; at 2 % of the distance a narrow pair is off by up to 4 %, at 6 % by up to 28 %.
+Given a larger motion, they refuse it.
 """
 
 from __future__ import annotations
@@ -26,7 +31,32 @@ from thesis_lib.vision.rounding import difference_variance
 
 MOTION_PX = np.sqrt(1 / 6)  # rms rounding error of a motion, averaged over amplitudes
 ISOTROPIC = np.arcsin(np.sqrt(2 / 3))  # angle of the cone on which all directions are alike, rad
+# Largest motion that the closed forms accept, as a fraction of the distance: up to it they are
+# within 1 % of the law with the gains of the moved point, for pairs 5° to 85° high and 8° to 180°
+# wide.
+MAX_MOTION_FRACTION = 0.01
 _TERMS = 400  # of the series of a rounding error
+
+
+def check_motion(motion: ArrayLike, distance: ArrayLike) -> None:
+    """Refuse motions that are too large for the closed forms.
+
+    Parameters
+    ----------
+    motion, distance : array_like
+        Lengths in m, which broadcast; the motion 0 stands for a small one.
+
+    Raises
+    ------
+    ValueError
+        If a motion is above `MAX_MOTION_FRACTION` of its distance.
+    """
+    fraction = np.max(np.abs(motion) / np.asarray(distance, float), initial=0)
+    if not fraction <= MAX_MOTION_FRACTION * (1 + 1e-9):
+        raise ValueError(
+            f"motion: given {100 * fraction:.3g} % of the distance, allowed: up to "
+            f"{100 * MAX_MOTION_FRACTION:g} %; use rounding.deflection_variance for larger motions"
+        )
 
 
 def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
@@ -62,11 +92,29 @@ def cone_deflection_error(
     n_cameras: ArrayLike,
     angle: ArrayLike,
     sigma_px: float = MOTION_PX,
+    motion: ArrayLike = 0.0,
 ) -> Array:
-    """Standard deviation R σ / (f √N sin θ) along the normal, of 2 or more cameras on a cone, m.
+    """Return R σ / (f √N sin θ), the standard deviation in m along the normal of a cone's centre.
 
     For independent noise, and for a rounded deflection, since u does not count: g_u = 0.
+
+    Parameters
+    ----------
+    distance, focal_px : array_like
+        Distance R in m and focal length f in px.
+    n_cameras, angle : array_like
+        Number N of cameras, 2 or more, and their angle θ from the normal in rad.
+    sigma_px : float
+        Standard deviation σ of an image coordinate in px.
+    motion : array_like
+        Largest motion of the centre in m, if it is to be checked.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two cameras, or the motion is above 1 % of the distance.
     """
+    check_motion(motion, distance)
     n = np.asarray(n_cameras, float)
     if not np.all(n >= 2):
         raise ValueError(f"n_cameras: given {np.min(n):g}, allowed: 2 or more")
@@ -75,9 +123,14 @@ def cone_deflection_error(
 
 
 def cone_covariance(
-    distance: float, focal_px: float, n_cameras: int, angle: float, sigma_px: float = MOTION_PX
+    distance: float,
+    focal_px: float,
+    n_cameras: int,
+    angle: float,
+    sigma_px: float = MOTION_PX,
+    motion: ArrayLike = 0.0,
 ) -> Array:
-    """Covariance of a point at the centre of a cone of 3 or more cameras.
+    """Return the covariance of a point at the centre of a cone of 3 or more cameras.
 
     Since Σ e eᵀ = N diag(½ sin²θ, ½ sin²θ, cos²θ) it is diagonal, with
     σ_x = σ_y = R σ / (f √(N (1 − ½ sin²θ))), σ_z = R σ / (f √N sin θ): equal at sin²θ = ⅔.
@@ -96,6 +149,8 @@ def cone_covariance(
         Angle θ from the normal in rad.
     sigma_px : float
         Standard deviation σ of an image coordinate in px.
+    motion : array_like
+        Largest motion of the centre in m, if it is to be checked.
 
     Returns
     -------
@@ -105,8 +160,10 @@ def cone_covariance(
     Raises
     ------
     ValueError
-        If there are fewer than three cameras, which have no axis of symmetry.
+        If there are fewer than three cameras, which have no axis of symmetry, or the motion is
+        above 1 % of the distance.
     """
+    check_motion(motion, distance)
     if n_cameras < 3:
         raise ValueError(f"n_cameras: given {n_cameras}, allowed: 3 or more")
     sine2 = np.sin(angle) ** 2
@@ -122,8 +179,9 @@ def pair_deflection_error(
     elevation: ArrayLike,
     sigma_px: ArrayLike = MOTION_PX,
     sideways_px: ArrayLike = 0.0,
+    motion: ArrayLike = 0.0,
 ) -> Array:
-    """Standard deviation along the normal, in m, of two cameras that share an elevation.
+    """Return the standard deviation in m along the normal, of two cameras that share an elevation.
 
     R / (f √2) · √(σ_v² / cos²φ + σ_u² tan²φ / tan²(α/2)). A rounded deflection of the centre has
     σ_u = 0, which leaves R σ_v / (f √2 cos φ), whatever the aperture.
@@ -136,7 +194,15 @@ def pair_deflection_error(
         Difference α of the azimuths and elevation φ in rad.
     sigma_px, sideways_px : array_like
         Standard deviations σ_v and σ_u in px of the image coordinates down and to the right.
+    motion : array_like
+        Largest motion of the centre in m, if it is to be checked.
+
+    Raises
+    ------
+    ValueError
+        If the motion is above 1 % of the distance.
     """
+    check_motion(motion, distance)
     upright = np.asarray(sigma_px, float) / np.cos(elevation)
     across = sideways_px * np.tan(elevation) / np.tan(np.asarray(aperture, float) / 2)
     scale = np.asarray(distance, float) / np.asarray(focal_px, float)
@@ -149,19 +215,22 @@ def pair_noise_error(
     aperture: ArrayLike,
     elevation: ArrayLike,
     sigma_px: float = MOTION_PX,
+    motion: ArrayLike = 0.0,
 ) -> Array:
-    """The same for independent noise, alike in all coordinates, as in recordings.
+    """Return the error of a pair with independent noise, alike in all coordinates, in m.
 
     R σ / (f √2) · √(1 + tan²φ / sin²(α/2)); for opposite cameras R σ / (f √2 cos φ), as for
-    rounding.
+    rounding. Parameters and refusals are those of :func:`pair_deflection_error`.
     """
-    return pair_deflection_error(distance, focal_px, aperture, elevation, sigma_px, sigma_px)
+    return pair_deflection_error(
+        distance, focal_px, aperture, elevation, sigma_px, sigma_px, motion
+    )
 
 
 def pair_motion_error(
     distance: float, focal_px: float, aperture: float, elevation: float, motion: ArrayLike
 ) -> Array:
-    """The same for one rounded motion of the centre, in any direction and of any size, in m.
+    """Return the error of a pair for one rounded motion of the centre in any direction, in m.
 
     R / 2f · √(Σ V / cos²φ + Σ U tan²φ / tan²(α/2)), summed over both cameras, with the f(1 − f) of
     what each coordinate moves by.
@@ -171,12 +240,18 @@ def pair_motion_error(
     distance, focal_px, aperture, elevation : float
         As above; the azimuths are ± α/2 from +Y.
     motion : array_like, shape (3, ...)
-        Motion in m, small against the distance.
+        Motion in m, at most 1 % of the distance long.
 
     Returns
     -------
     ndarray, shape (...)
+
+    Raises
+    ------
+    ValueError
+        If a motion is above 1 % of the distance.
     """
+    check_motion(np.linalg.norm(motion, axis=0), distance)
     azimuth = np.array([aperture, -aperture]) / 2
     variance = _rounded(distance, focal_px, azimuth, np.full(2, elevation), motion)
     u, v = np.sqrt(variance.mean(axis=0))

@@ -121,6 +121,28 @@ def deflection_errors(
     return errors
 
 
+def rms_with_std(errors: ArrayLike) -> tuple[Array, Array]:
+    """Return the rms of independent draws and its standard error.
+
+    Parameters
+    ----------
+    errors : array_like, shape (draws, ...)
+        Errors of any distribution, in any unit.
+
+    Returns
+    -------
+    tuple of ndarray, shape (...)
+        Root mean square over the draws, and the standard error that its mean square implies: the
+        standard deviation of the squares over 2 √draws rms. NaN for one draw, 0 for no error.
+    """
+    squares = np.square(np.asarray(errors, float))
+    rms = np.sqrt(np.mean(squares, axis=0))
+    if len(squares) < 2:
+        return rms, np.full_like(rms, np.nan)
+    spread = np.std(squares, axis=0, ddof=1) / (2 * np.sqrt(len(squares)))
+    return rms, np.divide(spread, rms, out=np.zeros_like(rms), where=rms > 0)
+
+
 def over_layouts(errors: Array) -> Array:
     """Root mean square over the layouts of errors (layouts, ...)."""
     return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))

@@ -13,6 +13,7 @@ from thesis_lib.book.conclusions.knobs import KNOBS
 from thesis_lib.book.conclusions.strengths import Cubes, Strength, strengths
 from thesis_lib.book.pieces.opened import of_subject
 from thesis_lib.facts import claims
+from thesis_lib.figure_sets.parametric.sound_turn import BEST_DEG, turn_advice
 from thesis_lib.figure_sets.planner.parameters import THESIS
 from thesis_lib.figure_sets.planner.tables import coarse
 from thesis_lib.figure_sets.registry import STUDIES
@@ -124,15 +125,15 @@ def sound(opened: Cubes) -> str:
     """Shape against sound, and what turning two cameras does."""
     arrays, turned = opened["sound-arrays"], opened["sound-aperture"]["turned_coherence"]
     shape, field = (_median(arrays[name]) for name in ("deflection_error", "plane_error"))
-    square, askew = (float(turned.isel(turn=i).median()) for i in (0, -1))
+    square, askew = (float(turned.sel(turn=turn).median()) for turn in (0, list(BEST_DEG)))
     return (
         f"Arrays of cameras that measure the plate's shape to {percent_text(shape)} % know its "
         f"sound to {percent_text(field)} % (medians), because errors of many markers average out. "
         f"They do not where cameras stand square to the plate: two such cameras make {square:.1f} "
-        f"times the error of independent markers, and {askew:.1f} times once turned by "
-        f"{float(turned.turn[-1]):g}°. The "
-        "thesis saw no trend because one run is one draw; in expectation nearer, lower, finer and "
-        "more help the sound as they help the shape.\n"
+        f"times the error of independent markers, and {askew:.1f} times once turned by a few "
+        f"degrees. {turn_advice(opened['sound-aperture'])} The thesis saw no trend because one run "
+        "is one draw; in expectation nearer, lower, finer and more help the sound as they help the "
+        "shape.\n"
     )
 
 

@@ -15,6 +15,7 @@ from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.design_law.shares import ESTIMATORS, equal_pixels
 from thesis_lib.figure_sets.design_law.summary import summary
 from thesis_lib.figure_sets.design_law.sweeps import (
+    CONE_MOTION_PX,
     FINDINGS,
     MODES,
     STRUCTURES,
@@ -35,17 +36,18 @@ MOTIONS = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 9
 ANGLES = np.arange(5.0, 86.0)  # degrees, of the cone
 DRAWS = 20  # for each trial, where one costs little
 ROUNDING = 1e-13  # what differs by less is equal on some processors and not on others
-SWING_PX = 4.0  # range of random motions on the cone: many enough for every fraction alike
 
 VARIABLES = declared(f"""
     motion_error(motion) [px] rms rounding error of a motion by the law
     drawn_motion_error(motion) [px] rms rounding error of a motion, drawn
+    drawn_motion_error_std(motion) [px] standard error of the drawn rounding error of a motion
     law_error(setting, shape) [percent] rms error of a setting of the thesis by the law
     simulated_error(setting, shape) [percent] rms error of a setting of the thesis over the trials
     naive_error(setting, shape) [percent] rms error if roundings were independent, 1/12 px2 each
     cone_error(angle, axis) [m] standard deviation at the centre of a cone, closed form
     cone_jacobian_error(angle, axis) [m] standard deviation at the centre of a cone, by the Jacobian
     cone_drawn_error(angle, axis) [m] rms error of random motions with whole pixels, drawn
+    cone_drawn_error_std(angle, axis) [m] standard error of the drawn error of a cone
     cone_difference() [1] largest relative difference of closed form and Jacobian, {ROUNDING:g} if
         less
     swept(finding, structure, step) [1] value of the varied parameter
@@ -63,10 +65,13 @@ VARIABLES = declared(f"""
     wide_gain(amplitudes, structure) [1] error at an aperture of 60 degrees over the least
     pair_error(tilt, opening) [m] error at the centre of a pair, rounded, closed form
     drawn_pair_error(tilt, opening) [m] error at the centre of a pair, rounded, drawn
+    drawn_pair_error_std(tilt, opening) [m] standard error of the drawn error of a pair, rounded
     pair_noise_error(tilt, opening) [m] error at the centre of a pair, independent noise, closed
         form
     drawn_pair_noise_error(tilt, opening) [m] error at the centre of a pair, independent noise,
         drawn
+    drawn_pair_noise_error_std(tilt, opening) [m] standard error of the drawn error of a pair,
+        independent noise
     array_exponent(array, structure) [1] exponent of the error in the number of cameras
     width_px(count, rate) [1] width of the sensor in px
     height_px(count, rate) [1] height of the sensor in px
@@ -79,27 +84,44 @@ VARIABLES = declared(f"""
     average_error(count, rate) [percent] error of one frame at the centre, amplitudes averaged
     frame_error(count, rate) [percent] rms error of one frame by the law
     drawn_frame_error(estimator, count, rate) [percent] rms error of one frame over the trials
+    drawn_frame_error_std(estimator, count, rate) [percent] standard error of the drawn error of one
+        frame
     fit_error(count, rate) [percent] error of the fitted amplitude by the law
     independent_fit_error(count, rate) [percent] error of the fitted amplitude if frames were
         independent
     useful_frames(count, rate) [1] frames after which more of them tell nothing new
     drawn_fit_error(estimator, count, rate) [percent] rms error of the fitted amplitude, drawn
+    drawn_fit_error_std(estimator, count, rate) [percent] standard error of the drawn error of the
+        fitted amplitude
     crowd_error(crowd, rule) [m] rms error of a deflection, cameras at equal distances
+    crowd_error_std(crowd, rule) [m] standard error of that of cameras at equal distances
     tolerated_noise(crowd) [px] noise before rounding that halves the gain of the analytic centre
     noise_error(noise, rule) [m] rms error of a deflection, pixels with noise before rounding
+    noise_error_std(noise, rule) [m] standard error of the drawn error with noise before rounding
     stand_error(stand, rule) [m] error of a deflection, cameras at unequal distances, median
     noisy_share_error(count, image_noise, approach) [m] rms error of a deflection at equal
         pixels, noise before rounding
+    noisy_share_error_std(count, image_noise, approach) [m] standard error of the drawn error at
+        equal pixels, noise before rounding
     least_share_error(count, image_noise) [m] least rms error of any estimator; 0 without noise
     share_tolerance(count, approach) [px] noise before rounding that halves the gain over least
         squares
+    mistaken_error(count, mistake, approach) [m] rms error of a deflection at equal pixels where
+        the interval estimator is told wrong noise or images have outliers
+    mistaken_error_std(count, mistake, approach) [m] standard error of the drawn error with wrong
+        noise or outliers
+    feasible_fraction(count, mistake) [1] fraction of points whose pixels agree within five times
+        the noise that the interval estimator is told
     swing_error(swing) [px] error of an amplitude fitted to endless frames
     drawn_swing_error(swing) [px] rms error of an amplitude fitted to frames, drawn
+    drawn_swing_error_std(swing) [px] standard error of the drawn error of a fitted amplitude
     shake_error(shake) [px] error of the mean of some frames with shake
     endless_shake_error(shake) [px] error of the mean of endless frames with shake
     drawn_shake_error(shake) [px] rms error of the mean of some frames, drawn
+    drawn_shake_error_std(shake) [px] standard error of the drawn error of the mean of some frames
     disc_error(disc) [px] error of the centroid of a disc of black pixels
     drawn_disc_error(disc) [px] rms error of the centroid of a disc, drawn
+    drawn_disc_error_std(disc) [px] standard error of the drawn error of the centroid of a disc
     quantity(quantity) [1] what a value is
     value(quantity) [1] value, in the unit beside it
     unit(quantity) [1] unit of the value
@@ -127,6 +149,8 @@ COORDINATES = declared("""
     noise(noise) [px] noise of an image before rounding
     image_noise(image_noise) [px] noise of an image before rounding
     approach(approach) [1] how points are estimated
+    mistake(mistake) [1] noise of an image before rounding, and what the interval estimator does not
+        know of it
     stand(stand) [m] distances of four cameras
     swing(swing) [px] amplitude of an image
     shake(shake) [px] standard deviation of camera shake
@@ -187,6 +211,7 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "noise": list(dither.NOISES),
         "image_noise": noisy.NOISES,
         "approach": list(noisy.APPROACHES),
+        "mistake": list(noisy.MISTAKES),
         "stand": [", ".join(f"{d:g}" for d in one) for one in dither.STANDS],
         "swing": dither.SWINGS,
         "shake": dither.SHAKES,
@@ -203,9 +228,11 @@ def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
     random = np.random.default_rng(study.seed)
     place = random.uniform(-0.5, 0.5, (DRAWS * study.trials, 1))
     error = pixelate(place + MOTIONS) - pixelate(place) - MOTIONS
+    drawn, std = estimators.rms_with_std(error)
     return {
         "motion_error": np.sqrt(rounding.difference_variance(MOTIONS)),
-        "drawn_motion_error": np.sqrt(np.mean(error**2, axis=0)),
+        "drawn_motion_error": drawn,
+        "drawn_motion_error_std": std,
     }
 
 
@@ -242,7 +269,7 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
     distance, n = study.cone_distance_mm / 1000, study.cone_cameras
     focal = study.focal_length_mm / study.sensor_width_mm * study.resolution_px[0]
     random = np.random.default_rng(study.seed)
-    reach = SWING_PX * distance / focal
+    reach = CONE_MOTION_PX * distance / focal
     moved = random.uniform(-reach, reach, (3, DRAWS * study.trials))
     shift = random.uniform(-0.5, 0.5, (n, 2, 1, moved.shape[1]))
     points = np.stack([np.zeros_like(moved), moved], axis=1)
@@ -252,12 +279,13 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
         closed.append(cone_law.cone_covariance(distance, focal, n, angle))
         exact.append(covariance(P, np.zeros(3), MOTION_PX))
         found = triangulate(P, pixelate(project(P, points) + shift) - shift)
-        drawn.append(np.sqrt(np.mean((found[:, 1] - found[:, 0] - moved) ** 2, axis=1)))
+        drawn.append(estimators.rms_with_std((found[:, 1] - found[:, 0] - moved).T))
     variances = np.diagonal(closed, axis1=1, axis2=2)
     scale = np.sqrt(variances[:, :, None] * variances[:, None])
     return {
         "cone_error": np.sqrt(variances),
         "cone_jacobian_error": np.sqrt(np.diagonal(exact, axis1=1, axis2=2)),
-        "cone_drawn_error": drawn,
+        "cone_drawn_error": [rms for rms, _ in drawn],
+        "cone_drawn_error_std": [std for _, std in drawn],
         "cone_difference": max(ROUNDING, np.max(np.abs(np.array(exact) - closed) / scale)),
     }

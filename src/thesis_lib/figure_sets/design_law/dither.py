@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.vision import dither, estimators
+from thesis_lib.vision.estimators import rms_with_std
 from thesis_lib.vision.pinhole import pixelate
 
 CROWDS = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
@@ -53,10 +54,16 @@ def estimated(study: DesignLaw) -> dict[str, ArrayLike]:
             tolerance(n, min(FEWER, layouts), study.seed, errors[:FEWER].take(compared, axis=1))
             for n, errors in clean.items()
         ],
-        "crowd_error": [estimators.over_layouts(errors) for errors in clean.values()],
-        "noise_error": [estimators.over_layouts(errors) for errors in noisy],
+        **_named("crowd_error", [rms_with_std(errors) for errors in clean.values()]),
+        **_named("noise_error", [rms_with_std(errors) for errors in noisy]),
         "stand_error": [apart(stand) for stand in STANDS],
     }
+
+
+def _named(name: str, found: list[tuple[Array, Array]]) -> dict[str, ArrayLike]:
+    """Return drawn errors as a variable and their standard errors as another."""
+    errors, stds = zip(*found, strict=True)
+    return {name: np.array(errors), f"{name}_std": np.array(stds)}
 
 
 def tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = None) -> float:
@@ -104,15 +111,16 @@ def dithered(study: DesignLaw) -> dict[str, ArrayLike]:
         black = (reach - x) ** 2 + (reach[:, None] - y) ** 2 <= diameter**2 / 4
         return np.asarray((black * reach).sum(axis=(1, 2)) / black.sum(axis=(1, 2)) - x[:, 0, 0])
 
-    def rms(draw: Callable[[float], Array], values: ArrayLike) -> list[float]:
-        return [float(np.sqrt(np.mean(draw(one) ** 2))) for one in np.asarray(values)]
+    def drawn(of: Callable[[float], Array], values: ArrayLike) -> dict[str, ArrayLike]:
+        found = [rms_with_std(of(float(one))) for one in np.asarray(values)]
+        return _named(f"drawn_{of.__name__}_error", found)
 
     return {
         "swing_error": np.sqrt(dither.amplitude_variance(SWINGS)),
-        "drawn_swing_error": rms(swing, SWINGS),
+        **drawn(swing, SWINGS),
         "shake_error": np.sqrt(dither.shaken_variance(FRAMES, SHAKES)),
         "endless_shake_error": np.sqrt(dither.mean_variance(0.0, SHAKES)),
-        "drawn_shake_error": rms(shake, SHAKES),
+        **drawn(shake, SHAKES),
         "disc_error": [dither.disc_variance(one) ** 0.5 for one in DISCS],
-        "drawn_disc_error": rms(disc, DISCS),
+        **drawn(disc, DISCS),
     }

@@ -24,8 +24,10 @@ from thesis_lib.plotting.style import (
 )
 from thesis_lib.vision import dither
 from thesis_lib.vision.cone_law import ISOTROPIC, MOTION_PX
+from thesis_lib.vision.rounding import difference_variance
 
 SIZE = (7.2, 3.3)  # inches
+_PER_PIXEL = 181  # motions at which the law is drawn, in each pixel
 EVERY = 5  # of the drawn angles, so that dots stand apart
 PERCENT = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 
@@ -33,13 +35,17 @@ PERCENT = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 def motion(cube: xr.Dataset) -> Figure:
     """Rounding error of one coordinate against its motion, and relative to it."""
     drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
-    delta, law = cube["motion"].values, cube["motion_error"].values
-    drawn = cube["drawn_motion_error"].values
-    for axes, scale in ((left, np.ones_like(delta)), (right, 100 / delta)):
-        axes.plot(delta, scale * law, color=COLORS[0], linewidth=1.6, label="the law")
-        axes.plot(delta, scale * drawn, "o", color=INK, markersize=2.2, label="drawn")
+    delta, drawn = cube["motion"].values, cube["drawn_motion_error"].values
+    every = _arched(delta[0], delta[-1])
+    law = np.sqrt(difference_variance(every))
+    for axes, power in ((left, 0), (right, 1)):
+        scale = (100 / every) ** power
+        axes.plot(every, scale * law, color=COLORS[0], linewidth=1.6, label="the law")
         axes.plot(
-            delta,
+            delta, (100 / delta) ** power * drawn, "o", color=INK, markersize=2.2, label="drawn"
+        )
+        axes.plot(
+            every,
             scale * MOTION_PX,
             "--",
             color=COLORS[4],
@@ -62,6 +68,17 @@ def motion(cube: xr.Dataset) -> Figure:
     logarithmic(right.yaxis, [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
     right.set(title="(b) in % of the motion", xlabel="motion of the image in px", ylim=(4, 3000))
     return drawing
+
+
+def _arched(first: float, last: float) -> Array:
+    """Return motions in px from first to last, closer to each other towards whole pixels.
+
+    There the law has cusps: √(f (1 − f)) is half the sine of an angle that grows evenly here.
+    """
+    pixels = np.arange(np.ceil(last))
+    place = (1 - np.cos(np.linspace(0, np.pi, _PER_PIXEL))) / 2
+    every = np.concatenate([(pixels[:, None] + place).ravel(), np.geomspace(first, 1, _PER_PIXEL)])
+    return np.unique(every[(every >= first) & (every <= last)])
 
 
 def settings(cube: xr.Dataset) -> Figure:
@@ -199,9 +216,11 @@ def shares(cube: xr.Dataset) -> Figure:
     for k, rate in enumerate(cube["rate"].values):
         part, style = cube.isel(rate=k, count=order), {"color": color(k)}
         frame, film, sensor = grid
-        frame.plot(n[order], part["frame_error"], linewidth=1.5, label=f"{rate:g} Hz", **style)
+        law = {"marker": "_", "markersize": 9, "markeredgewidth": 1.5, "linestyle": "none"}
+        frame.plot(n[order], part["frame_error"], **law, **style)
+        frame.plot([], [], linewidth=1.5, label=f"{rate:g} Hz", **style)
         frame.plot(n[order], part["average_error"], "--", linewidth=0.9, **style)
-        film.plot(n[order], part["fit_error"], linewidth=1.5, **style)
+        film.plot(n[order], part["fit_error"], **law, **style)
         for e, name in enumerate(cube["estimator"].values):
             dots: Any = {
                 "marker": "osD^"[e % 4],
@@ -247,8 +266,8 @@ def shares(cube: xr.Dataset) -> Figure:
             markerfacecolor="none" if e else None,
             label=name,
         )
-    for line, words in (("-", "the law"), ("--", "independent, averaged")):
-        grid[1].plot([], [], line, color=INK, linewidth=1, label=words)
+    grid[1].plot([], [], color=INK, label="the law", **law)
+    grid[1].plot([], [], "--", color=INK, linewidth=1, label="independent, averaged")
     grid[2].plot([], [], "x", color=INK, markersize=4.5, label=f"markers < {FOLLOWED_PX:g} px high")
     grid[0].legend(loc="upper center", ncols=3, columnspacing=0.8, handlelength=1.2, fontsize=7)
     grid[1].legend(loc="upper left", fontsize=7)
@@ -330,6 +349,15 @@ def dithering(cube: xr.Dataset) -> Figure:
         ("shake", "(b) mean of frames, px", "camera shake, px"),
         ("disc", "(c) centroid of a disc, px", "diameter of the marker, px"),
     )
+    swing, shake, disc = (
+        spread(cube[name].values.min(), cube[name].values.max(), 201)
+        for spread, (name, *_) in zip((np.geomspace, np.linspace, np.linspace), panels, strict=True)
+    )
+    closed_forms = {
+        "swing": (swing, np.sqrt(dither.amplitude_variance(swing))),
+        "shake": (shake, np.sqrt(dither.shaken_variance(design_dither.FRAMES, shake))),
+        "disc": (disc, [dither.disc_variance(one) ** 0.5 for one in disc]),
+    }
     for axes, (name, title, words) in zip(grid, panels, strict=True):
         x = cube[name].values
         axes.axhline(
@@ -339,13 +367,14 @@ def dithering(cube: xr.Dataset) -> Figure:
             linewidth=1.2,
             label="one coordinate, one frame",
         )
-        axes.plot(x, cube[f"{name}_error"], color=COLORS[0], linewidth=1.6, label="closed form")
+        many, closed = closed_forms[name]
+        axes.plot(many, closed, color=COLORS[0], linewidth=1.6, label="closed form")
         axes.plot(x, cube[f"drawn_{name}_error"], "o", color=INK, markersize=2.4, label="drawn")
         axes.set(title=title, xlabel=words)
         logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
     grid[1].plot(
-        cube["shake"],
-        cube["endless_shake_error"],
+        shake,
+        np.sqrt(dither.mean_variance(0.0, shake)),
         ":",
         color=COLORS[0],
         linewidth=1.4,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
+from thesis_lib.figure_sets.design_law.share_tables import asked, sampling
 from thesis_lib.vision.cone_law import MOTION_PX, pair_deflection_error, pair_noise_error
+from thesis_lib.vision.estimators import rms_with_std
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
 from thesis_lib.web.markdown import table
@@ -29,7 +29,8 @@ def pairs(study: DesignLaw) -> dict[str, ArrayLike]:
     distance, size = study.cone_distance_mm / 1000, study.resolution_px
     focal = study.focal_length_mm / study.sensor_width_mm * size[0]
     shape = (len(TILTS), len(OPENINGS))
-    closed, noisy, drawn, drawn_noisy = (np.empty(shape) for _ in range(4))
+    closed, noisy = np.empty((2, *shape))
+    drawn, drawn_noisy = np.empty((2, 2, *shape))  # rms and its standard error
     random = np.random.default_rng([study.seed, 2])
     n = DRAWS * study.trials
     for at in np.ndindex(shape):
@@ -46,14 +47,16 @@ def pairs(study: DesignLaw) -> dict[str, ArrayLike]:
             (drawn_noisy, images + noise),
         ):
             height = triangulate(P, seen)[2]
-            found[at] = np.sqrt(np.mean((height[1] - height[0] - moved[2, 1]) ** 2))
+            found[:, *at] = rms_with_std(height[1] - height[0] - moved[2, 1])
         closed[at] = pair_deflection_error(distance, focal, opening, tilt)
         noisy[at] = pair_noise_error(distance, focal, opening, tilt)
     return {
         "pair_error": closed,
-        "drawn_pair_error": drawn,
+        "drawn_pair_error": drawn[0],
+        "drawn_pair_error_std": drawn[1],
         "pair_noise_error": noisy,
-        "drawn_pair_noise_error": drawn_noisy,
+        "drawn_pair_noise_error": drawn_noisy[0],
+        "drawn_pair_noise_error_std": drawn_noisy[1],
     }
 
 
@@ -77,8 +80,9 @@ def paired(cube: xr.Dataset) -> str:
         "independent noise, mm",
         "drawn, mm",
     ]
-    distance = json.loads(cube.attrs["parameters"])["cone_distance_mm"]
+    distance = asked(cube, "cone_distance_mm")
     return table(header, rows) + (
         f"\nA deflection of the centre, {distance:g} mm from two cameras, over one pixel "
-        "of motions; the noise is as large in every coordinate as rounding is in one that moves.\n"
+        "of motions; the noise is as large in every coordinate as rounding is in one that moves. "
+        f"{sampling(cube, 'drawn_pair_error', 'drawn_pair_noise_error')}\n"
     )

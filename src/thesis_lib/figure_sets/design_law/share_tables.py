@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from thesis_lib.figure_sets.design_law.noisy import MISTAKES, OUTLIER_PX
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.markdown import table
@@ -17,11 +18,21 @@ _MARKED = (
     f"*Marker*: height of the image of one of {1000 * MARKER:g} mm. †: below {FOLLOWED_PX:g} px, "
     "where the laboratory's tracker loses markers."
 )
+_DRAWN = ("drawn_frame_error", "drawn_fit_error")
 
 
 def asked(cube: xr.Dataset, name: str) -> Any:
     """A parameter of the run."""
     return json.loads(cube.attrs["parameters"])[name]
+
+
+def sampling(cube: xr.Dataset, *names: str) -> str:
+    """Return a sentence with the largest standard error of drawn variables, relative to them."""
+    stds = [(cube[f"{name}_std"] / cube[name].where(cube[name] > 0)).values for name in names]
+    largest = np.fmax.reduce(np.concatenate([np.ravel(one) for one in stds]))
+    if not np.isfinite(largest):
+        return "One draw has no standard error."
+    return f"Standard errors of what is drawn: up to {percent_text(100 * float(largest))} %."
 
 
 def _duration(cube: xr.Dataset) -> str:
@@ -78,16 +89,16 @@ def shares(cube: xr.Dataset) -> str:
         f"the peak of {peak:g} mm. *Fit*: rms error of an amplitude fitted to "
         f"{_duration(cube)} of a vibration with "
         f"{asked(cube, 'frequency_hz'):g} Hz at the centre. *Frames that tell*: about how many "
-        f"frames are worth fitting. {_MARKED}\n"
+        f"frames are worth fitting. {sampling(cube, *_DRAWN)} {_MARKED}\n"
     )
 
 
 def few_shares(cube: xr.Dataset) -> str:
-    """The same for the least, some middle and the largest number of cameras, and what it says."""
+    """Return that table for few, middle and most cameras, and the claim in numbers."""
     counts = np.sort(cube["count"].values)
     most = [most_followed(cube, float(rate)) for rate in cube["rate"].values]
     some = {int(counts[i]) for i in (0, len(counts) // 2, -1)} | {n for n in most if n}
-    return f"{_share(cube, sorted(some))}\n{_MARKED}\n\n{claim(cube)}"
+    return f"{_share(cube, sorted(some))}\n{sampling(cube, *_DRAWN)} {_MARKED}\n\n{claim(cube)}"
 
 
 def followed(at: xr.Dataset) -> bool:
@@ -103,6 +114,7 @@ def most_followed(cube: xr.Dataset, rate: float) -> int:
 
 
 SHOWN = (0.0, 0.05, 0.1, 0.3)  # px of noise
+_WITH_STD = "*±*: largest standard error of the cell's drawn values."
 
 
 def noisy(cube: xr.Dataset) -> str:
@@ -112,17 +124,22 @@ def noisy(cube: xr.Dataset) -> str:
         "\nRms errors of deflections in µm by "
         + ", ".join(str(name) for name in cube["approach"].values)
         + f", {asked(cube, 'cone_distance_mm'):g} mm away. *Tolerance*: noise that leaves half of "
-        f"what is gained over least squares without noise. {_MARKED}\n"
+        f"what is gained over least squares without noise. {_WITH_STD} {_MARKED}\n"
     )
 
 
 def few_noisy(cube: xr.Dataset) -> str:
-    """The same for about half as many numbers of cameras, and what it says."""
+    """Return that table for about half as many numbers of cameras, and the claim in numbers."""
+    table_ = _noisy(cube, _doubled(cube))
+    return f"{table_}\n{_WITH_STD} {_MARKED}\n\n{noisy_claim(cube)}"
+
+
+def _doubled(cube: xr.Dataset) -> list[int]:
+    """Return the numbers of cameras that are the least times a power of two."""
     counts = np.sort(cube["count"].values)
-    doubled = [
-        n for n in counts if (n / counts[0]).is_integer() and np.log2(n / counts[0]) % 1 == 0
+    return [
+        int(n) for n in counts if (n / counts[0]).is_integer() and np.log2(n / counts[0]) % 1 == 0
     ]
-    return f"{_noisy(cube, doubled)}\n{_MARKED}\n\n{noisy_claim(cube)}"
 
 
 def _noisy(cube: xr.Dataset, counts: Iterable[int]) -> str:
@@ -130,12 +147,12 @@ def _noisy(cube: xr.Dataset, counts: Iterable[int]) -> str:
     rows = []
     for count in counts:
         at = cube.sel(count=count, rate=slowest)
-        errors = (at["noisy_share_error"].sel(image_noise=noise).values for noise in SHOWN)
+        errors = (_with_std(at, image_noise=noise) for noise in SHOWN)
         bear = at["share_tolerance"].values[1:]
         rows.append(
             [str(count), str(int(at["width_px"])),
              f"{float(at['marker_height']):.1f}{'' if followed(at) else ' †'}",
-             *(" / ".join(f"{1e6 * each:.0f}" for each in of) for of in errors),
+             *errors,
              " / ".join(f"{noise:.2f}" if np.isfinite(noise) else "–" for noise in bear)]
         )  # fmt: skip
     least = (1e6 * cube["least_share_error"].sel(image_noise=noise).mean() for noise in SHOWN)
@@ -145,6 +162,57 @@ def _noisy(cube: xr.Dataset, counts: Iterable[int]) -> str:
               *("no noise" if not noise else f"{noise:g} px" for noise in SHOWN),
               f"tolerance, px: {' / '.join(names)}"]  # fmt: skip
     return table(header, rows)
+
+
+def _with_std(at: xr.Dataset, name: str = "noisy_share_error", **of: Any) -> str:
+    """Return errors in µm by each approach, and their largest standard error."""
+    errors, stds = (1e6 * at[one].sel(of).values for one in (name, f"{name}_std"))
+    return f"{' / '.join(f'{each:.0f}' for each in errors)} ± {np.max(stds):.0f}"
+
+
+def mistakes(cube: xr.Dataset) -> str:
+    """Return a table of what wrong noise and outliers cost *interval*, and the claim in numbers."""
+    names = [str(one) for one in cube["approach"].values]
+    errors = (cube["mistaken_error"].sel(approach=name) for name in names)
+    squares, centre, interval = errors
+    right = 1e6 * cube["noisy_share_error"].sel(approach=names[-1])
+    doubled, rows = _doubled(cube), []
+    for mistake, (noise, _, _) in MISTAKES.items():
+        for count in doubled[1::2] or doubled:
+            at = {"mistake": mistake, "count": count}
+            share = float(cube["feasible_fraction"].sel(at))
+            rows.append(
+                [
+                    mistake,
+                    str(count),
+                    f"{float(right.sel(count=count, image_noise=noise)):.0f}",
+                    _with_std(cube, "mistaken_error", **at),
+                    *(f"×{float((interval / one).sel(at)):.2f}" for one in (squares, centre)),
+                    f"{100 * share:.0f}",
+                ]
+            )
+    header = [
+        "noise",
+        "cameras",
+        f"{names[-1]}, told right",
+        " / ".join(names),
+        *(f"{names[-1]} over {name}" for name in names[:2]),
+        "pixels agree, %",
+    ]
+    (low, (noise, less, _)), (high, (_, more, _)), (spoilt, _) = MISTAKES.items()
+    worse = 100 * float((interval / squares).sel(mistake=low).max() - 1)
+    slower = float((interval / centre).sel(mistake=high).max())
+    spoilt_by = float((interval / squares).sel(mistake=spoilt, count=max(doubled)))
+    return table(header, rows) + (
+        "\nRms errors of deflections in µm with equal pixels per second. *Outliers*: image "
+        f"coordinates that lie {OUTLIER_PX:g} px to one side. *Pixels agree*: points whose pixels "
+        "agree within five times the noise that is told; elsewhere *interval* returns the "
+        f"least-squares point. {_WITH_STD}\n\n"
+        f"Told {less:g} px where there are {noise:g}, *interval* is up to {worse:.0f} % worse than "
+        f"least squares. Told {more:g} px where there is no noise, it has up to {slower:.1f} times "
+        f"the error of the analytic centre. With outliers and {max(doubled)} cameras it has "
+        f"{spoilt_by:.2f} times the error of least squares.\n"
+    )
 
 
 def noisy_claim(cube: xr.Dataset) -> str:
@@ -173,11 +241,17 @@ def noisy_claim(cube: xr.Dataset) -> str:
             f" Half of the gain is left at {float(bear.min()):.2f} to {float(bear.max()):.2f} px "
             f"of noise for {int(bear['count'].min())} to {int(bear['count'].max())} cameras."
         )
+    stds = cube["noisy_share_error_std"] / cube["noisy_share_error"]
+    known = float(stds[:, loud].max())
+    below = (least / interval - 1) / stds.sel(approach=interval["approach"].item())
     return text + (
         f" From {SHOWN[-1]:g} px on the errors of least squares differ by at most "
-        f"{100 * float(level.max() - 1):.0f} % between numbers of cameras, and *interval* has an "
-        f"efficiency of at least {100 * float(reached.min()):.0f} % of the bound. Nowhere is it "
-        f"worse than the better of both others by more than {100 * max(0.0, worse):.1f} %.\n"
+        f"{100 * float(level.max() - 1):.0f} % between numbers of cameras, each known to "
+        f"±{100 * known:.1f} %, and *interval* has an efficiency of at least "
+        f"{100 * float(reached.min()):.0f} ± {200 * known:.0f} % of the bound. Drawn errors below "
+        f"the bound are below it by {max(0.0, float(below.max())):.1f} standard errors at most. "
+        "Nowhere is *interval* worse than the better of both others by more than "
+        f"{100 * max(0.0, worse):.1f} %, if it is told the noise.\n"
     )
 
 

@@ -20,6 +20,7 @@ from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.design_law.sweeps import exact, shapes
 from thesis_lib.vision import cone_law, rounding
 from thesis_lib.vision.analytic_centre import analytic_centre
+from thesis_lib.vision.estimators import rms_with_std
 from thesis_lib.vision.interval import interval
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
 from thesis_lib.vision.triangulation import gain, triangulate
@@ -49,7 +50,7 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
     peak, beam = study.amplitude_mm / 1000, setups.beam()
     points = shapes(beam, peak)
     law, view, fit = (np.empty(widths.shape) for _ in range(3))
-    drawn, drawn_fit = (np.empty((len(ESTIMATORS), *widths.shape)) for _ in range(2))
+    drawn, drawn_fit = np.empty((2, 2, len(ESTIMATORS), *widths.shape))  # rms and standard error
     for at, setting in zip(np.ndindex(widths.shape), study.settings(), strict=True):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         filmed = film(float(frame_rate[at]), study)
@@ -58,8 +59,9 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         fit[at] = fitted_by_law(rig, filmed)
         view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), rig.size))
         for e, estimate in enumerate(ESTIMATORS.values()):
-            drawn[e, *at] = one_frame(rig, points, study, estimate)
-            drawn_fit[e, *at] = fitted(filmed, estimate(rig.P, images)[2][number])
+            drawn[:, e, *at] = rms_with_std(one_frame(rig, points, study, estimate))
+            wrong = amplitude_errors(filmed, estimate(rig.P, images)[2][number])
+            drawn_fit[:, e, *at] = rms_with_std(wrong)
     percent = 100 / peak
     counts = np.array(study.counts)[:, None]
     centre = percent * cone_law.cone_deflection_error(distance, focal, counts, angle)
@@ -75,23 +77,25 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         "in_view": view,
         "average_error": centre,
         "frame_error": percent * law,
-        "drawn_frame_error": percent * drawn,
+        "drawn_frame_error": percent * drawn[0],
+        "drawn_frame_error_std": percent * drawn[1],
         # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.
         "independent_fit_error": centre / np.sqrt(frame_rate * study.duration_s),
         "useful_frames": cone_law.useful_frames(motion[..., None] * spread(FITTED)),
         "fit_error": percent * fit,
-        "drawn_fit_error": percent * drawn_fit,
+        "drawn_fit_error": percent * drawn_fit[0],
+        "drawn_fit_error_std": percent * drawn_fit[1],
     }
 
 
-def one_frame(rig: CameraArray, points: Array, study: DesignLaw, estimate: Estimator) -> float:
-    """Rms deflection error in m over the trials, of markers (3, 1 + modes, m)."""
+def one_frame(rig: CameraArray, points: Array, study: DesignLaw, estimate: Estimator) -> Array:
+    """Return rms deflection errors (trials,) in m of markers (3, 1 + modes, m)."""
     shifts = np.moveaxis(rounding.grid_shifts(study.seed, study.trials, len(rig))[1:], 0, 2)
     shift = shifts[:, :, None, :, None]
     images = project(rig.P, points)[:, :, :, None]
     height = estimate(rig.P, pixelate(images + shift) - shift)[2]
     error = height[1:] - height[0] - points[2, 1:, None]
-    return float(np.sqrt(np.mean(error**2)))
+    return np.asarray(np.sqrt(np.mean(error**2, axis=(0, 1))))
 
 
 @dataclass(frozen=True)
@@ -151,14 +155,14 @@ def seen(rig: CameraArray, filmed: Film, seed: int) -> tuple[Array, IntArray]:
     return np.concatenate(images, axis=2), number
 
 
-def fitted(filmed: Film, height: Array) -> float:
-    """Rms error in m of the fitted amplitude, of heights (trials, frames)."""
+def amplitude_errors(filmed: Film, height: Array) -> Array:
+    """Return errors (trials,) in m of the amplitudes fitted to heights (trials, frames)."""
     waves = (filmed.fit[:, :2] @ height[..., None])[..., 0]
-    return float(np.sqrt(np.mean((np.linalg.norm(waves, axis=1) - filmed.peaks) ** 2)))
+    return np.asarray(np.linalg.norm(waves, axis=1) - filmed.peaks)
 
 
 def fitted_by_law(rig: CameraArray, filmed: Film) -> float:
-    """The same by the law, to first order: each coordinate repeats its errors from frame to frame.
+    """Return the rms amplitude error in m by the law, to first order: errors repeat by the frame.
 
     On a cone all cameras see the same motion, in v alone.
     """

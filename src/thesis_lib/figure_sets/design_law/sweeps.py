@@ -26,6 +26,7 @@ STRUCTURES: dict[str, Callable[[], Structure]] = {"beam": setups.beam, "plate": 
 FINDINGS = ("distance", "resolution", "number", "elevation", "aperture")
 STEPS = 61  # of a sweep
 WIDE_DEG = 60.0  # aperture from which on the rest is counted
+CONE_MOTION_PX = 4.0  # range of random motions on the cone, in which every fraction is as likely
 AMPLITUDES = (0.5, 1.5)  # from and to how many times the thesis's is averaged
 
 

@@ -8,16 +8,22 @@ import numpy as np
 import xarray as xr
 from IPython.display import Markdown
 
+from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.design_law import dither as design_dither
 from thesis_lib.figure_sets.design_law.pairs import paired
 from thesis_lib.figure_sets.design_law.share_tables import (
     asked,
     few_noisy,
     few_shares,
+    mistakes,
     noisy,
+    sampling,
     shares,
 )
+from thesis_lib.figure_sets.design_law.sweeps import AMPLITUDES, CONE_MOTION_PX
+from thesis_lib.studies.cubes import percent_text
 from thesis_lib.vision import dither
+from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION
 from thesis_lib.vision.estimators import exponent
 from thesis_lib.web.markdown import columns, table
 
@@ -70,7 +76,8 @@ def motion(cube: xr.Dataset) -> str:
         at = cube.sel(motion=delta, method="nearest")
         law, drawn, moved = (float(at[k]) for k in ("motion_error", "drawn_motion_error", "motion"))
         rows.append([f"{moved:g}", f"{law:.3f}", f"{drawn:.3f}", f"{100 * law / moved:.0f}"])
-    return table(["motion, px", "error by the law, px", "drawn, px", "in % of the motion"], rows)
+    header = ["motion, px", "error by the law, px", "drawn, px", "in % of the motion"]
+    return f"{table(header, rows)}\n{sampling(cube, 'drawn_motion_error')}\n"
 
 
 def cone(cube: xr.Dataset) -> str:
@@ -82,10 +89,14 @@ def cone(cube: xr.Dataset) -> str:
         cells = [f"{c:.2f} / {d:.2f}" for c, d in zip(closed, drawn, strict=True)]
         rows.append([f"{angle:g}", *cells])
     agree = "less than 1e-12" if float(cube["cone_difference"]) < 1e-12 else "more than 1e-12"
+    width, focal = asked(cube, "resolution_px")[0], asked(cube, "focal_length_mm")
+    largest = CONE_MOTION_PX * asked(cube, "sensor_width_mm") / (focal * width)
     return table(["θ, °", "σ_x, mm", "σ_y, mm", "σ_z, mm"], rows) + (
         f"\nClosed form / drawn, of {asked(cube, 'cone_cameras')} cameras with "
         f"{asked(cube, 'resolution_px')[0]} px across at {asked(cube, 'cone_distance_mm'):g} mm. "
-        f"Closed form and Jacobian differ by {agree}, relative to the errors.\n"
+        f"Closed form and Jacobian differ by {agree}, relative to the errors. Motions are drawn up "
+        f"to {percent_text(100 * largest)} % of the distance; closed forms hold up to "
+        f"{100 * MAX_MOTION_FRACTION:g} %. {sampling(cube, 'cone_drawn_error')}\n"
     )
 
 
@@ -111,7 +122,16 @@ def exponents(cube: xr.Dataset) -> str:
         if np.isfinite(cube["centre_exponent"].sel(finding=finding)).all()
     ]
     header = ["", "at the centre", "over all markers", "far below a pixel"]
-    text = f"\nExponents for {' / '.join(_structures(cube))}, that of elevation of cos φ.\n"
+    nearest = cube["swept"].sel(finding="distance").min("step")
+    motions = [
+        AMPLITUDES[1] * float(reading(one)["amplitude_mm"]) / float(nearest.sel(structure=one))
+        for one in _structures(cube)
+    ]
+    text = (
+        f"\nExponents for {' / '.join(_structures(cube))}, that of elevation of cos φ. Closed "
+        f"forms at the centre hold for motions up to {100 * MAX_MOTION_FRACTION:g} % of the "
+        f"distance; those averaged here reach {_both((100 * one for one in motions), 1)} %.\n"
+    )
     for kind in cube["amplitudes"].values:
         at = cube.sel(amplitudes=kind)
         text += (
@@ -203,7 +223,8 @@ def estimated(cube: xr.Dataset) -> str:
     return table(["cameras", *names, "noise that halves the gain, px"], rows) + (
         f"\nRms errors of deflections in µm, {design_dither.DISTANCE:g} m away, 320×180 px, in "
         "directions drawn evenly over the hemisphere. *Noise that halves the gain*: in the images "
-        "before they are rounded, where the analytic centre has half its gain over least squares.\n"
+        "before they are rounded, where the analytic centre has half its gain over least squares. "
+        f"{sampling(cube, 'crowd_error')}\n"
     )
 
 
@@ -241,7 +262,7 @@ def dithered(cube: xr.Dataset) -> str:
     return table(["", "error, px", "drawn, px", "times better"], rows) + (
         f"\n*Amplitude*: fitted to endless frames. *Shake*: mean of {design_dither.FRAMES} frames. "
         f"*Diameter*: centroid of black pixels. One coordinate in one frame is off by {whole:.3f} "
-        "px.\n"
+        f"px. {sampling(cube, *(f'drawn_{name}_error' for name in picks))}\n"
     )
 
 
@@ -254,6 +275,7 @@ TABLES: dict[str, Callable[[xr.Dataset], str]] = {
     "shares": shares,
     "estimators": estimated,
     "noisy": noisy,
+    "mistakes": mistakes,
     "refined": refined,
     "dither": dithered,
 }
@@ -264,6 +286,7 @@ PIECES: dict[str, Callable[[xr.Dataset], str]] = {
     "shares": few_shares,
     "estimators": estimated,
     "noisy": few_noisy,
+    "mistakes": mistakes,
     "refined": refined,
     "dither": dithered,
 }

@@ -24,7 +24,8 @@ def turn(cube: xr.Dataset) -> Figure:
         one = cube.sel(mode=mode, plane=plane)
         for i, elevation in enumerate(cube["elevation"].values):
             part = one.sel(elevation=elevation)
-            panel.plot(cube["turn"], part["turned_error"], color=color(i), label=f"{elevation:g}°")
+            law = part["turned_law_error"]
+            panel.plot(cube["law_turn"], law, color=color(i), linewidth=1, label=f"{elevation:g}°")
             panel.plot(cube["turn"], part["turned_simulated"], "o", color=color(i), markersize=4)
         panel.set(title=f"mode {mode}, {plane}", xlabel="turned by, °")
     axes[0, 0].set(ylabel="field error, %", ylim=(0, None))

@@ -7,6 +7,7 @@ measured and radiated as in ``sound-arrays``, where they are a reader's own layo
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,8 @@ import numpy as np
 import xarray as xr
 from IPython.display import Markdown
 
+from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import OPPOSITE_DEG
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
@@ -22,14 +25,23 @@ from thesis_lib.figure_sets.parametric.sound_sum import heard
 from thesis_lib.studies.blocks import Outline
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.vibration.structure import resonance, world_points
+from thesis_lib.vision import rounding
 from thesis_lib.web.markdown import table
 
-TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 5.0)
-TOLD_DEG = 2.0  # the turn that the prose tells of
+TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0)  # simulated
+LAW_TURNS_DEG = np.round(np.linspace(0, 5, 101), 2)  # where rows cross pixels the law has its dips
+BEST_DEG = (
+    2.0,
+    3.0,
+)  # turns that the text recommends: steep cameras err more from 4° on
 ENOUGH = 1000  # trials, which know an rms to some percent
 VARIABLES = declared("""
     turn(turn) [degree] azimuth that two opposed cameras are turned by
     elevation(elevation) [degree] elevation of the cameras that are turned
+    law_turn(law_turn) [degree] azimuth that two opposed cameras are turned by, in small steps
+    turned_law_error(law_turn, elevation, mode, plane) [percent] field error of the turned pair by
+        the law of rounding, in small steps of the turn
     turned_error(turn, elevation, mode, plane) [percent] field error of the turned pair by the law
     turned_simulated(turn, elevation, mode, plane) [percent] rms field error over the trials
     turned_deflection(turn, elevation, mode) [percent] rms deflection error over the trials
@@ -40,25 +52,49 @@ VARIABLES = declared("""
 """)
 
 
-def turned(asked: Any) -> CameraStudy:
-    """The same study of the pairs of case 2d, each turned by every angle, as layouts."""
+def turned(asked: Any, turns: Iterable[float] = TURNS_DEG) -> CameraStudy:
+    """Return the study whose layouts are the pairs of case 2d, each turned by every angle."""
     values = asked.model_dump()
     common = {name: values[name] for name in camera_study("sound-arrays").request if name in values}
     layouts = {
         f"{number}: {elevation:g}°, {turn:g}°": [
             [(azimuth + turn, elevation) for azimuth in OPPOSITE_DEG["2d"]]
         ]
-        for turn in TURNS_DEG
+        for turn in turns
         for number, elevation in enumerate(values["elevations_deg"])
     }
     own = {"cases": [], "layouts": layouts, "trials": min(values["trials"], ENOUGH), "cube": ""}
     return camera_study("sound-arrays", common | own)
 
 
+def law_errors(study: Any, reference: Array) -> Array:
+    """Return field errors (turns, elevations, modes, planes) in % by the law of rounding.
+
+    Parameters
+    ----------
+    study : Study
+        The request of ``sound-aperture``.
+    reference : ndarray, shape (modes, markers)
+        True deflections in m.
+    """
+    plate, known = study.structure, study.rest == "known"
+    settings = turned(study, LAW_TURNS_DEG.tolist()).settings()
+    found = []
+    for mode, shape in zip(study.modes, reference, strict=True):
+        heard_ = PlateSound.of(plate, study.planes, study.medium, resonance(plate, mode), shape)
+        rest, bent = np.moveaxis(world_points(plate, np.stack([0 * shape, shape])), 1, 0)
+        for setting in settings:
+            P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
+            C = rounding.deflection_covariance(P, rest, bent, known, study.noise_px)
+            found.append(heard_.expected_plane_errors(C))
+    by_mode = np.reshape(found, (len(reference), len(LAW_TURNS_DEG), -1, len(study.planes)))
+    return np.moveaxis(by_mode, 0, 2)
+
+
 def outline(
     study: CameraStudy, plate_cube: xr.Dataset, turned: xr.Dataset, scheduler: str = ""
 ) -> Outline:
-    """The cube of ``sound-aperture``: as :func:`.sound.outline`, with the turned pairs."""
+    """Return the cube of ``sound-aperture``: that of :func:`.sound.outline`, with turned pairs."""
     plain = sound.outline(study, plate_cube, scheduler)
     elevations = study.elevations_deg  # type: ignore[attr-defined]
 
@@ -72,6 +108,8 @@ def outline(
     values = {
         "turn": TURNS_DEG,
         "elevation": elevations,
+        "law_turn": LAW_TURNS_DEG,
+        "turned_law_error": law_errors(study, plate_cube["reference_deflection"].values),
         "turned_error": by_turn(turned["predicted_error"]),
         "turned_simulated": drawn("plane_error"),
         "turned_deflection": drawn("deflection_error"),
@@ -118,7 +156,8 @@ def turn_summary(cube: xr.Dataset) -> str:
         rms = (np.sqrt((one[name] ** 2).mean("elevation")) for name in names)
         rows.append([f"{mode}, {plane}", *_cells(*rms)])
     mode, plane = heard(cube)[0]
-    first, turned = (cube.sel(turn=turn, mode=mode, plane=plane) for turn in (0, TOLD_DEG))
+    told = BEST_DEG[0]
+    first, turned = (cube.sel(turn=turn, mode=mode, plane=plane) for turn in (0, told))
     at = int((first["turned_error"] - turned["turned_error"]).values.argmax())
     errors, shares = (
         [float(one[name][at]) for one in (first, turned)]
@@ -128,10 +167,27 @@ def turn_summary(cube: xr.Dataset) -> str:
     most = f"{100 * float(np.abs(shape).max()):.1f} %"
     return _table(cube, ["mode, plane"], rows) + (
         f"\nOver elevations of {_degrees(cube['elevation'].values)}. At "
-        f"{float(first['elevation'][at]):g}°, mode {mode} on {plane}, a turn by {TOLD_DEG:g}° "
+        f"{float(first['elevation'][at]):g}°, mode {mode} on {plane}, a turn by {told:g}° "
         f"takes the error from {percent_text(errors[0])} to {percent_text(errors[1])} %, and the "
         f"share of the loudest radiation mode in its square from {100 * shares[0]:.0f} to "
-        f"{100 * shares[1]:.0f} %. The shape's error changes by {most} at most.\n"
+        f"{100 * shares[1]:.0f} %. The shape's error changes by {most} at most. "
+        f"{turn_advice(cube)}\n"
+    )
+
+
+def turn_advice(cube: xr.Dataset) -> str:
+    """Return a sentence with the turns to choose, and what a larger one does to steep cameras."""
+    first, last = BEST_DEG
+    mode, plane = heard(cube)[0]
+    steep = cube["turned_law_error"].sel(
+        mode=mode, plane=plane, elevation=float(cube["elevation"].max())
+    )
+    errors = [percent_text(float(steep.sel(law_turn=turn))) for turn in (last, LAW_TURNS_DEG[-1])]
+    return (
+        f"So turn them by {first:g} to {last:g}°. Low cameras may be turned farther, steep ones "
+        f"should not be: at an elevation of "
+        f"{float(steep['elevation']):g}° the field's error is {errors[0]} % at {last:g}° and "
+        f"{errors[1]} % at {LAW_TURNS_DEG[-1]:g}° (mode {mode} on {plane})."
     )
 
 
