@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 
 from thesis_lib import files
@@ -52,14 +53,23 @@ def test_a_figure_without_its_cube_says_so(tmp_path) -> None:
     assert "missing" in (tmp_path / "beam-distance.svg").read_text(encoding="utf-8")
 
 
-def test_curves_are_the_medians_of_the_trials_and_the_law() -> None:
-    cube = cube_of(camera_study("beam-distance", {"trials": 9, "modes": [3]}))
+@pytest.mark.parametrize("of", ["distance", "aperture", "resolution", "arrays"])
+def test_curves_are_the_rms_of_the_trials_and_the_law(of) -> None:
+    cases = {"cases": ["4a"]} if of == "arrays" else {"cases": ["2b"]} if of == "aperture" else {}
+    cube = cube_of(camera_study(f"beam-{of}", {"trials": 9, "modes": [3], **cases}))
     with in_style():
-        axes = illustrations.varied("distance", cube).axes[0]
-    median = cube["mean_error"].sel(mode=3).isel(trial=slice(1, None)).median("trial")
-    dots, *_, law = [line.get_ydata() for line in axes.lines]
-    assert dots == pytest.approx(median.values)
-    assert law == pytest.approx(cube["predicted_error"].sel(mode=3).values)
+        axes = illustrations.varied(of, cube).axes[0]
+    part = cube.sel(mode=3).sortby("value")
+    rms = ((part["mean_error"].isel(trial=slice(1, None)) ** 2).mean("trial")) ** 0.5
+    dots, law = axes.lines
+    assert dots.get_ydata() == pytest.approx(rms.values)
+    at = np.interp(part["value"], *law.get_data())
+    if of == "arrays":  # there are no cameras between
+        assert law.get_linestyle() == "None"
+        assert at == pytest.approx(part["predicted_error"].values)
+    else:
+        assert len(law.get_xdata()) >= 50
+        assert at == pytest.approx(part["predicted_error"].values, rel=0.02)
 
 
 def test_what_a_newton_moves_is_drawn() -> None:

@@ -55,6 +55,7 @@ def test_an_axis_is_logarithmic_where_errors_are_far_apart(far: float, scale: st
     axes = Figure().subplots()
     bar_panel(axes, part, [Bars(low, low, np.array([low, low, low]), [None, None])])
     assert axes.get_yscale() == scale
+    assert bool(axes.patches) == (scale == "linear")  # a bar's length means nothing on a log axis
     bottom, top = axes.get_ylim()
     assert bottom <= min(1.0, np.nan_to_num(far)) or bottom == 0
     assert top > np.nanmax(low)

@@ -28,10 +28,15 @@ FAR_APART = 20.0
 
 
 def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
-    """Bars of each setting, one or more side by side."""
+    """Draw the errors of each setting, one or more side by side.
+
+    Bars on an axis from 0; where errors are so far apart that it is logarithmic, marks, since there
+    the length of a bar means nothing.
+    """
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
     colors = [color(index) for index in range(n_settings)]
-    top, named = 0.1, False
+    named, top = False, _top(groups)
+    floor = _least(groups, top)
     for g, bars in enumerate(groups):
         position = np.arange(n_settings) + (g - (len(groups) - 1) / 2) * width
         if np.isnan(bars.literal).all():
@@ -39,14 +44,11 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             continue
         hidden, named = "_" if named else "", True  # in the legend once
         low, median, high = bars.band
-        axes.bar(
-            position,
-            bars.literal,
-            0.9 * width,
-            color=colors,
-            alpha=0.4 if g else 0.75,
-            label=bars.name or part.attrs["trial_0"],
-        )
+        style = {"alpha": 0.4 if g else 0.75, "label": bars.name or part.attrs["trial_0"]}
+        if floor:
+            axes.scatter(position, bars.literal, 36, colors, marker="s", **style)
+        else:
+            axes.bar(position, bars.literal, 0.9 * width, color=colors, **style)
         if np.isfinite(median).all():  # there were trials
             axes.vlines(position, low, high, color="#222222", linewidth=1.2)
             axes.plot(
@@ -97,8 +99,6 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
                 markersize=4,
                 label="thesis",
             )
-        top = max(top, np.fmax.reduce(high), bars.literal.max(), *(c.high for _, c in given))
-        top = top if np.isfinite(top) else bars.literal.max()
     labels = [text.replace(" cameras", "") for text in part["label"].values]
     partial = part["in_view"].values < 1
     names = [f"{label}*" if cut else label for label, cut in zip(labels, partial, strict=True)]
@@ -109,14 +109,21 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     axes.set_xlabel("; ".join(filter(None, [unit, cut])))
     crowded = any(c.high > 0.8 * top for bars in groups for c in bars.claims if c)
     room = 1.5 if crowded else 1.35
-    if least := _least(groups, top):
+    if floor:
         logarithmic(axes.yaxis, [step * 10.0**power for power in range(-5, 5) for step in (1, 3)])
-        axes.set_ylim(least / 1.5, top * (top / least) ** (room - 1))
+        axes.set_ylim(floor / 1.5, top * (top / floor) ** (room - 1))
     else:
         axes.set_ylim(0, room * top)
     axes.grid(visible=False, axis="x")
     once = {name: line for line, name in zip(*axes.get_legend_handles_labels(), strict=True)}
     axes.legend(once.values(), once, ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
+
+
+def _top(groups: Sequence[Bars]) -> float:
+    """Return the largest error that is drawn or stated, at least 0.1."""
+    drawn = [np.ravel([bars.literal, bars.band[2]]) for bars in groups]
+    stated = [claim.high for bars in groups for claim in bars.claims if claim]
+    return float(np.fmax.reduce(np.concatenate([*drawn, [0.1, *stated]])))
 
 
 def _least(groups: Sequence[Bars], top: float) -> float:

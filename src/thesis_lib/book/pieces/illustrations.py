@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
@@ -13,9 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from thesis_lib import files
+from thesis_lib.arrays import Array
 from thesis_lib.book import missing
 from thesis_lib.book.pieces import guide, schematics
 from thesis_lib.figure_sets import cube_file, display
+from thesis_lib.figure_sets.parametric import compute
+from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.plotting.selection import error_bars, select
 from thesis_lib.plotting.style import (
     COLORS,
@@ -28,7 +32,15 @@ from thesis_lib.plotting.style import (
 )
 
 MODE = 3  # of the curves over what is varied
-TICKS = {"aperture": (20, 50, 100, 160), "arrays": (2, 4, 6, 8, 12)}  # else what was computed
+TICKS = {"aperture": (16, 60, 110, 160), "arrays": (2, 4, 6, 8, 12)}  # else what was computed
+# Parameters of a study between whose values the law is drawn, at so many settings: with fewer its
+# line would hide what it does between the settings of the thesis.
+BETWEEN = {
+    "distance": ("distances_mm",),
+    "aperture": ("half_apertures_deg", "elevations_deg"),
+    "resolution": ("widths_px",),
+}
+LAW_SETTINGS = 101
 LABELS = {
     "distance": "distance in mm",
     "aperture": "aperture in °",
@@ -37,26 +49,45 @@ LABELS = {
 }
 
 
+def _rms(part: xr.Dataset) -> Array:
+    """Return the rms over the trials (settings,) in %, which the law predicts."""
+    error = part["mean_error"].transpose("setting", "trial").values
+    return np.asarray(np.sqrt(np.mean(error[:, 1:] ** 2, axis=1)))
+
+
+def law_between(of: str, cube: xr.Dataset) -> xr.Dataset | None:
+    """Return the study of a cube with many settings from its first to its last, without trials.
+
+    None where the settings are numbers of cameras, between which there are none.
+    """
+    if of not in BETWEEN:
+        return None
+    asked = json.loads(cube.attrs["parameters"])
+    for name in BETWEEN[of]:
+        ends = np.linspace(min(asked[name]), max(asked[name]), LAW_SETTINGS)
+        asked[name] = (np.rint(ends).astype(int) if of == "resolution" else ends).tolist()
+    return compute.run(camera_study(cube.attrs["figure_set"], asked | {"trials": 0, "cube": ""}))
+
+
 def varied(of: str, cube: xr.Dataset) -> Figure:
-    """Mean error over what is varied: median and band of the trials, and the law of rounding."""
+    """Draw the mean error over what is varied: rms and band of the trials, and the law."""
     drawing, axes = subplots(figsize=(5.2, 3.2), layout="constrained")  # to be read on a phone
-    cases = list(dict.fromkeys(cube["case"].values.tolist()))
+    cases, fine = list(dict.fromkeys(cube["case"].values.tolist())), law_between(of, cube)
     for i, case in enumerate(cases):
-        values = select(cube, case, MODE)["value"].values
-        bars, order = error_bars(cube, case, MODE), np.argsort(values)
-        low, median, high = bars.band[:, order]
-        at = values[order] * 1.02 ** (i - (len(cases) - 1) / 2)  # side by side
+        part = select(cube, case, MODE)
+        bars, order = error_bars(cube, case, MODE), np.argsort(part["value"].values)
+        (low, _, high), rms = bars.band[:, order], _rms(part)[order]
+        shift = 1.02 ** (i - (len(cases) - 1) / 2)  # side by side
+        at = part["value"].values[order] * shift
         style = {"color": color(i), "markersize": 4}
-        axes.errorbar(
-            at,
-            median,
-            [median - low, high - median],
-            fmt="osD^v*"[i],
-            linewidth=1,
-            label=f"case {case.replace(chr(39), '′')}",
-            **style,
-        )
-        axes.plot(at, bars.predicted[order], color=color(i), linewidth=1)
+        name = f"case {case.replace(chr(39), '′')}"
+        axes.vlines(at, low, high, color=color(i), linewidth=1)
+        axes.plot(at, rms, "osD^v*"[i], label=name, **style)
+        if fine is None:
+            axes.plot(at, bars.predicted[order], "_", color=color(i), markersize=10)
+        else:
+            law = select(fine, case, MODE).sortby("value")
+            axes.plot(law["value"] * shift, law["predicted_error"], color=color(i), linewidth=1)
     logarithmic(axes.xaxis, TICKS.get(of, np.unique(cube["value"]).tolist()))
     logarithmic(axes.yaxis, [1, 2, 3, 5, 10, 20, 30, 50])
     axes.set(xlabel=LABELS[of], ylabel=f"mean error in mode {MODE}, %")
@@ -66,7 +97,7 @@ def varied(of: str, cube: xr.Dataset) -> Figure:
 
 
 def leaps(cube: xr.Dataset) -> Figure:
-    """Error over elevation: median of the trials, and the law of the distance and the height."""
+    """Draw the error over elevation: median and band of the trials, by case."""
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
     for i, case in enumerate(dict.fromkeys(cube["case"].values.tolist())):
         part, bars = select(cube, case, 1), error_bars(cube, case, 1)
@@ -88,14 +119,15 @@ def leaps(cube: xr.Dataset) -> Figure:
 
 
 def far_and_wide(cube: xr.Dataset) -> Figure:
-    """Error over distance and over aperture: median and band of the trials, and the law."""
+    """Draw the error over distance and over aperture: rms and band of the trials, and the law."""
     drawing, panels = subplots(1, 2, figsize=(7.2, 2.8), layout="constrained", sharey=True)
     for axes, case, unit in zip(panels, ("distance", "aperture"), ("mm", "°"), strict=True):
         part, bars = select(cube, case, 1), error_bars(cube, case, 1)
-        low, median, high = bars.band
-        values, bounds = part["value"].values, [median - low, high - median]
-        axes.errorbar(values, median, bounds, fmt="o", color=COLORS[0], label="rendered frames")
-        axes.plot(values, bars.predicted, "--", color=INK, label="law, one noise for all")
+        values, (low, _, high) = part["value"].values, bars.band
+        axes.vlines(values, low, high, color=COLORS[0])
+        axes.plot(values, _rms(part), "o", color=COLORS[0], label="rendered frames")
+        law = {"color": INK, "markersize": 14, "label": "law, one noise for all"}
+        axes.plot(values, bars.predicted, "_", **law)
         logarithmic(axes.xaxis, values.tolist()[:: 1 + len(values) // 6])
         logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2])
         axes.set(xlabel=f"{case} in {unit}")
@@ -126,17 +158,17 @@ def ways(cube: xr.Dataset) -> Figure:
 
 
 def own_errors(cube: xr.Dataset) -> Figure:
-    """Fitted centres beside whole pixels: error of the deflection, mode 1, by what is varied."""
+    """Draw the deflection's error in mode 1 of fitted centres and of whole pixels."""
     cases = list(dict.fromkeys(cube["case"].values.tolist()))
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
     for i, case in enumerate(cases):
-        part, bars = select(cube, case, 1), error_bars(cube, case, 1)
+        part = select(cube, case, 1)
         place = i + np.linspace(-0.3, 0.3, part.sizes["setting"])
-        axes.plot(place, bars.band[1], "o-", color=COLORS[0])
-        axes.plot(place, part["rounded_error"], "s--", color=COLORS[4])
+        axes.plot(place, _rms(part), "o-", color=COLORS[0])
+        axes.plot(place, part["rounded_error"], "_", color=COLORS[4], markersize=8)
     handles = [
         Line2D([], [], color=COLORS[0], marker="o", label="fitted centres"),
-        Line2D([], [], color=COLORS[4], marker="s", ls="--", label="whole pixels, by the law"),
+        Line2D([], [], color=COLORS[4], marker="_", ls="", label="whole pixels, by the law"),
     ]
     axes.legend(handles=handles, loc="upper center", ncols=2)
     axes.set_xticks(range(len(cases)), cases)

@@ -253,7 +253,7 @@ def shares(cube: xr.Dataset) -> Figure:
     least = min(float(cube[f"{k}fit_error"].min()) for k in ("", "drawn_", "independent_"))
     for axes in grid[:2]:
         logarithmic(axes.yaxis, PERCENT)
-        axes.set_ylim(0.75 * least, 60)
+        axes.set_ylim(0.75 * least, 150)
     logarithmic(grid[2].yaxis, [100, 200, 500, 1000, 2000])
     for e, name in enumerate(cube["estimator"].values):
         grid[1].plot(
