@@ -22,6 +22,7 @@ from scipy.optimize import differential_evolution
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.planning import errors, optimum, places, search, structure_file
+from thesis_lib.planning import report as planning_report
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.camera_table import COLUMNS
 from thesis_lib.planning.limits import ImpossibleError
@@ -80,6 +81,34 @@ def test_variance_is_that_of_triangulation(conforms, body):
     expected = covariance(rig.P, body.points)[2, 2]
     found = optimum.variances(optimum.information(scene, layout).sum(axis=1)) / 640**2
     conforms.independent(found, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "low", "high"), [(4, 41, 0.6, 0.9), (90, 20, 0.9, 1.05)]
+)
+def test_averaged_law_is_that_of_many_amplitudes_and_spares_narrow_pairs(
+    conforms, azimuth, elevation, low, high
+):
+    scene = scene_of(plate(), peak=5e-3, tilt=np.pi)
+    layout = places.at(np.radians([[azimuth, elevation], [-azimuth, elevation]]), 1.0, 24 / 36)
+    law = errors.averaged_by_law(scene, layout, 640)
+    scales = np.linspace(*errors.AMPLITUDES, 101)
+    peaks = [replace(scene, peaks=tuple(scale * one for one in scene.peaks)) for scale in scales]
+    metres = [errors.predicted(one, layout, 640) / errors.percent(one) for one in peaks]
+    mean = np.sqrt(np.mean(np.square(metres), axis=(0, 2))) * errors.percent(scene)[:, 0]
+    conforms.independent(law, mean.max(), rtol=0.02)
+    noise = errors.averaged(scene) / 640 * np.sqrt(optimum.layout_cost(scene, layout, "mean"))
+    conforms.sampled(law / noise, above=low, below=high)
+
+
+def test_a_plan_below_the_bound_of_its_grid_says_why(made):
+    one = replace(made.options[0], bound=1.01 * made.options[0].expected)
+    said = planning_report._beside(one, "mean")
+    assert "less than the bound" in said
+    assert "moved off the grid" in said
+    assert "less than" not in planning_report._beside(
+        replace(one, bound=0.9 * one.expected), "mean"
+    )
 
 
 def test_cameras_of_a_layout_are_those_of_the_hemisphere_whatever_their_lens(conforms):

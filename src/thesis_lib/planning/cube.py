@@ -26,7 +26,8 @@ VARIABLES = declared("""
     frame_rate(option) [Hz] frame rate
     pixel_rate(option) [s-1] pixels per second of all cameras
     cost(option) [1] price of all cameras, or their pixels per second
-    expected_error(option) [percent] largest error of a mode by the law, averaged over amplitudes
+    expected_error(option) [percent] error of the worst mode if every coordinate had an error of
+        1/6 px2 of its own
     bound(option) [percent] what the averaged error of no layout on the grid of the search can be
         below
     predicted_error(option, mode) [percent] error by the law of rounding

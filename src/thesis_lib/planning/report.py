@@ -141,10 +141,13 @@ def _beside(best: Option, heard: str) -> str:
     """What a plan compares with: its bound, or for sound the plan for the shape."""
     instead = best.instead
     if instead is None:
-        return (
-            f"averaged over amplitudes {best.expected:.3g} %; bound for all layouts on the grid of "
-            f"the search {best.bound:.3g} %"
-        )
+        averaged = f"averaged over amplitudes {best.expected:.3g} %"
+        if best.expected < best.bound:
+            return (
+                f"{averaged}, less than the bound {best.bound:.3g} % for all layouts on the grid "
+                "of the search, since cameras were moved off the grid"
+            )
+        return f"{averaged}; bound for all layouts on the grid of the search {best.bound:.3g} %"
     field, shape = float(instead.field.max()), errors.counted(best.point, "mean").max()
     return (
         f"planned for the shape as many cameras have a {heard} error of {field:.3g} %, so this is "

@@ -25,6 +25,10 @@ Z t has the mean M + V G and the variance V − V² H, and the site that gives t
 
 All sites at once, a few times, each time most of the way: t is log-concave, so 0 ≤ V H < 1.
 
+The noise must be known and the coordinates free of outliers. Told too little noise the mean is
+worse than least squares, told too much it gives away part of its gain, and an outlier sends the
+point back to least squares; the figure set ``design-law`` tabulates the cost (``mistaken_error``).
+
 Several images of a marker that moves along the world's Z share x and y, as they do there: Λ is an
 arrow. Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
 """

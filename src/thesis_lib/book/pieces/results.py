@@ -15,7 +15,7 @@ from thesis_lib.book.pieces.opened import of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound_turn import BEST_DEG, turn_advice
 from thesis_lib.figure_sets.planner.parameters import THESIS
-from thesis_lib.figure_sets.planner.tables import coarse
+from thesis_lib.figure_sets.planner.tables import coarse, with_readable
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import verdicts
 from thesis_lib.plotting.selection import select, stated
@@ -167,9 +167,10 @@ def planner(opened: Cubes) -> str:
         for body, here in gains.items()
     )
     return (
-        f"Planned layouts have less error than the best of the thesis's: by {said}. So the "
-        "thesis's best layouts are near what is possible. Each limit on places has its price, and "
-        "a plan that cannot be names the limit that binds.\n"
+        f"With markers that are read from any side, as in the thesis, planned layouts have less "
+        f"error than the best of the thesis's: by {said}. So the thesis's best layouts are near "
+        f"what is possible. {with_readable(cube)}\nEach limit on places has its price, and a plan "
+        "that cannot be names the limit that binds.\n"
     )
 
 

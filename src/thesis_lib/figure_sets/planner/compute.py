@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from thesis_lib.planning import errors, sound
 from thesis_lib.planning.cube import as_cube
 from thesis_lib.planning.lattice import first_most
 from thesis_lib.planning.optimum import layout_cost
+from thesis_lib.planning.places import visible
 from thesis_lib.planning.planner import Plan, for_sound, plan
 from thesis_lib.studies.variables import declared, labelled
 
@@ -22,6 +24,14 @@ _THESIS = {  # of what is said of the thesis's own layouts
     "thesis_expected": "the averaged error of the thesis's layout",
     "thesis_predicted": "error of the worst mode of the thesis's layout by the law",
     "thesis_simulated": "rms error of the worst mode of the thesis's layout over the trials",
+}
+_OF_LAYOUTS = {  # [1], of planned layouts and of the thesis's own
+    "averaged_law_ratio": "error of the worst mode by the law of rounding, averaged over half to "
+    "one and a half of the amplitudes asked for, over the error with 1/6 px2 in every coordinate",
+    "thesis_averaged_law_ratio": "error of the worst mode of the thesis's layout by the law of "
+    "rounding, averaged over such amplitudes, over its averaged error",
+    "thesis_read_fraction": "fraction of the markers that a camera of the thesis's layout reads, "
+    "where a marker is read up to tilt_deg from its normal, mean over the cameras",
 }
 FOR_SOUND = declared("""
     sound_error(count, plan, mode) [percent] field error of the plate by the law, of layouts planned
@@ -64,8 +74,9 @@ def run(study: Planner) -> xr.Dataset:
     )
     cube["structure"].attrs = {"units": "1", "long_name": "structure"}
     cube["thesis_case"].attrs = {"units": "1", "long_name": "case of the thesis"}
-    for name, words in _THESIS.items():
-        cube[name].attrs = {"units": "percent", "long_name": words}
+    for names, unit in ((_THESIS, "percent"), (_OF_LAYOUTS, "1")):
+        for name, words in names.items():
+            cube[name].attrs = {"units": unit, "long_name": words}
     cube = cube.assign(_summary(cube, study))
     return cube.assign(_for_sound(study, plans[READABLE]))
 
@@ -74,8 +85,14 @@ def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
     """A plan's cube with a row for every option that was asked for, NaN where none was found."""
     wanted = [(w, n) for w, _ in study.resolutions_px for n in sorted(study.counts)]
     have = {(one.resolution[0], len(one.layout)): i for i, one in enumerate(made.options)}
-    cube = cube.drop_vars(_DROPPED).pad(
-        camera=(0, max(study.counts) - cube.sizes["camera"]), constant_values=np.nan
+    ratios = [
+        errors.averaged_by_law(one.scene, one.layout, one.resolution[0]) / one.expected
+        for one in made.options
+    ]
+    cube = (
+        cube.drop_vars(_DROPPED)
+        .assign(averaged_law_ratio=("option", ratios))
+        .pad(camera=(0, max(study.counts) - cube.sizes["camera"]), constant_values=np.nan)
     )
     rows = [have.get(pair, -1) for pair in wanted]
     cube = cube.isel(option=[max(row, 0) for row in rows])
@@ -94,8 +111,9 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
     """Errors of the thesis's layouts of as many cameras, at the first of the resolutions."""
     scene, width = made.options[0].scene, study.resolutions_px[0][0]
     cases, counts = list(setups.pairs()), sorted(study.counts)
-    found: Array = np.full((3, len(cases), len(counts)), np.nan)
+    found: Array = np.full((5, len(cases), len(counts)), np.nan)
     factor = errors.averaged(scene) / width
+    readable = replace(scene, rules=replace(scene.rules, tilt=float(np.radians(study.tilt_deg))))
     for (case, number), layout in study.thesis_layouts(body).items():
         cost = layout_cost(scene, layout, "mean")
         if number not in counts or not np.isfinite(cost):
@@ -104,14 +122,16 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
         point = errors.predicted(scene, layout, width)
         drawn = errors.simulated(scene, layout, width, study.trials, study.seed, "least-squares")
         best = first_most(point)
+        expected = factor * np.sqrt(cost)
         found[at] = (
-            factor * np.sqrt(cost),
+            expected,
             np.max(errors.counted(point, "mean")),
             np.max(drawn.error("mean", best)),
+            errors.averaged_by_law(scene, layout, width) / expected,
+            np.mean(visible(readable, layout)),
         )
-    values = {
-        name: (("thesis_case", "count"), row) for name, row in zip(_THESIS, found, strict=True)
-    }
+    names = [*_THESIS, *list(_OF_LAYOUTS)[1:]]
+    values = {name: (("thesis_case", "count"), row) for name, row in zip(names, found, strict=True)}
     return xr.Dataset(values, coords={"thesis_case": cases})
 
 

@@ -15,7 +15,7 @@ from thesis_lib.plotting.style import BELOW, REFERENCE, color, logarithmic, subp
 
 def gain(cube: xr.Dataset) -> Figure:
     """Errors of the thesis's layouts and of planned ones against the number of cameras."""
-    drawing, axes = subplots(1, 2, figsize=(7.4, 3.4), layout="constrained")
+    drawing, axes = subplots(1, 2, figsize=(7.4, 3.8), layout="constrained")
     n = cube["count"].values
     for panel, (body, question) in zip(axes, THESIS.items(), strict=True):
         own = cube.sel(structure=body)["thesis_expected"]
@@ -30,7 +30,14 @@ def gain(cube: xr.Dataset) -> Figure:
                 label=f"case {case}",
             )
         one = coarse(cube, question)
-        panel.plot(n, one["expected_error"], "o-", color="#222222", linewidth=2, label="planned")
+        panel.plot(
+            n,
+            one["expected_error"],
+            "o-",
+            color="#222222",
+            linewidth=2,
+            label="planned, read from any side",
+        )
         panel.plot(n, one["bound"], "_", color="#222222", markersize=12, label="bound")
         read = coarse(cube, f"{body}: markers that can be read")
         panel.plot(
@@ -40,12 +47,13 @@ def gain(cube: xr.Dataset) -> Figure:
             color=REFERENCE,
             linewidth=1.4,
             markersize=4,
-            label="planned, readable",
+            label=f"planned, read up to {asked(cube, 'tilt_deg'):g}°",
         )
         logarithmic(panel.xaxis, n.tolist())
         logarithmic(panel.yaxis, [2, 5, 10, 20, 50])
         panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
-    axes[1].legend(fontsize=7)
+    once = axes[1].get_legend_handles_labels()
+    drawing.legend(*once, loc="outside lower center", ncols=5, fontsize=7)
     return drawing
 
 

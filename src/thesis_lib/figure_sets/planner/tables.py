@@ -12,6 +12,7 @@ from IPython.display import HTML, Markdown
 
 from thesis_lib.figure_sets.planner.compute import cheapest
 from thesis_lib.figure_sets.planner.parameters import THESIS
+from thesis_lib.planning.errors import AMPLITUDES
 from thesis_lib.planning.lattice import TIE
 from thesis_lib.planning.layout_view import layout_view
 from thesis_lib.studies.cubes import percent_text
@@ -91,8 +92,32 @@ def against_thesis(cube: xr.Dataset) -> str:
     width, height = asked(cube, "resolutions_px")[0]
     return table(header, rows) + (
         f"\nErrors of the worst mode in % of its largest deflection, {width}×{height} px, averaged "
-        "over amplitudes. No layout on the grid of the search is below the *bound*; one beside it "
-        "may be, by little. The last two columns are simulated at the amplitude asked for.\n"
+        "over amplitudes. No layout on the grid of the search is below the *bound*; one off the "
+        "grid may be, by little. The last two columns are simulated at the amplitude asked for. "
+        "Here markers are read from any side.\n\n" + with_readable(cube)
+    )
+
+
+def with_readable(cube: xr.Dataset) -> str:
+    """Return sentences on the plan whose markers can be read against the thesis's best."""
+    worse, pairs, read = 0, 0, []
+    for body in THESIS:
+        plan = coarse(cube, f"{body}: markers that can be read")["expected_error"].values
+        own = cube.sel(structure=body)
+        for i, planned in enumerate(plan):
+            expected = own["thesis_expected"].values[:, i]
+            if np.isnan([planned, np.nanmin([*expected, np.inf])]).any():
+                continue
+            pairs, best = pairs + 1, int(np.nanargmin(expected))
+            worse += bool(planned > expected[best])
+            read.append(100 * float(own["thesis_read_fraction"].values[best, i]))
+    if not pairs:
+        return ""
+    return (
+        f"With markers that are read up to {asked(cube, 'tilt_deg'):g}° from their normal the plan "
+        f"has a larger error than the thesis's best in {worse} of {pairs}. The thesis's best "
+        f"layouts are no alternative then: their cameras read {min(read):.0f} to {max(read):.0f} % "
+        "of the markers on average.\n"
     )
 
 
@@ -184,7 +209,18 @@ def verification(cube: xr.Dataset) -> str:
                 "largest": f"{ratio.max():.3f}",
             }
         )
-    return columns(rows)
+    planned, own = (
+        cube[name].values[np.isfinite(cube[name].values)]
+        for name in ("averaged_law_ratio", "thesis_averaged_law_ratio")
+    )
+    low, high = AMPLITUDES
+    return columns(rows) + (
+        "\nThe averaged error, by which layouts are searched, gives every coordinate σ². By the "
+        f"law of rounding, averaged over {low:g} to {high:g} times the amplitude, errors are "
+        f"×{planned.min():.2f} to ×{planned.max():.2f} of it for the planned layouts (median "
+        f"×{np.median(planned):.2f}) and ×{own.min():.2f} to ×{own.max():.2f} for the thesis's, "
+        "least for narrow pairs.\n"
+    )
 
 
 def for_sound(cube: xr.Dataset) -> str:
