@@ -44,7 +44,10 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             continue
         hidden, named = "_" if named else "", True  # in the legend once
         low, median, high = bars.band
-        style = {"alpha": 0.4 if g else 0.75, "label": bars.name or part.attrs["trial_0"]}
+        style: dict[str, Any] = {
+            "alpha": 0.4 if g else 0.75,
+            "label": bars.name or part.attrs["trial_0"],
+        }
         if floor:
             axes.scatter(position, bars.literal, 36, colors, marker="s", **style)
         else:

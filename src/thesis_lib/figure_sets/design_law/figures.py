@@ -349,10 +349,9 @@ def dithering(cube: xr.Dataset) -> Figure:
         ("shake", "(b) mean of frames, px", "camera shake, px"),
         ("disc", "(c) centroid of a disc, px", "diameter of the marker, px"),
     )
-    swing, shake, disc = (
-        spread(cube[name].values.min(), cube[name].values.max(), 201)
-        for spread, (name, *_) in zip((np.geomspace, np.linspace, np.linspace), panels, strict=True)
-    )
+    ends = {name: (cube[name].values.min(), cube[name].values.max()) for name, *_ in panels}
+    swing = np.geomspace(*ends["swing"], 201)  # its axis is logarithmic
+    shake, disc = (np.linspace(*ends[name], 201) for name in ("shake", "disc"))
     closed_forms = {
         "swing": (swing, np.sqrt(dither.amplitude_variance(swing))),
         "shake": (shake, np.sqrt(dither.shaken_variance(design_dither.FRAMES, shake))),

@@ -200,7 +200,8 @@ def mistakes(cube: xr.Dataset) -> str:
         "pixels agree, %",
     ]
     (low, (noise, less, _)), (high, (_, more, _)), (spoilt, _) = MISTAKES.items()
-    worse = 100 * float((interval / squares).sel(mistake=low).max() - 1)
+    over = (interval / squares).sel(mistake=low)
+    worse, worst_count = 100 * float(over.max() - 1), int(over.idxmax("count"))
     slower = float((interval / centre).sel(mistake=high).max())
     spoilt_by = float((interval / squares).sel(mistake=spoilt, count=max(doubled)))
     return table(header, rows) + (
@@ -209,9 +210,9 @@ def mistakes(cube: xr.Dataset) -> str:
         "agree within five times the noise that is told; elsewhere *interval* returns the "
         f"least-squares point. {_WITH_STD}\n\n"
         f"Told {less:g} px where there are {noise:g}, *interval* is up to {worse:.0f} % worse than "
-        f"least squares. Told {more:g} px where there is no noise, it has up to {slower:.1f} times "
-        f"the error of the analytic centre. With outliers and {max(doubled)} cameras it has "
-        f"{spoilt_by:.2f} times the error of least squares.\n"
+        f"least squares ({worst_count} cameras). Told {more:g} px where there is no noise, it has "
+        f"up to {slower:.1f} times the error of the analytic centre. With outliers and "
+        f"{max(doubled)} cameras it has {spoilt_by:.2f} times the error of least squares.\n"
     )
 
 
