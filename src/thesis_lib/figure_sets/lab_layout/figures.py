@@ -67,9 +67,9 @@ def _errors(axes: Axes, part: xr.Dataset) -> None:
     axes.plot(
         values,
         part["predicted_error"],
-        "--",
+        "_",
         color=DARK,
-        linewidth=1.2,
+        markersize=10,
         label="law, centres equally exact",
     )
     axes.plot(values, part["noise_error"], "-", color=COLORS[5], linewidth=1, label="scatter alone")
@@ -130,9 +130,9 @@ def _centres(axes: Axes, part: xr.Dataset) -> None:
         axes.plot(
             values,
             part["edge_scatter"].sel(axis=axis),
-            "--",
+            "_",
             color=tone,
-            linewidth=0.9,
+            markersize=9,
             label=f"law of edges, {axis}",
         )
     axes.set_yscale("log")
