@@ -27,11 +27,9 @@ from thesis_lib.web import page as web_page
 from thesis_lib.web.page import BookError, index_page
 
 BOOK = Path(__file__).parents[2] / "build" / "html"
-SOURCES = sorted(BOOK.glob("_modules/thesis_lib/**/*.html"), key=lambda path: path.stat().st_size)
 PAGES = sorted(
     path.relative_to(BOOK).as_posix()
     for path in {*BOOK.rglob("*.html")}
-    - {*SOURCES[:-1]}  # the longest stands for its like
     - {BOOK / sample.PAGE}  # a report as users get it, no page: test_sample.py looks at it
     if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
 )

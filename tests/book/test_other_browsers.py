@@ -17,7 +17,7 @@ from others import Other
 from playwright.sync_api import Browser
 
 pytestmark = pytest.mark.nightly
-READ = [name for name in PAGES if not name.startswith("_modules/") and name != "index.html"]
+READ = [name for name in PAGES if name != "index.html"]
 BAD = """<!doctype html><html><head></head><title>Bad</title><img src="http://192.0.2.1/x.png">
 <script>console.warn("loud"); undefined_function();</script></html>"""
 SETTLED = """await window.MathJax?.startup?.promise;

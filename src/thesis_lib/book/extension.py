@@ -33,8 +33,6 @@ def setup(app: Any) -> dict[str, bool]:
     app.connect("env-updated", _remember)
     app.connect("write-started", _shorten_margin)
     app.connect("html-page-context", _tell_apart)
-    app.config.templates_path.append(str(Path(__file__).parent))
-    app.connect("html-page-context", _program)
     app.connect("autodoc-process-docstring", _keep_bars)
     app.connect("autodoc-process-signature", _keep_readable)
     return writing.setup(app)
@@ -134,11 +132,6 @@ def _tell_apart(app: Any, page: str, _template: str, context: Any, _tree: Any) -
         for way in ("prev", "next"):
             if context.get(way):
                 context[way]["title"] = title(files[context[way]["link"]])
-
-
-def _program(_app: Any, page: str, template: str, _context: Any, _tree: Any) -> str | None:
-    """The frame of program texts, which is smaller than that of pages."""
-    return "program.html" if page.startswith("_modules/") and template == "page.html" else None
 
 
 def _without_headings(contents: nodes.bullet_list) -> nodes.bullet_list:

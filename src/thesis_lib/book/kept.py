@@ -29,7 +29,7 @@ def reading(root: Path) -> Iterator[Path]:
     folder = root / "build" / "cache" / "pages"
     folder.mkdir(parents=True, exist_ok=True)
     record = folder / "read.json"
-    own = sorted(Path(__file__).parent.glob("*.[ph]*"))  # modules, and the frame of program texts
+    own = sorted(Path(__file__).parent.glob("*.py"))
     made_from = files.digest_of([*(root / name for name in SETTINGS), *own])
     made = folder / "_build"
     with files.one_at_a_time(folder):

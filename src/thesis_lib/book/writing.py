@@ -3,8 +3,8 @@
 A page is made of what was read of it and of what the book tells it: titles and contents, labels
 and numbers, names, citations, styles and scripts. If anything of that has changed, all pages are
 written anew, so that a reference that has lost its target is warned of wherever it stands; else
-those alone that were read anew, those that point at what is called otherwise now, and the program
-texts that have changed. The others stay.
+those alone that were read anew, and those that point at what is called otherwise now. The others
+stay.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ from thesis_lib.files import digest_of
 
 _OWN = {"index entries", "cite bibdata", "cite bibliographies"}  # no other page's
 _CALLED = "std labels"  # page, place, and what it is called
-_PROGRAMS = "_modules/"
 
 
 def setup(app: Any) -> dict[str, bool]:
@@ -35,7 +34,6 @@ def setup(app: Any) -> dict[str, bool]:
     app.add_builder(Pages, override=True)
     app.connect("doctree-read", _keep_targets)
     app.connect("env-get-updated", _outdated, priority=900)  # when sections are numbered
-    app.connect("html-collect-pages", _leave_out, priority=0)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -50,18 +48,10 @@ def _outdated(app: Any, env: Any) -> Iterable[str]:
     if not isinstance(app.builder, Pages):
         return ()
     styles = [Path(app.confdir, entry) for entry in env.config.html_static_path]
-    programs = getattr(env, "_viewcode_modules", {})
-    for name in [name for name, program in programs.items() if not (program and program[2])]:
-        del programs[name]  # which no page points at; that depends on the order of reading
-    told = _digest([*_told(env), sorted(programs), digest_of(styles)])
-    new = {name: _digest([told, program]) for name, program in programs.items()}
+    told = _digest([*_told(env), digest_of(styles)])
     pages = {page: _digest([told, _called(env, page)]) for page in env.found_docs}
-    old, old_pages = getattr(env, "thesis_written", ({}, {}))
-    env.thesis_written = new, pages
-    for name in old.keys() | new.keys():
-        if old.get(name) != new.get(name):
-            page = app.builder.get_outfilename(_PROGRAMS + name.replace(".", "/"))
-            Path(page).unlink(missing_ok=True)
+    old_pages = getattr(env, "thesis_written", {})
+    env.thesis_written = pages
     return sorted(page for page, made_from in pages.items() if old_pages.get(page) != made_from)
 
 
@@ -104,15 +94,6 @@ def _text(value: Any) -> str:
     return said if said != object.__repr__(value) else _text(vars(value))
 
 
-def _leave_out(app: Any) -> list[Any]:
-    """Have no page made of program texts whose page is there."""
-    programs = getattr(app.env, "_viewcode_modules", {})
-    for name in programs:
-        if Path(app.builder.get_outfilename(_PROGRAMS + name.replace(".", "/"))).is_file():
-            programs[name] = False
-    return []
-
-
 class Pages(StandaloneHTMLBuilder):
     """Pages of a book in a folder that may hold the book as it was, and polished."""
 
@@ -123,17 +104,11 @@ class Pages(StandaloneHTMLBuilder):
         return []
 
     def copy_assets(self) -> None:
-        """Begin with the program texts beside the pages, as soon as both can name the styles."""
+        """Copy styles and scripts again, and note what was written before."""
         for copied in ("_static", "_downloads"):
             shutil.rmtree(Path(self.outdir, copied), ignore_errors=True)
         self._before = self._stamps()
         super().copy_assets()
-        self._programs = _tasks(1)
-        self._programs.add_task(super().gen_pages_from_extensions)
-
-    def gen_pages_from_extensions(self) -> None:
-        """Wait for the program texts."""
-        self._programs.join()
 
     def finish(self) -> None:
         """Write the rest, and polish all that was written."""
