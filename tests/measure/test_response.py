@@ -27,13 +27,14 @@ from thesis_lib.measure.measured import Recorded
 from thesis_lib.measure.modes.identify import assurance
 from thesis_lib.measure.pipeline import _not_one_tone
 from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
+from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.measure.response.band import at_times
 from thesis_lib.measure.response.motion import noise_of
-from thesis_lib.measure.response.recorded import ForceError, recorded_force
+from thesis_lib.measure.response.recorded import recorded_force
 from thesis_lib.measure.response.report import complex_of, warnings
 from thesis_lib.measure.response.result import responded
 from thesis_lib.measure.response.spectra import cut_of, response, segments
@@ -397,7 +398,10 @@ def test_a_film_too_slow_for_a_sweep_is_refused(driven):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("t,n\n0,1\n0.1,x\n", r"line 3: '0.1,x', allowed: a time in s, a force in N"),
+        (
+            "t,n\n0,1\n0.01,x\n" + "".join(f"{k / 100},1\n" for k in range(2, 150)),
+            r"line 3: '0.01,x' is not a time and a force, allowed: .* as \"time_s,force_N\"",
+        ),
         ("t,n\n0,1\n0,2\n", r"line 3: 0 s, allowed: after the line before"),
         ("t,n\n0,1\n1,2\n", r"2 samples, allowed: 100 or more"),
         ("\n".join(f"{k / 1000},1" for k in range(200)), r"silent, allowed: a force that changes"),

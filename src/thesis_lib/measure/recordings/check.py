@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.force_fields import Excitation
+from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
 from thesis_lib.measure.recordings.markers import Markers
@@ -20,6 +21,7 @@ from thesis_lib.measure.recordings.media_info import (
     probe,
 )
 from thesis_lib.measure.recordings.pictures import read_png
+from thesis_lib.measure.recordings.sound import SILENCE, opened_audio
 from thesis_lib.studies.refusals import shown
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
@@ -144,6 +146,8 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
                     "times; allowed: progressive (p, not i)"
                 )
             lines += [f"{where}: {line}" for line in _lengths(info, manifest.excitation)]
+            if manifest.excitation.sound != "none" and info.has_audio:
+                lines += [f"{where}: {line}" for line in _sound(path)]
         except MediaError as error:
             lines.append(f"cameras[{i}].video: {error}")
         for shot in filter(None, shot_paths(camera, folder)):
@@ -156,7 +160,33 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
                     )
             except MediaError as error:
                 lines.append(f"cameras[{i}].shots: {error}")
-    return rates + lines
+    return rates + lines + _check_force(manifest, folder)
+
+
+def _sound(path: Path, channel: int | None = None) -> Iterator[str]:
+    """Say what a sound lacks; a gap or damage is raised."""
+    with opened_audio(path, channel) as audio:
+        if audio.level < SILENCE:
+            yield (
+                f"silent audio (rms {audio.level:.1e} of full scale), allowed: at least {SILENCE}"
+            )
+
+
+def _check_force(manifest: Manifest, folder: Path) -> list[str]:
+    """Say what a recorded force lacks."""
+    if manifest.force is None:
+        return []
+    given, path = manifest.force, folder / manifest.force.file
+    try:
+        if given.is_table:
+            read_force_table(path)
+            return []
+        lines = [*_sound(path, given.channel)]
+        if given.sound_channel is not None and given.offset_s is None:
+            lines += _sound(path, given.sound_channel)
+    except (MediaError, ForceError, OSError) as error:
+        return [f"force.file: {error}"]
+    return [f"force.file: {path}: {line}" for line in lines]
 
 
 def on_one_line(points: ArrayLike, diameter: float) -> bool:

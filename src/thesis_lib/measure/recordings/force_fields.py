@@ -17,6 +17,9 @@ from thesis_lib.studies.vocabulary import Positive, field
 FORCED = ("decay", "sweep", "random")
 """Kinds of excitation that a recorded force goes with; without one, the first alone is allowed."""
 
+TABLES = frozenset([".csv", ".txt", ".tsv", ".tab", ".dat", ".asc", ".lvm"])
+"""Endings of files that are read as a table of a force."""
+
 FileName = Annotated[str, Field(min_length=1, max_length=500)]
 Channel = Annotated[int, Field(ge=1, le=64)]
 
@@ -44,8 +47,8 @@ class Force(Refusing):
 
     file: FileName = field(
         ...,
-        "its recording: a sound file, a video whose sound track carries it, or a table (.csv) of "
-        "time in s and force in N",
+        "its recording: a sound file, a video whose sound track carries it, or a table (.csv, "
+        ".txt, .tsv, .dat, .lvm) of time and force",
         "a path inside the manifest's folder",
     )
     full_scale_n: Positive | None = field(
@@ -81,7 +84,7 @@ class Force(Refusing):
     @property
     def is_table(self) -> bool:
         """Whether it is in N already."""
-        return PurePath(self.file).suffix.lower() == ".csv"
+        return PurePath(self.file).suffix.lower() in TABLES
 
     def place(self, usual: Array) -> Array:
         """Where it acts in m, shape (2,); `usual` if it is not given."""

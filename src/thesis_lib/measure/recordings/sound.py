@@ -30,6 +30,7 @@ MILLISECOND_S = 1.001e-3  # rounding of time stamps in containers that count in 
 PACE_PARTS = 16  # of a track whose mean time stamps tell the standard error of its pace
 PACE_SIGMAS = 5.0  # standard errors from which on a pace counts
 FAINT = 0.1  # of the loudest channel's or track's rms, 20 dB below it: holds no sound
+SILENCE = 1e-4  # rms below which there is no signal: three steps of 16 bits
 CANCELLED = 0.5  # of the rms that unlike channels have when they are mixed: these cancel
 #: Samples by which MP3 comes late where the file says no delay: the usual 576 of the encoder, and
 #: 529 of the decoder
@@ -49,6 +50,7 @@ class AudioTrack:
     #: Which track and channels these are, if not all of the first one, and the pace of the time
     #: stamps, if it is another than the file states; empty otherwise
     source: str = ""
+    level: float = 1.0  #: Root mean square of the samples less their mean, of full scale
 
 
 @dataclass
@@ -121,7 +123,8 @@ def opened_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]
         track = file.streams.audio[source.track]
         films = [s for s in file.streams.video if not s.disposition & Disposition.attached_pic]
         picture = start_of(films[0]) if films else source.start
-        rate = _surveyed(path)[source.track].rate
+        survey, chosen = _surveyed(path)[source.track], source.channels
+        rate, part = survey.rate, survey.covariance[np.ix_(chosen, chosen)]
         late = MP3_DELAY / rate if films and _hides_delay(file, track) else 0.0
         own = rate / source.pace if source.pace != 1 else float(rate)
         stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
@@ -132,6 +135,7 @@ def opened_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]
             blocks=_mixed_blocks(path, file, track, source),
             stated_rate=rate,
             source="; ".join(filter(None, words)),
+            level=float(np.sqrt(max(part.mean(), 0.0))),
         )
 
 

@@ -10,20 +10,17 @@ import numpy as np
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.force_fields import Force
+from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.sound import SILENCE
 from thesis_lib.measure.synchronisation.audio import Recording
-from thesis_lib.measure.synchronisation.checks import FULL_SCALE, SILENCE
+from thesis_lib.measure.synchronisation.checks import FULL_SCALE
 from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
 from thesis_lib.measure.synchronisation.pairs import RATE, beside_first
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
 FINE = 10  # times the frame rate to which a fast recording of a force is reduced
 CLIPPED = 3  # samples at full scale from which on a force counts as clipped
-FEWEST = 100  # samples of a table
-
-
-class ForceError(ValueError):
-    """A force that cannot be used; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +39,7 @@ class Recorded:
     times: Array  #: On the first camera's clock, s, shape (samples,)
     newtons: Array  #: N, shape (samples,)
     clock: Clock  #: How the times were found
+    source: str = ""  #: Which columns of a table, or which channel, it is
 
     @property
     def rate(self) -> float:
@@ -76,45 +74,20 @@ def recorded_force(
     assert given is not None
     path = folder / given.file
     if given.is_table:
-        own, newtons = _table(path)
+        table = read_force_table(path)
+        own, newtons, source = table.times, table.newtons, table.source
     else:
         fastest = max(camera.frame_rate_hz for camera in manifest.cameras)
         own, newtons = _sound(path, given, FINE * fastest)
+        source = f"channel {given.channel}, {given.full_scale_n:g} N at full scale"
     if not np.ptp(newtons) > 0:
         raise ForceError(f"{path}: silent, allowed: a force that changes")
     clock = _clock(manifest, folder, delays, paces or np.ones(len(delays)))
-    return Recorded(own * clock.pace + clock.delay, newtons, clock)
-
-
-def _table(path: Path) -> tuple[Array, Array]:
-    """Times in s and forces in N of a table, whose first line may tell what they are."""
-    rows: list[tuple[float, float]] = []
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        for number, line in enumerate(file, 1):
-            try:
-                time, newtons = map(float, line.replace(";", ",").split(",")[:2])
-                whole = bool(np.isfinite([time, newtons]).all())
-            except ValueError:
-                whole = False
-            if whole and rows and time <= rows[-1][0]:
-                raise ForceError(
-                    f"{path}: line {number}: {time:g} s, allowed: after the line before"
-                )
-            if whole:
-                rows.append((time, newtons))
-            elif line.strip() and number > 1:
-                told = line.strip()[:40]
-                raise ForceError(
-                    f"{path}: line {number}: {told!r}, allowed: a time in s, a force in N"
-                )
-    if len(rows) < FEWEST:
-        raise ForceError(f"{path}: {len(rows)} samples, allowed: {FEWEST} or more")
-    times, newtons = np.array(rows).T
-    return times, newtons
+    return Recorded(own * clock.pace + clock.delay, newtons, clock, f"{path.name}: {source}")
 
 
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
-    """The same of a sound file, at the lowest rate above a wanted one in Hz."""
+    """Read times in s and forces in N of a sound file, at the lowest rate above one in Hz."""
     assert given.full_scale_n is not None
     largest: list[float] = []
     full: list[int] = []

@@ -133,6 +133,7 @@ def summary(data: xr.Dataset) -> list[str]:
         else (f"one segment of {float(data['segment']):.3g} s")
     )
     return [
+        f"force: {data.attrs['force_source']}",
         f"receptance of {data.sizes['marker']} markers from {f[0]:.4g} to {f[-1]:.4g} Hz, by {how}",
         f"marker {drive + 1}, nearest to the force: at most {size[top]:.3g} ± {error:.1g} m/N, at "
         f"{f[top]:.4g} Hz",

@@ -12,11 +12,12 @@ from scipy.signal import welch
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.modes.result import rest_of
+from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.response.band import TOLD, at_times
 from thesis_lib.measure.response.clocks import in_step
 from thesis_lib.measure.response.motion import deflections, noise_of, span_of
-from thesis_lib.measure.response.recorded import ForceError, Recorded, recorded_force
+from thesis_lib.measure.response.recorded import Recorded, recorded_force
 from thesis_lib.measure.response.spectra import ESTIMATORS, Response, cut_of, response, segments
 from thesis_lib.measure.response.sweep import found_sweep
 from thesis_lib.measure.tracking.tracks import Recording
@@ -160,7 +161,8 @@ def responded(
         "marker": ("marker", np.arange(1, len(apart) + 1), {"long_name": "number of the marker"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
     }
-    return xr.Dataset(labelled(values, VARIABLES), coords)
+    data = xr.Dataset(labelled(values, VARIABLES), coords)
+    return data.assign_attrs(force_source=force.source)
 
 
 def _band(manifest: Manifest, force: Recorded, slowest: float) -> tuple[float, float]:

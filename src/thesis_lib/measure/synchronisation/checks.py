@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
+from thesis_lib.measure.recordings.sound import SILENCE
 from thesis_lib.measure.synchronisation.decimation import decimated
 from thesis_lib.measure.synchronisation.tones import (
     EXPLAINED,
@@ -26,7 +27,6 @@ from thesis_lib.measure.synchronisation.tones import (
 
 FULL_SCALE = 1 - 1e-4  # from here on a sample counts as clipped
 CLIPPED = 0.02  # share of such samples that is refused; a tone that just fits has 0.009
-SILENCE = 1e-4  # rms below which there is no signal: three steps of 16 bits
 
 
 def same_rate(rates: Sequence[float], names: Sequence[str]) -> None:

@@ -1,0 +1,386 @@
+"""A force's table as programs and people write it: which columns are time and force, and units.
+
+Decimal points and commas, tabs, semicolons, commas, spaces and quotes, UTF-8, UTF-16 and Latin-1,
+comments, headers of any number of lines and a line of units are read. Columns are told by their
+names and units, else by what they hold. What can be read in two ways is refused.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import datetime as dt
+import io
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.arrays import Array
+
+MIN_SAMPLES = 100
+MAX_BYTES = 1 << 30  # of a table that is read at all
+LOOKED_AT = 400  # lines from which separator, decimal mark and header are told
+MAX_UNSTATED_STEP_S = 0.03  # between samples, from which on times may be ms or numbers of samples
+EXAMPLE = 'allowed: a time and a force in each line, as "time_s,force_N" and below it "0.001,12.5"'
+
+SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0,
+           "sekunden": 1.0, "secondes": 1.0, "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3,
+           "milliseconds": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "usec": 1e-6,
+           "microseconds": 1e-6, "ns": 1e-9, "min": 60.0, "minutes": 60.0}  # fmt: skip
+NEWTONS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "mn": 1e-3, "kn": 1e3, "kilonewton": 1e3,
+           "lbf": 4.4482216152605, "kgf": 9.80665, "gf": 9.80665e-3}  # fmt: skip
+MEGANEWTON = "MN"
+UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
+              r"(.*?)\s*[/,]\s*(\S+)$", r"(.*)_([^_\s]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
+OTHER_UNITS = frozenset(["v", "mv", "a", "ma", "pc", "hz", "g", "m/s2", "m/s²", "m/s^2", "mm", "µm",
+                         "um", "m", "%", "°c", "degc", "°", "pa", "kpa", "bar", "µe"])  # fmt: skip
+TIMES = frozenset(["t", "time", "times", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "aika",
+                   "x_value", "x value", "elapsed", "elapsed time", "relative time", "timestamp",
+                   "time stamp", "messzeit", "czas", "时间", "時間"])  # fmt: skip
+FORCES = frozenset(["f", "force", "forces", "kraft", "kräfte", "fuerza", "forza", "força", "effort",
+                    "kracht", "load", "hammer", "last", "voima", "siła", "力"])  # fmt: skip
+INDICES = frozenset(["i", "k", "j", "#", "no", "no.", "nr", "nr.", "index", "idx", "sample",
+                     "samples", "row", "scan", "point", "line", "number", "count", "id", "zeile",
+                     "nummer", "", "unnamed", "sample number", "scan number"])  # fmt: skip
+
+
+class ForceError(ValueError):
+    """A force that cannot be used; the message is one line."""
+
+
+@dataclass(frozen=True)
+class ForceTable:
+    """A force over time as a table has it."""
+
+    times: Array  #: s, shape (samples,)
+    newtons: Array  #: N, shape (samples,)
+    source: str  #: Which columns were taken, and in which units
+
+
+@dataclass(frozen=True)
+class _Form:
+    """How numbers stand in lines."""
+
+    separator: str  #: A character, or a space for any number of spaces and tabs
+    decimal: str
+
+    def cells(self, line: str) -> list[str]:
+        """Split a line."""
+        if self.separator == " ":
+            return line.split()
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=self.separator), [])]
+
+    def number(self, cell: str) -> float | None:
+        """Return the number that a cell holds, None if it holds none."""
+        thousands, mark = ("," if self.decimal == "." else "."), re.escape(self.decimal)
+        if re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}(\{thousands}\d{{3}})+({mark}\d+)?", cell):
+            cell = cell.replace(thousands, "")
+        if not re.fullmatch(rf"[+-]?(\d+{mark}?\d*|{mark}\d+)([eE][+-]?\d+)?", cell):
+            return _clock_seconds(cell)
+        return float(cell.replace(self.decimal, "."))
+
+    def numbers(self, line: str) -> list[float | None]:
+        """Return the numbers of a line, None where a cell holds none; empty ends do not count."""
+        return [self.number(cell) for cell in self.cells(line.rstrip(f" {self.separator}"))]
+
+    def is_data(self, line: str) -> bool:
+        """Return whether at least two cells of a line are numbers, and so is the first filled."""
+        cells = [cell for cell in self.cells(line) if cell]
+        known = [self.number(cell) is not None for cell in cells]
+        return sum(known) >= 2 and known[0]
+
+
+CLOCK = re.compile(
+    r"(?:(\d{4})-(\d\d)-(\d\d)[T ]\s*)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:\d\d)?"
+)
+FORMS = [_Form(s, d) for s in ("\t", ";", ",", "|", " ") for d in (".", ",") if s != d]
+QUOTED_FORM = _Form(",", ",")  # whose cells are in quotes
+
+
+def _clock_seconds(cell: str) -> float | None:
+    """Return the seconds of a time of day, or of a date and time; None if it is none."""
+    match = CLOCK.fullmatch(cell)
+    if match is None:
+        return None
+    year, month, day, hours, minutes, seconds = match.groups()
+    days = dt.date(int(year), int(month), int(day)).toordinal() if year else 0
+    return 86400.0 * days + 3600 * int(hours) + 60 * int(minutes) + float(seconds.replace(",", "."))
+
+
+def read_force_table(path: Path) -> ForceTable:
+    """Read times and forces.
+
+    Raises
+    ------
+    ForceError
+        If the table cannot be read, or in more than one way.
+    """
+    if path.stat().st_size > MAX_BYTES:
+        raise ForceError(f"{path}: {path.stat().st_size} bytes, allowed: {MAX_BYTES} for a table")
+    numbered = [
+        (number, line)
+        for number, line in enumerate(_text_of(path).splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith(("#", "%", "//", "!"))
+    ]
+    if numbered and re.fullmatch(r"\"?sep=.\"?", numbered[0][1].strip(), re.IGNORECASE):
+        numbered = numbered[1:]
+    if not numbered:
+        raise ForceError(f"{path}: empty, {EXAMPLE}")
+    form, begin = _form_of(path, [line for _, line in numbered])
+    head, body = numbered[:begin], numbered[begin:]
+    width = Counter(len(form.cells(line)) for _, line in body[:LOOKED_AT]).most_common(1)[0][0]
+    values = _values(path, form, body, width)
+    header = [form.cells(line) for _, line in head]
+    if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
+        raise ForceError(f"{path}: its commas part columns and mark decimals, {EXAMPLE}")
+    names, units = _header(header, width)
+    time, force = _columns(path, names, units, values)
+    times = values[:, time] * SECONDS.get(units[time].lower(), 1.0)
+    newtons = values[:, force] * _newtons(units[force])
+    _check(path, times, [number for number, _ in body], units[time], names[time])
+    told = [
+        f"{kind} from column {k + 1}{_named(names, k)} in {units[k] or unit}"
+        for kind, k, unit in (("time", time, "s"), ("force", force, "N"))
+    ]
+    return ForceTable(times, newtons, ", ".join(told))
+
+
+def _text_of(path: Path) -> str:
+    """Decode a file by its mark, by its zeros, or as UTF-8, else as Latin-1 of Windows."""
+    data = path.read_bytes()
+    for mark, name in (
+        (codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"),
+        (codecs.BOM_UTF16_BE, "utf-16"),
+    ):  # fmt: skip
+        if data.startswith(mark):
+            return data.decode(name, errors="replace")
+    start = data[:1000]
+    if start[1::2].count(0) > len(start) / 4:
+        return data.decode("utf-16-le", errors="replace")
+    if start[0::2].count(0) > len(start) / 4:
+        return data.decode("utf-16-be", errors="replace")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
+def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
+    """Find separator and decimal mark, and at which line the numbers begin.
+
+    Raises
+    ------
+    ForceError
+        If no form fits, or two that mean other numbers.
+    """
+    end = lines[-LOOKED_AT:]
+    fits: dict[_Form, list[str]] = {}
+    for form in [*FORMS, QUOTED_FORM] if any('"' in line for line in end) else FORMS:
+        rows = [line for line in end if form.is_data(line)]
+        if len(rows) > len(end) / 2:
+            fits[form] = rows
+    if not fits:
+        line = lines[len(lines) // 2].strip()[:40]
+        raise ForceError(f"{path}: {line!r} is not a time and a force, {EXAMPLE}")
+    most = max(map(len, fits.values()))
+    best = [form for form, rows in fits.items() if len(rows) > 0.98 * most]
+    rows = [line for line in end if all(form.is_data(line) for form in best)]
+    whole = [form for form in best if all(None not in form.numbers(line) for line in rows)]
+    best = whole or best
+    form = best[0]
+    if any([form.numbers(x) for x in rows] != [other.numbers(x) for x in rows] for other in best):
+        marks = " or ".join(f"{one.separator!r} and {one.decimal!r}" for one in best)
+        raise ForceError(
+            f"{path}: its numbers can be read in two ways, with {marks} as separator and decimal "
+            f"mark, {EXAMPLE}"
+        )
+    begin = next(
+        k for k in range(len(lines)) if all(form.is_data(line) for line in lines[k : k + 5])
+    )
+    return form, begin
+
+
+def _values(path: Path, form: _Form, body: Sequence[tuple[int, str]], width: int) -> Array:
+    """Read the numbers of all rows, shape (rows, columns), NaN where a cell is empty or a word."""
+    for number, line in body:
+        if not form.is_data(line):
+            raise ForceError(
+                f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, {EXAMPLE}"
+            )
+    plain = form.separator != " "
+    text = "\n".join(line if plain else " ".join(line.split()) for _, line in body)
+    table = pd.read_csv(
+        io.StringIO(text),
+        sep=form.separator,
+        header=None,
+        names=range(max(width, max(line.count(form.separator) for _, line in body) + 1)),
+        dtype=str,
+        skipinitialspace=plain,
+        keep_default_na=False,
+        index_col=False,
+    ).iloc[:, :width]
+    found = np.full(table.shape, np.nan)
+    thousands = "," if form.decimal == "." else "."
+    for k in range(width):
+        cells = table.iloc[:, k].fillna("").str.strip()
+        grouped = cells.str.match(rf"[+-]?[1-9]\d{{0,2}}\{thousands}\d{{3}}")
+        cells = cells.where(~grouped, cells.str.replace(thousands, "", regex=False))
+        found[:, k] = pd.to_numeric(
+            cells.str.replace(form.decimal, ".", regex=False), errors="coerce"
+        )
+        if np.isnan(found[:, k]).all():
+            clock = [_clock_seconds(cell) for cell in cells]
+            found[:, k] = [np.nan if one is None else one for one in clock]
+            found[:, k] -= found[0, k]
+    return found
+
+
+def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[str]]:
+    """Return name and unit of each column, empty where none is told."""
+    names, units = [""] * width, [""] * width
+    rows = [row for row in rows if 1 < len(row) <= width + 1][-4:]
+    for row in rows:
+        cells = [*row[:width], *[""] * (width - len(row))]
+        alone = [cell.strip("[]() ") for cell in cells]
+        if names != [""] * width and sum(_is_unit(x) for x in alone) >= max(
+            1, sum(map(bool, alone)) / 2
+        ):
+            units = [
+                unit if _is_unit(unit) else old for unit, old in zip(alone, units, strict=True)
+            ]
+            continue
+        if names != [""] * width and not any(_known(_split(cell)[0]) for cell in cells):
+            continue
+        split = [_split(cell) for cell in cells]
+        names, units = [name for name, _ in split], [unit for _, unit in split]
+    return names, units
+
+
+def _is_unit(text: str) -> bool:
+    low = text.lower()
+    return low in SECONDS or low in NEWTONS or low in OTHER_UNITS
+
+
+def _known(name: str) -> bool:
+    return bool(_kinds(name))
+
+
+def _split(cell: str) -> tuple[str, str]:
+    """Part a header's cell into name and unit: `Kraft [N]`, `time_ms`, `F in kN`, `t/s`."""
+    cell = cell.strip().strip("\"'")
+    for form in UNIT_FORMS:
+        match = re.fullmatch(form, cell)
+        if match and _is_unit(match[2].strip()) and match[1].strip():
+            return match[1].strip(), match[2].strip()
+    return cell, ""
+
+
+def _kinds(name: str) -> set[str]:
+    """Return what a column of a name may be: time, force, index."""
+    low = re.sub(r"[\s_]+", " ", name.lower()).strip()
+    words = {low, *re.split(r"[ .:;/\\-]", low)}
+    found = set()
+    if (
+        words & TIMES
+        or low in {x.replace("_", " ") for x in TIMES}
+        or low.startswith(("time", "zeit"))
+    ):
+        found.add("time")
+    if words & (FORCES - {"f"}) or low == "f" or "kraft" in low or "force" in low:
+        found.add("force")
+    if low in INDICES or low.startswith("unnamed"):
+        found.add("index")
+    return found
+
+
+def _columns(
+    path: Path, names: Sequence[str], units: Sequence[str], values: Array
+) -> tuple[int, int]:
+    """Choose the columns of time and force by unit, name and content.
+
+    Raises
+    ------
+    ForceError
+        If none or several may be one of them.
+    """
+    width = values.shape[1]
+    full = [k for k in range(width) if np.isfinite(values[:, k]).all()]
+    rising = [k for k in full if (np.diff(values[:, k]) > 0).all()]
+    counts = [k for k in full if len(values) > 2 and set(np.diff(values[:, k])) == {1.0}]
+    by_name = [_kinds(name) for name in names]
+    unit = [u.lower() for u in units]
+    times = [k for k in range(width) if "time" in by_name[k] and unit[k] not in NEWTONS]
+    times = times or [k for k in range(width) if unit[k] in SECONDS]
+    forces = [k for k in range(width) if "force" in by_name[k] and k not in times]
+    forces = [k for k in forces if unit[k] in NEWTONS] or forces
+    forces = forces or [k for k in range(width) if unit[k] in NEWTONS]
+    if len(times) > 1:  # as a date, and a time since the start
+        times = [k for k in times if k in rising and unit[k] in SECONDS] or [
+            k for k in times if k in rising
+        ]
+    indices = [k for k in range(width) if by_name[k] == {"index"} and k in counts]
+    others = [k for k in full if k not in indices and k not in times and k not in forces]
+    if not times:
+        first = [k for k in others if k in rising]
+        times = first if len(first) == 1 or (first and len(full) == 2) else []
+        times = times[:1]
+    if not forces:
+        left = [k for k in others if k not in times and k not in counts]
+        forces = left if len(left) == 1 else []
+    if len(times) != 1 or len(forces) != 1:
+        what = "time" if len(times) != 1 else "force"
+        many = len(times if what == "time" else forces) > 1
+        _refuse(
+            path,
+            names,
+            units,
+            f"{'several columns may be' if many else 'no column is clearly'} the {what}",
+        )
+    time, force = times[0], forces[0]
+    for k, what in ((time, "time"), (force, "force")):
+        if k not in full:
+            bad = int(np.flatnonzero(~np.isfinite(values[:, k]))[0])
+            raise ForceError(
+                f"{path}: row {bad + 1} has no number in column {k + 1}{_named(names, k)}, the "
+                f"{what}; {EXAMPLE}"
+            )
+    if unit[force] and unit[force] not in NEWTONS:
+        raise ForceError(
+            f"{path}: column {force + 1}{_named(names, force)} is in {units[force]}, allowed: "
+            "N, mN, kN or lbf"
+        )
+    return time, force
+
+
+def _named(names: Sequence[str], k: int) -> str:
+    return f" ({names[k]})" if names[k] else ""
+
+
+def _refuse(path: Path, names: Sequence[str], units: Sequence[str], why: str) -> None:
+    shown = ", ".join(
+        f"{k + 1}{_named(names, k)}{f' in {unit}' if unit else ''}" for k, unit in enumerate(units)
+    )
+    raise ForceError(f"{path}: {why}, of columns {shown}; {EXAMPLE}")
+
+
+def _newtons(unit: str) -> float:
+    return 1e6 if unit == MEGANEWTON else NEWTONS.get(unit.lower(), 1.0)
+
+
+def _check(path: Path, times: Array, lines: Sequence[int], unit: str, name: str) -> None:
+    """Refuse times that do not rise, are too few, or whose unit is in doubt."""
+    for k in np.flatnonzero(np.diff(times) <= 0)[:1] + 1:
+        raise ForceError(f"{path}: line {lines[k]}: {times[k]:g} s, allowed: after the line before")
+    if len(times) < MIN_SAMPLES:
+        raise ForceError(f"{path}: {len(times)} samples, allowed: {MIN_SAMPLES} or more")
+    step = float(np.median(np.diff(times)))
+    if not unit and step > MAX_UNSTATED_STEP_S:
+        raise ForceError(
+            f"{path}: its times{f' ({name})' if name else ''} step by {step:g} and say no unit, "
+            f"allowed: a unit, as time_ms or time_s, or steps up to {MAX_UNSTATED_STEP_S:g} s"
+        )

@@ -1,0 +1,118 @@
+"""A force's table, as programs and people write it, is read as what it says, or refused."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
+
+COUNT = 200
+TIMES = np.arange(COUNT) * 0.01
+FORCES = 12.5 * np.sin(7 * TIMES)
+OTHERS = 3 * np.cos(TIMES)
+NUMBERS = np.arange(COUNT)
+
+
+def lines(columns, separator=",", decimal=".", digits=4, quote=""):
+    """Rows of columns; whole numbers and texts as they are."""
+
+    def cell(x):
+        text = f"{x:.{digits}f}" if isinstance(x, float) else str(x)
+        return quote + text.replace(".", decimal) + quote
+
+    return "\n".join(
+        separator.join(map(cell, row))
+        for row in zip(*(list(np.asarray(c).tolist()) for c in columns), strict=True)
+    )
+
+
+BOTH = [TIMES, FORCES]
+GERMAN = lines(BOTH, ";", ",")
+LABVIEW = (
+    "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\nChannels\t1\t\n"
+    "Samples\t200\t\nX0\t0.0000E+0\t\n***End_of_Header***\t\nX_Value\tForce\tComment\n"
+)
+WRITTEN = {
+    "points": "time,force\n" + lines(BOTH),
+    "no header": lines(BOTH),
+    "German": "Zeit;Kraft\n" + GERMAN,
+    "German, three digits": "Zeit;Kraft\n" + lines(BOTH, ";", ",", 3),
+    "German, units": "Zeit [s];Kräfte [N]\n" + GERMAN,
+    "French": "Temps (s);Effort (N)\n" + GERMAN,
+    "Excel": "sep=;\nZeit;Kraft\n" + GERMAN,
+    "units in a line of their own": "Zeit;Kraft\nms;kN\n"
+    + lines([1000 * TIMES, FORCES / 1000], ";", ",", 7),
+    "tabs": "time\tforce\n" + lines(BOTH, "\t"),
+    "tabs, German": "Zeit\tKraft\n" + lines(BOTH, "\t", ","),
+    "spaces": "time force\n   " + lines(BOTH, "   ").replace("\n", "\n   "),
+    "spaces, German": lines(BOTH, "  ", ","),
+    "pipes": "time|force\n" + lines(BOTH, "|"),
+    "quotes": '"time","force"\n' + lines(BOTH, quote='"'),
+    "quotes and decimal commas": '"Zeit","Kraft"\n' + lines(BOTH, ",", ",", quote='"'),
+    "comments": "# made by X\n% rate, 100\ntime,force\n" + lines(BOTH),
+    "lines of header": "Device: NI 9234\nDate;12.03.2024\nRate [Hz];100\n\n"
+    "Nr.;Time [s];Force [N];Acc [m/s²]\n"
+    + lines([NUMBERS + 1, TIMES, FORCES, OTHERS], ";", ","),
+    "LabVIEW": LABVIEW + lines([*BOTH, [""] * COUNT], "\t"),
+    "MATLAB": "Var1,Var2\n" + lines(BOTH, digits=15),
+    "an index": "i,time,force\n" + lines([NUMBERS, *BOTH]),
+    "a data frame": ",time,force\n" + lines([NUMBERS, *BOTH]),
+    "other order": "accel,force,time\n" + lines([OTHERS, FORCES, TIMES]),
+    "other order, no header": lines([FORCES, TIMES]),
+    "names with units": "time_ms,force_kN\n" + lines([1000 * TIMES, FORCES / 1000], digits=7),
+    "t/s": "t/s;F/N\n" + GERMAN,
+    "separators at the end": "time;force;\n" + GERMAN.replace("\n", ";\n") + ";",
+    "powers of ten": "time,force\n"
+    + "\n".join(f"{t:.6e},{f:+.6E}" for t, f in zip(TIMES, FORCES, strict=True)),
+    "thousands": "time;force in mN\n"
+    + "\n".join(f"{t:.3f};{1000 * f:,.2f}" for t, f in zip(TIMES, FORCES, strict=True)),
+    "time of day": "Time,Force (N)\n"
+    + "\n".join(f"10:00:{t:06.3f},{f:.4f}" for t, f in zip(TIMES, FORCES, strict=True)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_table_is_read_as_it_is_written(conforms, tmp_path, name):
+    (tmp_path / "force.csv").write_bytes(WRITTEN[name].encode())
+    table = read_force_table(tmp_path / "force.csv")
+    digits = 5e-4 if "digits" in name else 5e-5
+    conforms.closed_form(table.times, TIMES, atol=1e-9)
+    conforms.closed_form(table.newtons, FORCES, atol=1.01 * digits)
+
+
+@pytest.mark.parametrize("code", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_any_code_and_end_of_line_will_do(conforms, tmp_path, code, end):
+    text = ("Zeit [s];Kräfte [N]\n" + GERMAN).replace("\n", end)
+    (tmp_path / "force.csv").write_bytes(text.encode(code))
+    table = read_force_table(tmp_path / "force.csv")
+    conforms.closed_form(table.newtons, FORCES, atol=1e-4)
+    assert table.source == "time from column 1 (Zeit) in s, force from column 2 (Kräfte) in N"
+
+
+REFUSED = {
+    "an index and a force": ("i,force\n" + lines([NUMBERS, FORCES]), "the time"),
+    "an index and a force, unnamed": (lines([NUMBERS, FORCES]), "clearly the time"),
+    "two forces": ("time,force 1,force 2\n" + lines([*BOTH, OTHERS]), "several columns may be"),
+    "three columns unnamed": (lines([*BOTH, OTHERS]), "no column is clearly the force"),
+    "commas for both": ("Zeit,Kraft\n" + lines(BOTH, ",", ","), "commas"),
+    "commas for both, no header": (lines(BOTH, ",", ","), "clearly"),
+    "milliseconds unsaid": ("time,force\n" + lines([1000 * TIMES, FORCES]), "say no unit"),
+    "volts": ("time (s),force (V)\n" + lines(BOTH), "in V, allowed: N"),
+    "a gap": ("time,force\n" + lines(BOTH).replace("0.5000,", "0.5000,NaN,"), "no number"),
+    "an end": ("time,force\n" + lines(BOTH) + "\nend of file", "line 202"),
+    "one column": ("force\n" + lines([FORCES]), "not a time and a force"),
+    "words": ("a text\nof some\nlines\n", "not a time and a force"),
+    "nothing": ("\n\n", "empty"),
+    "back in time": ("time,force\n" + lines([TIMES % 1.5, FORCES]), "after the line before"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_in_doubt_is_refused_in_one_line_with_an_example(tmp_path, name):
+    text, words = REFUSED[name]
+    (tmp_path / "force.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(ForceError) as error:
+        read_force_table(tmp_path / "force.csv")
+    assert words in str(error.value)
+    assert "allowed: " in str(error.value)
+    assert "\n" not in str(error.value)
