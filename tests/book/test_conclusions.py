@@ -18,6 +18,7 @@ from thesis_lib.book.conclusions import strengths as conclusions
 from thesis_lib.book.conclusions import tables as conclusions_tables
 from thesis_lib.book.conclusions.knobs import KNOBS
 from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.experiment import compute as experiment
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -256,3 +257,14 @@ def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
     worse = [key for key, one in found.items() if one.ratio > 1.1]
     assert worse == [("beam", "4b")]
     assert "1 is worse by more than 10%, beam 4b" in pixels.pixels()
+
+
+def test_what_is_remembered_counts_as_used(tmp_path) -> None:
+    """A piece that asks again is made anew when its cubes change."""
+    opened = Opened([], [])
+    assert conclusions.strengths(opened, KNOBS["closer"]) == []
+    wanted = opened.wanted
+    assert wanted == {name for _, name, *_ in KNOBS["closer"].sources}
+    opened.forget()
+    conclusions.strengths(opened, KNOBS["closer"])
+    assert opened.wanted == wanted

@@ -163,7 +163,19 @@ class Strength:
 
 
 def strengths(opened: Cubes, knob: Knob) -> list[Strength]:
-    """One :class:`Strength` for each group that the cubes have."""
+    """Return one :class:`Strength` for each group that the cubes have.
+
+    Cubes that remember what is derived of them (`derived`) are asked once for each knob.
+    """
+    for _, name, *_ in knob.sources:
+        opened.get(name)  # counts as used, also where the answer is remembered
+    remembered: dict[Knob, list[Strength]] = getattr(opened, "derived", {})
+    if knob not in remembered:
+        remembered[knob] = _strengths(opened, knob)
+    return remembered[knob]
+
+
+def _strengths(opened: Cubes, knob: Knob) -> list[Strength]:
     by: dict[str, list[Curve]] = {}
     for curve in curves(opened, knob):
         by.setdefault(curve.group, []).append(curve)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
@@ -22,6 +23,7 @@ class Opened(Mapping[str, xr.Dataset]):
     def __init__(self, made: Iterable[Path], without: Iterable[str]) -> None:
         self._files = {path.stem: path for path in made}
         self._read: dict[str, xr.Dataset] = {}
+        self.derived: dict[Any, Any] = {}  #: What was computed of them, by what was asked
         self.without = frozenset(without)
         self.forget()
 

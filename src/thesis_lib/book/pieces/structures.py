@@ -18,7 +18,7 @@ from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
 from thesis_lib.planning import errors
-from thesis_lib.planning.planner import plan
+from thesis_lib.planning.places import at
 from thesis_lib.planning.report import command, write_plan
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
@@ -54,16 +54,17 @@ def planned(_: object) -> str:
         f"How well can four full-HD cameras measure a plate of {size} mm, of the thesis's "
         f"material, whose largest deflection is {EXAMPLE.amplitude_mm:g} mm (`amplitude_mm`, if "
         "nothing else is asked)? This command was run as this page was made:\n\n"
-        f"```console\n{printed}\n```\n\n{table(list(shown), rows)}\n{_of_small_motion()}"
+        f"```console\n{printed}\n```\n\n{table(list(shown), rows)}\n{_of_small_motion(cameras)}"
     )
 
 
-def _of_small_motion() -> str:
-    """What the layout that is planned for the example makes of a motion far below a pixel."""
-    made = plan(EXAMPLE)
-    best = made.options[made.chosen]
-    scene = replace(best.scene, peaks=(SMALL_MM / 1000,) * len(best.scene.peaks))
-    point = errors.predicted(scene, best.layout, best.resolution[0])
+def _of_small_motion(cameras: pd.DataFrame) -> str:
+    """Return what the cameras planned for the example make of a motion far below a pixel."""
+    scene = EXAMPLE.scene()
+    scene = replace(scene, peaks=(SMALL_MM / 1000,) * len(scene.peaks))
+    grid = np.radians(cameras[["azimuth_deg", "elevation_deg"]].to_numpy(float))
+    layout = at(grid, cameras["distance_mm"].to_numpy(float) / 1000, scene.focals[0])
+    point = errors.predicted(scene, layout, EXAMPLE.resolutions_px[0][0])
     most = float(errors.counted(point, "mean").max())
     return (
         f"Percent are of the largest deflection. Of {SMALL_MM:g} mm whole pixels leave the same "
