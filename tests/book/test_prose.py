@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scenes.equal_pixels import equal_pixels
-from scenes.laboratory import recordings
+from scenes.laboratory import replicates
 from scenes.layouts import layouts
 from scenes.motions import films
 from scenes.sounding import sounding
@@ -56,21 +56,22 @@ def opened():
     for name, model in STUDIES.items():
         request = validate(name, {"trials": 12})
         if model.subject == "experiment":
-            data = recordings(request.recordings, sigma=0.02)
+            data = replicates(request.recordings, 3, sigma=0.02)
             cube = study.run(request, data)
         elif model.subject == "sound":
             request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
             cube = cube_of(request)
         elif name in ("lab-elevation", "lab-layout"):
-            cube = lab_layout_study.run(request, layouts(request, sigma=0.02))
+            cube = lab_layout_study.run(request, layouts(request, sigma=0.02, replicates=4))
         elif name == "lab-equal-pixels":
             cube = lab_equal_pixels_study.run(request, equal_pixels(request))
         elif name == "lab-radiation":
             cube = lab_radiation_study.run(request, sounding(request))
         elif name == "lab-modes":
+            request = validate(name, {"trials": 3})
             cube = lab_modes_study.run(request, films(request, sigma=0.02))
         elif name == "lab-plate":
-            request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
+            request = validate(name, {"trials": 3, "plane_shape": [9, 7]})
             cube = lab_plate_study.run(request, films(request, sigma=0.02))
         elif name == "cameras":
             cube = optics_study.run(request)

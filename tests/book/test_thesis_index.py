@@ -10,7 +10,7 @@ from functools import cache
 import nbformat
 import pytest
 import yaml
-from scenes.laboratory import recordings
+from scenes.laboratory import replicates
 
 from thesis_lib import files
 from thesis_lib.book.pieces import thesis_index
@@ -144,7 +144,7 @@ def cube_of(subject):
     """A small cube of a subject's first study."""
     if subject == "experiment":
         request = validate("experiment-resolution", {"trials": 1})
-        return experiment_study.run(request, recordings(request.recordings, sigma=0.02))
+        return experiment_study.run(request, replicates(request.recordings, 2, sigma=0.02))
     if subject == "cameras":
         return optics_study.run(validate("cameras", {"trials": 2}))
     request = validate(f"{subject}-distance", {"trials": 1})
