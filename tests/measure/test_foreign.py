@@ -17,7 +17,7 @@ from scenes import own
 from scenes.foreign import photographs
 from scenes.foreign.rays import Optics, Sensor, airy, gaussian, looking, sharp
 from scenes.foreign.recording import FREQUENCY, RATE, SOUND_RATE, TIP, Scene, Take
-from scenes.jackknife import deviations_of, differences, refitted
+from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 
 from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.experiment import chain
@@ -151,7 +151,8 @@ def stated_over_refitted(corners, cameras):
     """Deviations by the linearised jackknife, and the adjustment's, over those by the full one."""
     full = adjust(corners, TILES.corners, cameras)
     known = refitted(corners, TILES.corners, full)
-    return [deviations_of(each) / known for each in (jackknife(corners, TILES.corners, full), full)]
+    stated = jackknife(corners, TILES.corners, full)
+    return of_covariance(stated) / known, deviations_of(full) / known
 
 
 @needs_photographs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scenes.calibration import BOARD, exact_images, observations, rig
-from scenes.jackknife import deviations_of, differences, refitted
+from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.poses import default_poses
@@ -68,7 +68,7 @@ def test_it_is_the_full_jackknife_without_a_refit(conforms, cameras):
     uv = uv + off("bent, tails", uv.shape, np.random.default_rng(3))
     uv[0, 4] = np.nan if len(cameras) > 1 else uv[0, 4]
     full = adjust(uv, POINTS, [rig()[k] for k in cameras])
-    stated = deviations_of(jackknife(uv, POINTS, full))
+    stated = of_covariance(jackknife(uv, POINTS, full))
     conforms.independent(stated / refitted(uv, POINTS, full), 1, atol=0.1)
 
 

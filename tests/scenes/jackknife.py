@@ -24,6 +24,13 @@ def deviations_of(adjustment):
     return np.concatenate([lenses, *(each.ravel() for each in camera_deviations(adjustment))])
 
 
+def of_covariance(adjustment):
+    """The same without what they are widened by."""
+    count = adjustment.deviations.size
+    lenses = np.sqrt(np.diag(adjustment.covariance))[-count:]
+    return np.concatenate([lenses, deviations_of(adjustment)[count:]])
+
+
 def refitted(observations, points, full):
     """The same deviations by the full jackknife: adjusted anew without each shot."""
     count = observations.shape[1]

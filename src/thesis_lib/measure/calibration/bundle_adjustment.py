@@ -50,7 +50,7 @@ def adjust(
     cameras: Sequence[Camera],
     intrinsics: bool = True,
     distortion: bool = True,
-    steps: int = 50,
+    steps: int = 100,
 ) -> Adjustment:
     """Cameras and board poses of least squared reprojection error (eq. 5.1).
 
@@ -128,7 +128,7 @@ def _minimised(
         new_cost = np.sum(new[2][observed] ** 2)  # NaN if a board came to lie behind a camera
         if new_cost < cost:
             network, (normal, right, _), cost = trial, new, new_cost
-            damping = damping / 10 if damping > 1e-6 else 0.0
+            damping = damping / 2 if damping > 1e-8 else 0.0  # boards of few corners turn slowly
         else:
             damping = max(10 * damping, 1e-6)
     raise CalibrationError(f"adjustment: not converged after {steps} steps")

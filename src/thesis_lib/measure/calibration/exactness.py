@@ -66,10 +66,10 @@ def exact(
         if lenses is not None and np.isfinite(lenses).all():
             covariance = with_lenses(corners, points, full, lenses, cameras.covariance)
             cameras = replace(cameras, covariance=covariance)
-        variances = np.diag(cameras.covariance if lenses is None else lenses)
+        focal = cameras.deviations[:, 0] if lenses is None else np.sqrt(np.diag(lenses)[::LENS])
         values = {
             "board_poses": corners.shape[1],
-            "focal_deviation": np.sqrt(variances[-LENS * len(full.cameras) :: LENS]),
+            "focal_deviation": focal,
             "centre_deviation": np.linalg.norm(camera_deviations(cameras)[0], axis=1),
             "covariance": cameras.covariance,
         }

@@ -9,6 +9,10 @@ the matrix of the normal equations, its board's pose eliminated, the cameras cha
     δₛ = −(N − Nₛ)⁻¹ gₛ,   N = Σ Nₛ,   Σ gₛ = 0,
 
 to first order, and their covariance is (n − 1)/n Σ δₛ δₛᵀ (Cook's distance has the same δₛ).
+
+Some parameters, as k₂ of a long lens, rest on two or three of the shots. The variance of so few is
+often too small by chance, as Student's t has it; on the other hand the jackknife's is too large on
+average. The deviation of each parameter is widened by what the one exceeds the other.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm, t
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import reprojection
@@ -23,6 +28,7 @@ from thesis_lib.measure.calibration.bundle_adjustment import Adjustment
 from thesis_lib.measure.calibration.reprojection import LENS, POSE, Network
 
 FEWEST = 5  # shots that the jackknife needs: with fewer, a direction often has too little by chance
+_COVERED = 0.97725  # of the distribution of an error, below two standard deviations
 _DETERMINED = 1e-11  # least eigenvalue of scaled normal equations, as of a bundle adjustment
 
 
@@ -47,7 +53,7 @@ def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adj
     Adjustment
         Without boards: its ``covariance`` is that of the cameras alone, poses before lenses, up to
         a datum (see :func:`~thesis_lib.measure.calibration.alignment.camera_deviations`), its
-        ``deviations`` are from there.
+        ``deviations`` are from there, widened so that twice them cover 95 %.
     """
     n, own = len(adjustment.cameras), of_cameras(adjustment)
     alone = replace(
@@ -62,6 +68,7 @@ def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adj
     parts = matrices[:, free][:, :, free] * units[:, None] * units
     right = sides[:, free] * units
     gauge, _ = np.linalg.qr(reprojection.gauge(alone)[free] / units[:, None])
+    widths = np.ones(LENS * n)
     changes = _changes(parts, right, gauge) if len(parts) >= FEWEST else None
     if changes is None:
         covariance = own * _widening(parts, right, gauge, adjustment.sigma)
@@ -69,7 +76,9 @@ def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adj
         changes, m = changes * units, len(changes)
         covariance = np.zeros_like(own)
         covariance[np.ix_(free, free)] = (m - 1) / m * changes.T @ changes
-    deviations = np.sqrt(np.diag(covariance)[-LENS * n :]).reshape(-1, LENS)
+        adjusted = int(free[-LENS * n :].sum())
+        widths[free[-LENS * n :]] = _widths(parts, gauge, adjusted)
+    deviations = (widths * np.sqrt(np.diag(covariance)[-LENS * n :])).reshape(-1, LENS)
     return replace(alone, covariance=covariance, deviations=deviations)
 
 
@@ -148,6 +157,24 @@ def _changes(parts: Array, right: Array, gauge: Array) -> Array | None:
     if np.linalg.eigvalsh(rest)[:, 0].min() < _DETERMINED:
         return None
     return -np.linalg.solve(rest, right[..., None])[..., 0]
+
+
+def _widths(parts: Array, gauge: Array, count: int) -> Array:
+    """Factors by which deviations of the last unknowns are widened, as they rest on few shots.
+
+    With independent shots alike in all but Nₛ, the jackknife's variance of an unknown is on average
+    ρ = (m − 1)/m Σ vₛ / v of the true one, vₛ being the diagonal of (N − Nₛ)⁻¹ Nₛ (N − Nₛ)⁻¹ and v
+    that of N⁻¹, and has ν = (Σ vₛ)² / Σ vₛ² degrees of freedom (Welch and Satterthwaite).
+    """
+    whole = parts.sum(axis=0)
+    inverse, others = (np.linalg.inv(N + gauge @ gauge.T) for N in (whole, whole - parts))
+    last = np.s_[..., len(whole) - count :]
+    single = np.einsum("sij,sjk,ski->si", others, parts, others, optimize=True)[last]
+    total, m = single.sum(axis=0), len(parts)
+    true = np.einsum("ij,jk,ki->i", inverse, whole, inverse, optimize=True)[last]
+    excess = (m - 1) / m * total / true
+    freedom = np.maximum(total**2 / np.sum(single**2, axis=0), 1.0)
+    return np.maximum(t.ppf(_COVERED, freedom) / norm.ppf(_COVERED) / np.sqrt(excess), 1.0)
 
 
 def _widening(parts: Array, right: Array, gauge: Array, sigma: float) -> float:
