@@ -2,12 +2,20 @@
 
 import numpy as np
 import pytest
+import xarray as xr
+import yaml
 from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations, rig
 
 from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.measure.calibration import exactness
+from thesis_lib.measure.calibration import rig as calibration_rig
+from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import CalibrationError, central, zhang
 from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.manifest import read_manifest
+from thesis_lib.measure.report import notes
+from thesis_lib.measure.steps import calibrated as calibrated_step
 from thesis_lib.vision import lens
 
 SIGMA = 0.01
@@ -188,3 +196,76 @@ def test_default_poses_are_seen_by_all_cameras(conforms):
         direction = camera.centre - t
         cosine = np.einsum("si,si->s", direction, R[:, :, 2]) / np.linalg.norm(direction, axis=1)
         assert np.degrees(np.arccos(np.abs(cosine).min())) < 70
+
+
+# All cameras of a folder, from corners that are given in place of images.
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A manifest, and a function that calibrates its cameras from corners or refusals by shot."""
+    cameras = [
+        {"name": c.name, "video": f"{c.name}.mkv", "exposure_s": 0.001, "width_px": SIZE[0],
+         "height_px": SIZE[1], "shots": [f"{c.name}-{k:02d}.png" for k in range(12)]}
+        for c in rig()
+    ]  # fmt: skip
+    path = tmp_path / "manifest.yaml"
+    path.write_text(yaml.safe_dump({"cameras": cameras}), encoding="utf-8")
+    manifest = read_manifest(path, check_files=False)
+
+    def calibrate(shots):
+        by_name = {f"{c.name}-{k:02d}.png": uv for c, row in zip(rig(), shots, strict=True)
+                   for k, uv in enumerate(row)}  # fmt: skip
+
+        def find(name, _):
+            if isinstance(by_name[name], str):
+                raise BoardNotFound(by_name[name])
+            return by_name[name]
+
+        monkeypatch.setattr(calibration_rig, "read_png", lambda path: path.name)
+        monkeypatch.setattr(calibration_rig, "find_corners", find)
+        for name in by_name:
+            (tmp_path / name).touch()
+        return manifest, calibrated_step(manifest, tmp_path, tmp_path)
+
+    return calibrate
+
+
+def of_note(data):
+    """What is noted of a calibration's residuals."""
+    names = ("reprojection_rms", "single_rms")
+    part = xr.Dataset({name: data[name] for name in names})
+    return [note.code for note in notes.of_board(part)]
+
+
+def test_a_board_at_rest_is_not_said_to_move(folder):
+    _, data = folder(as_found(observations(SIGMA)))
+    assert of_note(data) == []
+
+
+def test_lenses_do_not_suffer_from_a_board_that_moves_between_the_cameras(
+    conforms, folder, tmp_path
+):
+    (R, t), rng = default_poses(), np.random.default_rng(5)
+    moving = [
+        exact_images([c], R, t + rng.normal(0, 1e-3, t.shape))[0] for c in rig()
+    ] + rng.normal(0, SIGMA, (4, 12, 2, 64))
+    manifest, data = folder(as_found(moving))
+    assert of_note(data) == ["board-moved"]
+    off = data["K"].values[:, [0, 1], [0, 1]] - [c.K[[0, 1], [0, 1]] for c in rig()]
+    conforms.sampled(np.abs(off).max(), below=1)  # px; 11 if adjusted together
+    exact = exactness.exact(data, manifest.board.board, tmp_path)
+    conforms.sampled(np.abs(off[:, 0] / exact["focal_deviation"].values).max(), below=4)
+
+
+def test_the_commonest_reason_of_that_camera_is_named_with_its_count(folder):
+    shots = as_found(observations(SIGMA))
+    shots[0][3] = "0 marks seen"
+    for k in range(2, 12):
+        shots[2][k] = "no checkerboard seen" if k == 2 else f"an edge is off by {k}%"
+    with pytest.raises(
+        CalibrationError,
+        match=r"^C: 2 of 12 shots .*\(9 of 10 refused images for one reason, as C-03.png: an edge "
+        r"is off by 3%; is the board a checkerboard of 9 × 9 tiles\?\)$",
+    ):
+        folder(shots)

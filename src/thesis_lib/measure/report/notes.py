@@ -156,16 +156,7 @@ def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
             "The calibration that was reused does not tell how exact it is: standard errors hold "
             "nothing of its errors, which all markers share.",
         )
-    together = float(data.get("reprojection_rms", np.nan))
-    if together > CONTRADICTORY * (alone := rms(data["single_rms"].values)):
-        kept = together > MAX_CONTRADICTION * alone
-        yield Note(
-            "board-moved",
-            f"All cameras together leave {together:.2g} px (rms) of the board's corners, each "
-            f"alone {alone:.2g} px: the board moved while they took their images, or a camera did "
-            f"between poses. {'Lenses are those of each camera alone. ' if kept else ''}Standard "
-            "errors hold that.",
-        )
+    yield from of_board(data)
     if 0 < (poses := int(data.get("board_poses", 0))) < FEWEST:
         yield Note(
             "few-poses",
@@ -180,6 +171,20 @@ def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
             f"The markers' grid comes out {off:+.2%} in size: tile, spacing, or a zoom or crop "
             "since the board was filmed. Deflections are wrong by as much if it is not the "
             "spacing; standard errors hold that.",
+        )
+
+
+def of_board(data: xr.Dataset) -> Iterator[Note]:
+    """Compare the residuals of the board's corners in all cameras with those of each alone."""
+    together = float(data.get("reprojection_rms", np.nan))
+    if together > CONTRADICTORY * (alone := rms(data["single_rms"].values)):
+        kept = together > MAX_CONTRADICTION * alone
+        yield Note(
+            "board-moved",
+            f"All cameras together leave {together:.2g} px (rms) of the board's corners, each "
+            f"alone {alone:.2g} px: the board moved while they took their images, or a camera did "
+            f"between poses. {'Lenses are those of each camera alone. ' if kept else ''}Standard "
+            "errors hold that.",
         )
 
 
