@@ -30,7 +30,7 @@ from thesis_lib.ledger.cube import from_cube
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
 from thesis_lib.plotting.selection import error_bars, select, stated
 from thesis_lib.studies.cubes import percent_text
-from thesis_lib.vision.cone_law import pair_noise_error
+from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION, pair_noise_error
 from thesis_lib.web.markdown import columns, table
 
 # Numbers of one cell stay on one line.
@@ -87,7 +87,8 @@ def _pair(opened: Cubes) -> str:
         at[curve.elevation] = step(pair_noise_error(1, 1, *angles), 1)
     words = [f"×{at[elevation]:.2f} at {elevation:g}°" for elevation in sorted(at)]
     return (
-        f"\nAt the centre one expects of noise, {{eq}}`eq-pair-noise`, by the elevation, "
+        f"\nAt the centre, for motions up to {100 * MAX_MOTION_FRACTION:g} % of the distance, one "
+        "expects of noise, {eq}`eq-pair-noise`, by the elevation, "
         f"{', '.join(words)}; and of whole pixels, {{eq}}`eq-pair-rounded`, no change.\n"
         if words
         else ""
