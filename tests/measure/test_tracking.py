@@ -703,3 +703,30 @@ def test_nothing_to_refine_is_nothing(rest):
     found, misfit = refine(image, view, np.full((2, 76), np.nan))
     assert np.isnan(found).all()
     assert np.isnan(misfit)
+
+
+# Light.
+
+
+def stripes(image, depth, phase, columns=False):
+    """A frame in light that flickers at 100 Hz, read row by row in 16 ms."""
+    at = np.arange(image.shape[columns])[:, None] / image.shape[columns] * 1.6 + phase
+    gain = 1 - depth + depth * np.sin(2 * np.pi * at)
+    return np.clip(image * (gain.T if columns else gain), 0, 255).astype(np.uint8)
+
+
+def shaded(image, *_):
+    """A frame in the light of a lamp at its left."""
+    return (image * np.geomspace(1, 0.25, image.shape[1])).astype(np.uint8)
+
+
+@pytest.mark.parametrize("light", ["0.2 by rows", "0.25 by rows", "0.25 by columns", "shaded"])
+def test_the_beam_is_found_in_uneven_light(conforms, rest, light):
+    at, image, _, exact = rest
+    depth, _, kind = light.partition(" by ")
+    for phase in (0.0, 0.3, 0.7):
+        seen = shaded(image) if not kind else stripes(image, float(depth), phase, kind == "columns")
+        found = following.first_view(seen, at, MARKERS, None)
+        centres = Tracker(found).centres(seen)
+        conforms.closed_form(np.nanmax(off(centres, exact)), below=0.15)
+        assert np.isfinite(centres).mean() > 0.95

@@ -58,6 +58,20 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
     click.echo(f"Now look through {name}, and ask: thesis measure --check {name}")
 
 
+def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
+    """Write the page in which corners are clicked, if there are videos already, and say where."""
+    from thesis_lib.files import staging
+    from thesis_lib.measure.recordings.corners import PAGE, corners_page
+    from thesis_lib.outputs import put_files
+
+    if not all((folder / camera.video).is_file() for camera in manifest.cameras):
+        return []
+    with staging(folder) as part:
+        (part / PAGE).write_text(corners_page(manifest, folder), encoding="utf-8")
+        put_files(part, folder)
+    return [f"To click the structure's corners, open {folder / PAGE}"]
+
+
 def draw(manifest: Manifest, folder: Path) -> list[str]:
     """Draw where the cameras stand and what they will reach into a folder; return what it wrote."""
     from thesis_lib.files import staging
@@ -182,19 +196,23 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
 @click.argument("video", type=_FILE, required=False)
 @click.option("--rate-hz", type=click.FloatRange(0.1, 1e6), help="Frames per second.")
 def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
-    """Write a folder of pictures, or raw frames (.cih, .cihx), as a video without loss.
+    """Write a folder of pictures, raw frames (.cih, .cihx), or a film at its true rate, as a video.
 
-    SOURCE is not changed. VIDEO is SOURCE.mov if not given; a file that is there is not replaced.
+    Nothing is lost, but the sound of a film; SOURCE is not changed. VIDEO is SOURCE.mov if not
+    given; a file that is there is not replaced.
     """
     from thesis_lib.measure.recordings.media_info import MediaError
     from thesis_lib.measure.recordings.pack import pack as write
     from thesis_lib.outputs import check_outputs
 
-    target = video or source.with_suffix(".mov")
+    stem = source.name if source.is_dir() else source.stem
+    target = video or source.with_name(f"{stem}.mov")
+    if video is None and target == source:
+        target = source.with_name(f"{stem}-{rate_hz or 0:g}.mov")
     with one_line(target):
         check_outputs(target.parent, [target])
         try:
-            count, (width, height) = write(source, target, rate_hz)
+            count, (width, height) = write(source, target, rate_hz, click.echo)
         except MediaError as error:
             raise click.UsageError(str(error)) from None
     click.echo(f"{target}: {count} frames of {width} × {height} px")

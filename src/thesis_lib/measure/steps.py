@@ -14,8 +14,10 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.alignment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
 from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.inspection import describe_repeats, inspect_film
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.media_info import describe_reading
 from thesis_lib.measure.synchronisation.listen import listen
 from thesis_lib.measure.tracking.tracks import Recording, record
 from thesis_lib.outputs import mark_cache
@@ -92,6 +94,49 @@ def calibrated(
         return xr.Dataset(labelled(values, CALIBRATION), names, {"notes": "\n".join(lost)})
 
     return kept(steps / "calibration.nc", compute, key_of(what, shots))
+
+
+def inspected(
+    manifest: Manifest, folder: Path, steps: Path, clocks: Sequence[Array]
+) -> tuple[list[str], list[str]]:
+    """Decode all videos once, two at a time, before anything is computed from them.
+
+    Returns
+    -------
+    reading : list of str
+        How videos are read, where that is not plain, one sentence each.
+    repeats : list of str
+        Which cameras have frames that repeat the one before, one sentence each.
+
+    Raises
+    ------
+    MediaError
+        If a frame is missing or cannot be decoded.
+    """
+    videos = [folder / camera.video for camera in manifest.cameras]
+    names = [camera.name for camera in manifest.cameras]
+    stop = threading.Event()
+
+    def compute() -> xr.Dataset:
+        total = sum(map(len, clocks))
+        with tqdm(total=total, unit="frame", desc="reading", disable=None, leave=False) as bar:
+
+            def tick(frames: int) -> None:
+                if stop.is_set():
+                    raise StoppedError
+                bar.update(frames)
+
+            def one(index: int) -> str:
+                repeats = inspect_film(videos[index], clocks[index], tick)
+                return describe_repeats(names[index], repeats)
+
+            found = abreast(one, range(len(videos)), stop.set)
+        repeats = [f"Frames repeat: {line}" for line in found if line]
+        reading = [line for video in videos for line in describe_reading(video)]
+        return xr.Dataset(attrs={"reading": "\n".join(reading), "repeats": "\n".join(repeats)})
+
+    data = kept(steps / "videos.nc", compute, key_of(names, videos))
+    return data.attrs["reading"].splitlines(), data.attrs["repeats"].splitlines()
 
 
 def heard(

@@ -44,7 +44,7 @@ def assess(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
         Scatter of the centres that the standard errors assume, px.
     """
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
-    steady, slowest = steady_seconds(manifest), min(c.frame_rate_hz for c in manifest.cameras)
+    steady, slowest = steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
     with np.errstate(all="ignore"):  # what is not given is NaN
         sight = sight_of(manifest, float(np.nan_to_num(amplitude)))
         table = [outlook(manifest, sight, i, amplitude) for i in range(len(manifest.cameras))]
@@ -63,7 +63,7 @@ def assess(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
         warnings = _of_times(manifest)
         for i, (camera, row) in enumerate(zip(manifest.cameras, table, strict=True)):
             where = f"cameras[{i}]"
-            warnings += _of_rate(manifest, camera.frame_rate_hz, f"{where}.frame_rate_hz")
+            warnings += _of_rate(manifest, camera.rate_hz, f"{where}.frame_rate_hz")
             warnings += _of_camera(manifest, camera, row, where)
             warnings += _of_view(manifest, camera, row, where, sight.corners[i])
         warnings += _of_rig(manifest, sight, rig, errors[0])
@@ -83,7 +83,7 @@ def _those(where: str, texts: Mapping[str, object]) -> list[Warning]:
 def _of_times(manifest: Manifest) -> list[Warning]:
     """Rest and steady part, for the slowest camera."""
     e, steady = manifest.excitation, steady_seconds(manifest)
-    rate = min(c.frame_rate_hz for c in manifest.cameras)
+    rate = min(c.rate_hz for c in manifest.cameras)
     rest, given, f = e.rest_s, e.steady_s, np.float64(e.frequency_hz or np.nan)
     least, few, turns = (LIMIT[c] for c in ("few-rest-frames", "few-frames", "few-periods"))
     begin = given[0] if given else np.inf
@@ -240,7 +240,7 @@ def _of_view(
         ),
         "frame_rate_hz large-move": row.move_spacings > gate
         and (
-            f"given {camera.frame_rate_hz:g} Hz, markers move {row.move_spacings:.2g} of a spacing "
+            f"given {camera.rate_hz:g} Hz, markers move {row.move_spacings:.2g} of a spacing "
             f"a frame, allowed: {gate:g} until the tracker knows the motion; begin gently or film "
             "faster"
         ),

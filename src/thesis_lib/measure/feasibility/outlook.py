@@ -161,7 +161,7 @@ def outlook(manifest: Manifest, sight: Sight, i: int, amplitude: float) -> Camer
     ends = 1000 * np.array([sight.depths[i].min(), sight.depths[i].max()])
     circle = blur_circle(focal, stop, distance, ends).max() / pitch
     swept = min(2 * np.pi * f * exposure, 2.0) * amplitude
-    step = 2 * amplitude * abs(np.sin(np.pi * f / camera.frame_rate_hz))
+    step = 2 * amplitude * abs(np.sin(np.pi * f / camera.rate_hz))
     lift = np.fmax.reduce(np.linalg.norm(sight.J[i, :, 2], axis=0))
     places = manifest.structure.marker_points
     near, far = map(float, depth_of_field(focal, stop, distance, CIRCLE_PX * pitch))
@@ -197,7 +197,7 @@ def errors_of(manifest: Manifest, sight: Sight, amplitude: float, noise: float) 
     if np.count_nonzero(on) < 2:
         return [np.full(sight.points.shape[1], np.nan)] * 3
     P, X, seen = sight.P[on], sight.points, sight.seen[on]
-    rates = np.array([c.frame_rate_hz for c in manifest.cameras])[on]
+    rates = np.array([c.rate_hz for c in manifest.cameras])[on]
     exposures = np.array([c.exposure_s for c in manifest.cameras])[on]
     f = manifest.excitation.frequency_hz or 0.0
     fit = noise * np.sqrt(2 / (rates * steady_seconds(manifest))) / np.abs(np.sinc(f * exposures))

@@ -79,9 +79,14 @@ NEW = {
     "missing: as many pictures of the board by every camera": "Delete what shows no board, so "
     "that the k-th picture of each camera shows the same pose. Where one camera has none of a "
     "pose, list the names in `shots`, with `null` in its place.",
-    "missing: corners_px of …, which tell how the structure lies": "Open the pictures in that "
-    "folder in any viewer, and read the four corners between the rulers, in the same order for "
-    "every camera. A hole in the structure, `hole_mm`, does instead.",
+    "missing: corners_px of …, which tell how the structure lies": "Open that page in a "
+    "browser, click the four corners in the same order for every camera, and put its lines into "
+    "the manifest. A hole in the structure, `hole_mm`, does instead.",
+    "passed over: …, raw frames": "Make a video of them by the command in that line.",
+    "passed over: …, which is no video that can be read": "Nothing, if it is none; else convert "
+    "it without loss, as to Matroska.",
+    "… plays at … frames per second and says that it was taken at …": "Nothing, but set "
+    "`excitation.sound: none`; or write the film at its true rate, `thesis pack FILM --rate-hz`.",
     "not given, so assumed: -p …": "Put the line right in the manifest, where it is marked "
     "`CHECK`.",
 }

@@ -179,7 +179,7 @@ def result(
         apart = np.full_like(apart, np.nan)
 
     without, differs = without_each(fit, omega, exposures, phase)
-    said = {c.name: c.frame_rate_hz for c in manifest.cameras}
+    said = {c.name: c.rate_hz for c in manifest.cameras}
     values = {
         "x": markers.centres[0],
         "y": markers.centres[1],

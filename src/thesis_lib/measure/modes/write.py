@@ -63,6 +63,7 @@ def several(
             parameters=manifest.model_dump_json(),
             notes=calibration.attrs["notes"],
             synchronisation=sound.attrs["synchronisation"],
+            repeats=sound.attrs.get("repeats", ""),
         )
         moved = motion(data, recordings, manifest.excitation.rest_s)
         pictures = report.figures(data)

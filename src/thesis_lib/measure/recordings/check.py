@@ -12,7 +12,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
+from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest, Structure
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
@@ -66,14 +66,33 @@ def check(manifest: Manifest, folder: Path) -> list[Array]:
         late = end is not None and clock[-1] + 2.5 / info.frame_rate < end  # none left out before
         if says is not None and len(clock) < says and (late or end is None):
             raise MediaError(f"{path}: ends before frame {len(clock)}, the file says {says}")
-        clocks.append(clock)
+        clocks.append(_captured(clock, camera, info.frame_rate))
     return clocks
+
+
+def clock_of(camera: CameraFiles, folder: Path) -> Array:
+    """Return when the frames of a camera were taken after the first, shape (frames,), s.
+
+    Raises
+    ------
+    MediaError
+        If the video cannot be read.
+    """
+    path = folder / camera.video
+    return _captured(frame_clock(path), camera, probe(path).frame_rate)
+
+
+def _captured(clock: Array, camera: CameraFiles, rate: float) -> Array:
+    """Times of frames as they were taken, of a film that plays slowly, too."""
+    if camera.captured_hz is None:
+        return clock
+    return np.asarray(clock * (rate_of(clock, rate) / camera.captured_hz))
 
 
 def timed(manifest: Manifest, clocks: Sequence[Array]) -> Manifest:
     """The manifest with the frame rates that the videos have, the mean where it varies."""
     cameras = tuple(
-        camera.model_copy(update={"frame_rate_hz": rate_of(clock, camera.frame_rate_hz)})
+        camera.model_copy(update={"frame_rate_hz": rate_of(clock, camera.rate_hz)})
         for camera, clock in zip(manifest.cameras, clocks, strict=True)
     )
     return manifest.model_copy(update={"cameras": cameras})
@@ -95,12 +114,12 @@ def check_excitation(manifest: Manifest) -> list[str]:
     frame, from which its phase cannot be told.
     """
     lines = []
-    slowest = min(camera.frame_rate_hz for camera in manifest.cameras)
+    slowest = min(camera.rate_hz for camera in manifest.cameras)
     frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_s
     given = f"excitation.frequency_hz: given {frequency:.6g}, allowed" if frequency else ""
     if frequency is not None and manifest.excitation.undersampled:
         for i, camera in enumerate(manifest.cameras):
-            half = camera.frame_rate_hz / 2
+            half = camera.rate_hz / 2
             multiple = max(1, round(frequency / half)) * half
             if abs(frequency - multiple) < STANDS_STILL * half:
                 lines.append(
@@ -136,10 +155,10 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
             if abs(rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
                 rates.append(
                     f"{where}: {rate:.6g} frames per second, allowed: {camera.frame_rate_hz:.6g} "
-                    f"{says}, as cameras[{i}].frame_rate_hz; a film that was slowed down is "
-                    "given at "
-                    "its true speed"
+                    f"{says}, as cameras[{i}].frame_rate_hz; slow motion that plays slowly "
+                    f"has the sensor's rate in cameras[{i}].captured_hz"
                 )
+            lines += [f"{where}: {line}" for line in _slowed(camera, info, manifest.excitation)]
             if info.interlaced:
                 lines.append(
                     f"{where}: interlaced, so that even and odd lines were taken at different "
@@ -187,6 +206,27 @@ def _check_force(manifest: Manifest, folder: Path) -> list[str]:
     except (MediaError, ForceError, OSError) as error:
         return [f"force.file: {error}"]
     return [f"force.file: {path}: {line}" for line in lines]
+
+
+def is_slowed(info: VideoInfo) -> bool:
+    """Return whether a file says that its frames were taken at another rate than they play at."""
+    taken = info.captured_hz
+    return taken is not None and abs(taken / info.frame_rate - 1) > RATE_TOLERANCE
+
+
+def _slowed(camera: CameraFiles, info: VideoInfo, excitation: Excitation) -> Iterator[str]:
+    """What is wrong with a film that plays more slowly than it was taken."""
+    if is_slowed(info) and camera.captured_hz is None:
+        yield (
+            f"it says that it was taken at {info.captured_hz:.6g} frames per second, and plays at "
+            f"{info.frame_rate:.6g}; allowed: captured_hz: {info.captured_hz:.6g} in the manifest, "
+            f"or {info.frame_rate:.6g} if it plays at its true speed"
+        )
+    if camera.rate_hz != camera.frame_rate_hz and excitation.sound != "none":
+        yield (
+            f"slow motion by captured_hz, {camera.captured_hz:.6g}, whose sound does not go with "
+            "its frames, allowed: excitation.sound: none"
+        )
 
 
 def on_one_line(points: ArrayLike, diameter: float) -> bool:

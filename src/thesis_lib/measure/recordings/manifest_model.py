@@ -161,7 +161,15 @@ class CameraFiles(Refusing):
     video: FileName = field(..., "video with the structure's vibration and its sound", INSIDE)
     width_px: Width = field(1920, "width of the pictures")
     height_px: Width = field(1080, "height of the pictures")
-    frame_rate_hz: float = field(60.0, "frames per second", ge=1, le=1e5)
+    frame_rate_hz: float = field(60.0, "frames per second of the video", ge=1, le=1e5)
+    captured_hz: float | None = field(
+        None,
+        "frames per second that the camera took, of slow motion that plays slowly; null is "
+        "frame_rate_hz",
+        "null, or a number from 1 to 100000",
+        ge=1,
+        le=1e5,
+    )
     exposure_s: float = field(
         ..., "exposure time of a frame", "a number above 0, at most 1 / frame_rate_hz", gt=0, le=1
     )
@@ -201,11 +209,16 @@ class CameraFiles(Refusing):
         """Width and height of the pictures in px."""
         return self.width_px, self.height_px
 
+    @property
+    def rate_hz(self) -> float:
+        """Rate at which the frames were taken, Hz."""
+        return self.captured_hz or self.frame_rate_hz
+
     @model_validator(mode="after")
     def _check(self) -> CameraFiles:
-        if self.exposure_s * self.frame_rate_hz > 1 + 1e-9:
+        if self.exposure_s * self.rate_hz > 1 + 1e-9:
             self.refuse("exposure_s")
-        if abs(self.readout_s) * self.frame_rate_hz > 1 + 1e-9:
+        if abs(self.readout_s) * self.rate_hz > 1 + 1e-9:
             self.refuse("readout_s")
         if isinstance(self.shots, tuple) and not 3 <= len(self.shots) <= 200:
             self.refuse("shots")

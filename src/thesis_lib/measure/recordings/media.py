@@ -25,10 +25,13 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array, Image
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings.media_info import (
+    UNTIMED,
     MediaError,
+    decoded,
     file_address,
-    info_of,
     open_media,
+    orientation_of,
+    probe,
     video_track,
 )
 
@@ -136,44 +139,48 @@ def read_frames(
 ) -> Iterator[Image]:
     """Frames `start` to `stop` of a video in gray of full range, shape (height, width), in order.
 
-    Colour becomes luma, a limited range (16…235) is stretched to 0…255, and a picture that is to be
-    shown turned by quarters is turned. With a `clock`, the times of all frames after the first,
-    shape (frames,), frames may come at any of these; without, at the file's rate.
+    Colour becomes luma, a limited range (16…235) is stretched to 0…255, as are fewer than 16 bits
+    in 16, and a frame is turned and mirrored as it is to be shown. With a `clock`, the times of
+    all frames after the first, shape (frames,), frames may come at any time, and there are as many
+    as these; without, they come at the file's rate.
 
     Raises
     ------
     MediaError
         While the frames are taken: as :func:`probe`, or if a frame is missing or cannot be decoded.
     """
+    info = probe(path)
     with open_media(path) as file:
-        info, stream = info_of(file, path), video_track(file, path)
-        k, previous, first = 0, np.nan, np.nan
-        frames = file.decode(stream)
-        while stop is None or k < stop:
-            try:
-                frame = next(frames, None)
-            except (av.FFmpegError, OSError):
-                raise MediaError(f"{path}: damaged, cannot be decoded from frame {k} on") from None
-            if frame is None:
-                break
-            if frame.is_corrupt:
-                raise MediaError(f"{path}: frame {k} is damaged")
-            time = np.nan if frame.time is None else frame.time
-            first = time if k == 0 else first
-            due = previous + 1 / info.frame_rate
-            if clock is not None:
-                due = first + clock[min(k, len(clock) - 1)]
-            if (time - due) * info.frame_rate > 0.75:
+        stream = video_track(file, path)
+        timed = clock is None and file.format.name not in UNTIMED
+        k, previous = 0, np.nan
+        frames = decoded(file, stream, path)
+        while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
+            time = frame.time if timed and frame.time is not None else np.nan
+            if (time - previous) * info.frame_rate > 1.75:
                 raise MediaError(
                     f"{path}: frame {k} is missing: the one before is at {previous:.3f} s, "
                     f"the next at {time:.3f} s"
                 )
             if k >= start:
-                grey = np.rot90(frame.to_ndarray(format="gray"), round(frame.rotation / 90))
-                yield np.array(grey, np.uint8, order="C")  # not the decoder's own
+                yield _shown(frame, info.depth)
             k, previous = k + 1, time
         there = info.frames if clock is None else len(clock)
         wanted = there if stop is None else stop
         if wanted is not None and k < wanted:
             says = f"the file says {there}" if stop is None else f"asked up to {stop}"
             raise MediaError(f"{path}: ends before frame {k}, {says} frames")
+
+
+def _shown(frame: av.VideoFrame, depth: int) -> Image:
+    """A frame in gray, as it is to be shown, uint8 of shape (height, width)."""
+    if depth < 16 and frame.format.components[0].bits == 16:
+        levels = np.asarray(frame.to_ndarray(format="gray16le"), np.uint16) >> (depth - 8)
+        image = np.minimum(levels, 255).astype(np.uint8)
+    else:
+        image = frame.to_ndarray(format="gray")
+    transposed, mirrored, flipped = orientation_of(frame)
+    image = image.T if transposed else image
+    image = image[:, ::-1] if mirrored else image
+    image = image[::-1] if flipped else image
+    return np.array(image, np.uint8, order="C")  # not the decoder's own

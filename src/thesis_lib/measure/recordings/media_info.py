@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 from av.audio.stream import AudioStream
 from av.container import InputContainer
+from av.stream import Disposition
+from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from thesis_lib.arrays import Array
 
 ROUNDING = 1.001e-3  # s that time stamps may be off an even rate: Matroska's unit
+DEPTHS = (8, 10, 12, 14, 16)  # bits that a sensor's grey levels have, in a format of 16
+SAMPLED_FRAMES, SAMPLED_PLACES = 16, 8  # frames and places that are looked at for the brightest
+#: Containers that store when a frame is decoded, but not when it is shown
+UNTIMED = {"avi"}
+_CAPTURE_RATE = re.compile(r"captur\w*[._ -]?(fps|frame[._ -]?rate)", re.IGNORECASE)  # Android's
+_SONY_RATE = re.compile(rb'capture[Ff]ps="([0-9.]+)[pi]?"')  # in XML at the file's end
+SONY_BYTES = 1 << 16  # bytes at either end of a file that are searched for it
 # Formats that FFmpeg opens and that hold no recording themselves, by its names for them
 NOT_RECORDINGS = {"tty": "a text"} | dict.fromkeys(
     ("concat", "dash", "hls", "imf"), "a list of other files"
@@ -41,6 +55,14 @@ class VideoInfo:
     channels: int  #: Audio channels, 0 without audio
     #: Whether even and odd lines of a frame were taken at different times
     interlaced: bool = False
+    start: float = 0.0  #: Time of the first frame that can be decoded, by the file's clock, s
+    track: int = 1  #: Which of its video tracks is used, the first as 1
+    tracks: int = 1  #: How many video tracks there are
+    #: Whether frames before the first key frame are left out, since they cannot be decoded
+    cut: bool = False
+    depth: int = 8  #: Bits that hold the grey levels
+    stored_depth: int = 8  #: Bits in which they are stored
+    captured_hz: float | None = None  #: Rate in Hz at which the file says it was taken
 
     @property
     def has_audio(self) -> bool:
@@ -76,14 +98,90 @@ def open_media(path: Path) -> Iterator[InputContainer]:
 
 
 def video_track(file: InputContainer, path: Path) -> VideoStream:
-    """The first video track, decoded by as many threads as there are cores."""
-    if not file.streams.video:
+    """Return the track of the film, decoded by as many threads as there are cores.
+
+    Attached pictures and other tracks of one frame are no film; of several films the one with most
+    pixels is taken, of equal ones the first.
+
+    Raises
+    ------
+    MediaError
+        If there is no film.
+    """
+    still = Disposition.attached_pic | Disposition.timed_thumbnails
+    films = [track for track in file.streams.video if not track.disposition & still]
+    if len(films) > 1:
+        films = [film for film in films if _has_frames(path, film.index)] or films
+    if not films:
         raise MediaError(f"{path}: no video track")
-    stream = file.streams.video[0]
-    if stream.codec_context is None:  # an SVG, for one
+    films = [film for film in films if film.codec_context is not None]
+    if not films:  # an SVG, for one
         raise MediaError(f"{path}: no decoder for its video track")
+    stream = max(films, key=lambda film: film.width * film.height)
     stream.thread_type = "AUTO"
     return stream
+
+
+def _has_frames(path: Path, index: int) -> bool:
+    """Return whether a track has two frames or more."""
+    with open_media(path) as file:
+        packets = (packet for packet in file.demux(file.streams[index]) if packet.size)
+        try:
+            return len(list(islice(packets, 2))) == 2
+        except (av.FFmpegError, OSError):
+            return False
+
+
+def decoded(file: InputContainer, stream: VideoStream, path: Path) -> Iterator[VideoFrame]:
+    """Decode the frames of a track in the order in which they are shown.
+
+    Frames before the first that can be decoded, as in a film that was cut between key frames, are
+    left out.
+
+    Raises
+    ------
+    MediaError
+        If a later frame cannot be decoded.
+    """
+    count, packets = 0, file.demux(stream)
+    while True:
+        try:
+            packet = next(packets, None)
+            if packet is None:
+                return
+            frames = packet.decode()
+        except (av.FFmpegError, OSError):
+            if count:
+                raise MediaError(
+                    f"{path}: damaged, cannot be decoded from frame {count} on"
+                ) from None
+            continue
+        for frame in frames:
+            if not frame.is_corrupt:
+                count += 1
+                yield frame
+            elif count:
+                raise MediaError(f"{path}: frame {count} is damaged")
+
+
+def orientation_of(frame: VideoFrame) -> tuple[bool, bool, bool]:
+    """Return how a frame is turned to be shown, from its display matrix.
+
+    Returns
+    -------
+    transposed, mirrored, flipped : bool
+        To be applied in this order: rows and columns are exchanged, then left and right, then top
+        and bottom. Angles between quarters count as the nearest quarter.
+    """
+    data: Any = frame.side_data  # whose stubs say that it holds names
+    matrix = data.get("DISPLAYMATRIX")
+    if matrix is None:
+        return False, False, False
+    # A point (p, q) of the stored frame is shown at (a p + c q, b p + d q).
+    a, b, _, c, d, *_ = np.frombuffer(matrix, np.int32).astype(float)
+    if abs(a) + abs(d) >= abs(b) + abs(c):
+        return False, bool(a < 0), bool(d < 0)
+    return True, bool(c < 0), bool(b < 0)
 
 
 def _seconds(text: str) -> float:
@@ -93,7 +191,7 @@ def _seconds(text: str) -> float:
 
 
 def start_of(stream: VideoStream | AudioStream) -> float:
-    """Time of the first frame in s."""
+    """Return the time of a track's first frame in s, by the file's clock."""
     return float((stream.start_time or 0) * (stream.time_base or 0))
 
 
@@ -104,49 +202,146 @@ def _end_of(stream: VideoStream | AudioStream) -> float | None:
     return _seconds(stream.metadata["DURATION"]) if "DURATION" in stream.metadata else None
 
 
-def info_of(file: InputContainer, path: Path) -> VideoInfo:
-    """What an open file says about itself."""
-    video = video_track(file, path)
-    rate = video.average_rate or video.guessed_rate
-    if not rate or not video.width:
-        raise MediaError(f"{path}: the video track says no frame rate or size")
-    end = _end_of(video)
-    duration = None if end is None else end - start_of(video)
-    counts = [video.frames] if video.frames else []
-    if duration is not None:
-        counts.append(round(duration * rate))
-    sound = file.streams.audio[0] if file.streams.audio else None
-    heard = None if sound is None else _end_of(sound)
-    return VideoInfo(
-        size=(video.width, video.height),
-        frame_rate=float(rate),
-        frames=min(counts, default=None),  # an edit list may hide stored frames
-        duration=duration,
-        sound_end=None if heard is None else heard - start_of(video),
-        codec=video.codec_context.name,
-        sample_rate=sound.sample_rate if sound else None,
-        channels=sound.channels if sound else 0,
-    )
-
-
 def probe(path: Path) -> VideoInfo:
-    """What a video and its first frame say about it; the size is that of the picture as shown.
+    """Return what a video and its first frames say about it; the size is that of frames as shown.
 
     Raises
     ------
     MediaError
-        If there is no such file, it is not a video, or has no video track.
+        If there is no such file, it is not a video, has no video track, or no frame that can be
+        decoded.
     """
+    try:
+        now = path.stat()
+    except (OSError, ValueError):
+        raise MediaError(f"{path}: no such file") from None
+    return _probe(path, (now.st_ino, now.st_size, now.st_mtime_ns))
+
+
+@lru_cache(maxsize=256)
+def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
     with open_media(path) as file:
-        info = info_of(file, path)
-        try:
-            first = next(file.decode(video_track(file, path)), None)
-        except (av.FFmpegError, OSError):  # told when the frames are read
-            first = None
+        video = video_track(file, path)
+        rate = video.average_rate or video.guessed_rate
+        if not rate or not video.width:
+            raise MediaError(f"{path}: the video track says no frame rate or size")
+        first = next(decoded(file, video, path), None)
         if first is None:
-            return info
-        size = info.size[::-1] if round(first.rotation / 90) % 2 else info.size
-        return replace(info, size=size, interlaced=first.interlaced_frame)
+            raise MediaError(f"{path}: no frame that can be decoded")
+        start = start_of(video)
+        if file.format.name not in UNTIMED and first.time is not None:
+            start = first.time
+        cut = start > start_of(video) + 0.5 / rate
+        end = _end_of(video)
+        duration = None if end is None else end - start
+        counts = [video.frames] if video.frames and not cut else []
+        if duration is not None:
+            counts.append(round(duration * rate))
+        sound = file.streams.audio[0] if file.streams.audio else None
+        sound_end = None if sound is None else _end_of(sound)
+        stored_depth = max((part.bits for part in first.format.components), default=8)
+        size = (video.width, video.height)
+        return VideoInfo(
+            size=size[::-1] if orientation_of(first)[0] else size,
+            frame_rate=float(rate),
+            frames=min(counts, default=None),  # an edit list may hide stored frames
+            duration=duration,
+            sound_end=None if sound_end is None else sound_end - start,
+            codec=video.codec_context.name,
+            sample_rate=sound.sample_rate if sound else None,
+            channels=sound.channels if sound else 0,
+            interlaced=first.interlaced_frame,
+            start=start,
+            track=1 + file.streams.video.index(video),
+            tracks=len(file.streams.video),
+            cut=cut,
+            depth=_depth_of(path) if stored_depth == 16 else stored_depth,
+            stored_depth=stored_depth,
+            captured_hz=_capture_rate(file, video, path),
+        )
+
+
+def start_of_film(path: Path) -> float | None:
+    """Return when the first frame of a file is shown, by its own clock, s; None without frames."""
+    try:
+        return probe(path).start
+    except MediaError:  # a sound file, a cover alone, or frames that cannot be decoded
+        return None
+
+
+def _depth_of(path: Path) -> int:
+    """Return how many of 16 bits the grey levels of a film use, from frames all over it."""
+    brightest = 0
+    with open_media(path) as file:
+        stream = video_track(file, path)
+        span = file.duration or 0  # in FFmpeg's unit, as seek takes it
+        for place in range(SAMPLED_PLACES if span else 1):
+            try:
+                if place:
+                    file.seek((file.start_time or 0) + place * span // SAMPLED_PLACES)
+                for frame in islice(decoded(file, stream, path), SAMPLED_FRAMES):
+                    brightest = max(brightest, int(frame.to_ndarray(format="gray16le").max()))
+            except (MediaError, av.FFmpegError, OSError):
+                break  # reported when the frames are read
+    return depth_for(brightest)
+
+
+def depth_for(brightest: int) -> int:
+    """Return the usual number of bits that hold a grey level.
+
+    Examples
+    --------
+    >>> depth_for(200), depth_for(1000), depth_for(4095), depth_for(40000)
+    (8, 10, 12, 16)
+    """
+    return next(depth for depth in DEPTHS if brightest < 1 << depth)
+
+
+def _capture_rate(file: InputContainer, stream: VideoStream, path: Path) -> float | None:
+    """Return the rate in Hz at which a file says that its frames were taken, None if it does not.
+
+    Android writes it beside the tracks, Sony's cameras into XML at the end of the file.
+    """
+    texts = [
+        text
+        for source in (stream.metadata, file.metadata)
+        for name, text in source.items()
+        if _CAPTURE_RATE.search(name)
+    ]
+    with path.open("rb") as data:
+        ends = data.read(SONY_BYTES)
+        data.seek(max(0, path.stat().st_size - SONY_BYTES))
+        ends += data.read(SONY_BYTES)
+    texts += [one[1].decode("ascii") for one in _SONY_RATE.finditer(ends)]
+    for text in texts:
+        try:
+            rate = float(text)
+        except ValueError:
+            continue
+        if np.isfinite(rate) and rate > 0:
+            return rate
+    return None
+
+
+def describe_reading(path: Path) -> list[str]:
+    """Return what a user should know of how a video is read, one sentence each."""
+    info, lines = probe(path), []
+    if info.tracks > 1:
+        lines.append(
+            f"{path.name} has {info.tracks} video tracks; number {info.track}, "
+            f"{info.size[0]} × {info.size[1]} px, is the one that is used."
+        )
+    if info.cut:
+        lines.append(
+            f"{path.name} was cut before a key frame: what comes before it cannot be decoded and "
+            "is left out."
+        )
+    if info.depth < info.stored_depth == 16:
+        lines.append(
+            f"{path.name} stores grey levels of {info.depth} bits in {info.stored_depth}: "
+            f"2^{info.depth} − 1 is read as full scale."
+        )
+    return lines
 
 
 def frame_clock(path: Path) -> Array:
@@ -184,16 +379,23 @@ def frame_times(path: Path) -> Array:
         As :func:`probe`, or if the video has no presentation times.
     """
     with open_media(path) as file:
-        stream = video_track(file, path)
-        times = []
+        stream, untimed = video_track(file, path), file.format.name in UNTIMED
+        times: list[float] = []
         try:
             for packet in file.demux(stream):
                 if packet.size and not packet.is_discard:
-                    if packet.pts is None or packet.time_base is None:
-                        raise MediaError(f"{path}: its frames have no presentation times")
-                    times.append(float(packet.pts * packet.time_base))
+                    stamp = packet.dts if untimed or packet.pts is None else packet.pts
+                    if stamp is None or packet.time_base is None:
+                        raise MediaError(
+                            f"{path}: its frames have no time stamps; give them a rate: "
+                            f"thesis pack {shlex.quote(str(path))} --rate-hz RATE"
+                        )
+                    times.append(float(stamp * packet.time_base))
         except (av.FFmpegError, OSError):
             raise MediaError(f"{path}: damaged after frame {len(times)}") from None
-        if not times:
-            raise MediaError(f"{path}: no frames")
-        return np.sort(times) - min(times)
+    start = -np.inf if untimed else probe(path).start
+    ordered = np.sort(times)
+    ordered = ordered[ordered > start - 1e-6]  # those before cannot be decoded
+    if not len(ordered):
+        raise MediaError(f"{path}: no frames")
+    return np.asarray(ordered - ordered[0])

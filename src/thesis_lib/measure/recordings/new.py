@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import glob
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +13,9 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from thesis_lib.files import staging
-from thesis_lib.measure.recordings.check import rate_of
+from thesis_lib.measure.recordings.check import is_slowed, rate_of
+from thesis_lib.measure.recordings.corners import PAGE, corners_page
+from thesis_lib.measure.recordings.folder import find_videos, name_cameras
 from thesis_lib.measure.recordings.manifest import (
     PICTURES,
     ManifestError,
@@ -20,13 +23,14 @@ from thesis_lib.measure.recordings.manifest import (
     shot_paths,
 )
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.media import read_frames
-from thesis_lib.measure.recordings.media_info import VideoInfo, frame_clock, probe
-from thesis_lib.measure.recordings.ruled import ruled
+from thesis_lib.measure.recordings.media_info import (
+    VideoInfo,
+    describe_reading,
+    frame_clock,
+    probe,
+)
 from thesis_lib.outputs import put_files
-from thesis_lib.plotting.style import saved
 
-VIDEOS = {".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".cine"}
 FEWEST, POSES = 3, 12  # pictures of the board that are needed, that are wanted
 ASKED = (  # what no file shows
     "structure.kind", "structure.length_mm", "structure.width_mm", "structure.thickness_mm",
@@ -71,19 +75,21 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         raise ManifestError(f"{folder}: no such folder")
     if path.exists():
         raise ManifestError(f"{path}: is there already, allowed: a folder without one")
-    videos = sorted(file for file in folder.iterdir() if file.suffix.lower() in VIDEOS)
+    videos, passed = find_videos(folder)
     if not 2 <= len(videos) <= 16:
-        kinds = ", ".join(sorted(VIDEOS))
+        others = f" ({'; '.join(passed)})" if passed else ""
         raise ManifestError(
-            f"{folder}: {len(videos)} videos, allowed: 2 to 16 of {kinds}; to ask before any is "
+            f"{folder}: {len(videos)} videos, allowed: 2 to 16{others}; to ask before any is "
             "filmed: -p cameras=4"
         )
     infos = [probe(video) for video in videos]
     manifest = validated(_values(folder, videos, infos, given))
     asked = asked_of(manifest)
-    told = [*_told(manifest, folder, infos)]
+    if not any(is_slowed(info) for info in infos):
+        asked = (*asked, "cameras.captured_hz")
+    told = [*_told(manifest, folder, infos), *passed, *_cornered(manifest, folder)]
     with staging(folder) as part:
-        told += _cornered(manifest, folder, part)
+        (part / PAGE).write_text(corners_page(manifest, folder), encoding="utf-8")
         (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
         put_files(part, folder)
     return path, [*told, *assumed(manifest, given, asked)]
@@ -112,18 +118,20 @@ def _values(
     folder: Path, videos: Sequence[Path], infos: Sequence[VideoInfo], given: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The manifest's values, as they are given or seen."""
-    exposure = float(f"{EXPOSURE / max(info.frame_rate for info in infos):.3g}")
+    fastest = max(max(info.frame_rate, info.captured_hz or 0) for info in infos)
+    exposure = float(f"{EXPOSURE / fastest:.3g}")
     cameras: list[dict[str, Any]] = [
         {
-            "name": video.stem[:40],
+            "name": name,
             "video": video.name,
             "width_px": info.size[0],
             "height_px": info.size[1],
             "frame_rate_hz": float(f"{rate_of(frame_clock(video), info.frame_rate):.8g}"),
+            "captured_hz": info.captured_hz if is_slowed(info) else None,
             "exposure_s": exposure,
             "shots": _shots(folder, video.stem),
         }
-        for video, info in zip(videos, infos, strict=True)
+        for video, info, name in zip(videos, infos, name_cameras(videos), strict=True)
     ]
     values = with_given(cameras, given)
     reused = values.get("calibration")
@@ -159,7 +167,7 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
 
 def _shots(folder: Path, name: str) -> str | None:
     """Where a camera's pictures of the board are: a folder or a pattern; None if nowhere."""
-    inside = [place for place in folder.rglob("*") if place.is_dir()]
+    inside = [place for place in folder.rglob("*") if place.is_dir() and not _is_hidden(place)]
     for place in sorted(inside):
         if place.name.lower() == name.lower() and _pictures(place.iterdir()):
             return place.relative_to(folder).as_posix()
@@ -167,12 +175,18 @@ def _shots(folder: Path, name: str) -> str | None:
         own = _pictures(file for file in place.iterdir() if file.name.startswith(f"{name}-"))
         kinds = {file.suffix for file in own}
         if len(kinds) == 1:
-            return (place.relative_to(folder) / f"{name}-*{kinds.pop()}").as_posix()
+            start = glob.escape((place.relative_to(folder) / f"{name}-").as_posix())
+            return f"{start}*{kinds.pop()}"
     return None
 
 
 def _pictures(files: Iterator[Path] | Any) -> list[Path]:
-    return [file for file in files if file.suffix.lower() in PICTURES]
+    """Pictures among files, but for hidden ones."""
+    return [file for file in files if file.suffix.lower() in PICTURES and not _is_hidden(file)]
+
+
+def _is_hidden(path: Path) -> bool:
+    return path.name.startswith(".")
 
 
 def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Iterator[str]:
@@ -184,9 +198,16 @@ def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Itera
         seconds = "" if info.duration is None else f", {info.duration:.1f} s"
         board = f"; {len(shots)} pictures of the board in {camera.shots}" if camera.shots else ""
         yield (
-            f"{camera.video}: {info.size[0]} × {info.size[1]} px, {info.frame_rate:.6g} frames per "
-            f"second{seconds}{board}"
+            f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
+            f"frames per second{seconds}{board}"
         )
+        yield from describe_reading(folder / camera.video)
+        if is_slowed(info):
+            yield (
+                f"{camera.video} plays at {camera.frame_rate_hz:.6g} frames per second and says "
+                f"that it was taken at {info.captured_hz:.6g}, which is captured_hz: its sound "
+                "does not go with its frames, so that excitation.sound must be none"
+            )
         if not info.has_audio and manifest.excitation.sound != "none":
             yield (
                 f"missing: {camera.video} has no sound, which tells when the camera started; if "
@@ -208,19 +229,14 @@ def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Itera
             yield f"missing: {file}, no such file in {folder}"
 
 
-def _cornered(manifest: Manifest, folder: Path, part: Path) -> Iterator[str]:
-    """Ask for corners where no hole tells which end is which, and draw pictures to read them in."""
-    lacking = [camera for camera in manifest.cameras if camera.corners_px is None]
-    if manifest.structure.hole is not None or not lacking:
-        return
-    for camera in lacking:
-        image = next(read_frames(folder / camera.video, 0, 1))
-        (part / "corners").mkdir(exist_ok=True)
-        (part / "corners" / f"{camera.name}.png").write_bytes(saved(ruled(image), "png"))
-    yield (
-        f"missing: corners_px of {_and([camera.name for camera in lacking])}, which tell how the "
-        f"structure lies: read them in {folder / 'corners'}, beginning with the same corner"
-    )
+def _cornered(manifest: Manifest, folder: Path) -> Iterator[str]:
+    """Ask for corners where no hole tells which end is which."""
+    lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
+    if manifest.structure.hole is None and lacking:
+        yield (
+            f"missing: corners_px of {_and(lacking)}, which tell how the structure lies: click "
+            f"them in {folder / PAGE}, beginning with the same corner"
+        )
 
 
 def _and(names: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""Pictures in a folder, or raw frames, as a lossless video that everything else here reads.
+"""Pictures in a folder, raw frames, or a film at another rate, as a lossless video.
 
 Industrial cameras write one picture per frame, and Photron's raw frames (``.mraw``) beside a header
 in text (``.cih``) or XML (``.cihx``). Phantom's ``.cine`` is read as it is.
@@ -16,11 +16,13 @@ import numpy as np
 from thesis_lib.arrays import Image
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import PICTURES, by_number
-from thesis_lib.measure.recordings.media_info import MediaError
-from thesis_lib.measure.recordings.pictures import read_png
+from thesis_lib.measure.recordings.media_info import MediaError, probe
+from thesis_lib.measure.recordings.pictures import depth_of, read_png
+from thesis_lib.measure.recordings.retime import retime
 from thesis_lib.measure.recordings.text_files import TextFileError, read_text
 from thesis_lib.studies.refusals import shown
 
+SAMPLED = 50  # pictures of a folder, at most, that are looked at for the brightest grey level
 #: Names in the text header and in the XML header of what is needed, and the numbers allowed
 FIELDS = {
     "rate": ("Record Rate(fps)", "recordRate", (1, 10**7)),  # Hz; the fastest sold reach 2e6
@@ -33,14 +35,20 @@ FIELDS = {
 SIDE = ("EffectiveBit Side", "side")  # "Lower" or "Higher" bits of sixteen
 
 
-def pack(source: Path, target: Path, rate: float | None = None) -> tuple[int, tuple[int, int]]:
+def pack(
+    source: Path,
+    target: Path,
+    rate: float | None = None,
+    say: Callable[[str], object] = lambda line: None,
+) -> tuple[int, tuple[int, int]]:
     """Write frames to a video without loss of grey levels of eight bits.
 
     Parameters
     ----------
     source : Path
         Folder of pictures, in the order of their names, numbers by value; or a ``.cih`` or
-        ``.cihx`` beside its ``.mraw``. Of more than eight bits the highest eight are kept.
+        ``.cihx`` beside its ``.mraw``; of more than eight bits the highest eight that are used
+        are kept. Or a film, or a raw stream such as ``.h264``, whose frames are copied.
     target : Path
         File to write, ending in .mov.
     rate : float, optional
@@ -58,11 +66,17 @@ def pack(source: Path, target: Path, rate: float | None = None) -> tuple[int, tu
     MediaError
         If there are no frames, they are not alike or cut off, or no rate is known.
     """
-    own, frames = _raw(source) if source.suffix in (".cih", ".cihx") else _pictures(source)
-    if rate is None and own is None:
-        raise MediaError(f"{source}: pictures do not say their rate: give --rate-hz")
     if target.suffix != ".mov":
         raise MediaError(f"{target}: given the ending {target.suffix!r}, allowed: .mov")
+    raw = source.suffix.lower() in (".cih", ".cihx")
+    if source.is_file() and not raw:
+        if rate is None:
+            raise MediaError(f"{source}: give --rate-hz, the rate at which its frames were taken")
+        probe(source)
+        return retime(source, target, rate), probe(target).size
+    own, frames = _raw(source) if raw else _pictures(source, say)
+    if rate is None and own is None:
+        raise MediaError(f"{source}: pictures do not say their rate: give --rate-hz")
     count, shape = 0, (0, 0)
 
     def even() -> Iterator[Image]:
@@ -77,13 +91,21 @@ def pack(source: Path, target: Path, rate: float | None = None) -> tuple[int, tu
     return count, shape[::-1]
 
 
-def _pictures(folder: Path) -> tuple[None, Iterator[Image]]:
+def _pictures(folder: Path, say: Callable[[str], object]) -> tuple[None, Iterator[Image]]:
     if not folder.is_dir():
-        raise MediaError(f"{folder}: allowed: a folder of pictures, a .cih or a .cihx")
-    files = [file for file in folder.iterdir() if file.suffix.lower() in PICTURES]
+        raise MediaError(f"{folder}: allowed: a folder of pictures, a film, a .cih or a .cihx")
+    files = [
+        file
+        for file in folder.iterdir()
+        if file.suffix.lower() in PICTURES and not file.name.startswith(".")
+    ]
     if not files:
         raise MediaError(f"{folder}: no picture in it ({', '.join(sorted(PICTURES))})")
-    return None, map(read_png, sorted(files, key=lambda file: by_number(file.name)))
+    files.sort(key=lambda file: by_number(file.name))
+    depth = max(map(depth_of, files[:: math.ceil(len(files) / SAMPLED)]))
+    if 8 < depth < 16:
+        say(f"{folder} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale.")
+    return None, (read_png(file, depth) for file in files)
 
 
 def _raw(header: Path) -> tuple[float, Iterator[Image]]:

@@ -17,10 +17,9 @@ import av
 import numpy as np
 from av.audio.stream import AudioStream
 from av.container import InputContainer
-from av.stream import Disposition
 
 from thesis_lib.arrays import Array, IntArray
-from thesis_lib.measure.recordings.media_info import MediaError, open_media, start_of
+from thesis_lib.measure.recordings.media_info import MediaError, open_media, start_of_film
 
 BLOCK_SAMPLES = 1 << 16  # that are read at once
 MIN_GAP_S = 0.015  # jump of time stamps that is a gap: the shortest packet that is lost has 20 ms
@@ -121,11 +120,11 @@ def opened_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]
             raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
         source = _source_of(path, channel)
         track = file.streams.audio[source.track]
-        films = [s for s in file.streams.video if not s.disposition & Disposition.attached_pic]
-        picture = start_of(films[0]) if films else source.start
+        film = start_of_film(path)
+        picture = source.start if film is None else film
         survey, chosen = _surveyed(path)[source.track], source.channels
         rate, part = survey.rate, survey.covariance[np.ix_(chosen, chosen)]
-        late = MP3_DELAY / rate if films and _hides_delay(file, track) else 0.0
+        late = MP3_DELAY / rate if film is not None and _hides_delay(file, track) else 0.0
         own = rate / source.pace if source.pace != 1 else float(rate)
         stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
         words = [source.words, stamps if own != rate else ""]

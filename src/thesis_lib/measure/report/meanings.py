@@ -63,7 +63,7 @@ OF_A_SHAPE = {
     "file-rate": Meaning(
         "Camera …'s file has … frames per second, the manifest",
         "The file is right; each frame counts at its own time stamp.",
-        "Nothing. If the film was slowed down, give it at its true speed.",
+        "Nothing. If the film plays more slowly than it was taken, give `captured_hz`.",
     ),
     "uneven-frames": Meaning(
         "Camera …'s frames come unevenly",
@@ -81,6 +81,24 @@ OF_A_SHAPE = {
         "All that camera … sees jumped by … px at … s",
         "The camera was touched at that second, or the structure slipped.",
         "End `steady_s` before it, or film again.",
+    ),
+    "repeated-frames": Meaning(
+        "Frames repeat: …",
+        "The video holds fewer pictures than its frame rate says: it was converted from another "
+        "rate, the camera could not keep up, or the compression left frames as they were. Frames "
+        "then count at times at which they were not taken, so that clocks seem to drift and other "
+        "frequencies to appear.",
+        "Take the file as the camera wrote it, at a frame rate that the camera can keep up; turn "
+        "automatic frame rates off. Without the repeated frames: `thesis pack` on the pictures, "
+        "at their own rate.",
+    ),
+    "frames-lost": Meaning(
+        "Camera …'s clock seems to run … ppm …: more than any clock",
+        "Clocks of cameras agree to 0.01 %. Frames that were lost or repeated without their time "
+        "stamps saying so look like a clock that runs so much faster or slower, and so does a "
+        "video whose rate was rounded, as 59.94 to 60.",
+        "Look at how frames repeat, and take the file as the camera wrote it. If its rate was "
+        "rounded, nothing: the times were corrected.",
     ),
     "clock-drift": Meaning(
         "Camera …'s clock runs …",

@@ -26,6 +26,7 @@ NOMINAL = 1e-5  # relative, by which a file's rate may differ from the manifest'
 # Rms residual of the board's corners in all cameras together over that in each alone, from which on
 # it is reported: 1.1 on photographs of a paper board at rest, 10 on a board held by hand.
 CONTRADICTORY = 2.0
+MAX_CLOCK_DRIFT = 3e-4  # relative, that clocks of cameras differ; quartz: some 1e-5, phones 1e-4
 UNEVEN = 0.05  # frames by which they may come early or late
 APART = 10.0  # degrees by which cameras are out of step if a frequency may be an alias
 
@@ -99,7 +100,27 @@ def _of_frequency(data: xr.Dataset) -> Iterator[Note]:
         )
 
 
+def of_repeats(data: xr.Dataset) -> Iterator[Note]:
+    """Yield a note for each camera whose frames repeat."""
+    for line in data.attrs.get("repeats", "").splitlines():
+        yield Note("repeated-frames", line)
+
+
+def of_pace(name: str, first: str, pace: float, error: str = "") -> Note:
+    """Return the note on a clock that runs faster than the first camera's by a relative pace."""
+    way = "fast" if pace > 0 else "slow"
+    how = f"{1e6 * abs(pace):.3g}{error} ppm {way} against that of {first}"
+    if abs(pace) > MAX_CLOCK_DRIFT:
+        return Note(
+            "frames-lost",
+            f"Camera {name}'s clock seems to run {how}: more than any clock. Frames were lost or "
+            "repeated, or the file's rate is not the camera's; its times were corrected.",
+        )
+    return Note("clock-drift", f"Camera {name}'s clock runs {how}; its times were corrected.")
+
+
 def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
+    yield from of_repeats(data)
     for k, name in enumerate(data["camera"].values):
         one = data.isel(camera=k)
         rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
@@ -128,13 +149,8 @@ def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
                 "slipped. End steady_s before, or film again.",
             )
         if float(one["corrected"]):
-            pace, error = 1e6 * float(one["pace"]), 1e6 * float(one["pace_deviation"])
-            yield Note(
-                "clock-drift",
-                f"Camera {name}'s clock runs {abs(pace):.3g} ± {error:.1g} ppm "
-                f"{'fast' if pace > 0 else 'slow'} against that of {data['camera'].values[0]}; "
-                "its times were corrected.",
-            )
+            first, error = str(data["camera"].values[0]), 1e6 * float(one["pace_deviation"])
+            yield of_pace(name, first, float(one["pace"]), f" ± {error:.1g}")
         if float(one["lag"]) and data.attrs.get("sound") != "none":
             late, error = 1e3 * float(one["lag"]), 1e3 * float(one["lag_deviation"])
             yield Note(

@@ -20,10 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.measure.recordings.check import check_excitation
+from thesis_lib.measure.recordings.check import check_excitation, clock_of
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.synchronisation.audio import (
     Heard,
     Recording,
@@ -105,7 +104,7 @@ def _unheard(manifest: Manifest, folder: Path) -> Sound:
         ambiguous=False,
         snr=np.nan,
     )
-    end = min(float(frame_clock(folder / camera.video)[-1]) for camera in manifest.cameras)
+    end = min(float(clock_of(camera, folder)[-1]) for camera in manifest.cameras)
     if excitation.steady_s is not None:
         _check_steady(manifest, 0.0, end)
     steady = excitation.steady_s or _after_rest(excitation.rest_s, 0.0, end)

@@ -10,6 +10,7 @@ import numpy as np
 
 from thesis_lib.arrays import Image
 from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.tracking.evening import evened
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
     View,
@@ -108,9 +109,22 @@ def first_view(
         If either are not found.
     """
     if corners_px is None:
-        return sharpen(image, find_view(image, camera, markers))
+        return _found_view(image, camera, markers)
     corners = undistorted(camera, np.array(corners_px, float).T)
     return sharpen(image, view_of(camera, markers, corners))
+
+
+def _found_view(image: Image, camera: Camera, markers: Markers) -> View:
+    """The view by corners that are found in the frame, or where its light has been evened."""
+    failures: list[TrackingError] = []
+    for even in evened(image):
+        try:
+            return sharpen(image, find_view(even, camera, markers))
+        except TrackingError as error:
+            failures.append(error)
+        if markers.hole is None:  # nothing tells the ends apart in any light
+            break
+    raise failures[0]
 
 
 def _resized(view: View, width: int, height: int) -> View:

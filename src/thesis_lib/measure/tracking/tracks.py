@@ -146,8 +146,13 @@ def record(
     try:
         trackers, notes = trackers_of(first, camera, markers, files.corners_px, turn, shares)
     except TrackingError as error:
-        given = "structure.markers and corners_px" if files.corners_px else "structure.markers"
-        raise TrackingError(f"{video}: frame 0: {error}; are {given} as filmed?") from None
+        advice = "are structure.markers and corners_px as filmed?"
+        if not files.corners_px:
+            advice = (
+                "are structure.markers as filmed? If so, the light may be uneven: click the "
+                "corners in the page that thesis measure --check writes, and give corners_px"
+            )
+        raise TrackingError(f"{video}: frame 0: {error}; {advice}") from None
     if state:
         for tracker, moved, before in zip(trackers, state["moved"], state["before"], strict=True):
             tracker.moved, tracker.before = np.array(moved), np.array(before)

@@ -1,0 +1,164 @@
+// First frames of cameras, in which the structure's corners are clicked; the manifest's lines come out.
+import { copyButton } from "./copy.js";
+import { html, svg } from "./parts.js";
+
+const PLACES = ["(0, 0)", "(length, 0)", "(length, width)", "(0, width)"];
+const NEAR = 20; // px of the screen from which on a corner is taken hold of: a finger is no finer
+const ZOOM = 8, LENS = 272; // magnification, and side of the magnified part, px
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+// Whether four corners go around a convex quadrilateral, as the manifest wants them.
+function isConvex(points) {
+  const turns = points.map((p, k) => {
+    const q = points[(k + 1) % 4], r = points[(k + 2) % 4];
+    return (q[0] - p[0]) * (r[1] - q[1]) - (q[1] - p[1]) * (r[0] - q[0]);
+  });
+  return turns.every((turn) => turn > 0) || turns.every((turn) => turn < 0);
+}
+
+export const line = ({ name, points }) =>
+  `    corners_px: [${points.map(([u, v]) => `[${u.toFixed(1)}, ${v.toFixed(1)}]`).join(", ")}]  # ${name}`;
+
+function camera({ name, size: [width, height], image, corners }, changed) {
+  const own = { name, points: corners ?? [], done: () => own.points.length === 4 && isConvex(own.points) };
+  const picture = html("img", { src: image, width, height, alt: `First frame of ${name}`, draggable: "false" });
+  const outline = svg("polygon", {});
+  const overlay = svg("svg", { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" }, outline);
+  const marks = PLACES.map((place, k) =>
+    html("button", { type: "button", "data-testid": `${name}-${k + 1}`, "data-number": k + 1, title: place }));
+  const frame = html("div", { class: "tl-frame", "data-testid": `${name}-frame` }, picture, overlay, ...marks);
+  const lens = html("canvas", { width: LENS, height: LENS, class: "tl-lens", role: "img",
+    "aria-label": `Magnified part of the first frame of ${name}`, "data-testid": `${name}-lens` });
+  const says = html("p", { role: "status" });
+  const add = html("button", { type: "button" }, "Put the next corner into the middle");
+  const clear = html("button", { type: "button" }, "Begin again");
+  let chosen = 0, centre = own.points[0] ?? [width / 2, height / 2];
+
+  function draw() {
+    const count = own.points.length;
+    marks.forEach((mark, k) => {
+      mark.hidden = k >= count;
+      if (k >= count) return;
+      const [u, v] = own.points[k];
+      mark.style.left = `${(100 * u) / width}%`;
+      mark.style.top = `${(100 * v) / height}%`;
+      mark.setAttribute("aria-label", `Corner ${k + 1} at ${PLACES[k]}: ${u.toFixed(1)}, ${v.toFixed(1)} px`);
+      mark.classList.toggle("tl-chosen", k === chosen);
+    });
+    outline.setAttribute("points", own.points.map((point) => point.join(",")).join(" "));
+    outline.classList.toggle("tl-wrong", count === 4 && !own.done());
+    says.textContent = count < 4 ? `Click corner ${count + 1}, at ${PLACES[count]}.`
+      : own.done() ? "All four corners. Drag one, here or magnified, to correct it."
+      : "The sides cross: the corners are not in their order around the structure.";
+    add.disabled = count === 4;
+    magnify();
+    changed();
+  }
+  function magnify() { // what lies around the place that is looked at
+    const pen = lens.getContext("2d"), side = LENS / ZOOM;
+    const [left, top] = centre.map((value) => value - side / 2);
+    pen.imageSmoothingEnabled = false;
+    pen.fillRect(0, 0, LENS, LENS);
+    pen.drawImage(picture, left, top, side, side, 0, 0, LENS, LENS);
+    pen.lineWidth = 1.5;
+    own.points.forEach(([u, v], k) => {
+      const x = (u - left) * ZOOM, y = (v - top) * ZOOM;
+      pen.strokeStyle = k === chosen ? "#ff8c1a" : "#4da3ff";
+      pen.beginPath();
+      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+        pen.moveTo(x + 4 * dx, y + 4 * dy);
+        pen.lineTo(x + 22 * dx, y + 22 * dy);
+      }
+      pen.stroke();
+    });
+  }
+  function put(k, [u, v], follow = true) { // never beyond the picture
+    own.points[k] = [Math.min(Math.max(u, 0), width), Math.min(Math.max(v, 0), height)];
+    chosen = k;
+    if (follow) centre = own.points[k];
+    draw();
+  }
+  // While a pointer is down, a corner moves with it; `start` says which, and where from.
+  function draggable(node, start) {
+    let move = null;
+    node.addEventListener("pointerdown", (event) => {
+      if (event.button) return;
+      event.preventDefault();
+      move = start(event);
+      if (move) node.setPointerCapture(event.pointerId);
+    });
+    node.addEventListener("pointermove", (event) => move?.(event));
+    for (const end of ["pointerup", "pointercancel"]) node.addEventListener(end, () => {
+      if (move && own.points[chosen]) { centre = own.points[chosen]; magnify(); marks[chosen].focus(); }
+      move = null;
+    });
+  }
+  const scale = () => width / picture.getBoundingClientRect().width;
+  function at(event) {
+    const box = picture.getBoundingClientRect();
+    return [(event.clientX - box.left) * scale(), (event.clientY - box.top) * scale()];
+  }
+  draggable(frame, (event) => {
+    const p = at(event), far = ([u, v]) => Math.hypot(u - p[0], v - p[1]);
+    let k = own.points.length;
+    if (k < 4) put(k, p); // corners of a narrow structure are near each other: none is taken hold of yet
+    else k = own.points.reduce((best, point, i) => (far(point) < far(own.points[best]) ? i : best), 0);
+    if (far(own.points[k]) > NEAR * scale()) return null;
+    const off = own.points[k].map((value, i) => value - p[i]);
+    put(k, own.points[k]);
+    return (moved) => put(k, at(moved).map((value, i) => value + off[i]));
+  });
+  frame.addEventListener("pointermove", (event) => {
+    if (event.buttons || event.pointerType === "touch") return;
+    centre = at(event);
+    magnify();
+  });
+  frame.addEventListener("pointerleave", () => { centre = own.points[chosen] ?? centre; magnify(); });
+  draggable(lens, (down) => {
+    if (!own.points[chosen]) return null;
+    const still = centre, box = lens.getBoundingClientRect(), unit = LENS / ZOOM / box.width;
+    const to = (event) => put(chosen, [still[0] + (event.clientX - box.left - box.width / 2) * unit,
+      still[1] + (event.clientY - box.top - box.height / 2) * unit], false);
+    to(down);
+    return to;
+  });
+  marks.forEach((mark, k) => {
+    mark.addEventListener("focus", () => { if (own.points[k]) { chosen = k; centre = own.points[k]; draw(); } });
+    mark.addEventListener("keydown", (event) => {
+      const step = ARROWS[event.key], by = event.shiftKey ? 10 : event.altKey ? 0.1 : 1;
+      if (!step) return;
+      event.preventDefault();
+      put(k, own.points[k].map((value, i) => value + by * step[i]));
+    });
+  });
+  add.addEventListener("click", () => {
+    put(own.points.length, [width / 2, height / 2]);
+    marks[chosen].focus();
+  });
+  clear.addEventListener("click", () => { own.points.length = 0; chosen = 0; draw(); });
+  picture.addEventListener("load", draw);
+  own.node = html("section", {}, html("h2", {}, name), frame,
+    html("div", { class: "tl-under" }, lens, html("div", {}, says, add, clear)));
+  own.draw = draw;
+  return own;
+}
+
+function render({ model, el }) {
+  const all = [], place = html("pre", { tabindex: "0", "data-testid": "lines" });
+  const load = html("a", { download: "corners_px.txt", class: "tl-load" }, "Download");
+  const left = html("p", { role: "status" });
+  const text = () => all.filter((one) => one.done()).map(line).join("\n");
+  function changed() {
+    const lacking = all.filter((one) => !one.done()).map((one) => one.name);
+    place.textContent = text();
+    load.setAttribute("href", `data:text/plain;charset=utf-8,${encodeURIComponent(`${text()}\n`)}`);
+    left.textContent = lacking.length ? `Corners are still wanted of ${lacking.join(", ")}.` : "";
+  }
+  all.push(...model.get("cameras").map((one) => camera(one, changed)));
+  el.classList.add("tl-corners");
+  el.append(...all.map((one) => one.node),
+    html("h2", {}, "Lines for the manifest"), left, place,
+    html("p", {}, copyButton("Copy", "Copy the lines", text, place), " ", load));
+  all.forEach((one) => one.draw());
+}
+export default { render };

@@ -1,0 +1,138 @@
+"""The page on which corners are clicked: what is clicked is what the manifest gets."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import yaml
+from browser import Opened, open_offline
+
+from thesis_lib.measure.recordings.corners import corners_page
+from thesis_lib.measure.recordings.manifest import read_manifest
+from thesis_lib.measure.recordings.media import write_video
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+NAMES = ['<b>"left"</b>', "right & 'far'"]
+CORNERS = np.array([[120.0, 90], [520, 130], [470, 250], [90, 200]])
+NARROW = np.array([[120.0, 90], [520, 130], [520, 140], [120, 100]])
+SIZE = (640, 360)
+
+
+@pytest.fixture
+def manifest(tmp_path: Path) -> Path:
+    image = np.full(SIZE[::-1], 40, np.uint8)
+    image[100:200, 120:480] = 200
+    cameras = []
+    for k, name in enumerate(NAMES):
+        write_video(tmp_path / f"{k}.mkv", [image] * 3, 30, None)
+        cameras.append({"name": name, "video": f"{k}.mkv", "width_px": SIZE[0],
+                        "height_px": SIZE[1], "frame_rate_hz": 30, "exposure_s": 0.001,
+                        "shots": f"board/{k}"})  # fmt: skip
+    path = tmp_path / "manifest.yaml"
+    path.write_text(yaml.safe_dump({"cameras": cameras}), encoding="utf-8")
+    page = corners_page(read_manifest(path, check_files=False), tmp_path)
+    (tmp_path / "corners.html").write_text(page, encoding="utf-8")
+    return path
+
+
+def screen(opened: Opened, name: str, point: np.ndarray) -> tuple[float, float]:
+    """Where on the screen a pixel of a frame is."""
+    frame = opened.page.get_by_test_id(f"{name}-frame")
+    frame.scroll_into_view_if_needed()
+    box = frame.bounding_box()
+    assert box is not None
+    unit = box["width"] / SIZE[0]
+    return box["x"] + point[0] * unit, box["y"] + point[1] * unit
+
+
+def lines(opened: Opened) -> list[str]:
+    return opened.page.get_by_test_id("lines").inner_text().splitlines()
+
+
+@pytest.mark.parametrize(("width", "corners"), [(1280, CORNERS), (390, CORNERS), (390, NARROW)])
+def test_what_is_clicked_is_accepted_by_the_manifest(
+    chromium: Browser, manifest: Path, width: int, corners: np.ndarray
+) -> None:
+    with open_offline(chromium, manifest.with_name("corners.html"), width=width) as opened:
+        page, touch = opened.page, width < 600
+        for name in NAMES:
+            for point in corners:
+                tap = page.touchscreen.tap if touch else page.mouse.click
+                tap(*screen(opened, name, point))
+        assert opened.trouble == []
+        assert opened.sideways_px() <= 0
+        found = lines(opened)
+        load = page.get_by_role("link", name="Download").get_attribute("href") or ""
+        assert load.startswith("data:text/plain")
+        assert "corners_px" in load
+    assert len(found) == len(NAMES)
+    text, places = manifest.read_text(encoding="utf-8"), iter(found)
+    text = re.sub(r"^  video: ", lambda one: f"{next(places)[2:]}\n{one[0]}", text, flags=re.M)
+    manifest.write_text(text, encoding="utf-8")
+    for camera in read_manifest(manifest, check_files=False).cameras:
+        # Clicks land on whole pixels of the screen.
+        assert np.abs(np.array(camera.corners_px) - corners).max() <= max(1, SIZE[0] / width)
+
+
+def test_corners_are_corrected_by_keys_and_by_dragging(chromium: Browser, manifest: Path) -> None:
+    with open_offline(chromium, manifest.with_name("corners.html"), dark=True) as opened:
+        page, name = opened.page, NAMES[0]
+        for point in CORNERS[[0, 2, 1, 3]]:  # out of order
+            page.mouse.click(*screen(opened, name, point))
+        assert "cross" in page.get_by_role("status").first.inner_text()
+        assert lines(opened) == []
+        page.get_by_role("button", name="Begin again").first.click()
+        for point in CORNERS:
+            page.mouse.click(*screen(opened, name, point))
+
+        def now() -> np.ndarray:
+            (line,) = lines(opened)
+            return np.array(yaml.safe_load(line)["corners_px"])
+
+        before = now()
+        page.get_by_test_id(f"{name}-1").focus()
+        for key in ("ArrowRight", "Shift+ArrowUp", "Alt+ArrowLeft"):
+            page.keyboard.press(key)
+        np.testing.assert_allclose(now() - before, [[0.9, -10], [0, 0], [0, 0], [0, 0]], atol=0.11)
+        start = now()
+        page.mouse.move(*screen(opened, name, start[2]))
+        page.mouse.down()
+        page.mouse.move(*screen(opened, name, start[2] + [40, 30]), steps=4)
+        page.mouse.up()
+        np.testing.assert_allclose(now() - start, [[0, 0], [0, 0], [40, 30], [0, 0]], atol=1)
+        box = page.get_by_test_id(f"{name}-lens").bounding_box()
+        assert box is not None
+        start = now()  # in the magnified part eight px of the screen are one of the frame
+        page.mouse.click(box["x"] + box["width"] / 2 + 16, box["y"] + box["height"] / 2 - 24)
+        np.testing.assert_allclose(now()[2] - start[2], [2, -3], atol=0.25)
+        assert opened.trouble == []
+
+
+def test_corners_of_the_manifest_are_there_and_keys_alone_suffice(
+    chromium: Browser, manifest: Path
+) -> None:
+    given = read_manifest(manifest, check_files=False)
+    cameras = [
+        given.cameras[0].model_copy(update={"corners_px": tuple(map(tuple, CORNERS))}),
+        given.cameras[1],
+    ]
+    page = corners_page(given.model_copy(update={"cameras": tuple(cameras)}), manifest.parent)
+    manifest.with_name("corners.html").write_text(page, encoding="utf-8")
+    with open_offline(chromium, manifest.with_name("corners.html")) as opened:
+        (line,) = lines(opened)
+        np.testing.assert_allclose(yaml.safe_load(line)["corners_px"], CORNERS)
+        add = opened.page.get_by_role("button", name="Put the next corner").nth(1)
+        for keys in ("Left Up", "Right Up", "Right Down", "Left Down"):
+            add.press("Enter")
+            for key in keys.split():
+                opened.page.keyboard.press(f"Shift+Arrow{key}")
+        found = [yaml.safe_load(line)["corners_px"] for line in lines(opened)]
+        np.testing.assert_allclose(
+            np.array(found[1]) - np.array(SIZE) / 2, [[-10, -10], [10, -10], [10, 10], [-10, 10]]
+        )

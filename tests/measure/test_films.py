@@ -1,0 +1,225 @@
+"""Films as other cameras and programs write them: turned, covered, slowed down, cut, deep."""
+
+import struct
+from fractions import Fraction
+
+import av
+import cv2
+import numpy as np
+import pytest
+from av.stream import Disposition
+
+from thesis_lib.measure.recordings.media import read_frames
+from thesis_lib.measure.recordings.media_info import (
+    MediaError,
+    describe_reading,
+    frame_clock,
+    probe,
+)
+from thesis_lib.measure.recordings.pack import pack
+
+WIDTH, HEIGHT, COUNT, RATE = 64, 48, 30, 30
+
+
+def image(k, levels=(40, 220, 150)):
+    """A square whose place tells the frame, and a mark that tells turns and mirrors."""
+    ground, square, mark = levels
+    grey = np.full((HEIGHT, WIDTH), ground, np.uint8)
+    at = 2 * k % (WIDTH - 8)
+    grey[4:20, at : at + 8] = square
+    grey[-6:-2, 2:10] = mark
+    return grey
+
+
+def places(path):
+    """Where the square is in each frame."""
+    clock = frame_clock(path)
+    np.testing.assert_allclose(clock, np.arange(len(clock)) / RATE, atol=1e-6)
+    rows = [frame[4:20].mean(axis=0) for frame in read_frames(path, clock=clock)]
+    return [round(np.flatnonzero(row > 130).mean() - 3.5) for row in rows]
+
+
+def film(path, fmt="yuv420p", codec="libx264", count=COUNT, make=image, **container):
+    with av.open(str(path), "w", options={k: str(v) for k, v in container.items()}) as file:
+        stream = file.add_stream(codec, rate=RATE, options={"crf": "10", "g": "12"})
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, fmt
+        for k in range(count):
+            grey = make(k)
+            deep = grey.dtype == np.uint16
+            frame = av.VideoFrame.from_ndarray(grey, format="gray16le" if deep else "gray")
+            frame = frame if deep else frame.reformat(format=fmt)
+            frame.pts, frame.time_base = k, Fraction(1, RATE)
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode(None))
+    return path
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    return film(tmp_path_factory.mktemp("films") / "plain.mp4")
+
+
+TURNS = {  # the matrix of the film's track header, and what it makes of a frame
+    "as stored": ((1, 0, 0, 1), lambda x: x),
+    "left and right": ((-1, 0, 0, 1), lambda x: x[:, ::-1]),
+    "half a turn": ((-1, 0, 0, -1), lambda x: x[::-1, ::-1]),
+    "upside down": ((1, 0, 0, -1), lambda x: x[::-1]),
+    "transposed": ((0, 1, 1, 0), lambda x: x.T),
+    "clockwise": ((0, 1, -1, 0), lambda x: np.rot90(x, -1)),
+    "transverse": ((0, -1, -1, 0), lambda x: x[::-1, ::-1].T),
+    "anticlockwise": ((0, -1, 1, 0), lambda x: np.rot90(x)),
+}
+
+
+@pytest.mark.parametrize(("matrix", "turned"), TURNS.values(), ids=TURNS)
+def test_frames_are_turned_and_mirrored_as_they_are_to_be_shown(tmp_path, plain, matrix, turned):
+    a, b, c, d = (65536 * value for value in matrix)
+    data, one = plain.read_bytes(), struct.pack(">9i", 65536, 0, 0, 0, 65536, 0, 0, 0, 1 << 30)
+    at = data.index(one, data.index(b"tkhd"))
+    new = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    path = tmp_path / "turned.mp4"
+    path.write_bytes(data[:at] + new + data[at + len(new) :])
+    wanted = [turned(frame) for frame in read_frames(plain, stop=4)]
+    found = list(read_frames(path, stop=4))
+    np.testing.assert_array_equal(found, wanted)
+    assert probe(path).size == wanted[0].shape[::-1]
+
+
+@pytest.mark.parametrize("marked", [True, False])
+def test_a_still_beside_the_film_is_not_the_film(tmp_path, plain, marked):
+    """Drones and phones put a picture before the film, marked as one or not."""
+    still, path = tmp_path / "still.mkv", tmp_path / "covered.mkv"
+    film(still, "yuvj420p", "mjpeg", count=1)
+    with av.open(str(still)) as one, av.open(str(plain)) as two, av.open(str(path), "w") as file:
+        tracks = []
+        for source in (one, two):
+            track = file.add_stream_from_template(source.streams.video[0])
+            tracks.append(track)
+        if marked:
+            tracks[0].disposition = Disposition.attached_pic
+        for source, track in zip((one, two), tracks, strict=True):
+            for packet in source.demux(source.streams.video[0]):
+                if packet.size:
+                    packet.stream = track
+                    file.mux(packet)
+    assert len(places(path)) == COUNT
+    assert probe(path).frame_rate == RATE
+    assert "number 2" in describe_reading(path)[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"), [("a.avi", "libx264"), ("a.avi", "mpeg4"), ("a.ts", "libx264")]
+)
+def test_frames_that_are_stored_in_another_order_are_all_there(tmp_path, name, codec):
+    path = film(tmp_path / name, codec=codec)
+    assert places(path) == [2 * k % (WIDTH - 8) for k in range(COUNT)]
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.55])
+def test_frames_before_the_first_that_can_be_decoded_are_none(tmp_path, share):
+    whole = film(tmp_path / "whole.ts", count=60)
+    data = whole.read_bytes()
+    path = tmp_path / "cut.ts"
+    at = int(share * len(data)) // 188 * 188  # a packet of a transport stream
+    path.write_bytes(data[: 3 * 188] + data[at:])
+    found = places(path)
+    assert 10 < len(found) < 60
+    assert np.all(np.diff(found) % (WIDTH - 8) == 2)
+    assert any("cut before a key frame" in line for line in describe_reading(path))
+    assert describe_reading(whole) == []
+
+
+@pytest.mark.parametrize("depth", [8, 10, 12, 14, 16])
+def test_fewer_than_sixteen_bits_in_sixteen_fill_the_grey_levels(tmp_path, depth):
+    def make(k):  # the first frames are dark
+        return image(k, (10, 20, 15) if k < 20 else (40, 220, 150)).astype(np.uint16) << depth - 8
+
+    path = film(tmp_path / "deep.mkv", "gray16le", "ffv1", make=make)
+    wanted = [make(k) >> depth - 8 for k in range(COUNT)]
+    assert np.abs(np.array(list(read_frames(path)), int) - wanted).max() <= depth // 16
+    assert [f"of {depth} bits in 16" in line for line in describe_reading(path)] == (
+        [True] if depth < 16 else []
+    )
+
+
+def test_the_rate_of_the_sensor_is_read_where_a_film_says_it(tmp_path, plain):
+    path = tmp_path / "slow.mp4"
+    with (
+        av.open(str(plain)) as source,
+        av.open(str(path), "w", options={"movflags": "use_metadata_tags"}) as file,
+    ):
+        file.metadata["com.android.capture.fps"] = "240.000000"
+        track = file.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(source.streams.video[0]):
+            if packet.size:
+                packet.stream = track
+                file.mux(packet)
+    assert (probe(path).frame_rate, probe(path).captured_hz) == (RATE, 240)
+    xml = b'<VideoFrame videoCodec="AVC" captureFps="119.88p" formatFps="29.97p"/>'
+    (tmp_path / "sony.mp4").write_bytes(
+        plain.read_bytes() + struct.pack(">I4s", 8 + len(xml), b"free") + xml
+    )
+    assert probe(tmp_path / "sony.mp4").captured_hz == 119.88
+    assert probe(plain).captured_hz is None
+
+
+SOURCES = {  # name, codec, whether packets are copied
+    "slow.mp4": ("libx264", True),
+    "stream.h264": ("libx264", True),
+    "a.avi": ("libx264", True),
+    "a.mkv": ("ffv1", False),
+    "a.webm": ("libvpx", False),
+}
+
+
+@pytest.mark.parametrize(("name", "how"), SOURCES.items(), ids=SOURCES)
+def test_a_film_is_given_its_true_rate(tmp_path, name, how):
+    codec, copied = how
+    source, target = film(tmp_path / name, codec=codec), tmp_path / "true.mov"
+    before = source.read_bytes()
+    assert pack(source, target, 240) == (COUNT, (WIDTH, HEIGHT))
+    assert source.read_bytes() == before
+    clock = frame_clock(target)
+    np.testing.assert_allclose(clock, np.arange(COUNT) / 240, atol=1e-9)
+    assert probe(target).codec == (probe(source).codec if copied else "h264")
+    rows = [frame[4:20].mean(axis=0) for frame in read_frames(target, clock=clock)]
+    found = [round(np.flatnonzero(row > 130).mean() - 3.5) for row in rows]
+    assert found == [2 * k % (WIDTH - 8) for k in range(COUNT)]
+    with pytest.raises(MediaError, match="the source itself"):
+        pack(target, target, 240)
+    with pytest.raises(MediaError, match="give --rate-hz"):
+        pack(source, target)
+
+
+@pytest.mark.parametrize("codec", ["libx264", "ffv1"])
+def test_frames_that_come_unevenly_stay_so_at_another_rate(tmp_path, codec):
+    source, times = tmp_path / "uneven.mkv", np.cumsum([0, 3, 4, 3, 5, 3, 4, 4, 3, 4]) / 100
+    with av.open(str(source), "w") as file:
+        stream = file.add_stream(codec, rate=1000)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "gray"
+        for k, time in enumerate(times):
+            frame = av.VideoFrame.from_ndarray(image(k), format="gray")
+            frame.pts, frame.time_base = round(1000 * time), Fraction(1, 1000)
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode(None))
+    if codec == "ffv1":
+        with pytest.raises(MediaError, match="captured_hz: 20"):
+            pack(source, tmp_path / "fast.mov", 20)
+        return
+    pack(source, tmp_path / "fast.mov", 20)
+    clock = frame_clock(tmp_path / "fast.mov")
+    np.testing.assert_allclose(clock, times / times[-1] * 9 / 20, atol=2e-5)
+
+
+def test_pictures_of_twelve_bits_are_packed_in_full(tmp_path):
+    folder, said = tmp_path / "deep", []
+    folder.mkdir()
+    for k in range(5):
+        levels = image(k, (10, 20, 15) if k < 2 else (40, 220, 150)).astype(np.uint16) << 4
+        cv2.imwrite(str(folder / f"{k}.tif"), levels)
+    (folder / "._0.tif").write_bytes(b"macOS")
+    pack(folder, tmp_path / "deep.mov", 30, said.append)
+    frames = list(read_frames(tmp_path / "deep.mov"))
+    assert (frames[0].max(), frames[4].min(), frames[4].max()) == (20, 40, 220)
+    assert len(frames) == 5
+    assert "12 bits" in said[0]

@@ -1,0 +1,105 @@
+"""Folders as people have them: strange names, hidden files, other endings, chapters."""
+
+import re
+import shutil
+import struct
+
+import cv2
+import numpy as np
+import pytest
+from command import thesis
+
+from thesis_lib.measure.recordings.manifest import read_manifest, shot_paths
+from thesis_lib.measure.recordings.media import write_video
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory):
+    path = tmp_path_factory.mktemp("one") / "one.mov"
+    write_video(path, [np.full((48, 64), 90, np.uint8)] * 20, 50, np.zeros(19200), codec="h264")
+    return path
+
+
+def new(folder, video, *names):
+    folder.mkdir(exist_ok=True)
+    for name in names:
+        shutil.copy(video, folder / name)
+    return thesis("measure", "--new", folder)
+
+
+NAMES = ["B 10:22.mov", "[left] *.mov", "'a' \"b\".mov", "=1+1.mov", "größe ÷.mov", "-x.mov",
+         "#1: {a}.mov", " blank .mov", f"{'long' * 15} 1.mov", f"{'long' * 15} 2.mov"]  # fmt: skip
+
+
+def test_any_name_that_a_disk_allows_is_read_back(tmp_path, video, monkeypatch):
+    folder = tmp_path / "a[b]: c"
+    folder.mkdir()
+    for name in NAMES:
+        for k in range(3):
+            picture = folder / f"{name.removesuffix('.mov')}-{k}.png"
+            cv2.imwrite(str(picture), np.full((48, 64), 90 + k, np.uint8))
+    monkeypatch.chdir(tmp_path)
+    done = new(folder.relative_to(tmp_path), video, *NAMES)
+    assert (done.status, done.err) == (0, "")
+    manifest = read_manifest(folder / "manifest.yaml", check_files=True)
+    assert {camera.video for camera in manifest.cameras} == set(NAMES)
+    assert len({camera.name for camera in manifest.cameras}) == len(NAMES)
+    for camera in manifest.cameras:
+        stem = camera.video.removesuffix(".mov")
+        found = [path.name for path in shot_paths(camera, folder) if path]
+        assert found == [f"{stem}-{k}.png" for k in range(3)], camera.video
+
+
+def test_hidden_files_are_none(tmp_path, video):
+    (tmp_path / "board" / "a").mkdir(parents=True)
+    for place in ("._a.mov", ".b.mov", "board/a/._0.png"):
+        (tmp_path / place).write_bytes(b"\0\5\x16\7 macOS")
+    done = new(tmp_path, video, "a.mov", "b.mov")
+    assert (done.status, done.err) == (0, "")
+    assert "._" not in done.out
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["gps.mov", "gps.MP4"], "gps.MP4 and gps.mov have one name"),
+        (["GX010034.MP4", "GX020034.MP4", "GX010035.MP4"], "GX010034.MP4, GX020034.MP4 are chap"),
+        (["GOPR0034.MP4", "GP010034.MP4", "b.mov"], "GOPR0034.MP4, GP010034.MP4 are chapters"),
+        (["a\tb.mov", "b.mov"], "a control character"),
+    ],
+)
+def test_videos_that_are_not_of_one_camera_each_are_explained(tmp_path, video, names, words):
+    done = new(tmp_path, video, *names)
+    assert (done.status, done.out) == (2, "")
+    assert len(done.err.splitlines()) == 1
+    assert words in done.err
+    assert "-p" not in done.err
+    assert not (tmp_path / "manifest.yaml").exists()
+
+
+def test_other_endings_are_read_or_named(tmp_path, video):
+    for name in ("what.dat", "raw.h264", "notes.txt"):
+        (tmp_path / name).write_bytes(b"none")
+    done = new(tmp_path, video, "a.3gp", "b.odd")
+    assert (done.status, done.err) == (0, "")
+    manifest = read_manifest(tmp_path / "manifest.yaml", check_files=False)
+    assert [camera.video for camera in manifest.cameras] == ["a.3gp", "b.odd"]
+    assert "passed over: what.dat" in done.out
+    assert re.search(r"thesis pack \S*raw\.h264 --rate-hz", done.out)
+    assert "notes.txt" not in done.out
+
+
+def test_slow_motion_is_taken_at_its_own_rate(tmp_path, video):
+    xml = b'<VideoFrame captureFps="400.00p" formatFps="50p"/>'
+    slow = tmp_path / "slow.mov"
+    slow.write_bytes(video.read_bytes() + struct.pack(">I4s", 8 + len(xml), b"free") + xml)
+    folder = tmp_path / "f"
+    done = new(folder, slow, "a.mov", "b.mov")
+    assert "taken at 400" in done.out
+    manifest = read_manifest(folder / "manifest.yaml", check_files=False)
+    assert [(c.frame_rate_hz, c.captured_hz, c.rate_hz) for c in manifest.cameras] == [
+        (50, 400, 400)] * 2  # fmt: skip
+    done = new(tmp_path / "g", video, "a.mov", "b.mov")
+    text = (tmp_path / "g" / "manifest.yaml").read_text(encoding="utf-8")
+    assert text.count("captured_hz: null  # CHECK") == 2
+    assert "a.mov: 64 × 48 px, 50 frames per second" in done.out
