@@ -400,7 +400,7 @@ def test_a_film_too_slow_for_a_sweep_is_refused(driven):
     [
         (
             "t,n\n0,1\n0.01,x\n" + "".join(f"{k / 100},1\n" for k in range(2, 150)),
-            r"line 3: '0.01,x' is not a time and a force, allowed: .* as \"time_s,force_N\"",
+            r"line 3: '0.01,x' is not a time and a force, allowed: .* as .time_s,force_N.",
         ),
         ("t,n\n0,1\n0,2\n", r"line 3: 0 s, allowed: after the line before"),
         ("t,n\n0,1\n1,2\n", r"2 samples, allowed: 100 or more"),

@@ -1,0 +1,203 @@
+"""Sound as recorders write it: its pace, its gaps, its tracks and channels; and sounds compared."""
+
+import re
+
+import numpy as np
+import pytest
+from command import thesis
+from scenes.sounds import claps, click, later, music, write_film
+
+from thesis_lib.measure.recordings.media_info import MediaError
+from thesis_lib.measure.recordings.sound import opened_audio, read_audio
+from thesis_lib.measure.synchronisation.alone import decimals, format_seconds, synchronised
+from thesis_lib.measure.synchronisation.tones import SynchronisationError
+
+LOW = 8000
+LONG = 0.1 * np.random.default_rng(3).standard_normal(130 * LOW)
+
+
+def place_of_click(path):
+    samples, rate, start = read_audio(path)
+    return start + float(np.argmax(np.abs(samples))) / rate
+
+
+# Pace and gaps.
+
+
+@pytest.mark.parametrize("pace", [-2e-4, 5e-5, 2e-4, 1.5e-3, 1e-2])
+def test_a_pace_of_the_time_stamps_is_no_gap(conforms, tmp_path, pace):
+    path = write_film(tmp_path / "a.mp4", [LONG], LOW, frames=2, frame_rate=1,
+                      stamps=lambda pts: pts * (1 + pace))  # fmt: skip
+    samples, rate, start = read_audio(path)
+    conforms.closed_form(rate, LOW / (1 + pace), rtol=2e-7)
+    conforms.closed_form(start, 0.0, atol=2e-4 + 0.13 * abs(pace))  # priming of 0.128 s
+    assert abs(len(samples) - len(LONG)) < 2048
+    with opened_audio(path) as audio:
+        assert f"{rate:.2f} samples a second by its time stamps, 8000 stated" in audio.source
+
+
+def test_time_stamps_that_scatter_have_no_pace_of_their_own(conforms, tmp_path):
+    rng = np.random.default_rng(0)
+    for pace, error in ((0.0, 0.0), (5e-4, 3e-5)):
+        path = write_film(
+            tmp_path / "a.mp4", [LONG], LOW, frames=2, frame_rate=1,
+            stamps=lambda pts, pace=pace: pts * (1 + pace) + rng.normal(0, 0.004 * LOW),
+        )  # fmt: skip
+        conforms.sampled(read_audio(path)[1], LOW / (1 + pace), rtol=error)
+
+
+@pytest.mark.parametrize("ending", ["mkv", "mp4"])
+def test_even_time_stamps_that_are_rounded_have_the_stated_rate(tmp_path, ending):
+    path = write_film(tmp_path / f"a.{ending}", [LONG[: 20 * LOW]], LOW, frames=2)
+    assert read_audio(path)[1:] == (LOW, 0.0)
+
+
+@pytest.mark.parametrize("jump", [0.021, 0.5, -0.03])
+def test_a_jump_of_the_time_stamps_is_a_gap(tmp_path, jump):
+    path = write_film(tmp_path / "a.mp4", [LONG[: 20 * LOW]], LOW, frames=2,
+                      stamps=lambda pts: pts * 1.0005 + (pts > 9 * LOW) * jump * LOW)  # fmt: skip
+    with pytest.raises(MediaError, match=r"a\.mp4: the audio has a gap at 9\.\d+ s: .* by [+-]0\."):
+        read_audio(path)
+
+
+@pytest.mark.parametrize(
+    ("ending", "codec", "container", "atol"),
+    [
+        ("mp4", "aac", {"movflags": "frag_keyframe+empty_moov"}, 1e-4),
+        ("mp4", "aac", {"use_editlist": "0"}, 1e-4),
+        ("mp4", "aac", {}, 1e-4),
+        ("mkv", "libopus", {}, 1.1e-3),
+        ("mkv", "pcm_s16le", {}, 1e-4),
+        ("avi", "libmp3lame", {}, 1e-3),
+        ("ts", "aac", {}, 1e-3),
+    ],
+)
+def test_the_encoder_s_priming_is_no_gap(conforms, tmp_path, ending, codec, container, atol):
+    path = write_film(tmp_path / f"a.{ending}", [click(1.5, 0.5)], codec=codec,
+                      pictures="libx264" if ending == "mp4" else "mpeg4",
+                      container=container)  # fmt: skip
+    conforms.closed_form(place_of_click(path), 0.5, atol=atol)
+
+
+# Tracks and channels.
+
+SOUND, NONE = click(1.0, 0.4), np.zeros(48000)
+
+
+@pytest.mark.parametrize(
+    ("tracks", "layout", "words"),
+    [
+        ([np.stack([SOUND, SOUND])], "stereo", ""),
+        ([np.stack([SOUND, NONE])], "stereo", "channel 1 of 2, since the other holds no sound"),
+        ([np.stack([NONE, SOUND])], "stereo", "channel 2 of 2, since the other holds no sound"),
+        ([np.stack([SOUND, -SOUND])], "stereo", "channels cancel when mixed"),
+        ([np.stack([NONE, NONE, SOUND, NONE, NONE, NONE])], "5.1", "channel 3 of 6, since"),
+        ([NONE, SOUND], "mono", "track 2 of 2, since those before it hold no sound"),
+        ([SOUND, NONE], "mono", ""),
+    ],
+)
+def test_the_track_and_channel_that_hold_the_sound_are_used(
+    conforms, tmp_path, tracks, layout, words
+):
+    path = write_film(tmp_path / "a.mkv", tracks, codec="pcm_s16le", layout=layout)
+    with opened_audio(path) as audio:
+        assert words in audio.source
+        assert words or not audio.source
+        samples = np.concatenate(list(audio.blocks))
+        conforms.closed_form(audio.level, samples.std(), rtol=1e-2)
+    conforms.closed_form(np.abs(samples).max(), 0.9, atol=1e-3)
+    conforms.closed_form(place_of_click(path), 0.4, atol=1e-4)
+
+
+def test_channels_are_counted_through_all_tracks(tmp_path):
+    tracks = [np.stack([NONE, SOUND]), np.stack([NONE, 0.5 * SOUND])]
+    path = write_film(tmp_path / "a.mkv", tracks, codec="pcm_s16le", layout="stereo")
+    largest = []
+    for channel in (1, 2, 3, 4):
+        with opened_audio(path, channel) as audio:
+            largest.append(round(float(np.abs(np.concatenate(list(audio.blocks))).max()), 2))
+    assert largest == [0.0, 0.9, 0.0, 0.45]
+    with pytest.raises(MediaError, match="given channel 5, allowed: 1 to 4"), opened_audio(path, 5):
+        pass
+
+
+# Sounds compared.
+
+
+def sound_file(path, sound, rate=16000, **how):
+    codec = {"wav": "pcm_s16le", "flac": "flac", "mp3": "libmp3lame", "m4a": "aac",
+             "ogg": "libopus", "mkv": "pcm_s16le"}[path.suffix[1:]]  # fmt: skip
+    return write_film(path, [sound], rate, codec=codec, frames=2 * (path.suffix == ".mkv"), **how)
+
+
+@pytest.mark.parametrize("scene", [claps, music])
+@pytest.mark.parametrize(("rate", "ending"), [(44100, "wav"), (48000, "mkv"), (48000, "m4a")])
+def test_sounds_of_any_rate_and_file_are_put_on_one_clock(conforms, tmp_path, scene, rate, ending):
+    sound = scene(1)
+    one = sound_file(tmp_path / "one.mkv", later(sound, 0.3, 9, seed=1))
+    heard = later(sound, 1.5345, 8, fast=2e-5, to_rate=rate, seed=2)
+    other = sound_file(tmp_path / f"other.{ending}", -heard, rate)
+    (found,), _ = synchronised([one, other])
+    conforms.sampled(found.delay, 1.2345, atol=3e-5)
+    conforms.sampled(found.fast, 2e-5, atol=4e-6)
+    assert 1e-7 < found.delay_deviation < 2e-5
+
+
+@pytest.mark.parametrize("true", ["samples", "stamps"])
+def test_a_pace_of_500_ppm_is_found_whichever_clock_is_right(conforms, tmp_path, true):
+    """By the time stamps it is the second camera's clock that is fast, or its samples are slow."""
+    sound = claps(4)
+    one = sound_file(tmp_path / "one.mkv", later(sound, 0.3, 10, seed=1))
+    fast = 0.0 if true == "samples" else -5e-4
+    other = write_film(tmp_path / "other.mp4", [later(sound, 1.5345, 9, fast=fast, seed=2)], 16000,
+                       stamps=lambda pts: pts * 1.0005)  # fmt: skip
+    (found,), _ = synchronised([one, other])
+    conforms.sampled(found.delay, 1.2345, atol=1e-4)
+    conforms.sampled(found.fast, 5e-4 if true == "samples" else 0.0, atol=1e-5)
+
+
+UNLIKE = {
+    "claps": (claps(1), claps(2)),
+    "one clap each": (claps(1)[:32000], claps(7)[16000:48000]),
+    "music of one beat": (music(1), music(2)),
+    "music and claps": (music(1), claps(1)),
+    "one beat alone": (np.tile(claps(3)[:8000], 20), np.tile(claps(3)[:8000], 17)),
+    "hum": tuple(
+        0.3 * np.sin(2 * np.pi * 50 * np.arange(160000) / 16000 + k)
+        + 0.01 * np.random.default_rng(k).standard_normal(160000)
+        for k in (1, 2)
+    ),
+    "noise": tuple(0.1 * np.random.default_rng(k).standard_normal(160000) for k in (1, 2)),
+}
+
+
+@pytest.mark.parametrize("name", UNLIKE)
+def test_sounds_that_are_unlike_or_repeat_are_refused(tmp_path, name):
+    paths = [
+        sound_file(tmp_path / f"{k}.wav", sound / (1.1 * np.abs(sound).max()))
+        for k, sound in zip("ab", UNLIKE[name], strict=True)
+    ]
+    with pytest.raises(SynchronisationError, match="no sound in it matches that of a"):
+        synchronised(paths)
+
+
+@pytest.mark.parametrize(
+    ("std", "text", "digits"),
+    [(2.6e-7, "0.26 µs", 8), (4.71e-6, "4.7 µs", 7), (1.234e-3, "1.2 ms", 4), (2.0, "2.0 s", 1)],
+)
+def test_uncertainties_have_two_digits(std, text, digits):
+    assert format_seconds(std) == text
+    assert decimals(std) == digits
+
+
+def test_the_command_takes_sounds_and_says_what_it_used(tmp_path):
+    sound = claps(5)
+    one = sound_file(tmp_path / "one.wav", later(sound, 0.3, 9, seed=1))
+    heard = later(sound, 0.8, 8, seed=2)
+    other = write_film(tmp_path / "other.mkv", [np.stack([0 * heard, heard])], 16000,
+                       codec="pcm_s16le", layout="stereo")  # fmt: skip
+    done = thesis("sync", one, other, "--out", tmp_path / "sync")
+    assert (done.status, done.err) == (0, "")
+    assert re.match(r"other starts \+0\.(50000|49999)\d+ s ± 0\.\d\d µs after one", done.out)
+    assert "0.000 ms" not in done.out
+    assert "other's sound: channel 2 of 2, since the other holds no sound" in done.out

@@ -1,0 +1,97 @@
+"""Videos with sound as recorders write it: paces, jumps, priming, channels and tracks."""
+
+from fractions import Fraction
+
+import av
+import numpy as np
+
+BLOCK = 1024  # samples of a frame of AAC
+
+
+def click(seconds, at, rate=48000):
+    """Faint noise, and a click."""
+    sound = 0.001 * np.random.default_rng(0).standard_normal(round(seconds * rate))
+    sound[round(at * rate)] = 0.9
+    return sound
+
+
+def claps(seed, seconds=12, rate=16000):
+    """Murmur and a few claps."""
+    rng = np.random.default_rng(seed)
+    sound = 0.01 * rng.standard_normal(seconds * rate)
+    for at in rng.uniform(0.5, seconds - 0.5, 6):
+        first = int(at * rate)
+        sound[first : first + 500] += 0.4 * rng.standard_normal(500) * np.exp(-np.arange(500) / 75)
+    return sound
+
+
+def music(seed, seconds=24, rate=16000, beat=0.5):
+    """Drums that are alike at every beat, and notes that are not."""
+    rng = np.random.default_rng(seed)
+    n = int(beat * rate)
+    t = np.arange(n) / rate
+    drum = np.sin(2 * np.pi * 60 * t) * np.exp(-t / 0.05)
+    sound = np.tile(drum, int(seconds / beat))
+    for k in range(0, len(sound), n):
+        pitch = 220 * 2 ** (rng.integers(0, 25) / 12)
+        notes = [np.sin(2 * np.pi * pitch * h * t + rng.uniform(0, 6)) / h for h in (1, 2, 3)]
+        sound[k : k + n] += 0.5 * sum(notes) * np.exp(-4 * t)
+    return 0.3 * sound
+
+
+def later(sound, start, seconds, rate=16000, fast=0.0, to_rate=None, seed=0):
+    """What a recorder hears that starts later, with noise of its own, by a clock that is fast."""
+    to_rate = to_rate or rate
+    times = start + np.arange(int(seconds * to_rate)) / to_rate / (1 + fast)
+    spectrum = np.fft.rfft(sound)
+    fine = np.fft.irfft(np.concatenate([spectrum, np.zeros(7 * len(spectrum))]), 8 * len(sound)) * 8
+    heard = np.interp(times * 8 * rate, np.arange(len(fine)), fine)
+    return heard + 0.003 * np.random.default_rng(seed).standard_normal(len(heard))
+
+
+def write_film(path, tracks, rate=48000, *, stamps=None, codec="aac", layout="mono", frames=30,
+               frame_rate=30, pictures="mpeg4", container=None):  # fmt: skip
+    """A small film with sound tracks of shape (samples,) or (channels, samples).
+
+    `stamps` maps the time stamps of the packets of sound, in samples.
+    """
+    with av.open(str(path), "w", options=container or {}) as file:
+        film = None
+        if frames:
+            film = file.add_stream(pictures, rate=frame_rate)
+            film.width, film.height, film.pix_fmt = 64, 48, "yuv420p"
+        outs = [file.add_stream(codec, rate=rate, layout=layout) for _ in tracks]
+        if film is not None:
+            for k in range(frames):
+                grey = np.full((48, 64), 40 + k % 100, np.uint8)
+                frame = av.VideoFrame.from_ndarray(grey, format="gray").reformat(format="yuv420p")
+                frame.pts, frame.time_base = k, Fraction(1, frame_rate)
+                file.mux(film.encode(frame))
+            file.mux(film.encode(None))
+        for track, sound in zip(outs, tracks, strict=True):
+            packets = []
+            samples = np.atleast_2d(np.asarray(sound, np.float32))
+            convert = av.AudioResampler(format=track.format, layout=layout, frame_size=BLOCK)
+            block = av.AudioFrame.from_ndarray(np.ascontiguousarray(samples), "fltp", layout)
+            block.sample_rate, block.pts, block.time_base = rate, 0, Fraction(1, rate)
+            if codec.startswith("pcm") or codec == "aac":
+                parts = [*convert.resample(block), *convert.resample(None)]
+            else:
+                parts = _blocks(samples, track, rate, layout)
+            for part in parts:
+                packets += track.encode(part)
+            packets += track.encode(None)
+            for packet in packets:
+                if stamps is not None:
+                    packet.pts = packet.dts = round(stamps(packet.pts))
+                file.mux(packet)
+    return path
+
+
+def _blocks(samples, track, rate, layout):
+    size = track.codec_context.frame_size or BLOCK
+    for k in range(0, samples.shape[1], size):
+        part = np.ascontiguousarray(samples[:, k : k + size])
+        frame = av.AudioFrame.from_ndarray(part, "fltp", layout)
+        frame.sample_rate, frame.pts, frame.time_base = rate, k, Fraction(1, rate)
+        yield from av.AudioResampler(format=track.format, layout=layout).resample(frame)
