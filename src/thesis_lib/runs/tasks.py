@@ -115,8 +115,9 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
     sweep(*dict.fromkeys([build, build / "cache", *made]))
     named = {one.name: one for one in tasks}
     waits = _waits(tasks)
-    progress = Progress(len(tasks), _to_do(tasks), waits, workers)
-    progress.foretell()
+    progress, stale = Progress(len(tasks)), _to_do(tasks)
+    if stale:
+        progress.say(f"{len(stale)} of {len(tasks)} steps to do")
     failed: dict[str, str] = {}
     unmet: set[str] = set()
     order: TopologicalSorter[str] = TopologicalSorter(dict.fromkeys(named, ()))
@@ -124,7 +125,7 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
         order.add(name, *others)
     order.prepare()
     pool = ThreadPoolExecutor(workers + 1)
-    most = urgency(dict.fromkeys(named, 0.0) | progress.known, waits)
+    most = urgency(dict.fromkeys(named, 0.0) | stale, waits)
     at_work: dict[Future[str], str] = {}
     ready: list[str] = []
     try:
@@ -145,7 +146,7 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
             passing = live()
             ended = wait(at_work, 1 if passing else _SILENCE, FIRST_COMPLETED).done
             if at_work and not ended:
-                progress.tell(passing)
+                progress.report_running(passing)
             for future in ended:
                 name = at_work.pop(future)
                 if problem := future.result():
@@ -183,7 +184,7 @@ def _waits(tasks: Sequence[Task]) -> dict[str, set[str]]:
 
 
 def _to_do(tasks: Sequence[Task]) -> dict[str, float]:
-    """What is stale, or made from what is, and how long that takes, as far as it is known."""
+    """Return the seconds of what is stale or made from what is stale, 0 where unknown."""
     named, makers = {one.name: one for one in tasks}, _makers(tasks)
     found = set[str]()
     for name in TopologicalSorter(makers).static_order():
@@ -213,9 +214,8 @@ def _one(task: Task, progress: Progress) -> str:
         found = full_disk(task.record.parent) or f"{of_error(error)}; {log(task.name)}"
         problem = message(found)
     took = progress.end(task.name, measured=not problem)
-    left = progress.left()
     how = "FAILED" if problem else f"done in {took:.1f} s"
-    progress.say(f"{task.name}: {how}{f'; {left} left' if left else ''}")
+    progress.say(f"{task.name}: {how}")
     return problem
 
 
