@@ -199,8 +199,15 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
             f"{path}: its numbers can be read in two ways, with {marks} as separator and decimal "
             f"mark, {EXAMPLE}"
         )
+    usual = Counter(len(form.cells(line)) for line in rows).most_common(1)[0][0]
     begin = next(
-        k for k in range(len(lines)) if all(form.is_data(line) for line in lines[k : k + 5])
+        k
+        for k, line in enumerate(lines)
+        if form.is_data(line)
+        and (
+            len(form.cells(line)) == usual  # a bad line after it is one of the table's
+            or all(form.is_data(after) for after in lines[k : k + 5])
+        )
     )
     return form, begin
 
