@@ -71,8 +71,6 @@ def test_a_cube_has_named_dimensions_units_and_meanings(conforms, cubes, name):
         "setting": 0, "mode": 1, "trial": REPLICATES, "point": 25, "camera": 4, "part": 2,
         "tracked_width": 4,
     }  # fmt: skip
-    for variable in cube.variables.values():
-        assert {"units", "long_name"} <= set(variable.attrs)
     assert cube["mode"].values.tolist() == [1]
     assert cube["frequency"].values.tolist() == [4.25]
     np.testing.assert_allclose([cube["x"], cube["y"]], BEAM.markers)

@@ -273,11 +273,6 @@ def test_own_runs_depend_on_their_seed_alone():
     assert same.mean() < 0.01  # seldom a largest error falls on the same pixels
 
 
-def test_own_runs_have_units_and_names():
-    for variable in own_cube().variables.values():
-        assert {"units", "long_name"} <= set(variable.attrs)
-
-
 # -- Entries --
 
 
@@ -667,10 +662,8 @@ def test_undefined_entries_come_back_too(other_readings):
     assert [entry.record for entry in back] == [entry.record for entry in made]
 
 
-def test_cube_has_units_names_and_the_readings(cube, other_readings):
-    for name, variable in cube.variables.items():
-        assert {"units", "long_name"} <= set(variable.attrs), name
-        assert variable.dtype.kind in "fiU"
+def test_cube_has_the_readings(cube, other_readings):
+    assert {variable.dtype.kind for variable in cube.variables.values()} <= set("fiU")
     for name, variable in other_readings.variables.items():
         xr.testing.assert_identical(cube.variables[name], variable)
 

@@ -11,23 +11,23 @@ from thesis_lib.ledger.entries import NAN, Entry
 
 TEXTS = {  # fields that the cube holds as text, and what they are
     "kind": "figure, trend or number",
-    "place": "where it stands in the thesis",
-    "case": "case of the thesis",
-    "modes": "modes that it speaks of",
-    "what": "what it speaks of",
-    "stated": "what is stated",
-    "got": "what this book gets",
-    "verdict": "verdict",
-    "note": "reason or remark",
-    "href": "page with its figure",
-    "command": "what makes the cubes that it is judged by",
-    "note_href": "page that tells more of the reason",
+    "place": "place of a claim in the thesis",
+    "case": "case of the thesis that a claim speaks of",
+    "modes": "modes that a claim speaks of",
+    "what": "subject of a claim",
+    "stated": "claimed value or trend",
+    "got": "value or trend in this book",
+    "verdict": "verdict on a claim",
+    "note": "reason why a claim differs, or remark",
+    "href": "page with the figure of a claim",
+    "command": "commands that build the result files by which a claim is judged",
+    "note_href": "page that explains the reason",
     "step_back": "largest material step against a trend, which is then not monotonic",
 }
 UNITS = {  # numbers of figures and trends; those of stray numbers have the units of their texts
-    "least": "least value that is stated",
-    "most": "largest value that is stated",
-    "literal": "literal run, or value",
+    "least": "least claimed value",
+    "most": "largest claimed value",
+    "literal": "value of the nominal run, or computed number",
     "median": "median of the trials",
     "low": "5 % quantile of the trials",
     "high": "95 % quantile of the trials",
@@ -35,7 +35,7 @@ UNITS = {  # numbers of figures and trends; those of stray numbers have the unit
     "single": "share of single trials in which a trend holds",
     "effect": "expected error at the last setting over that at the first, where it changes least",
     "largest_effect": "expected error at the last setting over the first, where it changes most",
-    "ratio": "median over the nearest stated value",
+    "ratio": "median over the nearest claimed value",
 }
 
 
@@ -54,7 +54,9 @@ def as_cube(found: Sequence[Entry], readings: xr.Dataset) -> xr.Dataset:
     of = {"claim_chapter": "chapter", "counted": "counted"}
     for name, field in of.items():
         whole = np.array([int(getattr(e, field)) for e in found])
-        words = "chapter of the claim" if name == "claim_chapter" else "1 if the totals count it"
+        words = (
+            "chapter of the claim" if name == "claim_chapter" else "1 if the totals count a claim"
+        )
         cube[name] = ("claim", whole, {"units": "1", "long_name": words})
     return cube
 

@@ -25,9 +25,9 @@ VARIABLES = declared("""
     height_px(option) [1] height of the pictures in pixels
     frame_rate(option) [Hz] frame rate
     pixel_rate(option) [s-1] pixels per second of all cameras
-    cost(option) [1] price of all cameras, or their pixels per second
-    expected_error(option) [percent] error of the worst mode if every coordinate had an error of
-        1/6 px2 of its own
+    cost(option) [1] price of all cameras, or pixels per second of all cameras
+    expected_error(option) [percent] error of the worst mode if every coordinate had an independent
+        error of 1/6 px2
     bound(option) [percent] what the averaged error of no layout on the grid of the search can be
         below
     predicted_error(option, mode) [percent] error by the law of rounding
@@ -45,7 +45,7 @@ VARIABLES = declared("""
     marker(point, axis) [m] marker at rest
     normal(point, axis) [1] unit vector along which a marker moves
     reference_deflection(mode, point) [m] deflection of the markers
-    outline(corner, axis) [m] corner of the structure, or of the box around it
+    outline(corner, axis) [m] corner of the structure, or of the box around a structure
     frequency(mode) [Hz] natural frequency
 """)
 

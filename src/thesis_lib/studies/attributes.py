@@ -73,8 +73,11 @@ def described(cube: xr.Dataset, study: Study) -> xr.Dataset:
     cases, modes = cube["case"].values.tolist(), cube["mode"].values.tolist()
     titles = [setups.case_title(*kind, case) for case in cases]
     numbers = [[setups.figure_number(*kind, case, mode) for mode in modes] for case in cases]
-    words = {"long_name": "what the case is", "units": "1"}
-    figure = {"long_name": "number of the thesis's figure, where it has one", "units": "1"}
+    words = {"long_name": "description of the case", "units": "1"}
+    figure = {
+        "long_name": "number of the figure in the thesis, if there is one",
+        "units": "1",
+    }
     return cube.assign_coords(
         case_title=("setting", titles, words),
         thesis_figure=(("setting", "mode"), np.array(numbers), figure),

@@ -127,7 +127,7 @@ def coordinates(
         "case": each("case of the thesis, or layout", lambda s: s.case),
         "parameter": each("varied parameter", lambda _: study.varied),
         "value": each("value of the varied parameter", lambda s: float(s.value), varied),
-        "label": each("value with its unit", lambda s: s.label),
+        "label": each("value of the varied parameter, with unit", lambda s: s.label),
         "n_cameras": each("number of cameras", lambda s: len(s.directions_deg)),
         "width_px": each("width of the sensor", lambda s: s.resolution_px[0]),
         "height_px": each("height of the sensor", lambda s: s.resolution_px[1]),

@@ -21,7 +21,7 @@ def outline(structure: Structure) -> tuple[tuple[str, str], Array, dict[str, Any
     half = np.array(structure.extent) / 2
     about = {
         "units": "m",
-        "long_name": "outline of the structure, then its holes",
+        "long_name": "outline of the structure, then outlines of holes",
         "structure": type(structure).__name__.lower(),
         "length": np.float64(structure.extent[0]),
         "width": np.float64(structure.extent[1]),

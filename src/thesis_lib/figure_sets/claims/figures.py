@@ -23,15 +23,16 @@ MARKS = {  # verdict: colour and shape, so that neither says it alone
 
 def chapter(cube: xr.Dataset, number: int) -> Figure:
     """Stated against reproduced errors of a chapter, and how many times too large they are."""
-    part = [e for e in from_cube(cube) if e.kind == "figure" and e.chapter == number]
-    part = [e for e in part if np.isfinite([e.least, e.most, e.median]).all()]
+    every = [e for e in from_cube(cube) if e.kind == "figure" and e.chapter == number]
+    part = [e for e in every if np.isfinite([e.least, e.most, e.median]).all()]
     drawing, (left, right) = subplots(1, 2, figsize=(7.6, 3.6), layout="constrained")
-    _against(left, part)
+    bounds = sum(not np.isfinite([e.least, e.most]).all() for e in every)
+    _against(left, part, bounds)
     _ratios(right, part)
     return drawing
 
 
-def _against(axes: Axes, part: Sequence[Entry]) -> None:
+def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
     ends = [e.least for e in part] + [e.most for e in part] + [e.high for e in part]
     span = np.array([0.7 * min(*ends, *(e.low for e in part)), 1.4 * max(ends)])
     axes.plot(span, span, color=REFERENCE, linewidth=1, zorder=1)
@@ -66,7 +67,8 @@ def _against(axes: Axes, part: Sequence[Entry]) -> None:
         ylabel="this book, %",
     )
     _plain_ticks(axes)
-    axes.legend(loc="upper left")
+    title = f"without {bounds} bounds" if bounds else None
+    axes.legend(loc="upper left", title=title, title_fontsize="small")
 
 
 def _ratios(axes: Axes, part: Sequence[Entry]) -> None:

@@ -40,8 +40,8 @@ VARIABLES = declared("""
     reading_inside(reading, chapter) [1] number of claims that the band of the trials meets
     reading_meets(reading, value) [1] 1 if the band of the trials meets a stated value under a
         reading
-    gained(reading) [1] claims missed by the adopted reading, met by this
-    lost(reading) [1] claims met by the adopted reading, missed by this
+    gained(reading) [1] claims that the adopted interpretation misses and another meets
+    lost(reading) [1] claims that the adopted interpretation meets and another misses
     log_residual(reading, chapter) [1] rms logarithm of median over stated value
     reading(reading) [1] reading of what the thesis leaves open
     chapter(chapter) [1] chapter of the thesis

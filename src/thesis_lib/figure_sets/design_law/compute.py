@@ -89,7 +89,7 @@ VARIABLES = declared(f"""
     fit_error(count, rate) [percent] error of the fitted amplitude by the law
     independent_fit_error(count, rate) [percent] error of the fitted amplitude if frames were
         independent
-    useful_frames(count, rate) [1] frames after which more of them tell nothing new
+    useful_frames(count, rate) [1] number of frames beyond which more frames add no information
     drawn_fit_error(estimator, count, rate) [percent] rms error of the fitted amplitude, drawn
     drawn_fit_error_std(estimator, count, rate) [percent] standard error of the drawn error of the
         fitted amplitude
@@ -123,7 +123,7 @@ VARIABLES = declared(f"""
     drawn_disc_error(disc) [px] rms error of the centroid of a disc, drawn
     drawn_disc_error_std(disc) [px] standard error of the drawn error of the centroid of a disc
     quantity(quantity) [1] what a value is
-    value(quantity) [1] value, in the unit beside it
+    value(quantity) [1] value to compare, in the unit that the variable unit names
     unit(quantity) [1] unit of the value
 """)
 COORDINATES = declared("""
@@ -131,7 +131,7 @@ COORDINATES = declared("""
     of_structure(setting) [1] what is measured
     of_part(setting) [1] what the study varies
     of_layout(setting) [1] case of the thesis
-    label(setting) [1] value with its unit
+    label(setting) [1] value of the swept parameter with unit
     shape(shape) [1] mode number
     angle(angle) [degree] angle of the cone
     axis(axis) [1] coordinate
@@ -149,8 +149,8 @@ COORDINATES = declared("""
     noise(noise) [px] noise of an image before rounding
     image_noise(image_noise) [px] noise of an image before rounding
     approach(approach) [1] how points are estimated
-    mistake(mistake) [1] noise of an image before rounding, and what the interval estimator does not
-        know of it
+    mistake(mistake) [1] noise of an image before rounding, and the difference from what the
+        interval estimator assumes
     stand(stand) [m] distances of four cameras
     swing(swing) [px] amplitude of an image
     shake(shake) [px] standard deviation of camera shake

@@ -42,16 +42,16 @@ POINT = np.array([[0.0], [0.0], [1.0]])  # where it is heard, m
 HEARD, STEP = 0.5, 24  # s that are kept of that; samples to one that is kept
 VARIABLES = declared("""
     tap_frequency(ringing) [Hz] natural frequency of a mode that rings
-    tap_power(ringing) [W] its sound power when it begins to die away, as measured
-    tap_power_error(ringing) [W] its stated standard error
-    tap_true_power(ringing) [W] that of the true motion
-    tap_energy(ringing) [J] sound energy until it has died away, as measured
-    tap_energy_error(ringing) [J] its stated standard error
-    tap_true_energy(ringing) [J] that of the true motion
+    tap_power(ringing) [W] sound power of a mode when the decay begins, as measured
+    tap_power_error(ringing) [W] standard error of the sound power of a mode when the decay begins
+    tap_true_power(ringing) [W] sound power of a mode when the decay begins, of the true motion
+    tap_energy(ringing) [J] sound energy of a mode over the whole decay, as measured
+    tap_energy_error(ringing) [J] standard error of the sound energy of a mode over the whole decay
+    tap_true_energy(ringing) [J] sound energy of a mode over the whole decay, of the true motion
     tap_all() [W] sound power of all modes together, as measured
-    tap_all_error() [W] its stated standard error
-    tap_heard(ringing, tap_time) [Pa] what each makes of the pressure 1 m above the middle
-    tap_time(tap_time) [s] time from that moment on
+    tap_all_error() [W] standard error of the sound power of all modes together
+    tap_heard(ringing, tap_time) [Pa] pressure of each mode 1 m above the middle
+    tap_time(tap_time) [s] time since the decay began
 """)
 
 

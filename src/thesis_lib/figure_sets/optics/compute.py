@@ -32,8 +32,9 @@ VARIABLES = declared("""
     format_height(ratio, format_width) [1] whole rows of pixels
     projection_error(distance) [px] largest distance between the images of a marker by a pinhole and
         with one depth
-    relative_projection_error(distance) [percent] the same over the length of the image of the row
-        of markers
+    relative_projection_error(distance) [percent] largest distance between the images of a marker by
+        a pinhole and by one depth for all markers, over the length of the image of the row of
+        markers
     nearest_depth(distance) [m] least depth of a marker
     farthest_depth(distance) [m] largest depth of a marker
     depth_range(distance) [percent] largest difference of a marker's depth from the mean one, over
@@ -44,8 +45,8 @@ VARIABLES = declared("""
     pixelated(width, row, column) [1] grey value from 0 to 255 of the part of the picture with the
         beam
     pixel_size(width) [m] length of a pixel at the beam's centre, across the optical axis
-    marker_contrast(width) [percent] a marker's centre against midway between two, over the same of
-        large markers
+    marker_contrast(width) [percent] contrast between a marker's centre and the gap between two
+        markers, over that of large markers
     variance_kept(width) [percent] variance of the grey values over that of a picture 1280 pixels
         wide
     colour_picture(stage, crop_row, crop_column, colour) [1] the largest marker in colours, from 0
@@ -58,8 +59,8 @@ VARIABLES = declared("""
     far_limit(f_number, distance) [m] farthest sharp depth at a focused distance
     hyperfocal_distance(f_number) [m] focused distance from which on infinity is sharp
     circle() [px] circle of confusion
-    magnification(distance) [1] size of an image over that of its object; focusing travel over focal
-        length
+    magnification(distance) [1] size of the image over that of the object; focusing travel over
+        focal length
     disparity(baseline, distance) [px] difference of the two images of a point
     depth_error(baseline, distance) [m] depth error of first order for the given error of the
         disparity
@@ -67,7 +68,7 @@ VARIABLES = declared("""
     rounded_depth_error(baseline, distance) [m] rms depth error of the trials with whole pixels,
         where the disparity is above 1 px
     quantity(quantity) [1] what a value is
-    value(quantity) [1] value, in the unit beside it
+    value(quantity) [1] value to compare, in the unit that the variable unit names
     unit(quantity) [1] unit of the value
 """)
 COORDINATES = declared("""

@@ -38,21 +38,23 @@ VARIABLES = declared("""
     independent_ratio(mode, plane) [1] plane error over mean deflection error for errors of equal
         size, marker by marker
     largest_pressure(mode, plane) [Pa] largest reference pressure
-    deflection_error(setting, mode, trial) [percent] rms deflection error over the markers of the
-        same run (eq. 4.9)
+    deflection_error(setting, mode, trial) [percent] rms deflection error over the markers, run by
+        run (eq. 4.9)
     coherence(setting, mode, plane) [1] predicted field error over that of errors as large on
         average that no two markers share
     radiated_share(setting, mode, plane, radiation_mode) [1] share of a radiation mode of the plane
         in the square of the predicted field error
-    independent_share(mode, plane, radiation_mode) [1] the same of independent errors of equal size
+    independent_share(mode, plane, radiation_mode) [1] share of a radiation mode of the plane in the
+        square of the field error that independent errors of equal size would make
     sum_error(mode, plane) [percent] rms difference between the reference pressure, a sum over
         pistons, and Rayleigh's integral of the whole plate, of the largest
-    sum_error_largest(mode, plane) [percent] the same where it is largest
+    sum_error_largest(mode, plane) [percent] largest difference between the reference pressure, a
+        sum over pistons, and Rayleigh's integral of the whole plate, of the largest pressure
     best_and_worst(case, mode, extreme) [1] index of the setting with the lowest and highest
         deflection error, by the median over the trials
-    piston_size(mode) [1] wavenumber times the longer side of a piston; above 1 it is hardly a point
-        source
-    radiation_efficiency(mode) [1] radiated power over that of a plane wave of the same mean square
+    piston_size(mode) [1] wavenumber times the longer side of a piston; a piston is a point source
+        well below 1
+    radiation_efficiency(mode) [1] radiated power over that of a plane wave of equal mean square
         velocity
     pressure_reference_real(mode, plane, u, z) [Pa] reference pressure, real part
     pressure_reference_imag(mode, plane, u, z) [Pa] reference pressure, imaginary part

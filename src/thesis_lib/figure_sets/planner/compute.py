@@ -36,11 +36,16 @@ _OF_LAYOUTS = {  # [1], of planned layouts and of the thesis's own
 FOR_SOUND = declared("""
     sound_error(count, plan, mode) [percent] field error of the plate by the law, of layouts planned
         for shape and for sound
-    sound_simulated(count, plan, mode) [percent] rms field error of them over the trials
-    sound_shape_error(count, plan) [percent] error of the worst mode's shape of them by the law
-    sound_azimuth(count, plan, camera) [degree] azimuth of their cameras
-    sound_elevation(count, plan, camera) [degree] elevation of their cameras
-    sound_distance(count, plan, camera) [m] distance of their cameras
+    sound_simulated(count, plan, mode) [percent] rms field error of the plans for sound and for
+        shape over the trials
+    sound_shape_error(count, plan) [percent] error of the worst mode's shape by the law, of the
+        plans for sound and for shape
+    sound_azimuth(count, plan, camera) [degree] azimuth of the cameras of the plans for sound and
+        for shape
+    sound_elevation(count, plan, camera) [degree] elevation of the cameras of the plans for sound
+        and for shape
+    sound_distance(count, plan, camera) [m] distance of the cameras of the plans for sound and for
+        shape
     plan(plan) [1] what was planned for
 """)
 
@@ -59,7 +64,7 @@ def run(study: Planner) -> xr.Dataset:
         join="outer",
         coords="minimal",
         compat="override",
-        combine_attrs="drop",
+        combine_attrs="drop_conflicts",
     )
     cube = cube.assign_coords(
         question=("question", list(plans), {"units": "1", "long_name": "what was asked"}),
@@ -186,7 +191,7 @@ def _summary(cube: xr.Dataset, study: Planner) -> dict[str, Any]:
     ]
     words = {
         "quantity": "what a value is",
-        "value": "value, in the unit beside it",
+        "value": "value to compare, in the unit that the variable unit names",
         "unit": "unit of the value",
     }
     return {

@@ -1,0 +1,101 @@
+"""The contract of all cubes: each variable has a unit, and a long name that is understood alone."""
+
+from __future__ import annotations
+
+import pkgutil
+import re
+from functools import cache
+from importlib import import_module
+
+import pytest
+import xarray as xr
+from scenes.ledger import cube_of, own_cube
+
+from thesis_lib import figure_sets
+from thesis_lib.figure_sets import cube_file
+from thesis_lib.figure_sets.optics import compute as optics
+from thesis_lib.figure_sets.planner import compute as planner
+from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.planning import cube as plan_cube
+from thesis_lib.studies.variables import Variable
+
+# Words that point to another variable, which is not beside this one in a list of variables.
+POINTING = re.compile(r"^that\b|\b(it|its|they|their|them|these|this|those|the same)\b", re.I)
+
+
+@cache
+def declared() -> dict[str, Variable]:
+    """Return the variables that figure sets declare for their cubes, by module and name."""
+    found = pkgutil.walk_packages(figure_sets.__path__, f"{figure_sets.__name__}.")
+    names = [one.name for one in found if one.name.rpartition(".")[2] not in INSIDE]
+    tables = [
+        (module.__name__, table)
+        for module in (plan_cube, *map(import_module, names))
+        for table in vars(module).values()
+        if isinstance(table, dict) and all(isinstance(one, Variable) for one in table.values())
+    ]
+    return {f"{module}.{name}": one for module, table in tables for name, one in table.items()}
+
+
+INSIDE = ("recordings", "chain", "direct")  # of recordings, which are no cubes
+
+
+def faults(variables: dict[str, dict[str, str]]) -> list[str]:
+    """Return the variables that lack a unit or whose words need another variable's."""
+    return [
+        f"{name}: {attributes}"
+        for name, attributes in variables.items()
+        if not (attributes.get("units") and attributes.get("long_name"))
+        or POINTING.search(attributes["long_name"])
+    ]
+
+
+def attributes_of(cube: xr.Dataset) -> dict[str, dict[str, str]]:
+    units = {name: v.encoding.get("units", "") for name, v in cube.variables.items()}
+    return {
+        str(name): {"units": units[name]} | dict(variable.attrs)
+        for name, variable in cube.variables.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("attributes", "faulty"),
+    [
+        ({"units": "m", "long_name": "deflection of the markers"}, False),
+        ({"units": "m"}, True),
+        ({"long_name": "deflection of the markers"}, True),
+        ({"units": "m", "long_name": "the same, imaginary part"}, True),
+        ({"units": "W", "long_name": "its standard error"}, True),
+        ({"units": "W", "long_name": "that of the true motion"}, True),
+    ],
+)
+def test_what_a_fault_is(attributes, faulty):
+    assert bool(faults({"a": attributes})) == faulty
+
+
+def test_declared_variables_are_understood_alone():
+    assert len(declared()) > 150
+    assert faults({name: one.attributes for name, one in declared().items()}) == []
+
+
+PLANS = {"counts": [2, 4], "resolutions_px": [[640, 360]], "starts": 1, "step_deg": 30}
+SMALL = {
+    "beam-arrays": lambda: cube_of("beam-arrays"),
+    "sound-distance": lambda: cube_of("sound-distance"),
+    "cameras": lambda: optics.run(validate("cameras", {})),
+    "planner": lambda: planner.run(validate("planner", PLANS)),
+    "claims-layouts": own_cube,
+}
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_small_cubes_have_units_and_long_names(name):
+    assert faults(attributes_of(SMALL[name]())) == []
+
+
+@pytest.mark.book
+@pytest.mark.parametrize("name", STUDIES)
+def test_cubes_of_the_book_have_units_and_long_names(name):
+    cube = cube_file.built(STUDIES[name]())
+    assert not isinstance(cube, str), cube
+    assert faults(attributes_of(cube)) == []
