@@ -29,9 +29,10 @@ _OF_LAYOUTS = {  # [1], of planned layouts and of the thesis's own
     "averaged_law_ratio": "error of the worst mode by the law of rounding, averaged over half to "
     "one and a half of the amplitudes asked for, over the error with 1/6 px2 in every coordinate",
     "thesis_averaged_law_ratio": "error of the worst mode of the thesis's layout by the law of "
-    "rounding, averaged over such amplitudes, over its averaged error",
+    "rounding, averaged over half to one and a half of the amplitudes asked for, over the error "
+    "with 1/6 px2 in every coordinate",
     "thesis_read_fraction": "fraction of the markers that a camera of the thesis's layout reads, "
-    "where a marker is read up to tilt_deg from its normal, mean over the cameras",
+    "where a marker is read up to tilt_deg from the normal, mean over the cameras",
 }
 FOR_SOUND = declared("""
     sound_error(count, plan, mode) [percent] field error of the plate by the law, of layouts planned
