@@ -12,6 +12,7 @@ from thesis_lib.measure.recordings.inspection import (
 )
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError, frame_clock
+from thesis_lib.measure.report.notes import note_pace
 
 KINDS = {  # which frame is stored at k, and what is said
     "as they are": (lambda k: k, ""),
@@ -63,3 +64,9 @@ def test_what_cannot_be_decoded_is_found(tmp_path):
     assert len(inspect_film(path, clock)) == 0
     with pytest.raises(MediaError, match="ends before frame 120"):
         inspect_film(path, np.append(clock, 3.0))
+
+
+@pytest.mark.parametrize(("ppm", "code"), [(40, "clock-drift"), (1430, "frames-lost")])
+def test_no_clock_is_blamed_for_lost_frames(ppm, code):
+    assert note_pace("B", "A", 1e-6 * ppm).code == note_pace("B", "A", -1e-6 * ppm).code == code
+    assert f"{ppm:,} ppm" in note_pace("B", "A", 1e-6 * ppm).text

@@ -61,15 +61,15 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
 def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
     """Write the page in which corners are clicked, if there are videos already, and say where."""
     from thesis_lib.files import staging
-    from thesis_lib.measure.recordings.corners import PAGE, corners_page
+    from thesis_lib.measure.recordings.corners import PAGE_NAME, corners_page
     from thesis_lib.outputs import put_files
 
     if not all((folder / camera.video).is_file() for camera in manifest.cameras):
         return []
     with staging(folder) as part:
-        (part / PAGE).write_text(corners_page(manifest, folder), encoding="utf-8")
+        (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
         put_files(part, folder)
-    return [f"To click the structure's corners, open {folder / PAGE}"]
+    return [f"To click the structure's corners, open {folder / PAGE_NAME}"]
 
 
 def draw(manifest: Manifest, folder: Path) -> list[str]:

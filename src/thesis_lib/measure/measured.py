@@ -21,7 +21,7 @@ from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import check as recordings_check
 from thesis_lib.measure.recordings.check import ChainError, on_one_line
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.steps import CALIBRATION, SOUND, calibrated, heard, inspected, tracked
+from thesis_lib.measure.steps import CALIBRATION, SOUND, calibrated, heard, inspect_videos, tracked
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.attributes import with_origin
 from thesis_lib.studies.variables import declared, labelled
@@ -56,7 +56,7 @@ def recorded(
     clocks = recordings_check.check(manifest, folder)  # what it refuses leaves no trace
     given, filmed = reused(manifest, folder), recordings_check.timed(manifest, clocks)
     sound = heard(filmed, folder, steps, say)  # first: it may refuse more of the manifest
-    reading, repeats = inspected(manifest, folder, steps, clocks)
+    reading, repeats = inspect_videos(manifest, folder, steps, clocks)
     for line in [*reading, *repeats]:
         say(line)
     sound.attrs["repeats"] = "\n".join(repeats)

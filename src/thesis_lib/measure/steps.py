@@ -96,7 +96,7 @@ def calibrated(
     return kept(steps / "calibration.nc", compute, key_of(what, shots))
 
 
-def inspected(
+def inspect_videos(
     manifest: Manifest, folder: Path, steps: Path, clocks: Sequence[Array]
 ) -> tuple[list[str], list[str]]:
     """Decode all videos once, two at a time, before anything is computed from them.

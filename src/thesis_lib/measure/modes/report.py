@@ -18,7 +18,7 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
 from thesis_lib.measure.report.figures import WIDE
 from thesis_lib.measure.report.meanings import Note
-from thesis_lib.measure.report.notes import of_pace, of_repeats, source_of_size
+from thesis_lib.measure.report.notes import note_pace, note_repeats, source_of_size
 from thesis_lib.measure.report.page import Pictures
 from thesis_lib.measure.report.tables import texts
 from thesis_lib.measure.report.view import shape_view
@@ -160,7 +160,7 @@ def summary(data: xr.Dataset) -> list[str]:
 
 def notes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     """What a reader should know before trusting the result."""
-    yield from of_repeats(data)
+    yield from note_repeats(data)
     hertz, sought = data["frequency"].values, manifest.excitation.modes
     seconds = float(np.diff(data["window"].values)[0])
     if sought.count and len(hertz) < sought.count:
@@ -226,7 +226,7 @@ def of_clock(name: str, first: str, late: float, pace: float) -> Iterator[Note]:
             f"{'later' if late > 0 else 'earlier'} than by the sound; the pictures decide.",
         )
     if pace:
-        yield of_pace(name, first, pace)
+        yield note_pace(name, first, pace)
 
 
 def page(

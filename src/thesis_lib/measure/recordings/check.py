@@ -66,7 +66,7 @@ def check(manifest: Manifest, folder: Path) -> list[Array]:
         late = end is not None and clock[-1] + 2.5 / info.frame_rate < end  # none left out before
         if says is not None and len(clock) < says and (late or end is None):
             raise MediaError(f"{path}: ends before frame {len(clock)}, the file says {says}")
-        clocks.append(_captured(clock, camera, info.frame_rate))
+        clocks.append(_scale_clock(clock, camera, info.frame_rate))
     return clocks
 
 
@@ -79,10 +79,10 @@ def clock_of(camera: CameraFiles, folder: Path) -> Array:
         If the video cannot be read.
     """
     path = folder / camera.video
-    return _captured(frame_clock(path), camera, probe(path).frame_rate)
+    return _scale_clock(frame_clock(path), camera, probe(path).frame_rate)
 
 
-def _captured(clock: Array, camera: CameraFiles, rate: float) -> Array:
+def _scale_clock(clock: Array, camera: CameraFiles, rate: float) -> Array:
     """Times of frames as they were taken, of a film that plays slowly, too."""
     if camera.captured_hz is None:
         return clock
@@ -158,7 +158,9 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
                     f"{says}, as cameras[{i}].frame_rate_hz; slow motion that plays slowly "
                     f"has the sensor's rate in cameras[{i}].captured_hz"
                 )
-            lines += [f"{where}: {line}" for line in _slowed(camera, info, manifest.excitation)]
+            lines += [
+                f"{where}: {line}" for line in _check_slow_motion(camera, info, manifest.excitation)
+            ]
             if info.interlaced:
                 lines.append(
                     f"{where}: interlaced, so that even and odd lines were taken at different "
@@ -214,7 +216,9 @@ def is_slowed(info: VideoInfo) -> bool:
     return taken is not None and abs(taken / info.frame_rate - 1) > RATE_TOLERANCE
 
 
-def _slowed(camera: CameraFiles, info: VideoInfo, excitation: Excitation) -> Iterator[str]:
+def _check_slow_motion(
+    camera: CameraFiles, info: VideoInfo, excitation: Excitation
+) -> Iterator[str]:
     """What is wrong with a film that plays more slowly than it was taken."""
     if is_slowed(info) and camera.captured_hz is None:
         yield (

@@ -12,8 +12,8 @@ from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.web.fragment import asset, joined, static_html
 from thesis_lib.web.shell import shell
 
-PAGE = "corners.html"
-QUALITY = 92  # of JPEG, at which edges stay where they are and a page of 16 cameras below 10 MB
+PAGE_NAME = "corners.html"
+JPEG_QUALITY = 92  # leaves edges where they are, and a page of 16 cameras below 10 MB
 TITLE = "Corners of the structure"
 WITHOUT = "This page needs JavaScript to read corners."
 INTRODUCTION = f"""<h1>{TITLE}</h1>
@@ -44,7 +44,7 @@ def corners_page(manifest: Manifest, folder: Path) -> str:
     cameras = []
     for camera in manifest.cameras:
         image = next(read_frames(folder / camera.video, 0, 1))
-        _, code = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+        _, code = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         cameras.append(
             {
                 "name": camera.name,

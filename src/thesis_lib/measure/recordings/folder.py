@@ -13,19 +13,19 @@ from thesis_lib.measure.recordings.media_info import MediaError, frame_times
 from thesis_lib.text import hidden
 
 #: Endings of videos, which must be readable
-VIDEOS = {
+VIDEO_ENDINGS = {
     ".3g2", ".3gp", ".avi", ".cine", ".flv", ".insv", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4",
     ".mpeg", ".mpg", ".mts", ".mxf", ".ogv", ".ts", ".webm", ".wmv",
 }  # fmt: skip
 #: Endings of what `thesis pack` makes a video of
-RAW = {".264", ".265", ".cih", ".cihx", ".h264", ".h265", ".hevc"}
+RAW_ENDINGS = {".264", ".265", ".cih", ".cihx", ".h264", ".h265", ".hevc"}
 #: Endings of what lies beside videos and is none
-OTHERS = PICTURES | {
+OTHER_ENDINGS = PICTURES | {
     ".aac", ".csv", ".flac", ".gif", ".html", ".ini", ".json", ".m4a", ".md", ".mp3", ".mraw",
     ".nc", ".ogg", ".opus", ".pdf", ".py", ".srt", ".thm", ".toml", ".txt", ".wav", ".xml",
     ".yaml", ".yml", ".zip",
 }  # fmt: skip
-MAX_NAME = 40  # characters of a camera's name
+MAX_NAME_CHARACTERS = 40  # characters of a camera's name
 _CHAPTER = re.compile(r"(?:G[HXLS](?P<part>\d\d)|GOPR|GP(?P<old>\d\d))(?P<film>\d{4})", re.I)
 
 
@@ -44,14 +44,14 @@ def find_videos(folder: Path) -> tuple[list[Path], list[str]]:
     videos, lines = [], []
     for file in sorted(folder.iterdir()):
         ending = file.suffix.lower()
-        if file.name.startswith(".") or ending in OTHERS or not file.is_file():
+        if file.name.startswith(".") or ending in OTHER_ENDINGS or not file.is_file():
             continue
-        if ending in RAW:
+        if ending in RAW_ENDINGS:
             lines.append(
                 f"passed over: {file.name}, raw frames; to make a video of them: "
                 f"thesis pack {shlex.quote(str(file))} --rate-hz RATE"
             )
-        elif ending in VIDEOS or _is_film(file):
+        elif ending in VIDEO_ENDINGS or _is_film(file):
             videos.append(file)
         else:
             lines.append(f"passed over: {file.name}, which is no video that can be read")
@@ -63,9 +63,9 @@ def name_cameras(videos: Sequence[Path]) -> list[str]:
     """Return a name for the camera of each video, from the video's own."""
     names: list[str] = []
     for k, video in enumerate(videos):
-        name = video.stem.strip()[:MAX_NAME].strip() or f"camera {k + 1}"
+        name = video.stem.strip()[:MAX_NAME_CHARACTERS].strip() or f"camera {k + 1}"
         if name in names:
-            name = f"{name[: MAX_NAME - 3].strip()} {k + 1}"
+            name = f"{name[: MAX_NAME_CHARACTERS - 3].strip()} {k + 1}"
         names.append(name)
     return names
 

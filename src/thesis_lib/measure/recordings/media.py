@@ -27,7 +27,7 @@ from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings.media_info import (
     UNTIMED,
     MediaError,
-    decoded,
+    decode_frames,
     file_address,
     open_media,
     orientation_of,
@@ -154,7 +154,7 @@ def read_frames(
         stream = video_track(file, path)
         timed = clock is None and file.format.name not in UNTIMED
         k, previous = 0, np.nan
-        frames = decoded(file, stream, path)
+        frames = decode_frames(file, stream, path)
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
             time = frame.time if timed and frame.time is not None else np.nan
             if (time - previous) * info.frame_rate > 1.75:
@@ -163,7 +163,7 @@ def read_frames(
                     f"the next at {time:.3f} s"
                 )
             if k >= start:
-                yield _shown(frame, info.depth)
+                yield _show_frame(frame, info.depth)
             k, previous = k + 1, time
         there = info.frames if clock is None else len(clock)
         wanted = there if stop is None else stop
@@ -172,7 +172,7 @@ def read_frames(
             raise MediaError(f"{path}: ends before frame {k}, {says} frames")
 
 
-def _shown(frame: av.VideoFrame, depth: int) -> Image:
+def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
     """A frame in gray, as it is to be shown, uint8 of shape (height, width)."""
     if depth < 16 and frame.format.components[0].bits == 16:
         levels = np.asarray(frame.to_ndarray(format="gray16le"), np.uint16) >> (depth - 8)

@@ -132,7 +132,7 @@ def _has_frames(path: Path, index: int) -> bool:
             return False
 
 
-def decoded(file: InputContainer, stream: VideoStream, path: Path) -> Iterator[VideoFrame]:
+def decode_frames(file: InputContainer, stream: VideoStream, path: Path) -> Iterator[VideoFrame]:
     """Decode the frames of a track in the order in which they are shown.
 
     Frames before the first that can be decoded, as in a film that was cut between key frames, are
@@ -225,7 +225,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
         rate = video.average_rate or video.guessed_rate
         if not rate or not video.width:
             raise MediaError(f"{path}: the video track says no frame rate or size")
-        first = next(decoded(file, video, path), None)
+        first = next(decode_frames(file, video, path), None)
         if first is None:
             raise MediaError(f"{path}: no frame that can be decoded")
         start = start_of(video)
@@ -279,7 +279,7 @@ def _depth_of(path: Path) -> int:
             try:
                 if place:
                     file.seek((file.start_time or 0) + place * span // SAMPLED_PLACES)
-                for frame in islice(decoded(file, stream, path), SAMPLED_FRAMES):
+                for frame in islice(decode_frames(file, stream, path), SAMPLED_FRAMES):
                     brightest = max(brightest, int(frame.to_ndarray(format="gray16le").max()))
             except (MediaError, av.FFmpegError, OSError):
                 break  # reported when the frames are read

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from thesis_lib.files import staging
 from thesis_lib.measure.recordings.check import is_slowed, rate_of
-from thesis_lib.measure.recordings.corners import PAGE, corners_page
+from thesis_lib.measure.recordings.corners import PAGE_NAME, corners_page
 from thesis_lib.measure.recordings.folder import find_videos, name_cameras
 from thesis_lib.measure.recordings.manifest import (
     PICTURES,
@@ -89,7 +89,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         asked = (*asked, "cameras.captured_hz")
     told = [*_told(manifest, folder, infos), *passed, *_cornered(manifest, folder)]
     with staging(folder) as part:
-        (part / PAGE).write_text(corners_page(manifest, folder), encoding="utf-8")
+        (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
         (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
         put_files(part, folder)
     return path, [*told, *assumed(manifest, given, asked)]
@@ -235,7 +235,7 @@ def _cornered(manifest: Manifest, folder: Path) -> Iterator[str]:
     if manifest.structure.hole is None and lacking:
         yield (
             f"missing: corners_px of {_and(lacking)}, which tell how the structure lies: click "
-            f"them in {folder / PAGE}, beginning with the same corner"
+            f"them in {folder / PAGE_NAME}, beginning with the same corner"
         )
 
 

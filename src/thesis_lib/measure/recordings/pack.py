@@ -22,7 +22,7 @@ from thesis_lib.measure.recordings.retime import retime
 from thesis_lib.measure.recordings.text_files import TextFileError, read_text
 from thesis_lib.studies.refusals import shown
 
-SAMPLED = 50  # pictures of a folder, at most, that are looked at for the brightest grey level
+MAX_SAMPLED_PICTURES = 50  # of a folder, in which the brightest grey level is looked for
 #: Names in the text header and in the XML header of what is needed, and the numbers allowed
 FIELDS = {
     "rate": ("Record Rate(fps)", "recordRate", (1, 10**7)),  # Hz; the fastest sold reach 2e6
@@ -102,7 +102,7 @@ def _pictures(folder: Path, say: Callable[[str], object]) -> tuple[None, Iterato
     if not files:
         raise MediaError(f"{folder}: no picture in it ({', '.join(sorted(PICTURES))})")
     files.sort(key=lambda file: by_number(file.name))
-    depth = max(map(depth_of, files[:: math.ceil(len(files) / SAMPLED)]))
+    depth = max(map(depth_of, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)]))
     if 8 < depth < 16:
         say(f"{folder} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale.")
     return None, (read_png(file, depth) for file in files)

@@ -21,7 +21,7 @@ from thesis_lib.measure.recordings.media_info import (
     video_track,
 )
 
-TICK = Fraction(1, 1_000_000)  # s, unit of the times of frames that come unevenly
+TIME_UNIT_S = Fraction(1, 1_000_000)  # s, unit of the times of frames that come unevenly
 
 
 def retime(source: Path, target: Path, rate: float) -> int:
@@ -56,8 +56,8 @@ def retime(source: Path, target: Path, rate: float) -> int:
     pace = rate_of(clock, rate) / rate if timed else 1.0
     even = len(clock) < 3 or bool(np.ptp(np.diff(clock)) < 1e-9)
     if len(clock) == len(order):  # else some are hidden, or cannot be decoded
-        unit = 1 / Fraction(rate).limit_denominator(1001) if even else TICK
-        stamps = np.rint(order if even else clock[order] * pace / float(TICK)).astype(int)
+        unit = 1 / Fraction(rate).limit_denominator(1001) if even else TIME_UNIT_S
+        stamps = np.rint(order if even else clock[order] * pace / float(TIME_UNIT_S)).astype(int)
         try:
             whole_file(target, lambda part: _copy(source, part, stamps, unit))
         except (av.FFmpegError, ValueError):  # a codec that .mov does not hold, such as VP8

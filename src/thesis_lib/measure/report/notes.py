@@ -26,6 +26,8 @@ NOMINAL = 1e-5  # relative, by which a file's rate may differ from the manifest'
 # Rms residual of the board's corners in all cameras together over that in each alone, from which on
 # it is reported: 1.1 on photographs of a paper board at rest, 10 on a board held by hand.
 CONTRADICTORY = 2.0
+# Frames by which a shift of whole frames may be off: 1.7 ms at 60 Hz, 0.6 m of sound's way
+MAX_FRAME_FRACTION = 0.1
 MAX_CLOCK_DRIFT = 3e-4  # relative, that clocks of cameras differ; quartz: some 1e-5, phones 1e-4
 UNEVEN = 0.05  # frames by which they may come early or late
 APART = 10.0  # degrees by which cameras are out of step if a frequency may be an alias
@@ -100,16 +102,17 @@ def _of_frequency(data: xr.Dataset) -> Iterator[Note]:
         )
 
 
-def of_repeats(data: xr.Dataset) -> Iterator[Note]:
+def note_repeats(data: xr.Dataset) -> Iterator[Note]:
     """Yield a note for each camera whose frames repeat."""
     for line in data.attrs.get("repeats", "").splitlines():
         yield Note("repeated-frames", line)
 
 
-def of_pace(name: str, first: str, pace: float, error: str = "") -> Note:
+def note_pace(name: str, first: str, pace: float, error: str = "") -> Note:
     """Return the note on a clock that runs faster than the first camera's by a relative pace."""
     way = "fast" if pace > 0 else "slow"
-    how = f"{1e6 * abs(pace):.3g}{error} ppm {way} against that of {first}"
+    ppm = float(f"{1e6 * abs(pace):.3g}")
+    how = f"{ppm:,g}{error} ppm {way} against that of {first}"
     if abs(pace) > MAX_CLOCK_DRIFT:
         return Note(
             "frames-lost",
@@ -119,8 +122,17 @@ def of_pace(name: str, first: str, pace: float, error: str = "") -> Note:
     return Note("clock-drift", f"Camera {name}'s clock runs {how}; its times were corrected.")
 
 
+def _whole_frames(frames: float) -> str:
+    """Return what a shift by whole frames suggests, empty of any other."""
+    count = round(abs(frames))
+    if not count or abs(abs(frames) - count) > MAX_FRAME_FRACTION:
+        return ""
+    lost = f"{count} frames were" if count > 1 else "a frame was"
+    return f", or {lost} lost without its time stamps showing it: so long does that take"
+
+
 def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
-    yield from of_repeats(data)
+    yield from note_repeats(data)
     for k, name in enumerate(data["camera"].values):
         one = data.isel(camera=k)
         rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
@@ -149,15 +161,17 @@ def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
                 "slipped. End steady_s before, or film again.",
             )
         if float(one["corrected"]):
-            first, error = str(data["camera"].values[0]), 1e6 * float(one["pace_deviation"])
-            yield of_pace(name, first, float(one["pace"]), f" ± {error:.1g}")
+            first = str(data["camera"].values[0])
+            error = float(f"{1e6 * float(one['pace_deviation']):.1g}")
+            yield note_pace(name, first, float(one["pace"]), f" ± {error:,g}")
         if float(one["lag"]) and data.attrs.get("sound") != "none":
             late, error = 1e3 * float(one["lag"]), 1e3 * float(one["lag_deviation"])
             yield Note(
                 "start-by-pictures",
                 f"By the pictures camera {name} started {abs(late):.2g} ± {error:.1g} ms "
                 f"{'later' if late > 0 else 'earlier'} than by the sound, whose way to it may be "
-                "longer or shorter; the pictures decide, to within whole periods.",
+                f"longer or shorter{_whole_frames(1e-3 * late * rate)}; the pictures decide, to "
+                "within whole periods.",
             )
         if float(one["rest_misfit"]) > MISFIT:
             yield Note(
@@ -192,6 +206,8 @@ def _of_cameras(data: xr.Dataset) -> Iterator[Note]:
 
 def of_board(data: xr.Dataset) -> Iterator[Note]:
     """Compare the residuals of the board's corners in all cameras with those of each alone."""
+    if "single_rms" not in data:  # a calibration that was reused
+        return
     together = float(data.get("reprojection_rms", np.nan))
     if together > CONTRADICTORY * (alone := rms(data["single_rms"].values)):
         kept = together > MAX_CONTRADICTION * alone

@@ -9,15 +9,17 @@ import numpy as np
 
 from thesis_lib.arrays import Array, Image
 
-QUANTILE = 0.2  # of a row or column that the structure leaves free, at least
-SMOOTH = 2.0  # px over which the light of rows varies little, standard deviation
-COARSE = 8  # px of the frame in one of those in which its ground is looked for
-REACH = 0.12  # of the frame's width, beyond which ground is seen from everywhere on the structure
-DARKEST = 4.0  # grey levels of a ground that tell its light
-FULL = 250.0  # grey level of the brightest hundredth of an evened frame
+GROUND_QUANTILE = 0.2  # of a row or column that the structure leaves free, at least
+ROW_BLUR_PX = 2.0  # px over which the light of rows varies little, standard deviation
+COARSE_STEP_PX = 8  # px of the frame in one of those in which its ground is looked for
+GROUND_REACH = (
+    0.12  # of the frame's width, beyond which ground is seen from everywhere on the structure
+)
+MIN_GROUND_LEVEL = 4.0  # grey levels of a ground that tell its light
+WHITE_LEVEL = 250.0  # grey level of the brightest hundredth of an evened frame
 
 
-def evened(image: Image) -> Iterator[Image]:
+def even_light(image: Image) -> Iterator[Image]:
     """Yield a frame as it is, and divided by three estimates of its light.
 
     Light that flickers brightens rows of a rolling shutter unevenly, or columns in an upright
@@ -27,21 +29,23 @@ def evened(image: Image) -> Iterator[Image]:
     yield image
     grey = image.astype(float)
     for axis in (1, 0):
-        along = np.quantile(grey, QUANTILE, axis=axis)
-        along = cv2.GaussianBlur(along[:, None], (1, 0), sigmaX=0.1, sigmaY=SMOOTH)[:, 0]
-        yield _divided(grey, along[:, None] if axis else along[None])
+        along = np.quantile(grey, GROUND_QUANTILE, axis=axis)
+        along = cv2.GaussianBlur(along[:, None], (1, 0), sigmaX=0.1, sigmaY=ROW_BLUR_PX)[:, 0]
+        yield _divide(grey, along[:, None] if axis else along[None])
     height, width = image.shape
     coarse = cv2.resize(
-        image, (max(1, width // COARSE), max(1, height // COARSE)), interpolation=cv2.INTER_AREA
+        image,
+        (max(1, width // COARSE_STEP_PX), max(1, height // COARSE_STEP_PX)),
+        interpolation=cv2.INTER_AREA,
     )
-    side = 2 * max(1, round(REACH * coarse.shape[1])) + 1
+    side = 2 * max(1, round(GROUND_REACH * coarse.shape[1])) + 1
     ground = cv2.erode(coarse, np.ones((side, side), np.uint8))
     ground = cv2.GaussianBlur(ground.astype(np.float32), (0, 0), side / 4)
-    yield _divided(grey, np.asarray(cv2.resize(ground, (width, height)), float))
+    yield _divide(grey, np.asarray(cv2.resize(ground, (width, height)), float))
 
 
-def _divided(grey: Array, light: Array) -> Image:
+def _divide(grey: Array, light: Array) -> Image:
     """Grey levels over those of the light, so that the brightest are nearly white."""
-    ratio = grey / np.maximum(light, DARKEST)
+    ratio = grey / np.maximum(light, MIN_GROUND_LEVEL)
     white = max(float(np.quantile(ratio, 0.99)), 1e-9)
-    return np.asarray(np.clip(FULL * ratio / white, 0, 255), np.uint8)
+    return np.asarray(np.clip(WHITE_LEVEL * ratio / white, 0, 255), np.uint8)

@@ -10,7 +10,7 @@ import numpy as np
 
 from thesis_lib.arrays import Image
 from thesis_lib.measure.recordings.markers import Markers
-from thesis_lib.measure.tracking.evening import evened
+from thesis_lib.measure.tracking.evening import even_light
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
     View,
@@ -115,9 +115,9 @@ def first_view(
 
 
 def _found_view(image: Image, camera: Camera, markers: Markers) -> View:
-    """The view by corners that are found in the frame, or where its light has been evened."""
+    """The view by corners that are found in the frame, or where its light has been even_light."""
     failures: list[TrackingError] = []
-    for even in evened(image):
+    for even in even_light(image):
         try:
             return sharpen(image, find_view(even, camera, markers))
         except TrackingError as error:
