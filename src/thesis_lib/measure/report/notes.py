@@ -28,7 +28,7 @@ NOMINAL = 1e-5  # relative, by which a file's rate may differ from the manifest'
 CONTRADICTORY = 2.0
 # Frames by which a shift of whole frames may be off: 1.7 ms at 60 Hz, 0.6 m of sound's way
 MAX_FRAME_FRACTION = 0.1
-MAX_CLOCK_DRIFT = 3e-4  # relative, that clocks of cameras differ; quartz: some 1e-5, phones 1e-4
+MAX_CLOCK_DRIFT = 5e-4  # relative, of cameras' clocks: quartz 1e-5 to 1e-4, ceramics up to 5e-4
 UNEVEN = 0.05  # frames by which they may come early or late
 APART = 10.0  # degrees by which cameras are out of step if a frequency may be an alias
 
