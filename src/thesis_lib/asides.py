@@ -6,7 +6,9 @@ import os
 import shutil
 import sys
 
-from thesis_lib.text import message
+import click
+
+from thesis_lib.text import message, visible
 
 QUIET = "THESIS_QUIET"
 """Set in the environment of kernels, whose standard error would be an output of the notebook."""
@@ -21,6 +23,15 @@ def aside(text: str) -> None:
     _told.append(message(text))
     if QUIET not in os.environ:
         say(_told[-1])
+
+
+def echo(*lines: str, err: bool = False) -> None:
+    """Print lines on standard output, or on standard error.
+
+    Names of files are anybody's: what could act on a screen is written out, a line feed too.
+    """
+    for line in lines:
+        click.echo(visible(line), err=err)
 
 
 def live() -> bool:

@@ -17,6 +17,7 @@ from thesis_lib.figure_sets import keys, outside, registry
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show
 from thesis_lib.runs.kernel_main import without_dask
+from thesis_lib.studies import storage
 
 PAGE = (PROJECT / "book" / "own-figure-set.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```\{code-block\} python\n:caption: (.+)\n((?:.*\n)*?)```", PAGE)
@@ -80,7 +81,7 @@ def test_it_is_listed_run_drawn_and_compared(footprint, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_cube_of_it_is_known_in_its_folder_alone(footprint, tmp_path, monkeypatch):
+def test_a_cube_of_it_is_known_where_its_folder_is_named(footprint, tmp_path, monkeypatch):
     asked = ["run", footprint, "--out", tmp_path / "out"]
     assert thesis(*asked).status == 0
     for known in (registry.FIGURE_SETS, registry.STUDIES, outside._PLACES):
@@ -89,11 +90,24 @@ def test_a_cube_of_it_is_known_in_its_folder_alone(footprint, tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     cube = tmp_path / "out" / "footprint.nc"
     said = refusal(thesis("compare", cube))
-    assert "its figure set footprint is not known here: run this in its folder" in said
+    assert "its figure set footprint is not known; if you trust its code, name its folder" in said
     said = refusal(thesis("run", "footprint"))
     assert "for the folder here: thesis run ./footprint" in said
     monkeypatch.chdir(footprint)
+    refusal(thesis("compare", cube))
+    monkeypatch.setenv(outside.ENVIRONMENT, str(footprint))
     assert thesis("compare", cube).status == 0
+
+
+def test_compare_executes_nothing_that_lies_beside_a_cube(tmp_path, monkeypatch):
+    """As one does with an archive of a cube and a module."""
+    attrs = {"figure_set": "footprint", "parameters": "{}", "parameters_hash": "0" * 10}
+    storage.write(xr.Dataset({"mean_error": ("x", [1.0])}, attrs=attrs), tmp_path / "x.nc")
+    (tmp_path / "figure_set.py").write_text("from pathlib import Path; Path('ran').touch()\n")
+    monkeypatch.chdir(tmp_path)
+    refusal(thesis("compare", "x.nc"))
+    refusal(thesis("compare", tmp_path / "x.nc", "x.nc"))
+    assert not (tmp_path / "ran").exists()
 
 
 def test_a_failing_cell_is_counted_as_in_the_notebook(footprint, tmp_path):

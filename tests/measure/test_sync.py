@@ -105,6 +105,20 @@ def test_the_command_writes_a_table_and_a_picture(conforms, videos, tmp_path):
     assert {video: video.stat().st_mtime_ns for video in videos} == before
 
 
+def test_names_are_neither_formulas_nor_commands_of_the_screen(videos, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = ["=cmd|' -C calc'!A0.mkv", "-12:30:05\u202e\nA starts \x1b]0;title\x07.mkv"]
+    for name, video in zip(names, videos[:2], strict=True):
+        (tmp_path / name).symlink_to(video)
+    done = thesis("sync", "--", *names)
+    assert (done.status, done.err) == (0, "")
+    assert len(done.out.splitlines()) == 2
+    assert all(line.isprintable() for line in done.out.splitlines())
+    table = pd.read_csv(tmp_path / "sync" / "sync.csv")
+    assert table["video"].tolist() == ["'=cmd|' -C calc'!A0", "'" + names[1].removesuffix(".mkv")]
+    assert table["starts_after_s"].dtype == float
+
+
 def test_sounds_that_are_unlike_and_files_that_are_none_are_one_line(videos, tmp_path):
     pictures = np.zeros((30, 16, 16), np.uint8)
     write_video(tmp_path / "D.mkv", pictures, 30, np.zeros(0), RATE)

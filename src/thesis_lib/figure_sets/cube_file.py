@@ -101,8 +101,8 @@ def _request(cube: xr.Dataset, path: Path) -> Study:
     """What a cube says it was made for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
     if not outside.is_known(name):
-        here = "run this in its folder, the one with figure_set.py"
-        raise _refusal(path, f"its figure set {one_line(name)} is not known here: {here}")
+        trusted = f"if you trust its code, name its folder: {outside.ENVIRONMENT}=FOLDER thesis …"
+        raise _refusal(path, f"its figure set {one_line(name)} is not known; {trusted}")
     try:
         values = json.loads(given)
         request = validate(name, values)

@@ -56,17 +56,17 @@ def load(folder: Path) -> list[str]:
     return [one.request.name for one in found]
 
 
-def load_all() -> None:
-    """Make known what the process that started this one knows, and what is in this folder."""
-    here = [os.curdir] if Path("figure_set.py").is_file() else []  # as Jupyter starts kernels
-    for folder in filter(None, [*os.environ.get(ENVIRONMENT, "").split(os.pathsep), *here]):
-        load(Path(folder))
+def is_known(name: str, here: bool = False) -> bool:
+    """Return whether there is a figure set of this name, or in a folder of :data:`ENVIRONMENT`.
 
-
-def is_known(name: str) -> bool:
-    """Whether there is a figure set of this name, here or where :func:`load_all` looks."""
+    With `here`, in the working directory, too: for a notebook, whose code is executed anyway. No
+    command executes code that merely lies where it is called.
+    """
     if name not in FIGURE_SETS:
-        load_all()
+        named = os.environ.get(ENVIRONMENT, "").split(os.pathsep)
+        named += [os.curdir] * (here and Path("figure_set.py").is_file())
+        for folder in filter(None, named):
+            load(Path(folder))
     return name in FIGURE_SETS
 
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from thesis_lib.asides import echo
+
 if TYPE_CHECKING:
     from thesis_lib.measure.recordings.manifest_model import Manifest
 
@@ -53,9 +55,9 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
     with one_line(folder):
         write = planned_manifest if "cameras" in given else new_manifest
         manifest, lines = write(folder, given)
-    click.echo("\n".join(lines))
+    echo(*lines)
     name = shlex.quote(str(manifest))
-    click.echo(f"Now look through {name}, and ask: thesis measure --check {name}")
+    echo(f"Now look through {name}, and ask: thesis measure --check {name}")
 
 
 def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
@@ -114,10 +116,8 @@ def board(
 
     with one_line(file):
         said = write_board(file, columns, rows, tile_mm, paper, charuco, two_sided)
-    click.echo(
-        f"{file}: print at 100 %, measure the line of 100 mm, glue the sheet on a flat plate"
-    )
-    click.echo(said)
+    echo(f"{file}: print at 100 %, measure the line of 100 mm, glue the sheet on a flat plate")
+    echo(*said.split("\n"))
 
 
 @print_.command()
@@ -148,7 +148,7 @@ def markers(
         count = write_markers(
             file, columns, rows, spacing_mm, row_spacing_mm, diameter_mm, paper, bright
         )
-    click.echo(f"{file}: {count} pages to be printed at 100 %, cut at the corner marks, and joined")
+    echo(f"{file}: {count} pages to be printed at 100 %, cut at the corner marks, and joined")
 
 
 @print_.command()
@@ -162,7 +162,7 @@ def stand(manifest: Path, file: Path, paper: str) -> None:
 
     with one_line(file):
         write_stand(file, read_manifest(manifest, check_files=False).cameras, paper)
-    click.echo(f"{file}: print it at 100 %, and lay it under the structure's centre")
+    echo(f"{file}: print it at 100 %, and lay it under the structure's centre")
 
 
 @click.command()
@@ -187,8 +187,8 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
 
     with one_line(out):
         lines = write_synchronisation(videos, out)
-    click.echo("\n".join(lines))
-    click.echo(f"Wrote {out / 'sync.csv'} and {out / 'sync.png'}")
+    echo(*lines)
+    echo(f"Wrote {out / 'sync.csv'} and {out / 'sync.png'}")
 
 
 @click.command()
@@ -215,4 +215,4 @@ def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
             count, (width, height) = write(source, target, rate_hz, click.echo)
         except MediaError as error:
             raise click.UsageError(str(error)) from None
-    click.echo(f"{target}: {count} frames of {width} × {height} px")
+    echo(f"{target}: {count} frames of {width} × {height} px")

@@ -10,6 +10,7 @@ from pathlib import Path
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration import exactness
 from thesis_lib.measure.exchange import files, reading
+from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.describe import describe
 from thesis_lib.measure.measured import Recorded, deflection, recorded
@@ -93,7 +94,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         storage.write(data, part / "measured.nc")
         storage.write(exactness.to_keep(of.calibration), part / reading.OWN)
         html.write_pictures(part, pictures)
-        report.table(data).to_csv(part / "shapes.csv", index=False)
+        write_csv(report.table(data), part / "shapes.csv")
         files.write(part, data, moved, of.recordings)
         moving.write(part, data, of.recordings[0], videos[0])
         if radiated is not None:

@@ -40,7 +40,7 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     ParameterError
         If a value is refused, or papermill has injected a parameter that there is not.
     """
-    if not outside.is_known(name):
+    if not outside.is_known(name, here=True):
         validate(name, {})  # which says so
     fields = STUDIES[name].model_fields
     for variable in _injected(namespace.get("In", [])):

@@ -14,6 +14,7 @@ from thesis_lib.files import staging
 from thesis_lib.measure.calibration.exactness import covariance_of, to_keep
 from thesis_lib.measure.exchange import cameras, history, uff, vtk
 from thesis_lib.measure.exchange.reading import OWN
+from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.modes import report
 from thesis_lib.measure.modes.result import result
 from thesis_lib.measure.radiation import files as radiation_files
@@ -74,8 +75,8 @@ def several(
         pictures |= beside or {}
     with staging(out) as part:
         storage.write(data, part / "modes.nc")
-        report.modes(data).to_csv(part / "modes.csv", index=False)
-        report.shapes(data).to_csv(part / "shapes.csv", index=False)
+        write_csv(report.modes(data), part / "modes.csv")
+        write_csv(report.shapes(data), part / "shapes.csv")
         html.write_pictures(part, pictures)
         uff.write_modes(part / "modes.uff", data)
         for k in range(data.sizes["mode"]):

@@ -10,6 +10,7 @@ import xarray as xr
 from scipy.io import wavfile
 
 from thesis_lib.arrays import Array
+from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.studies import storage
 
@@ -25,7 +26,7 @@ MEANINGS = (
 def write(folder: Path, data: xr.Dataset) -> None:
     """Write the sound, as numbers and as files that play, into a folder that is there."""
     storage.write(data, folder / "radiated.nc")
-    table(data).to_csv(folder / "radiated.csv", index=False, float_format="%.6g")
+    write_csv(table(data), folder / "radiated.csv", "%.6g")
     for number in range(data.sizes["point"]):
         samples = heard(data, number).astype(np.float32)
         wavfile.write(folder / f"heard-{number + 1}.wav", RATE, samples)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import staging
+from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.recordings.media_info import MediaError, probe
 from thesis_lib.measure.recordings.sound import opened_audio
 from thesis_lib.measure.synchronisation.audio import Recording, hear
@@ -125,7 +126,7 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
     picture = saved(_picture(videos, drifts, names), "png", dpi=140)
     with staging(out) as part:
         rows = table(drifts, names, frame_rate)
-        rows.to_csv(part / "sync.csv", index=False, float_format="%.9g")
+        write_csv(rows, part / "sync.csv", "%.9g")
         (part / "sync.png").write_bytes(picture)
         put_files(part, out)
     return [*describe(drifts, names, frame_rate), *_sources(videos, names)]
