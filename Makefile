@@ -3,7 +3,8 @@ PYTHON ?= python3
 export UV_PYTHON_DOWNLOADS := never
 unexport PYTHONDONTWRITEBYTECODE  # or every process would compile what it imports: 8 s for a notebook
 BIN := .venv/bin
-digest = $(firstword $(shell cat $(1) | cksum))
+# With the checkout's path: an environment that was copied or moved with it would run the other's code.
+digest = $(firstword $(shell (pwd -P; cat $(1)) | cksum))
 BOOK := .venv/.book-$(call digest,requirements/*.txt)
 ALL := .venv/.all-$(call digest,requirements.lock)
 UV := $(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps
@@ -73,7 +74,7 @@ clean:
 	rm -rf build runs data/results book/executed
 
 # The environment: what the book needs, and with the tests all of requirements.lock. Named by what the
-# locks say, so that only their change makes it anew, and an interrupted one is not taken for whole.
+# locks say and where it is, so that only their change makes it anew, and an interrupted one is not taken for whole.
 $(BOOK):
 	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and '$(PYTHON) is too old: give one from 3.11 on, as in make PYTHON=python3.12')"
 	$(PYTHON) -m venv --clear .venv

@@ -255,6 +255,19 @@ def test_a_disk_without_locks_is_written_to_and_never_swept(tmp_path, monkeypatc
 # What is kept.
 
 
+def test_other_content_of_the_same_size_and_time_is_noticed(tmp_path):
+    video = tmp_path / "A.mkv"
+    video.write_bytes(b"sound and pictures")
+    key, before = kept.key_of([1], [video]), video.stat()
+    assert kept.key_of([1], [video]) == key
+    video.write_bytes(b"other and pictures")
+    os.utime(video, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert video.stat().st_mtime_ns == before.st_mtime_ns
+    assert kept.key_of([1], [video]) != key
+    video.write_bytes(b"sound and pictures")  # and copied, at another time, it is what it was
+    assert kept.key_of([1], [video]) == key
+
+
 @pytest.fixture
 def cube(tmp_path):
     path = tmp_path / "cache" / "cube.nc"

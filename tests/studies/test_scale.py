@@ -132,9 +132,16 @@ def test_plate_and_sound_are_the_same_by_workers(cluster, small_blocks):
 
 
 @pytest.mark.slow
-def test_processes_of_this_machine_give_the_same_cube(small_blocks):
+def test_processes_of_this_machine_give_the_same_cube_without_a_port(small_blocks, monkeypatch):
+    """Where nothing can listen: no stranger on this machine can send them code."""
     study = validate("beam-distance", {"trials": 60})
-    xr.testing.assert_identical(studies.run(study, "processes"), studies.run(study))
+    alone = studies.run(study)
+
+    def refuse(*_):
+        raise PermissionError("a port")
+
+    monkeypatch.setattr(socket.socket, "listen", refuse)
+    xr.testing.assert_identical(studies.run(study, "processes"), alone)
 
 
 @pytest.mark.slow
@@ -429,7 +436,7 @@ def test_a_result_of_another_worker_is_refused_and_work_fails_as_it_is(monkeypat
 def test_without_dask_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(schedulers.SchedulerError, match=r"pip install thesis-lib\[scale\]"):
-        schedulers.check("processes")
+        schedulers.check("tcp://127.0.0.1:1")
 
 
 def test_studies_without_pieces_say_so(monkeypatch, capsys):

@@ -96,6 +96,10 @@ def computed(
             yield block, work(block)
         return
     together = pieces(blocks, piece_bytes)
+    if scheduler == schedulers.PROCESSES:
+        for piece, results in schedulers.by_processes(_Each(work), together):
+            yield from zip(piece, results, strict=True)
+        return
     with schedulers.workers(scheduler) as client:
         for piece, results in schedulers.in_order(client, _Each(work), together):
             yield from zip(piece, results, strict=True)

@@ -1,9 +1,9 @@
-"""Workers by Dask: processes on this machine, or an existing cluster.
+"""Workers: processes of this machine, which open no port, or an existing Dask cluster.
 
 Which scheduler computes a study is no parameter of it: it changes nothing in the cube. It comes by
 ``thesis run --scheduler``, or by the environment variable ``THESIS_SCHEDULER`` where papermill runs
-a notebook. ``distributed`` (``pip install thesis-lib[scale]``) is imported when workers are asked
-for, and not before.
+a notebook. ``distributed`` (``pip install thesis-lib[scale]``) is imported when a cluster is asked
+for, and not before; its keys for TLS come from Dask's own configuration.
 
 Work goes out a few pieces ahead of what is taken, and comes back in its order. Dask computes again
 what was lost with a worker. Every wait is bounded. Workers may come and go: each piece comes back
@@ -15,13 +15,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import multiprocessing
 import os
 import platform
 import re
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import CancelledError, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
@@ -33,20 +35,12 @@ from thesis_lib.files import library_digest
 
 ENVIRONMENT = "THESIS_SCHEDULER"
 PROCESSES = "processes"
-ALLOWED = f"allowed: {PROCESSES}, or tcp://HOST:PORT of a Dask scheduler"
+ALLOWED = f"allowed: {PROCESSES}, or tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler"
 WAIT_S = 10.0  # for a scheduler, and for a first worker
 LOST_S = 60.0  # for what workers say of themselves, and for any worker while there is work
 AHEAD = 2  # pieces sent out beforehand, for each worker
-# Of worker processes: a BLAS thread each, and memory that a block used is kept for the next one,
-# where Dask would give it back to the system and fault it in again.
-WORKER = {
-    "OMP_NUM_THREADS": 1,
-    "OPENBLAS_NUM_THREADS": 1,
-    "MKL_NUM_THREADS": 1,
-    "MALLOC_ARENA_MAX": 1,
-    "MALLOC_MMAP_THRESHOLD_": 2**25,
-    "MALLOC_TRIM_THRESHOLD_": 2**28,
-}
+# Of worker processes: a BLAS thread each
+WORKER = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 class SchedulerError(RuntimeError):
@@ -60,7 +54,7 @@ def checked(scheduler: str) -> str:
     ----------
     scheduler : str
         ``processes`` for worker processes on this machine, as many as it has cores, or
-        ``tcp://HOST:PORT`` for an existing cluster.
+        ``tcp://HOST:PORT`` or ``tls://HOST:PORT`` for an existing cluster.
 
     Raises
     ------
@@ -72,7 +66,9 @@ def checked(scheduler: str) -> str:
     >>> checked("tcp://10.0.0.5:8786"), checked("tcp://[::1]:8786")
     ('tcp://10.0.0.5:8786', 'tcp://[::1]:8786')
     """
-    match = re.fullmatch(r"tcp://(?:[\w.-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})", scheduler, re.ASCII)
+    match = re.fullmatch(
+        r"t(?:cp|ls)://(?:[\w.-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})", scheduler, re.ASCII
+    )
     if scheduler != PROCESSES and not (match and 0 < int(match[1]) < 2**16):
         raise ValueError(f"given {scheduler!r:.80}, {ALLOWED}")
     return scheduler
@@ -106,11 +102,9 @@ def check(scheduler: str) -> None:
     SchedulerError
         As :func:`workers`; that worker processes of this machine start is left to them.
     """
-    if scheduler == PROCESSES:
-        _distributed(scheduler)
-        return
-    with workers(scheduler):
-        pass
+    if scheduler != PROCESSES:
+        with workers(scheduler):
+            pass
 
 
 def _distributed(scheduler: str) -> Any:
@@ -145,31 +139,45 @@ def workers(scheduler: str) -> Iterator[Any]:
         another state of the library or of NumPy, whose last bits might differ.
     """
     distributed = _distributed(scheduler)
-    import dask.config
-    from dask.system import CPU_COUNT  # what this process may use
-
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is raised here
-    with contextlib.ExitStack() as stack:
-        place: Any = scheduler
-        if scheduler == PROCESSES:
-            with dask.config.set({"distributed.nanny.pre-spawn-environ": WORKER}):
-                place = distributed.LocalCluster(
-                    n_workers=CPU_COUNT,
-                    threads_per_worker=1,
-                    processes=True,
-                    host="127.0.0.1",
-                    dashboard_address="127.0.0.1:0",
-                    memory_limit=0,
-                    silence_logs=logging.CRITICAL,
-                )
-            stack.enter_context(place)
-        else:
-            _check_address(scheduler)
-        client = stack.enter_context(
-            distributed.Client(place, timeout=WAIT_S, set_as_default=False)
-        )
+    _check_address(scheduler)
+    with distributed.Client(scheduler, timeout=WAIT_S, set_as_default=False) as client:
         _check(client, scheduler)
         yield client
+
+
+def by_processes(work: Callable[[Any], Any], pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
+    """Yield pieces and what processes of this machine make of them, in their order.
+
+    They speak through pipes that nobody else can open.
+
+    Raises
+    ------
+    SchedulerError
+        If a process ends before its work, as where memory is short.
+    """
+    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    under_way: deque[tuple[Any, Any]] = deque()
+    before = {name: os.environ.get(name) for name in WORKER}
+    os.environ.update(WORKER)  # which spawned processes inherit
+    pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"))
+    try:
+        for piece in pieces:
+            under_way.append((piece, pool.submit(work, piece)))
+            if len(under_way) > AHEAD * (count or 1):
+                piece, future = under_way.popleft()
+                yield piece, future.result()
+        while under_way:
+            piece, future = under_way.popleft()
+            yield piece, future.result()
+    except BrokenProcessPool:
+        raise SchedulerError(
+            "a worker process ended before its work; run without --scheduler, or give it memory"
+        ) from None
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _check_address(scheduler: str) -> None:
