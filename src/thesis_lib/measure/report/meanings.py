@@ -94,9 +94,9 @@ OF_A_SHAPE = {
     ),
     "frames-lost": Meaning(
         "Camera …'s clock seems to run … ppm …: more than any clock",
-        "Clocks of cameras agree to 0.01 %, the worst to 0.05 %. Frames that were lost or repeated without their time "
-        "stamps saying so look like a clock that runs so much faster or slower, and so does a "
-        "video whose rate was rounded, as 59.94 to 60.",
+        "Clocks of cameras agree to 0.01 %, the worst to 0.05 %. Frames that were lost or repeated "
+        "without their time stamps saying so look like a clock that runs so much faster or slower, "
+        "and so does a video whose rate was rounded, as 59.94 to 60.",
         "Look at how frames repeat, and take the file as the camera wrote it. If its rate was "
         "rounded, nothing: the times were corrected.",
     ),
