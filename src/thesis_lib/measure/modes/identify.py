@@ -18,7 +18,6 @@ from thesis_lib.measure.modes.poles import (
     Poles,
     block_of,
     columns,
-    filled,
     fitted,
     scatter,
     seen_fit,
@@ -126,7 +125,6 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         if turn == 0:
             poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
             given = tuple(poles.rates[:, 1] / (2 * np.pi))
-        blocks = [filled(block, poles.rates) for block in blocks]
         found = shapes(own, blocks, poles, rest)
         if turn < ROUNDS:
             more, errors = lags(found, poles)

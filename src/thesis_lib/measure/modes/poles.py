@@ -2,39 +2,45 @@
 
 A track is a sum of e^{λt}, λ = −α + jω, at the times of its own camera. The poles are common to all
 tracks of all cameras, while every track has amplitudes of its own. For given poles these follow by
-linear least squares; what is left of the tracks depends on the poles alone (Golub and Pereyra 1973)
-and is made least by Gauss–Newton steps with Kaufman's derivative (1975). Frames at any times, rates
-that differ, and frequencies above half of a rate need nothing more. A rolling shutter or an
-exposure changes amplitudes, not poles.
+linear least squares; the residual depends on the poles alone (Golub and Pereyra 1973) and is made
+least by Gauss–Newton steps with Kaufman's derivative (1975), damped as Marquardt does. Frames at
+any times, rates that differ, and frequencies above half of a rate need nothing more. A rolling
+shutter or an exposure changes amplitudes, not poles.
 
-Tracks of many markers span few dimensions, two for a mode: before the fit each camera's are turned
-into their principal series, which changes nothing but the time it takes.
+The derivative of a column bᵢ by its pole is t times a mix of columns. A step therefore needs of a
+track its residual, and the moments Σ bᵢbⱼ, Σ t bᵢbⱼ, Σ t² bᵢbⱼ over the frames in which its marker
+is seen. Nothing stands in for a centre that is missing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, IntArray, Mask
 
-SERIES = 16  # principal series of a camera that are kept, at least
-SINGULAR = 1e12  # condition of the columns over some frames, from which on these do not tell
-TOLERANCE = 1e-12  # relative change of the sum of squares at which the fit ends
+MAX_CONDITION = 1e12  # of the normal equations over the frames of a marker that are still solved
+MAX_STEPS = 100  # of the fit; from a coarse start it needs about ten
+MIN_GAIN = 1e-6  # of a step, over the residuals' mean square: it is 0.001 standard errors long
 
 
 @dataclass(frozen=True)
 class Block:
-    """The tracks of one camera over the noise of each, about their means."""
+    """Tracks of one camera over the noise of each, about their means."""
 
     times: Array  #: From the begin of the part that is fitted, s, shape (frames,)
-    values: Array  #: Over `scale`, shape (frames, series); what was missing is filled
-    known: Mask  #: What was seen, shape (frames, series)
-    principal: Array  #: What the fit uses of the values, shape (frames, few)
+    values: Array  #: Over `scale`, shape (frames, series); 0 where missing
+    known: Mask  #: Where they are not missing, shape (frames, series)
     scale: Array  #: Noise of each series, shape (series,)
+
+    @cached_property
+    def patterns(self) -> tuple[Array, IntArray]:
+        """Unlike columns of `known`, shape (frames, patterns), and that of each series."""
+        unlike, of = np.unique(self.known, axis=1, return_inverse=True)
+        return unlike.astype(float), np.asarray(of.ravel(), int)
 
 
 @dataclass(frozen=True)
@@ -70,58 +76,16 @@ class Poles:
         return found[0], found[1]
 
 
-def block_of(times: Array, values: Array, scale: Array, series: int = SERIES) -> Block:
-    """Values (frames, series) over their noise, at times from 0 on; NaN is filled with a mean."""
+def block_of(times: Array, values: Array, scale: Array) -> Block:
+    """Divide values (frames, series), NaN where missing, by their noise; subtract their means."""
     known = np.isfinite(values) & np.isfinite(scale)
     over = np.where(known, values, 0.0) / np.where(np.isfinite(scale), scale, 1.0)
     mean = over.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    about = np.where(known, over - mean, 0.0)
-    return Block(times, about, known, principal(about, series), scale)
-
-
-def principal(values: Array, series: int) -> Array:
-    """The strongest principal series of values (frames, n), at most so many."""
-    _, turn = np.linalg.eigh(values.T @ values)
-    return np.asarray(values @ turn[:, ::-1][:, :series], float)
-
-
-def filled(block: Block, rates: Array, series: int = SERIES) -> Block:
-    """The block with the fit in place of what is missing."""
-    if block.known.all():
-        return block
-    B = columns(block.times, rates)
-    values = np.where(block.known, block.values, B @ seen_fit(B, block)[0])
-    return replace(block, values=values, principal=principal(values, series))
-
-
-def seen_fit(B: Array, block: Block) -> tuple[Array, Array]:
-    """Coefficients of columns by what is seen, (n, series), and covariances for a noise of one.
-
-    The latter have shape (series, n, n), and are infinite where too little is seen.
-    """
-    n, known = B.shape[1], block.known
-    if known.all():
-        alike = np.linalg.inv(B.T @ B)
-        return coefficients(B, block.values), np.broadcast_to(alike, (known.shape[1], n, n))
-    matrix = np.einsum("ti,tj,ts->sij", B, B, known.astype(float), optimize=True)
-    enough = (known.sum(axis=0) >= n + 2) & (np.linalg.cond(matrix) < SINGULAR)
-    inverse = np.linalg.inv(np.where(enough[:, None, None], matrix, np.eye(n)))
-    right = B.T @ np.where(known, block.values, 0.0)
-    found = np.where(enough, np.einsum("sij,js->is", inverse, right), 0.0)
-    return found, np.where(enough[:, None, None], inverse, np.inf)
-
-
-def scatter(block: Block, B: Array, fit: Array) -> Array:
-    """Scatter of each series about a fit of columns, px; NaN of one that is hardly seen."""
-    left = np.where(block.known, block.values - B @ fit, 0.0)
-    freedom = block.known.sum(axis=0) - B.shape[1]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        sigma = np.sqrt(np.sum(left**2, axis=0) / freedom)
-    return np.asarray(np.where(freedom >= 2, sigma, np.nan) * block.scale, float)
+    return Block(times, np.where(known, over - mean, 0.0), known, scale)
 
 
 def columns(times: Array, rates: Array) -> Array:
-    """A constant, then e^{−αt} cos ωt and e^{−αt} sin ωt of each pole, (times, 1 + 2 modes)."""
+    """Evaluate 1, then e^{−αt} cos ωt and e^{−αt} sin ωt of each pole, (times, 1 + 2 modes)."""
     made = [np.ones_like(times)]
     for alpha, omega in rates:
         decay = np.exp(-alpha * times)
@@ -129,76 +93,123 @@ def columns(times: Array, rates: Array) -> Array:
     return np.stack(made, axis=1)
 
 
-def coefficients(B: Array, values: Array) -> Array:
-    """Least-squares coefficients of columns (times, n) for values (times, series), (n, series)."""
-    Q, R = np.linalg.qr(B)
-    return np.asarray(np.linalg.solve(R, Q.T @ values), float)
+def seen_fit(B: Array, block: Block) -> tuple[Array, Array]:
+    """Fit columns (frames, n) to each series where it is known.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (n, series)
+        0 where too little is known.
+    covariance : ndarray, shape (series, n, n)
+        Of them, for a noise of one; infinite where too little is known.
+    """
+    seen, of = block.patterns
+    matrix = _moments(B, B, seen)
+    enough = (seen.sum(axis=0) >= B.shape[1] + 2) & (np.linalg.cond(matrix) < MAX_CONDITION)
+    inverse = np.linalg.inv(np.where(enough[:, None, None], matrix, np.eye(B.shape[1])))[of]
+    found = np.where(enough[of], np.einsum("sij,js->is", inverse, B.T @ block.values), 0.0)
+    return found, np.where(enough[of, None, None], inverse, np.inf)
+
+
+def _moments(B: Array, C: Array, seen: Array) -> Array:
+    """Sum products of columns (frames, n) over the frames of patterns, (patterns, n, n)."""
+    return np.asarray(np.einsum("ti,tj,tp->pij", B, C, seen, optimize=True), float)
+
+
+def residual(block: Block, B: Array, fit: Array) -> Array:
+    """Subtract a fit of columns from the values, (frames, series); 0 where missing."""
+    return np.where(block.known, block.values - B @ fit, 0.0)
 
 
 def left_of(block: Block, rates: Array) -> Array:
-    """What is left of the principal series beside the poles, shape (frames, few)."""
-    Q, _ = np.linalg.qr(columns(block.times, rates))
-    return np.asarray(block.principal - Q @ (Q.T @ block.principal), float)
+    """Subtract the best fit of some poles from the values, (frames, series); 0 where missing."""
+    B = columns(block.times, rates)
+    return residual(block, B, seen_fit(B, block)[0])
+
+
+def scatter(block: Block, B: Array, fit: Array) -> Array:
+    """Estimate the scatter of each series about a fit of columns, px; NaN if hardly seen."""
+    freedom = block.known.sum(axis=0) - B.shape[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sigma = np.sqrt(np.sum(residual(block, B, fit) ** 2, axis=0) / freedom)
+    return np.asarray(np.where(freedom >= 2, sigma, np.nan) * block.scale, float)
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Gauss–Newton equations of poles (modes, 2) by the tracks of one camera."""
+
+    squares: float  #: Sum of the squared residuals
+    right: Array  #: Half its gradient, turned round, shape (2 modes,)
+    matrix: Array  #: Half its second derivative, without small terms, shape (2 modes, 2 modes)
+    noise: tuple[float, int]  #: Of the tracks that determine amplitudes: squares, and freedom
+
+
+def equations_of(block: Block, rates: Array) -> Equations:
+    """Set up the equations of one camera at some poles."""
+    B, (seen, of) = columns(block.times, rates), block.patterns
+    fit, inverse = seen_fit(B, block)
+    left = residual(block, B, fit)
+    tB = B * block.times[:, None]
+    mix = np.zeros((len(of), len(fit), rates.size))  # tB @ mix is the derivative of a series' fit
+    for k in range(len(rates)):
+        cosine, sine = fit[2 * k + 1 : 2 * k + 3]
+        mix[:, 2 * k + 1, 2 * k : 2 * k + 2] = np.stack([-cosine, sine], axis=1)
+        mix[:, 2 * k + 2, 2 * k : 2 * k + 2] = np.stack([-sine, -cosine], axis=1)
+    known = np.isfinite(inverse[:, 0, 0])
+    inverse = np.where(known[:, None, None], inverse, 0.0)
+    cross, own = _moments(B, tB, seen)[of], _moments(tB, tB, seen)[of]
+    inner = own - cross.swapaxes(1, 2) @ inverse @ cross
+    squares = np.sum(left**2, axis=0)
+    freedom = (block.known.sum(axis=0) - len(fit))[known].sum()
+    return Equations(
+        float(squares.sum()),
+        np.einsum("sif,is->f", mix, tB.T @ left),
+        np.einsum("sif,sij,sjg->fg", mix, inner, mix, optimize=True),
+        (float(squares[known].sum()), int(freedom)),
+    )
 
 
 def fitted(blocks: Sequence[Block], start: Array, damped: bool) -> Poles:
-    """Poles from a start (modes, 2); without damping only the frequencies are fitted."""
-    free = np.ones_like(start, bool)
-    free[:, 0] = damped
-    scale = 1 / max(float(np.ptp(block.times)) for block in blocks)
+    """Fit poles from a start (modes, 2); without damping only the frequencies."""
+    free = np.flatnonzero(np.tile([damped, True], len(start)))
+    every = np.ix_(free, free)
 
-    def rates(x: Array) -> Array:
-        full = start.copy()
-        full[free] += x * scale
-        return full
+    def equations(x: Array) -> list[Equations]:
+        rates = start.copy()
+        rates.flat[free] = x
+        return [equations_of(block, rates) for block in blocks]
 
-    def residual(x: Array) -> Array:
-        return np.concatenate([left_of(block, rates(x)).ravel() for block in blocks])
-
-    def derivative(x: Array) -> Array:
-        return np.concatenate([_slopes(block, rates(x), free) for block in blocks]) * scale
-
-    found = least_squares(residual, np.zeros(free.sum()), derivative, method="lm", ftol=TOLERANCE)
-    best = rates(found.x)
-    J = [_slopes(block, best, free) for block in blocks]
-    square = [own.T @ own for own in J]
-    noise = _noise(blocks, best)
-    each = [
-        -np.linalg.lstsq(s, own.T @ left_of(block, best).ravel(), rcond=None)[0]
-        for s, own, block in zip(square, J, blocks, strict=True)
-    ]
-    spread = [noise * np.sqrt(np.maximum(np.diag(np.linalg.pinv(s)), 0)) for s in square]
-    index = np.flatnonzero(free.ravel())
-    covariance = np.zeros((free.size, free.size))
-    covariance[np.ix_(index, index)] = noise**2 * np.linalg.pinv(sum(square))
-    wide = np.zeros((2, len(blocks), free.size))
-    wide[:, :, index] = each, spread
-    return Poles(best, covariance, wide[0], wide[1], noise)
+    best, parts = _least(equations, start.flat[free], free)
+    rates = start.copy()
+    rates.flat[free] = best
+    squares, freedom = np.sum([part.noise for part in parts], axis=0)
+    noise = float(np.sqrt(squares / max(freedom, 1)))
+    covariance = np.zeros((start.size, start.size))
+    covariance[every] = noise**2 * np.linalg.pinv(sum(part.matrix for part in parts)[every])
+    each, deviation = np.zeros((2, len(blocks), start.size))
+    for k, part in enumerate(parts):
+        alone = np.linalg.pinv(part.matrix[every])
+        each[k, free] = alone @ part.right[free]
+        deviation[k, free] = noise * np.sqrt(np.maximum(np.diag(alone), 0))
+    return Poles(rates, covariance, each, deviation, noise)
 
 
-def _slopes(block: Block, rates: Array, free: Mask) -> Array:
-    """Kaufman's derivative of what is left by the rates that are free, (values, free)."""
-    B = columns(block.times, rates)
-    Q, R = np.linalg.qr(B)
-    C = np.linalg.solve(R, Q.T @ block.principal)
-    made = []
-    for k in range(len(rates)):
-        both = B[:, 2 * k + 1 : 2 * k + 3] * block.times[:, None]
-        cosine, sine = C[2 * k + 1 : 2 * k + 3]
-        by_decay = -both @ np.stack([cosine, sine])
-        by_turn = both @ np.stack([sine, -cosine])
-        for j, d in enumerate((by_decay, by_turn)):
-            if free[k, j]:
-                made.append(-(d - Q @ (Q.T @ d)).ravel())
-    return np.stack(made, axis=1)
-
-
-def _noise(blocks: Sequence[Block], rates: Array) -> float:
-    """Standard deviation of what is left of all tracks, not only of the principal series."""
-    squares, freedom = 0.0, 0
-    for block in blocks:
-        Q, _ = np.linalg.qr(columns(block.times, rates))
-        left = np.where(block.known, block.values - Q @ (Q.T @ block.values), 0.0)
-        squares += float(np.sum(left**2))
-        freedom += int(block.known.sum()) - Q.shape[1] * block.values.shape[1]
-    return float(np.sqrt(squares / max(freedom, 1)))
+def _least(
+    equations: Callable[[Array], list[Equations]], x: Array, free: IntArray
+) -> tuple[Array, list[Equations]]:
+    """Minimise the sum of squares from x on by Marquardt's steps."""
+    parts, damping = equations(x), 1e-3
+    for _ in range(MAX_STEPS):
+        right = sum(part.right for part in parts)[free]
+        matrix = sum(part.matrix for part in parts)[np.ix_(free, free)]
+        step = np.linalg.lstsq(matrix + damping * np.diag(np.diag(matrix)), right)[0]
+        squares, freedom = np.sum([part.noise for part in parts], axis=0)
+        if not step @ right > MIN_GAIN * squares / max(freedom, 1):
+            break
+        others = equations(x + step)
+        if sum(one.squares for one in others) < sum(one.squares for one in parts):
+            x, parts, damping = x + step, others, damping / 10
+        else:
+            damping *= 10
+    return x, parts

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.modes.poles import Block, Poles, filled, fitted, left_of
+from thesis_lib.measure.modes.poles import Block, Poles, fitted, left_of
 from thesis_lib.measure.modes.spectra import Spectrum, spectrum
 
 STANDS_OUT = 4.0  # power of a line over the noise about it, from which on it is a mode
@@ -49,7 +49,6 @@ def search(
         line = strongest(blocks, rates, band, near)
         if len(found) < most and line is not None:
             rates = np.vstack([rates, _start(blocks, rates, 2 * np.pi * line, damped)])
-            blocks = [filled(block, rates) for block in blocks]
             found.append(fitted(blocks, rates, damped))
             rates = found[-1].rates
         elif near is None:

@@ -19,6 +19,7 @@ from thesis_lib.measure.modes.poles import Block, left_of
 
 FINE = 8  # grid points between frames; and in a period of the highest frequency
 TINY = 1e-12
+SERIES = 16  # principal motions of a camera's markers whose powers are summed
 PAD = 4  # points of the spectrum in one over the length of the recording
 
 
@@ -46,13 +47,14 @@ def spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -
     even = np.arange(band[0], band[1], 1 / (PAD * span))
     logs = np.zeros_like(even)
     for block in blocks:
-        left = left_of(block, rates).T
+        left = left_of(block, rates)
+        left = left @ np.linalg.eigh(left.T @ left)[1][:, -SERIES:]  # the strongest motions
         step = float(np.median(np.diff(block.times))) / FINE
         step /= max(1, int(np.ceil(band[1] * FINE * step)))
         place = np.rint((block.times - block.times[0]) / step).astype(int)
         length = next_fast_len(max(int(PAD * span / step), place[-1] + 1))
         lines = np.zeros(length // 2 + 1)
-        for series in left:
+        for series in left.T:
             grid = np.bincount(place, series, length).astype(np.float32)
             lines += np.abs(rfft(grid)) ** 2 / len(block.times)
         own = np.interp(even, np.arange(len(lines)) / (length * step), lines)
