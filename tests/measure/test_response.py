@@ -37,7 +37,7 @@ from thesis_lib.measure.response.motion import noise_of
 from thesis_lib.measure.response.recorded import recorded_force
 from thesis_lib.measure.response.report import complex_of, warnings
 from thesis_lib.measure.response.result import responded
-from thesis_lib.measure.response.spectra import cut_of, response, segments
+from thesis_lib.measure.response.spectra import blurred, cut_of, response, segments
 from thesis_lib.measure.response.sweep import dwell, found_sweep, settling
 from thesis_lib.measure.tracking.tracks import Recording
 
@@ -103,7 +103,7 @@ def swept(tmp_path_factory):
 def off(data, truth, marker):
     """H1 over what is true, less one, and its standard error."""
     true = truth.receptance(data["frequency"].values)[marker]
-    error = data["standard_error"].values[marker] / np.abs(true)
+    error = data["standard_error"].values[0, marker] / np.abs(true)
     return complex_of(data)[0, marker] / true - 1, error
 
 
@@ -156,12 +156,61 @@ def test_noise_in_the_force_makes_h1_small_and_noise_in_the_motion_h2_large():
         assert second == pytest.approx(3 * (1 + motion), rel=0.02)
 
 
-def test_standard_errors_are_what_draws_scatter_by():
-    draws = [drawn(0.0, 0.5, seed, 40) for seed in range(60)]
-    found = np.array([one.receptance[0, 0, 2:-2] for one in draws])
-    told = np.sqrt(np.mean([one.deviation[0, 2:-2] ** 2 for one in draws]))
-    for part in (found.real - 3, found.imag):
-        assert np.sqrt(np.mean(part**2)) == pytest.approx(told, rel=0.06)
+@pytest.mark.parametrize(("of_force", "of_motion"), [(0.0, 0.02), (0.0, 0.3), (0.0, 1.0), (0.3, 0.0)])
+def test_standard_errors_of_every_estimator_are_what_draws_scatter_by(of_force, of_motion):
+    """About what each tends to, which noise in force and motion moves."""
+    draws = [drawn(of_force, of_motion, seed, 30) for seed in range(60)]
+    found, told = (
+        np.array([getattr(one, name)[:, 0, 2:-2] for one in draws])
+        for name in ("receptance", "deviation")
+    )
+    h1, h2 = 3 / (1 + of_force), 3 * (1 + of_motion)
+    for k, limit in enumerate((h1, h2, np.sqrt(h1 * h2))):
+        off = (found[:, k] - limit) / told[:, k]
+        z = np.concatenate([off.real, off.imag])
+        assert np.sqrt(np.mean(z**2)) == pytest.approx(1, abs=0.12)
+        assert np.mean(np.abs(z) < 2) > 0.93
+
+
+def test_the_noise_at_rest_is_the_error_of_one_segment():
+    rng, cut = np.random.default_rng(0), cut_of(512, 64.0, None)
+    force = rng.standard_normal((512, 1))
+    moved = 3 * force + 0.1 * rng.standard_normal((512, 200))
+    F, X = (segments(values, cut) for values in (force, moved))
+    found = response(F[:, :, 0], X, cut, np.full(200, 0.1**2 / 32))  # power up to 32 Hz
+    for estimate, told in zip(found.receptance, found.deviation, strict=True):
+        off = (estimate - 3)[:, 1:-1] / told[:, 1:-1]
+        assert np.sqrt(np.mean(np.abs(off) ** 2) / 2) == pytest.approx(1, abs=0.02)
+
+
+def smoothed(frequency, seconds, values):
+    """Spectra as a Hann window shows them on average: over time, times its autocorrelation."""
+    n = 2 * len(frequency)
+    window = np.hanning(round(seconds * 2 * frequency[-1]) + 1)
+    beside = np.correlate(window, window, "full") / np.sum(window**2)
+    half, weight = len(window) - 1, np.zeros(n)
+    weight[: half + 1], weight[-half:] = beside[half:], beside[:half]
+    return np.fft.fft(weight * np.fft.ifft(values))[: n // 2]
+
+
+@pytest.mark.parametrize("narrow", [2.0, 3.0])
+def test_the_blur_of_a_resonance_is_told(narrow):
+    """Half its width is so many lines: to first order, H1 loses 1 / (3 lines²)."""
+    seconds, rate, line = 5.0, 100.0, 100
+    fine = np.arange(round(rate * 100 * seconds)) / (100 * seconds)
+    omega, own, zeta = 2 * np.pi * fine, 2 * np.pi * 12, narrow / (12 * seconds)
+    true = 1 / (own**2 - omega**2 + 2j * zeta * own * omega)
+    both = np.concatenate([true, [0], true[:0:-1].conj()])
+    first, power = smoothed(fine, seconds, both), smoothed(fine, seconds, np.abs(both) ** 2).real
+    shown = np.array([first, power / first.conj(), np.sqrt(power) * first / np.abs(first)])
+    off = (shown - true)[:, ::line]
+    told = blurred(first[::line, None])[:, :, 0]
+    peak = np.abs(true).max()
+    near = np.abs(fine[::line] - 12) < 1
+    np.testing.assert_allclose(told[:, near], off[:, near], atol=0.02 * peak)
+    at = int(np.argmax(np.abs(true[::line])))
+    assert abs(told[0, at]) / peak == pytest.approx(1 / (3 * narrow**2), rel=0.25)
+    assert abs(told[1, at]) < 0.2 * abs(told[0, at])
 
 
 def test_a_force_may_be_sampled_more_finely():
@@ -173,8 +222,8 @@ def test_a_force_may_be_sampled_more_finely():
     moved = segments(2 * np.cos(2 * np.pi * 7 * (fine[::8] - 0.01))[:, None], cut)
     found = response(force[:, :, 0], moved, cut, np.array([np.nan]))
     line = int(np.argmin(np.abs(found.frequency - 7)))
-    gain = found.receptance[0, 0, line]
-    np.testing.assert_allclose(gain, 2 * np.exp(-2j * np.pi * 7 * 0.01), rtol=1e-6)
+    gains = found.receptance[:, 0, line]
+    np.testing.assert_allclose(gains, 2 * np.exp(-2j * np.pi * 7 * 0.01), rtol=1e-6)
 
 
 # The whole chain.
@@ -302,7 +351,8 @@ def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, fa
     assert not right["camera_lag"].any()
     f, whole = (data[name].values for name in ("frequency", "standard_error"))
     for marker in (10, 45, 74):
-        apart = np.abs(complex_of(data)[0, marker] - complex_of(right)[0, marker]) / whole[marker]
+        apart = complex_of(data)[0, marker] - complex_of(right)[0, marker]
+        apart = np.abs(apart) / whole[0, marker]
         assert np.sqrt(np.mean(apart[f > 4] ** 2)) < 0.5
     told = [one.text for one in warnings(data, manifest) if one.code == "clock-drift"]
     assert len(told) == 3
@@ -525,10 +575,16 @@ def test_what_a_reader_should_know_is_told(driven):
         },
         "The force's clock runs 40 ppm fast": {"pace": 4e-5},
         "30% of the force's power": {"beyond": 0.3},
-        "Segments of 0.5 s": {"segment": 0.5},
+        "Segments of 5 s": {
+            "blur": 2.5 * data["standard_error"], "standard_error": 3 * data["standard_error"]
+        },
     }  # fmt: skip
     for told, changed in changes.items():
         assert not [one for one in warnings(data, manifest) if re.match(told, one.text)]
         noted = warnings(data.assign(changed), manifest)
         there = [one for one in noted if re.match(told, one.text)]
         assert there, told
+    short = driven.asked(segment_s=1.0)  # whatever damping the manifest has
+    stiff = short.structure.model_copy(update={"damping": 0.5})
+    noted = warnings(driven.responded(short), short.model_copy(update={"structure": stiff}))
+    assert "segment-short" in {one.code for one in noted}

@@ -20,6 +20,7 @@ from thesis_lib.measure.tracking.tracks import Recording
 
 MOST_FRAMES = 4096  # of each camera that the periodogram uses
 SERIES = 24  # image coordinates of each camera that move most
+MIN_KNOWN = 0.5  # share of the frames in which a coordinate must be known
 SHARE = 0.5  # of their variance that one frequency must explain
 BLOCKS = 12  # parts whose phases are compared
 SHORTEST = 16  # frames of such a part
@@ -56,8 +57,8 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
     power = np.zeros_like(grid)
     for times, values in series:
         n = 1 << int(np.ceil(np.log2(8 * len(times))))
-        step = float(times[1] - times[0])
-        spectrum = np.abs(np.fft.rfft(values, n, axis=0)) ** 2
+        step = float(times[-1] - times[0]) / (len(times) - 1)
+        spectrum = np.abs(np.fft.rfft(np.nan_to_num(values), n, axis=0)) ** 2
         power += np.interp(grid, np.fft.rfftfreq(n, step), spectrum.sum(axis=1))
     peak = float(grid[np.argmax(power)])
 
@@ -75,7 +76,7 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
         method="bounded",
         options={"xatol": 1e-6 * peak},
     )
-    total = sum(float(np.nansum(np.var(values, axis=0))) * len(times) for times, values in series)
+    total = sum(float(np.sum(np.nanvar(values, axis=0))) * len(times) for times, values in series)
     if not left(float(found.x)) < (1 - SHARE) * total:
         raise FrequencyError(
             f"no one frequency from {lowest:.3g} to {highest:.3g} Hz explains half of the motion; "
@@ -85,15 +86,11 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
 
 
 def liveliest(
-    recording: Recording,
-    begin: float,
-    end: float,
-    least: float = 0.9,
-    most: int = MOST_FRAMES,
+    recording: Recording, begin: float, end: float, most: int = MOST_FRAMES
 ) -> tuple[Array, Array]:
     """Times (n,) and the image coordinates (n, series) that move most, less their means.
 
-    Of `most` frames, those that are known in more than the `least` share; 0 where they are not.
+    Of `most` frames, those that are known in more than half; NaN where they are not.
     """
     times, values = [], []
     for t, uv in recording.parts(begin, end):
@@ -104,11 +101,14 @@ def liveliest(
     if not times:
         raise FrequencyError(f"camera {recording.camera.name} has no frame of the steady part")
     flat = np.concatenate(values)
-    seen = flat[:, np.isfinite(flat).mean(axis=0) > least]
+    seen = flat[:, np.isfinite(flat).mean(axis=0) > MIN_KNOWN]
     if not seen.size:
-        raise FrequencyError(f"camera {recording.camera.name} sees no marker most of the time")
-    moved = np.nan_to_num(seen - np.nanmean(seen, axis=0))
-    return np.concatenate(times), moved[:, np.argsort(moved.std(axis=0))[-SERIES:]]
+        raise FrequencyError(
+            f"camera {recording.camera.name} sees no marker in more than {MIN_KNOWN:.0%} of the "
+            "frames of the steady part: light the markers better, or leave this camera out"
+        )
+    moved = seen - np.nanmean(seen, axis=0)
+    return np.concatenate(times), moved[:, np.argsort(np.nanstd(moved, axis=0))[-SERIES:]]
 
 
 def advance(
@@ -152,11 +152,14 @@ def _parts(
             times.append(0.5 * (low + high))
         if len(amplitudes) < 3:
             continue
-        A = np.nan_to_num(np.array(amplitudes))
-        if not A.any():  # it sees no marker
+        A = np.array(amplitudes)
+        known = np.isfinite(A)
+        A = np.where(known, A, 0)
+        mean = A.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        own_power = known @ np.abs(mean) ** 2  # of what is seen in each part
+        if not own_power.all():  # it sees no marker
             continue
-        mean = A.mean(axis=0)
-        against = A @ mean.conj() / np.vdot(mean, mean).real
+        against = A @ mean.conj() / own_power
         middles += times
         turns += list(np.unwrap(np.angle(against)))
         sizes += list(np.abs(against))

@@ -17,7 +17,6 @@ from thesis_lib.measure.tracking.tracks import Recording
 TELLING = 40.0  # times the mean power of what is left that a tone's must be
 ENOUGH = 2048  # frames in which another tone is sought
 FEW = 8  # image coordinates of each camera that are looked at
-KNOWN = 0.5  # share of the frames in which a coordinate must be known
 BUMP = 0.1  # px by which a whole picture must jump
 CLEAR = 8.0  # standard errors that it must jump by
 MOST = 4096  # frames that are looked at
@@ -41,7 +40,7 @@ def share(
     series = []
     for own in recordings:
         with contextlib.suppress(FrequencyError):  # one that lost its markers
-            t, values = liveliest(own, begin, end, KNOWN, ENOUGH)
+            t, values = liveliest(own, begin, end, ENOUGH)
             series.append((t, values[:, -FEW:].copy()))
     if not series:
         return Share(np.nan, np.nan, 0.0)
@@ -51,7 +50,6 @@ def share(
     grid = np.arange(1 / length, highest, 1 / (4 * length))
     power, counted = np.zeros_like(grid), 0
     for times, values in series:
-        values = np.where(values == 0, np.nan, values)
         fit = fit_harmonics(2 * np.pi * frequency, times, values, order)
         rest = np.nan_to_num(values - fit.at(2 * np.pi * frequency, times))
         values = np.nan_to_num(values)

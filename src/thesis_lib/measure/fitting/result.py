@@ -24,7 +24,7 @@ from thesis_lib.measure.fitting.frequency import advance, look_for, surer
 from thesis_lib.measure.fitting.harmonics import Fitted, amplitude, common_phase, deviation
 from thesis_lib.measure.fitting.leftover import bump, check_explained, share
 from thesis_lib.measure.fitting.models import candidates, compared
-from thesis_lib.measure.fitting.of_tracks import at_rest, fit_tracks
+from thesis_lib.measure.fitting.of_tracks import at_rest, fit_tracks, noise_near
 from thesis_lib.measure.fitting.reconstruction import check_sides, checked_frame, misfit_at_rest
 from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -154,7 +154,14 @@ def result(
     exposures = np.array([own.exposure for own in recordings])
     raw = fit_tracks(recordings, rest, frame, omega, begin, end, order)
     scatter = np.sqrt(np.mean(raw.sigma**2, axis=1))
-    softened = [held_back(own, markers.centres) for own in raw.harmonics]
+    near = [
+        noise_near(own, seen, omega, begin, end)
+        for own, seen in zip(recordings, raw.harmonics, strict=True)
+    ]
+    softened = [
+        held_back(replace(own, covariance=power * own.covariance), markers.centres)
+        for own, power in zip(raw.harmonics, near, strict=True)
+    ]
     fit = replace(raw, harmonics=[own for own, _ in softened])
     lags, lag_errors = lags_of(fit, omega, exposures)
     fit = shifted(fit, omega, lags)

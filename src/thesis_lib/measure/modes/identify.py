@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.stats import chi2
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import alias, candidates
@@ -31,6 +32,7 @@ MOST = 8  # modes that are sought if their number is not given
 FURTHER = 2  # further modes that are tried, to see which hold
 FEWEST = 3  # markers that tell a shape
 LEFT = ("amplitude", "deviation", "excess", "turn")
+MAX_CHANCE = 0.95  # probability of cameras agreeing better by noise alone, if that were all
 ROUNDS = 3  # times that outliers, and what is not linear, are taken away
 
 
@@ -209,14 +211,15 @@ def _scatter(block: Block, poles: Poles) -> Array:
 
 
 def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
-    """The poles with a covariance that holds more than noise.
+    """Add to the covariance of the poles what is more than noise.
 
-    What cameras disagree by (Birge's ratio), at least a factor `wider` for each mode, and what each
-    pole is changed by when further modes are fitted beside it.
+    That is Birge's ratio where cameras disagree by more than chance lets them, at least a factor
+    `wider` for each mode, and what each pole is changed by when further modes are fitted.
     """
+    freedom = max(len(poles.each) - 1, 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         squares = np.nansum((poles.each / poles.each_deviation) ** 2, axis=0)
-    ratio = np.sqrt(np.maximum(squares / max(len(poles.each) - 1, 1), 1))
+    ratio = np.where(squares > chi2.ppf(MAX_CHANCE, freedom), np.sqrt(squares / freedom), 1.0)
     ratio = np.maximum(ratio, np.repeat(wider, 2))
     covariance = poles.covariance * np.outer(ratio, ratio)
     changed = np.zeros_like(poles.rates)

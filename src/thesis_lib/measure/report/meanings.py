@@ -306,8 +306,9 @@ OF_FORCE = {
         "Film until it is at rest.",
     ),
     "segment-short": Meaning(
-        "Segments of … s make a peak at … Hz with a damping of … %",
-        "A short segment has few lines. A peak that is narrower than their distance is cut off.",
+        "Segments of … s make the peak at … Hz lower by about … %",
+        "A short segment has few lines, and adds to each a part of its neighbours. The curve itself "
+        "shows that this makes the peak lower by more than it is uncertain by noise.",
         "Take the `force.segment_s` that is told, or record from rest to rest and take it whole.",
     ),
     "sweep-fast": Meaning(

@@ -19,14 +19,13 @@ from thesis_lib.measure.response.sweep import dwell, settling
 from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, in_style, saved, subplots
 
 NARROW = 5.6  # inches: letters can be read on a phone, too
-MUCH = 0.3  # share by which a peak is lower, from which on it is not told how much
+MAX_BLUR = 0.15  # share by which a peak is estimated to be lower, up to which that is reliable
 UNKNOWN = 0.002  # share of the deflections that are not known, from which on it is told
 FEW = 6  # averages below which a coherence tells little
 COHERENT = 0.9  # coherence of the drive point below which it is told
 NEAR = 0.2  # of the largest distance between markers, within which one counts as the drive point
 LATE = 5.0  # degrees of phase that a clock may be off
 ALIASED = 0.05  # share of the force's power above half of the frame rate
-BLUR = 0.05  # share of a peak that segments take off it
 UNUSED = 0.05  # share of the film without a force that is told
 RINGS = 0.05  # of the largest motion, left at the end of a whole recording
 FAST = 1e-6  # by which clocks differ before it is told
@@ -43,7 +42,7 @@ def complex_of(data: xr.Dataset, name: str = "receptance") -> ComplexArray:
 
 def shown(data: xr.Dataset) -> dict[str, int]:
     """Which markers are drawn, by what they are: the drive point, the surest, the least sure."""
-    error = np.nanmedian(data["standard_error"].values / np.abs(complex_of(data)[0]), axis=1)
+    error = np.nanmedian(data["standard_error"].values[0] / np.abs(complex_of(data)[0]), axis=1)
     told = {"drive": int(data["drive"]) - 1}
     if np.isfinite(error).any():
         told |= {"surest": int(np.nanargmin(error)), "least": int(np.nanargmax(error))}
@@ -64,7 +63,7 @@ def figures(data: xr.Dataset) -> Pictures:
 def curves(data: xr.Dataset, marker: int) -> Figure:
     """Magnitude and phase of a marker's receptance, and its coherence where there are averages."""
     f, whole = data["frequency"].values, complex_of(data)[:, marker]
-    error, averaged = data["standard_error"].values[marker], int(data["segments"]) > 1
+    error, averaged = data["standard_error"].values[0, marker], int(data["segments"]) > 1
     heights = [3, 1.3, 1.3] if averaged else [3, 1.3]
     with in_style(POWERS):
         figure, (top, middle, *low) = subplots(
@@ -125,7 +124,7 @@ def summary(data: xr.Dataset) -> list[str]:
     f, drive = data["frequency"].values, int(data["drive"]) - 1
     size = np.abs(complex_of(data)[0, drive])
     top = int(np.nanargmax(size))
-    error = float(data["standard_error"].values[drive, top])
+    error = float(data["standard_error"].values[0, drive, top])
     many = int(data["segments"])
     how = (
         f"{many} segments of {float(data['segment']):.3g} s"
@@ -205,7 +204,7 @@ def warnings(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
 def _unsettled(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     """Whether what is driven has time to answer."""
     top, _ = peak(data)
-    zeta, seconds = manifest.structure.damping, float(data["segment"])
+    zeta = manifest.structure.damping
     if int(data["segments"]) == 1:
         if (left := float(data["ringing"])) > RINGS and not _noisy(data):
             yield Note(
@@ -216,16 +215,7 @@ def _unsettled(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
                 f"{100 * zeta:g} %.",
             )
         return
-    blur = 4 / 3 * np.pi**2 / (2 * np.pi * zeta * top * seconds) ** 2
-    if blur > BLUR:
-        longer = seconds * np.sqrt(blur / BLUR)
-        how = "much lower" if blur > MUCH else f"lower by about {blur:.0%}"
-        yield Note(
-            "segment-short",
-            f"Segments of {seconds:.3g} s make a peak at {top:.4g} Hz with a damping of "
-            f"{100 * zeta:g} % {how}: take force.segment_s of "
-            f"{longer:.3g} or more, or record from rest to rest and take it whole.",
-        )
+    yield from _blurred(data)
     begin, end = data["sweep"].values
     if not np.isfinite(begin):
         return
@@ -238,6 +228,24 @@ def _unsettled(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
             f"stays {stays:.2g} s in the resonance at {top:.4g} Hz, which takes {needs:.2g} s to "
             f"settle: sweep {needs / stays:.2g} times more slowly, or take force.segment_s: whole "
             "and film until all is at rest.",
+        )
+
+
+def _blurred(data: xr.Dataset) -> Iterator[Note]:
+    """Report a peak that segments blur by more than it is uncertain by noise."""
+    top, size = peak(data)
+    own = data.sel(estimator="H1", frequency=top)
+    blur, error = (np.sqrt(np.nanmean(own[k].values ** 2)) for k in ("blur", "standard_error"))
+    noise = np.sqrt(error**2 - blur**2)
+    if blur > noise:
+        seconds, share = float(data["segment"]), blur / (size + blur)
+        how = "much lower" if share > MAX_BLUR else f"lower by about {share:.1%}"
+        longer = seconds * (blur / max(noise, 1e-3 * size)) ** 0.4  # as T⁻² and, of noise, √T
+        yield Note(
+            "segment-short",
+            f"Segments of {seconds:.3g} s make the peak at {top:.4g} Hz {how}, and noise makes it "
+            f"uncertain by {noise / size:.1%}: take force.segment_s of {longer:.3g} or more, or "
+            "record from rest to rest and take it whole.",
         )
 
 
@@ -275,7 +283,8 @@ def _assumed(data: xr.Dataset) -> Iterator[str]:
         yield (
             "H1 is right where noise is in the motion, and too small where it is in the force; H2 "
             "is right where noise is in the force, and too large where it is in the motion. "
-            "Standard errors come from coherence and averages."
+            "Standard errors come from coherence and averages, and from how segments blur narrow "
+            "peaks: they do not hold by how much noise makes H1 too small or H2 too large."
         )
     else:
         yield (

@@ -31,8 +31,9 @@ VARIABLES = declared("""
     receptance_imag(estimator, marker, frequency) [m/N] deflection over force, imaginary part
     mobility_real(estimator, marker, frequency) [m/(N s)] velocity over force, real part
     mobility_imag(estimator, marker, frequency) [m/(N s)] velocity over force, imaginary part
-    standard_error(marker, frequency) [m/N] standard error of either part of the receptance, by
-        noise
+    standard_error(estimator, marker, frequency) [m/N] standard error of either part of the
+        receptance: its scatter about what the estimator tends to, and the blur by segments
+    blur(estimator, marker, frequency) [m/N] estimated error by the resolution of the segments
     coherence(marker, frequency) [1] share of the motion that the force explains
     averages(marker) [1] independent segments that were averaged
     force_power(frequency) [N2/Hz] power of the force
@@ -226,7 +227,8 @@ def _curves(found: Response, band: tuple[float, float], late: float) -> dict[str
         "receptance_imag": receptance.imag,
         "mobility_real": mobility.real,
         "mobility_imag": mobility.imag,
-        "standard_error": found.deviation[:, inside],
+        "standard_error": found.deviation[:, :, inside],
+        "blur": found.blur[:, :, inside],
         "coherence": found.coherence[:, inside],
         "force_power": found.force[inside],
         "phase_deviation": omega * late,

@@ -3,8 +3,18 @@
 Of segments of force F and motion X, with ⟨⟩ their mean: H1 = ⟨XF*⟩ / ⟨FF*⟩, which noise in the
 motion leaves right and noise in the force makes too small; H2 = ⟨XX*⟩ / ⟨FX*⟩, which noise in the
 force leaves right and noise in the motion makes too large; Hv, between them, has the size
-√(⟨XX*⟩ / ⟨FF*⟩). The coherence γ² = H1 / H2 tells what share of the motion the force explains
+√(⟨XX*⟩ / ⟨FF*⟩). The coherence γ² = H1 / H2 is the share of the motion that the force explains
 (Bendat and Piersol, Random Data, chapters 6 and 9).
+
+Over n independent segments, H1 is a regression: the variance of either part, relative to |H1|², is
+v = (1 − γ²) / (2 (n − 1) γ²). H2 is the inverse of the regression of the force on the motion, so v
+relative to |H2|², which is larger. The phase of Hv is theirs, its size varies by γ² v only: on
+average over both parts it is (1 + γ²) v / 2. These are variances about what each estimator tends
+to, noise's share of it included.
+
+The spectrum of a Hann window adds a sixth of each line's power to either neighbour, which blurs
+narrow resonances. That can be undone in estimates, though only roughly and at the cost of noise: it
+tells by how much they are blurred.
 """
 
 from __future__ import annotations
@@ -12,11 +22,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_banded
 from scipy.signal import ShortTimeFFT, get_window
+from scipy.sparse import diags_array
 
 from thesis_lib.arrays import Array, ComplexArray
 
 ESTIMATORS = ("H1", "H2", "Hv")
+HANN_SHARE = 1 / 6  # of a line's power that a Hann window adds to each neighbour
+#: Square of a blur that is estimated where there is only noise, over the variance of either part of
+#: the receptance: twice the mean of (1 − 1/k)² S over all θ, with k = 2/3 + cos θ / 3 of the window
+#: and S = 1 + 8/9 cos θ + cos 2θ / 18 of the noise of lines that overlap
+BLUR_BY_NOISE = 0.62
 
 
 @dataclass(frozen=True)
@@ -70,7 +87,9 @@ class Response:
     frequency: Array  #: Hz, shape (lines,)
     receptance: ComplexArray  #: By H1, H2, Hv, m/N, shape (3, markers, lines)
     coherence: Array  #: Shape (markers, lines); one throughout where there is one segment
-    deviation: Array  #: Standard error of real and of imaginary part, m/N, (markers, lines)
+    #: Standard error of real and of imaginary part, m/N, as `receptance`; it holds `blur`
+    deviation: Array
+    blur: Array  #: Size of the error by the segments' resolution, m/N, as `receptance`
     force: Array  #: Power of the force, N²/Hz, shape (lines,)
     averages: Array  #: Independent segments of each marker, shape (markers,)
 
@@ -96,18 +115,43 @@ def response(force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array) -
         ff = (np.abs(force) ** 2) @ (known / count)
         xx = np.sum(np.abs(X) ** 2, axis=1) / count
         xf = np.sum(X * force.conj()[:, :, None], axis=1) / count
-        first, second = xf / ff, xx / xf.conj()
         coherence = np.minimum(np.abs(xf) ** 2 / (ff * xx), 1.0)
+        first = xf / ff
+        whole = np.array([first, xx / xf.conj(), first / np.sqrt(coherence)])
         averages = cut.averages * count / cut.count
-        scatter = (1 - coherence) / (2 * averages * coherence) * np.abs(first) ** 2
+        relative = np.tile((1 - coherence) / (2 * (averages - 1) * coherence), (3, 1, 1))
+        relative[2] *= (1 + coherence) / 2
         alone = noise / (2 * ff * averages)
-        error = np.sqrt(np.where(count > 1, scatter, alone))
-        whole = np.array([first, second, first / np.sqrt(coherence)])
+        scatter = np.where(count > 1, relative * np.abs(whole) ** 2, alone)
+    blur = np.zeros(whole.shape)
+    if cut.count > 1:
+        squares = np.abs(blurred(first)) ** 2 - BLUR_BY_NOISE * scatter
+        blur = np.sqrt(np.maximum(squares, 0))
     return Response(
         np.arange(len(force)) * cut.rate / cut.length,
-        whole.transpose(0, 2, 1),
-        coherence.T,
-        error.T,
+        *(
+            own.swapaxes(-1, -2)
+            for own in (whole, coherence, np.hypot(np.sqrt(scatter), blur), blur)
+        ),
         np.mean(np.abs(force) ** 2, axis=1),
         averages,
+    )
+
+
+def blurred(receptance: ComplexArray) -> ComplexArray:
+    """Estimate by how much segments with a Hann window blur H1, H2 and Hv, (3, lines, markers).
+
+    From H1, (lines, markers), the receptance is sharpened, and from that it is computed what the
+    window makes of each estimator, for a force whose power is even.
+    """
+    lines = len(receptance)
+    bands = np.tile([[HANN_SHARE], [1 - 2 * HANN_SHARE], [HANN_SHARE]], lines)
+    bands[1, [0, -1]] += HANN_SHARE
+    blur = diags_array([bands[0, 1:], bands[1], bands[2, 1:]], offsets=[-1, 0, 1])
+    sharp = solve_banded((1, 1), bands, receptance, check_finite=False)
+    power = blur @ np.abs(sharp) ** 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        second = power / receptance.conj()
+    return (
+        np.array([receptance, second, np.sqrt(power) * np.exp(1j * np.angle(receptance))]) - sharp
     )
