@@ -13,8 +13,16 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.measure.calibration.reprojection import Network, stepped
 from thesis_lib.measure.fitting.calibration_error import common_errors
-from thesis_lib.measure.modes.identify import Asked, ModalError, assurance, identify
-from thesis_lib.measure.modes.poles import block_of, columns, seen_fit
+from thesis_lib.measure.modes.identify import Asked, ModalError, _disagreeing, assurance, identify
+from thesis_lib.measure.modes.poles import (
+    Poles,
+    block_of,
+    columns,
+    fitted,
+    left_of,
+    scatter,
+    seen_fit,
+)
 from thesis_lib.measure.modes.report import notes
 from thesis_lib.measure.modes.result import result
 from thesis_lib.measure.modes.write import several
@@ -88,6 +96,131 @@ def test_a_marker_whose_frames_tell_no_mode_is_none():
     rates = np.array([[2000.0, 60.0], [2010.0, 63.0]])
     _, spread = seen_fit(columns(block.times, rates), replace(block, known=known))
     assert np.isinf(spread[1]).all()
+
+
+# What missing centres, and all else, do to standard errors.
+
+UNLIKE = (59.94, 50.0, 60.0)  # frames per second
+
+
+def decaying(*zeta):
+    """One mode or more at the markers of three cameras, at 11.2, 20.4 and 23.7 Hz."""
+    form = beam_modes().shape[: len(zeta)]
+    return Truth(np.array([11.2, 20.4, 23.7])[: len(zeta)], np.array(zeta), form)
+
+
+def with_losses(clean, seed, share, fastest=False, noise=0.03):
+    """Tracks with noise, px, that lack a share of the centres: any, or those that move fastest."""
+    rng, made = np.random.default_rng(seed), []
+    for track in clean:
+        speed = np.linalg.norm(np.gradient(track.uv, track.times, axis=0), axis=1)
+        lost = rng.random(speed.shape) < share
+        if fastest:
+            lost = speed > np.quantile(speed, 1 - share)
+        uv = track.uv + noise * rng.standard_normal(track.uv.shape)
+        made.append(replace(track, uv=np.where(lost[:, None], np.nan, uv)))
+    return made
+
+
+def standardised(truth, draws, share, fastest=False):
+    """Errors over their standard errors: frequency, damping, scale (draws, modes), and shapes."""
+    own, still = rig(3), rest(rig(3))
+    asked, found = Asked((2.0, 30.0), len(truth.frequency)), []
+    for seed in range(draws):
+        if seed % 10 == 0:  # cameras start at other times
+            clean = tracks(own, truth, 4.0, UNLIKE, noise=0.0, seed=seed)
+        one = identify(with_losses(clean, seed, share, fastest), still, asked)
+        true = truth.shape_at(one.zero)
+        power = np.nansum(np.abs(true) ** 2, axis=1)
+        scale = np.nansum((one.shape - true) * true.conj(), axis=1) / power
+        alone = np.sqrt(np.nansum(np.abs(true * one.deviation) ** 2, axis=1)) / power
+        free = (one.shape - true - scale[:, None] * true) / one.deviation
+        found.append((
+            (one.frequency - truth.frequency) / one.frequency_deviation,
+            (one.damping - truth.damping) / one.damping_deviation,
+            scale.real / np.hypot(one.scale_deviation, alone),
+            np.stack([free.real, free.imag]),
+        ))  # fmt: skip
+    return [np.array(each) for each in zip(*found, strict=True)]
+
+
+def rms(values):
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+@pytest.mark.parametrize(("share", "fastest"), [(0.1, False), (0.1, True)])
+def test_standard_errors_hold_where_centres_are_missing(share, fastest):
+    """With dampings that no start has; a gap that is filled pulls both rates by 5 and more."""
+    *rates, shapes = standardised(decaying(0.01), 5, share, fastest)
+    assert 0.6 < rms(rates) < 1.5
+    assert 0.9 < rms(shapes) < 1.1
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("share", "fastest"),
+    [(0.0, False), (0.02, False), (0.05, False), (0.1, False), (0.05, True), (0.1, True)],
+)
+@pytest.mark.parametrize("zeta", [(0.003,), (0.01,), (0.006, 0.009, 0.003)], ids=str)
+def test_standard_errors_are_what_many_draws_scatter_by(zeta, share, fastest):
+    draws = 40 if len(zeta) > 1 else 80
+    *rates, shapes = standardised(decaying(*zeta), draws, share, fastest)
+    for values in rates:
+        assert 0.8 < rms(values) < 1.2
+        assert np.mean(np.abs(values) < 2) > 0.92
+        assert abs(values.mean()) < 0.25
+    assert 0.9 < rms(shapes) < 1.1
+
+
+def test_errors_of_frequency_and_damping_are_those_of_their_poles():
+    """First order, by differences: of strongly damped modes whose two rates err together."""
+    rates, step = np.array([[3.0, 8.0], [6.0, 9.0]]), 1e-6
+    covariance = np.array([[4, 3, 1, 0], [3, 9, 0, 1], [1, 0, 5, -4], [0, 1, -4, 6]]) * 1e-4
+
+    def told(flat):
+        one = Poles(flat.reshape(2, 2), covariance, np.zeros((0, 4)), np.zeros((0, 4)), 1.0)
+        return np.concatenate([one.frequency, one.damping]), np.concatenate(one.deviations)
+
+    slopes = [
+        (told(rates.ravel() + d)[0] - told(rates.ravel() - d)[0]) / (2 * step)
+        for d in step * np.eye(4)
+    ]
+    expected = np.sqrt(np.diag(np.transpose(slopes) @ covariance @ slopes))
+    np.testing.assert_allclose(told(rates.ravel())[1], expected, rtol=1e-6)
+
+
+def test_the_noise_of_few_frames_is_told_in_full():
+    """Of twelve frames, three coefficients of each track have taken a quarter of the noise."""
+    rng, t = np.random.default_rng(0), np.arange(12) / 12
+    start = np.array([[1.0, 20.0]])
+    values = columns(t, start) @ rng.standard_normal((3, 800)) + rng.standard_normal((12, 800))
+    values[rng.random(values.shape) < 0.1] = np.nan
+    block = block_of(t, values, np.ones(800))
+    assert fitted([block], start, damped=True).noise == pytest.approx(1, abs=0.02)
+    B = columns(t, start)
+    told = scatter(block, B, seen_fit(B, block)[0])
+    assert rms(told) == pytest.approx(1, abs=0.02)
+    assert not left_of(block, start)[~block.known].any()
+
+
+def test_two_clocks_that_differ_tell_a_frequency_to_half_their_difference():
+    """Two values a distance d apart have a mean with the standard error d / 2."""
+    rng, t, start = np.random.default_rng(0), np.arange(240) / 60, np.array([[0.7, 70.0]])
+    ones = np.ones(9)
+    blocks = [
+        block_of(t, columns(t * clock, start)[:, 1:2] + 0.01 * rng.standard_normal((240, 9)), ones)
+        for clock in (1 + 1e-3, 1 - 1e-3)
+    ]
+    found = _disagreeing(fitted(blocks, start, damped=True), np.ones(1), [])
+    np.testing.assert_allclose(np.sqrt(found.covariance[1, 1]), 1e-3 * 70, rtol=0.05)
+
+
+def test_a_decay_that_is_over_errs_in_scale_by_half_of_what_it_does_in_damping():
+    """e^{−αt} fitted to e^{−(α + δ)t}, ∞ long: its size is off by δ / 2α, and ζ by δ / α."""
+    own = rig(3)
+    found = identify(tracks(own, decaying(0.05), 4.0, UNLIKE), rest(own), Asked((2.0, 30.0), 1))
+    expected = found.damping_deviation / (2 * found.damping)
+    np.testing.assert_allclose(found.scale_deviation, expected, rtol=0.06)
 
 
 def test_starts_that_are_off_are_found_beyond_a_period():
@@ -164,7 +297,7 @@ def test_a_neighbour_that_is_too_near_leaves_power_beside_its_mode():
     assert found.beside[0] > 30
 
 
-@pytest.mark.parametrize("apart", [0.45, 0.8])
+@pytest.mark.parametrize("apart", [0.45, 0.8, 1.4])
 def test_errors_hold_what_a_mode_that_is_not_fitted_does(apart):
     """The further mode is found when it is tried, and what that changes counts as error."""
     one = beam_modes(damping=(0.0,), amplitude=(1e-3,)).shape[0]

@@ -156,7 +156,9 @@ def test_noise_in_the_force_makes_h1_small_and_noise_in_the_motion_h2_large():
         assert second == pytest.approx(3 * (1 + motion), rel=0.02)
 
 
-@pytest.mark.parametrize(("of_force", "of_motion"), [(0.0, 0.02), (0.0, 0.3), (0.0, 1.0), (0.3, 0.0)])
+@pytest.mark.parametrize(
+    ("of_force", "of_motion"), [(0.0, 0.02), (0.0, 0.3), (0.0, 1.0), (0.3, 0.0)]
+)
 def test_standard_errors_of_every_estimator_are_what_draws_scatter_by(of_force, of_motion):
     """About what each tends to, which noise in force and motion moves."""
     draws = [drawn(of_force, of_motion, seed, 30) for seed in range(60)]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.signal import lfilter
 
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.film import manifest_of
@@ -93,6 +94,60 @@ def test_exact_tracks_give_the_exact_shape(conforms, tmp_path):
     conforms.closed_form(data["missing"][0, :3], [1, 0, 0], rtol=1e-7)
     centres = [station.camera.centre for station in RIG.stations]
     conforms.closed_form(data["camera_centre"], centres, atol=1e-6)
+
+
+def spoiled(own, seed, noise=0.05, kept=1.0, like=0.0, fastest=False):
+    """Exact recordings with noise, px, so alike from frame to frame, and a share of the centres."""
+    rng, made = np.random.default_rng(seed), []
+    for one in own:
+        uv = np.array(one.centres)
+        drawn = rng.standard_normal((len(uv) + 40, *uv.shape[1:]))
+        drawn = lfilter([np.sqrt(1 - like**2)], [1, -like], drawn, axis=0)[40:]
+        speed = np.linalg.norm(np.gradient(uv, axis=0), axis=1)
+        lost = rng.random(speed.shape) > kept
+        if fastest:
+            lost = speed > np.nanquantile(speed, kept)
+        path = one.path.with_name(f"spoiled-{one.path.name}")
+        np.save(path, np.where(lost[:, None], np.nan, uv + noise * drawn))
+        made.append(replace(one, path=path))
+    return made
+
+
+@pytest.mark.parametrize(
+    ("frequency", "how"),
+    [
+        (4.25, {}),
+        (1.7, {"like": 0.5}),
+        (7.3, {"like": 0.5}),
+        (4.25, {"kept": 0.8}),
+        (4.25, {"kept": 0.9, "fastest": True}),
+    ],
+    ids=str,
+)
+def test_standard_errors_are_what_noise_of_any_kind_scatters_by(
+    conforms, tmp_path, monkeypatch, frequency, how
+):
+    """White, or alike by half from frame to frame at a low and a high frequency; with gaps."""
+    monkeypatch.setattr("test_result.RATES", (30.0, 25.0, 29.97, 30.0))
+    part = replace(PART, frequency=frequency)
+    own = recordings(tmp_path, 3, motion=Motion(BEAM, (part,), 1.0, 0.4), end=BEGIN + 8)
+    true, told = heard(frequency, of_force=0, end=BEGIN + 8), manifest(frequency_hz=frequency)
+    off = []
+    for seed in range(3):
+        data = result(told, true, spoiled(own, seed, **how))
+        off.append(((data["deflection"] - TRUE) / data["standard_error"]).values[3:])
+        assert not np.isnan(data["deflection"].values[3:]).any()
+    conforms.sampled(np.sqrt(np.mean(np.square(off))), above=0.8, below=1.2)
+
+
+def test_the_frequency_is_looked_for_where_centres_are_missing(conforms, tmp_path):
+    """Markers that are seen in 80 % of the frames, and one of them only at first."""
+    own = spoiled(recordings(tmp_path), 0, kept=0.8)
+    edited(own[1], lambda t, uv: uv.__setitem__((t > 2.6, slice(None), 74), np.nan))
+    data = result(manifest(frequency_hz=None), heard(np.nan, of_force=0), own)
+    error = float(data["frequency_deviation"])
+    conforms.sampled(float(data["frequency"]), 4.25, atol=4 * error)
+    conforms.sampled(float(data["growth"]), 0, atol=0.003)
 
 
 @pytest.mark.slow

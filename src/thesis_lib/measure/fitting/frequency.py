@@ -168,14 +168,14 @@ def _parts(
 
 
 def _slope(x: Array, y: Array, weight: Array) -> tuple[float, float]:
-    """Weighted least-squares slope of y over x, and its standard error."""
+    """Fit a weighted slope of y over x, with its standard error (HC2 of MacKinnon and White)."""
     w = weight / weight.sum()
     dx, dy = x - w @ x, y - w @ y
     spread = float(w @ dx**2)
     slope = float(w @ (dx * dy)) / spread
     residual = dy - slope * dx
-    error = np.sqrt(float(w**2 @ (residual**2 * dx**2))) / spread
-    return slope, float(error * np.sqrt(len(x) / max(len(x) - 2, 1)))
+    own = np.minimum(w + w * dx**2 / spread, 0.99)  # by which a part pulls the line to itself
+    return slope, float(np.sqrt(w**2 @ (residual**2 / (1 - own) * dx**2))) / spread
 
 
 def surer(start: float, motion: Advance, sound: xr.Dataset) -> float:

@@ -100,8 +100,7 @@ def noise_near(own: Recording, fit: Harmonics, omega: float, begin: float, end: 
     order = (len(fit.coefficients) - 1) // 2
     fit = fit.earlier(omega, -row_delays(own, fit.coefficients[0]))  # at the frames' times
     near = omega + 2 * np.pi * NEAR_CYCLES / (end - begin)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        weight = 1 / fit.sigma
+    weight = 1 / np.where(fit.sigma > 0, fit.sigma, np.nan)
     frames, known = 0, np.zeros(weight.size)
     square, cross, right, lines = 0.0, 0.0, 0.0, 0.0
     for times, uv in own.parts(begin, end):
@@ -109,7 +108,7 @@ def noise_near(own: Recording, fit: Harmonics, omega: float, begin: float, end: 
         A = np.hstack([A, A[:, 1:3] * (2 * (times[:, None] - begin) / (end - begin) - 1)])
         left = ((uv - fit.at(omega, times)) * weight).reshape(len(times), -1)
         frames, known = frames + len(times), known + np.isfinite(left).sum(axis=0)
-        left = np.nan_to_num(left, posinf=0.0, neginf=0.0)
+        left = np.nan_to_num(left)
         square, cross = square + A.T @ A, cross + A.T @ E
         right, lines = right + A.T @ left, lines + E.T @ left
     taken = np.linalg.solve(square, cross)  # what a fit of A takes of the lines

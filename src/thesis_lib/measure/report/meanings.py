@@ -307,8 +307,8 @@ OF_FORCE = {
     ),
     "segment-short": Meaning(
         "Segments of … s make the peak at … Hz lower by about … %",
-        "A short segment has few lines, and adds to each a part of its neighbours. The curve itself "
-        "shows that this makes the peak lower by more than it is uncertain by noise.",
+        "A short segment has few lines, and adds to each a part of its neighbours. By the curve "
+        "itself, this makes the peak lower by more than it is uncertain by noise.",
         "Take the `force.segment_s` that is told, or record from rest to rest and take it whole.",
     ),
     "sweep-fast": Meaning(
