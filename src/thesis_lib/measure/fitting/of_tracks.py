@@ -102,7 +102,9 @@ def noise_near(own: Recording, fit: Harmonics, omega: float, begin: float, end: 
     near = omega + 2 * np.pi * NEAR_CYCLES / (end - begin)
     weight = 1 / np.where(fit.sigma > 0, fit.sigma, np.nan)
     frames, known = 0, np.zeros(weight.size)
-    square, cross, right, lines = 0.0, 0.0, 0.0, 0.0
+    columns = 2 * order + 3
+    square, cross = np.zeros((columns, columns)), np.zeros((columns, len(near)), complex)
+    right, lines = np.zeros((columns, weight.size)), np.zeros((len(near), weight.size), complex)
     for times, uv in own.parts(begin, end):
         A, E = basis(omega, times, order), np.exp(-1j * np.outer(times, near))
         A = np.hstack([A, A[:, 1:3] * (2 * (times[:, None] - begin) / (end - begin) - 1)])

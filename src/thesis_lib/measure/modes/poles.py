@@ -186,7 +186,9 @@ def fitted(blocks: Sequence[Block], start: Array, damped: bool) -> Poles:
     squares, freedom = np.sum([part.noise for part in parts], axis=0)
     noise = float(np.sqrt(squares / max(freedom, 1)))
     covariance = np.zeros((start.size, start.size))
-    covariance[every] = noise**2 * np.linalg.pinv(sum(part.matrix for part in parts)[every])
+    covariance[every] = noise**2 * np.linalg.pinv(
+        np.sum([part.matrix for part in parts], axis=0)[every]
+    )
     each, deviation = np.zeros((2, len(blocks), start.size))
     for k, part in enumerate(parts):
         alone = np.linalg.pinv(part.matrix[every])
@@ -201,8 +203,8 @@ def _least(
     """Minimise the sum of squares from x on by Marquardt's steps."""
     parts, damping = equations(x), 1e-3
     for _ in range(MAX_STEPS):
-        right = sum(part.right for part in parts)[free]
-        matrix = sum(part.matrix for part in parts)[np.ix_(free, free)]
+        right = np.sum([part.right for part in parts], axis=0)[free]
+        matrix = np.sum([part.matrix for part in parts], axis=0)[np.ix_(free, free)]
         step = np.linalg.lstsq(matrix + damping * np.diag(np.diag(matrix)), right)[0]
         squares, freedom = np.sum([part.noise for part in parts], axis=0)
         if not step @ right > MIN_GAIN * squares / max(freedom, 1):

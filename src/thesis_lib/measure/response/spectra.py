@@ -127,12 +127,13 @@ def response(force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array) -
     if cut.count > 1:
         squares = np.abs(blurred(first)) ** 2 - BLUR_BY_NOISE * scatter
         blur = np.sqrt(np.maximum(squares, 0))
+    error = np.hypot(np.sqrt(scatter), blur)
     return Response(
         np.arange(len(force)) * cut.rate / cut.length,
-        *(
-            own.swapaxes(-1, -2)
-            for own in (whole, coherence, np.hypot(np.sqrt(scatter), blur), blur)
-        ),
+        whole.transpose(0, 2, 1),
+        coherence.T,
+        error.transpose(0, 2, 1),
+        blur.transpose(0, 2, 1),
         np.mean(np.abs(force) ** 2, axis=1),
         averages,
     )
