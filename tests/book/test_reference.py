@@ -39,7 +39,7 @@ SIZES = "…, allowed: … …"  # of a picture, each as … × … px
 INTERNAL = {
     "…", "……", "…: …", "…: frame 0: …", "…: no frames to write",
     "…: given the ending …, allowed: .mkv", "given … recordings, allowed: at least 2",
-    "…: …: …", "cameras[…].video: …", "cameras[…].shots: …",
+    "…: …: …", "cameras[…].video: …", "cameras[…].shots: …", "force.file: …",
     "board: given … by … corners, needs … by … or more",
 }  # fmt: skip
 

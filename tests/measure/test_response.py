@@ -26,6 +26,7 @@ from sdypy import EMA
 from thesis_lib.measure.measured import Recorded
 from thesis_lib.measure.modes.identify import assurance
 from thesis_lib.measure.pipeline import _not_one_tone
+from thesis_lib.measure.recordings.check import check_recordings
 from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -464,6 +465,17 @@ def test_tables_that_are_none_are_refused(tmp_path, text, told):
     manifest = manifest_for(tmp_path, file="force.csv", full_scale_n=None)
     with pytest.raises(ForceError, match=told):
         recorded_force(manifest, tmp_path, np.zeros(2))
+
+
+def test_a_force_is_checked_before_anything_is_calibrated(tmp_path):
+    (tmp_path / "force.csv").write_text("i,force\n" + "".join(f"{k},1\n" for k in range(200)))
+    manifest = manifest_for(tmp_path, file="force.csv", full_scale_n=None)
+    (line,) = [one for one in check_recordings(manifest, tmp_path) if one.startswith("force.file")]
+    assert "no column is clearly the time, of columns 1 (i), 2 (force)" in line
+    write_wav(tmp_path / "force.wav", np.zeros(9000))
+    (line,) = [one for one in check_recordings(manifest_for(tmp_path), tmp_path)
+               if one.startswith("force.file")]  # fmt: skip
+    assert "silent audio" in line
 
 
 @pytest.mark.parametrize(
