@@ -167,7 +167,6 @@ def whole_file(path: Path, write: Callable[[Path], object]) -> None:
     with staging(path.parent) as folder:
         temporary = folder / path.name
         write(temporary)
-        temporary.chmod(0o644)
         temporary.replace(path)
 
 

@@ -163,7 +163,8 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_what_is_damaged_is_named_and_made_anew(again, damage):
     tamper, name = DAMAGES[damage]
-    first, *kept_aside, last = again(tamper).splitlines()
+    said = [line for line in again(tamper).splitlines() if not line.endswith(("to do", "running"))]
+    first, *kept_aside, last = said
     assert name in first
     assert first.endswith("; it is made anew")
     assert all("has changed since it was written; it is kept as" in line for line in kept_aside)

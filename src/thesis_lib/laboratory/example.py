@@ -113,5 +113,4 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
         if folder.exists():
             folder.rmdir()
         part.rename(folder)
-        folder.chmod(0o755)
     return folder / "manifest.yaml"

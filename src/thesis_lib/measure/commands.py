@@ -212,7 +212,7 @@ def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
     with one_line(target):
         check_outputs(target.parent, [target])
         try:
-            count, (width, height) = write(source, target, rate_hz, click.echo)
+            count, (width, height) = write(source, target, rate_hz, echo)
         except MediaError as error:
             raise click.UsageError(str(error)) from None
     echo(f"{target}: {count} frames of {width} × {height} px")

@@ -86,6 +86,7 @@ def _end_children() -> bool:
     with contextlib.suppress(psutil.Error):
         for child in psutil.Process().children(recursive=True):
             with contextlib.suppress(psutil.Error):
-                child.kill()
+                if not any("resource_tracker" in word for word in child.cmdline()):
+                    child.kill()  # the tracker removes semaphores, and ends by itself
     here = threading.main_thread()
     return any(one is not here and not one.daemon for one in threading.enumerate())

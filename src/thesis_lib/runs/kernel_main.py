@@ -118,6 +118,8 @@ def kernel(arguments: list[str], given: Mapping[str, str]) -> None:
     become(environment(given, home))
     os.chdir(home)
     without_dask()
+    if numpy := sys.modules.get("numpy"):
+        numpy.random.seed()  # else all kernels would draw the same numbers as their parent
 
     from ipykernel.kernelapp import IPKernelApp
 
