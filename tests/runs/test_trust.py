@@ -18,7 +18,7 @@ from thesis_lib import files, records, text
 from thesis_lib.runs import ending, tasks
 from thesis_lib.runs import execute as runs
 from thesis_lib.studies import cache as kept
-from thesis_lib.studies import storage
+from thesis_lib.studies import lock, storage
 from thesis_lib.web import page as pages
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
@@ -301,6 +301,15 @@ def test_a_kept_cube_that_is_damaged_is_named_and_not_used(cube, tamper, capsys)
     assert kept.read(cube) is None
     (line,) = capsys.readouterr().err.splitlines()
     assert str(cube) in line
+
+
+# Packages.
+
+
+def test_packages_other_than_the_locks_are_noticed(monkeypatch):
+    assert lock.differing_packages() == []
+    monkeypatch.setattr(lock, "version", lambda name: "0.1")
+    assert any(line.startswith("numpy 0.1 is installed") for line in lock.differing_packages())
 
 
 # Records.

@@ -17,9 +17,10 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 from thesis_lib import records
-from thesis_lib.asides import live, say
+from thesis_lib.asides import aside, live, say
 from thesis_lib.files import digest_of, sweep, workplace
 from thesis_lib.runs.progress import Progress, urgency
+from thesis_lib.studies.lock import differing_packages
 from thesis_lib.text import message, of_error
 from thesis_lib.web.page import BookError
 
@@ -110,6 +111,8 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
     RunError
         If a task failed; the others have been run all the same.
     """
+    for differs in differing_packages():
+        aside(f"{differs}: results may differ; `make book` in a fresh clone installs the lock's")
     build = workplace() / "build"
     made = [file.parent for one in tasks for file in (one.record, *one.makes)]
     sweep(*dict.fromkeys([build, build / "cache", *made]))
