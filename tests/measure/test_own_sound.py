@@ -12,8 +12,16 @@ from scipy.io import wavfile
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.sources import Pistons
 from thesis_lib.acoustics.surfaces import Surface
+from thesis_lib.acoustics.unbaffled import Screen
 from thesis_lib.facts import setups
-from thesis_lib.measure.radiation import between, files, of_measurement, radiated, report
+from thesis_lib.measure.radiation import (
+    between,
+    files,
+    of_measurement,
+    radiated,
+    report,
+    without_wall,
+)
 from thesis_lib.measure.radiation.bands import octaves
 from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.radiation.radiated import complex_of
@@ -216,6 +224,47 @@ def test_markers_tell_waves_of_two_spacings_and_no_shorter_ones(made, conforms):
         assert ("shorter than two spacings" in report.sound_section(high, manifest())) is told
 
 
+def test_what_a_plate_without_a_wall_radiates_is_estimated_from_its_markers(made, conforms):
+    """By the true shape on finer cells; mode 1 is half a wave along and half a wave across."""
+    screen = Screen.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 900)
+    w = deflection_shape(PLATE, 1, screen.places, 1e-3)[:, None]
+    level = 10 * np.log10(float(screen.power_form(w, OMEGA)[0, 0]) / exact())
+    std = float(made["no_wall_change_std"][0])
+    conforms.independent(float(made["no_wall_change"][0]), level, atol=0.1)
+    conforms.closed_form(std, above=0.1, below=0.5)  # dB; most of it by a thickness of 19.8 mm
+    below = 343 / 2 * np.hypot(1 / PLATE.length, 1 / PLATE.width)
+    conforms.closed_form(float(made["no_wall_below"][0]), below, rtol=2e-3)
+
+
+@pytest.mark.parametrize("between", [None, "spline"])
+def test_more_half_waves_need_a_wall_up_to_higher_frequencies(between, conforms):
+    """The same frequency and plate, in four modes."""
+    below, change = [], []
+    for mode in (1, 2, 3, 5):
+        shape = deflection_shape(PLATE, mode, PLATE.markers, 1e-3) + 0j
+        one = sound_of(measurement(shape, noise=1e-7), manifest({"between": between}))
+        below.append(float(one["no_wall_below"][0]))
+        change.append(float(one["no_wall_change"][0]))
+    k = np.hypot(*(np.pi * PLATE.mode_indices(5)[[0, 1, 2, 4]] / PLATE.extent).T)
+    conforms.closed_form(below, 343 * k / (2 * np.pi), rtol=0.005 if between is None else 0.1)
+    assert np.all(np.diff(change) < 0)
+
+
+@pytest.mark.parametrize(
+    ("wall", "told"), [("yes", False), (True, False), (False, True), (None, True)]
+)
+def test_power_is_called_that_in_a_wall_and_warned_of_without_one(wall, told):
+    own = manifest({} if wall is None else {"wall": wall})
+    low = sound_of(measurement(), own)
+    powers = [line for line in report.summary(low) if "sound power" in line]
+    assert all("a wall" in line or "a rigid wall" in line for line in powers)
+    assert ("without a wall: an estimated 134." in powers[0]) is (wall is False)
+    page = report.sound_section(low, own)
+    assert ("Without a wall the structure radiates less" in page) is told
+    high = sound_of(measurement().assign(frequency=800.0), own)
+    assert "Without a wall the structure radiates less" not in report.sound_section(high, own)
+
+
 def test_a_spline_comes_near_the_model_and_tells_what_it_does_not_know(conforms):
     spline = sound_of(measurement(noise=NOISE / 10), manifest({"between": "spline"}))
     assert spline.attrs["between"] == "spline"
@@ -337,6 +386,7 @@ def test_errors_of_totals_and_energies_are_the_scatter_of_measurements(conforms,
     """Of 60 that are drawn. A decay that is taken for too fast began too large."""
     monkeypatch.setattr(of_measurement, "SHAPE", (3, 2))
     monkeypatch.setattr(radiated, "NODES", 200)
+    monkeypatch.setattr(without_wall, "CELLS", (40, 20))
     draw, said = np.random.default_rng(5), manifest()
     rows = {"band_power": [], "energy": []}
     for _ in range(60):
@@ -428,6 +478,7 @@ def test_a_sound_file_has_the_pressure_of_its_point(made, tmp_path, conforms):
         ({"edges": ["free"]}, {}, '4 of "free" and "held"'),
         ({"between": "model", "outline_mm": "hull"}, {}, "no model of this outline"),
         ({"plane_bottom_mm": 500, "plane_top_mm": 400}, {}, "a number above plane_bottom_mm"),
+        ({"wall": "maybe"}, {}, "'yes', 'no' or 'unknown'"),
         ({"points_mm": [[0, 0, -1]]}, {}, "radiation.points_mm.0.2"),
         (
             {},

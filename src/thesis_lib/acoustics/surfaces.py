@@ -94,6 +94,21 @@ class Surface:
         scale = medium.density * medium.speed_of_sound * self.pistons.area / 2
         return np.asarray(scale * B.T @ (self.share[:, None] * B))
 
+    def wavenumber_forms(self, moving: ArrayLike) -> tuple[Array, Array]:
+        """Forms of the sums of squared slopes and displacements, whose ratio is a wavenumber².
+
+        Of sines along both sides it is that of the flexural wave, (mπ/a)² + (nπ/b)². Whole cells
+        count.
+        """
+        B = np.asarray(moving, float)
+        cells = B.reshape(-1, 4, B.shape[1])[self.share[::4] > 1 - SLIVER]
+        apart = 4 / np.sqrt(12) * np.array(self.pistons.size)  # of two nodes, along and across
+        along = (cells[:, [1, 3]] - cells[:, [0, 2]]) / apart[0]
+        across = (cells[:, [2, 3]] - cells[:, [0, 1]]) / apart[1]
+        slopes = np.concatenate([along, across], axis=1).reshape(-1, B.shape[1])
+        every = cells.reshape(-1, B.shape[1])
+        return 2 * slopes.T @ slopes, every.T @ every
+
     def pressure_matrix(
         self, moving: ArrayLike, points: ArrayLike, omega: float, medium: Medium = AIR
     ) -> ComplexArray:

@@ -17,9 +17,11 @@ from thesis_lib.studies import storage
 RATE, SECONDS = 48000, 4.0  # samples per second; length of a sound file, s
 FADE, RISE = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
 MEANINGS = (
-    "radiated.nc, radiated.csv: sound power, pressures and fields, with their standard errors",
-    "heard-1.wav …: what would be heard at each point, one sound file for each, with all tones; "
-    "samples are pressures in Pa (32-bit floating point), so that players may have to be turned up",
+    "radiated.nc, radiated.csv: sound power, pressures and fields in a rigid wall, with their "
+    "standard errors, and the change of the power without one",
+    "heard-1.wav …: what would be heard at each point before a rigid wall, one sound file for "
+    "each, with all tones; samples are pressures in Pa (32-bit floating point), so that players "
+    "may have to be turned up",
 )
 
 
@@ -52,9 +54,7 @@ def table(data: xr.Dataset) -> pd.DataFrame:
     rows: list[tuple[object, ...]] = []
 
     def told(of: object, name: str, what: object, one: xr.Dataset) -> None:
-        rows.append(
-            (of, name, what, float(one[name]), float(one[f"{name}_error"]), one[name].units)
-        )
+        rows.append((of, name, what, float(one[name]), float(error_of(one, name)), one[name].units))
 
     for tone in range(data.sizes["tone"]):
         one = data.isel(tone=tone)
@@ -64,6 +64,8 @@ def table(data: xr.Dataset) -> pd.DataFrame:
             "power_level",
             "efficiency",
             *(["energy"] if "energy" in one else []),
+            "no_wall_change",
+            "no_wall_below",
         ):
             told(hertz, name, "", one)
         for mode in range(one.sizes["mode"]):
@@ -80,6 +82,13 @@ def table(data: xr.Dataset) -> pd.DataFrame:
             told(band, "band_level", place(one.isel(point=point)), one.isel(point=point))
     names = ["frequency_hz", "quantity", "mode_or_point_mm", "value", "standard_error", "unit"]
     return pd.DataFrame(rows, columns=names)
+
+
+def error_of(one: xr.Dataset, name: str) -> xr.DataArray:
+    """Return the standard error of a number; NaN if it has none."""
+    return next(
+        (one[of] for of in (f"{name}_error", f"{name}_std") if of in one), xr.DataArray(np.nan)
+    )
 
 
 def place(one: xr.Dataset) -> str:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.surfaces import Surface
+from thesis_lib.acoustics.unbaffled import Screen
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.radiation import between as interpolation
+from thesis_lib.measure.radiation import without_wall
 from thesis_lib.measure.radiation.between import Between
 from thesis_lib.measure.radiation.radiated import Tone, complex_of, count_nodes, radiated
 from thesis_lib.measure.recordings.check import ChainError
@@ -38,7 +42,8 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        As of :func:`.radiated`; its attributes tell what was assumed.
+        As of :func:`.radiated`, in a rigid wall, and of :func:`.estimate_change` without one; its
+        attributes tell what was assumed.
 
     Raises
     ------
@@ -60,9 +65,24 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     count = count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
     surface = Surface.of(corners, count, (size[0] / 2, size[1] / 2))
     shapes = shapes_of(several, known)
-    between = _chosen(asked, structure, surface, corners, markers, shapes)
+    screens = [Screen.of(corners, cells) for cells in without_wall.CELLS]
+    every = surface.places, *(screen.places for screen in screens)
+    both = _chosen(asked, structure, np.concatenate(every, axis=1), corners, markers, shapes)
+    ends = np.cumsum([one.shape[1] for one in every])
+    moving, *others = np.split(both.moving, ends[:-1])
+    between = replace(both, moving=moving)
     made = radiated(
         surface, between, tones, shapes, asked.points, _planes(asked, size), asked.medium
+    )
+    change = without_wall.estimate_change(
+        surface,
+        moving,
+        [*zip(screens, others, strict=True)],
+        [tone.omega for tone in tones],
+        shapes,
+        asked.medium,
+        float(np.ptp(corners, axis=0).min()),
+        structure.thickness_mm / 1000,
     )
     step = interpolation.spacing(markers)
     told = {
@@ -71,13 +91,14 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
         "spacing": step,
         "highest": _highest(structure, step),
         "outline": np.ravel(1000 * corners),
+        "wall": asked.wall,
         "held": len(asked.held(structure.kind, len(corners))),
         "speed_of_sound": asked.speed_of_sound_m_s,
         "air_density": asked.air_density_kg_m3,
     }
     if "decay" in made:
         told["moment"] = float(data["zero"])
-    return made.assign_attrs(told)
+    return made.merge(change).assign_attrs(told)
 
 
 def _one_mode(data: xr.Dataset) -> xr.Dataset:
@@ -154,23 +175,23 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
 def _chosen(
     asked: Radiation,
     structure: Structure,
-    surface: Surface,
+    places: Array,
     corners: Array,
     markers: Array,
     shapes: estimates.Amplitudes,
 ) -> Between:
-    """How the surface moves between markers: by the model if that fits all, else by a spline."""
+    """How places (2, n) move between markers: by the model if that fits all, else by a spline."""
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
         radius = structure.markers.diameter_mm / 2000
-        found = interpolation.by_model(model, markers, radius, surface.places)
-        places = np.arange(len(shapes.value)).reshape(-1, markers.shape[1])
-        left = np.array([found.left(shapes.part(own)) for own in places])
+        found = interpolation.by_model(model, markers, radius, places)
+        each = np.arange(len(shapes.value)).reshape(-1, markers.shape[1])
+        left = np.array([found.left(shapes.part(own)) for own in each])
         if asked.between == "model" or np.all(left[:, 0] <= FITS * left[:, 1]):
             return found
     step = interpolation.spacing(markers)
     held = interpolation.along(corners, asked.held(structure.kind, len(corners)), step)
-    return interpolation.by_spline(markers, held, surface.places)
+    return interpolation.by_spline(markers, held, places)
 
 
 def _planes(asked: Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:

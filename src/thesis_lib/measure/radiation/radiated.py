@@ -1,6 +1,6 @@
 """The sound of measured shapes, with standard errors that come from those of the shapes.
 
-The structure lies in a rigid baffle. What its markers do, its surface does
+The structure lies in a rigid wall. What its markers do, its surface does
 (:mod:`thesis_lib.measure.radiation.between`); pressure and power follow by Rayleigh's integral
 (:mod:`thesis_lib.acoustics.surfaces`), their errors from the markers' and from what errors of the
 calibration do to all markers and tones together (:mod:`thesis_lib.acoustics.estimates`).
@@ -36,29 +36,31 @@ MODES = 6  # radiation modes that are told
 DECIBEL = 10 / np.log(10)
 VARIABLES = declared("""
     frequency(tone) [Hz] frequency
-    power(tone) [W] radiated sound power
+    power(tone) [W] sound power of one side, in a rigid wall
     power_error(tone) [W] its standard error
-    power_level(tone) [dB] sound power level re 1 pW
+    power_level(tone) [dB] sound power level of one side re 1 pW, in a rigid wall
     power_level_error(tone) [dB] its standard error
-    efficiency(tone) [1] power over that of a plane wave of the same area and mean square velocity
+    efficiency(tone) [1] power in a rigid wall over that of a plane wave of the same area and
+        mean square velocity
     efficiency_error(tone) [1] its standard error
     mode_power(tone, mode) [W] power of a way of moving that radiates without interference, the
         loudest first
     mode_power_error(tone, mode) [W] its standard error
-    pressure_real(tone, point) [Pa] complex amplitude of the pressure, exp(+jωt), real part
+    pressure_real(tone, point) [Pa] complex amplitude of the pressure in a rigid wall, exp(+jωt),
+        real part
     pressure_imag(tone, point) [Pa] the same, imaginary part
     pressure_error(tone, point) [Pa] standard error of its absolute value
-    level(tone, point) [dB] sound pressure level re 20 µPa
+    level(tone, point) [dB] sound pressure level re 20 µPa, in a rigid wall
     level_error(tone, point) [dB] its standard error
-    field_real(tone, plane, u, z) [Pa] complex amplitude on a plane, real part
+    field_real(tone, plane, u, z) [Pa] complex amplitude on a plane, in a rigid wall, real part
     field_imag(tone, plane, u, z) [Pa] the same, imaginary part
     field_error(tone, plane, u, z) [Pa] standard error of its absolute value
     decay(tone) [s-1] rate α at which a mode dies away, e^(−αt); 0 if it does not
     energy(tone) [J] sound energy from the moment on until the mode has died away
     energy_error(tone) [J] its standard error
-    band_power(band) [W] sound power of all tones together, and by octave
+    band_power(band) [W] sound power of all tones together, and by octave, in a rigid wall
     band_power_error(band) [W] its standard error
-    band_power_level(band) [dB] sound power level re 1 pW
+    band_power_level(band) [dB] sound power level re 1 pW, in a rigid wall
     band_power_level_error(band) [dB] its standard error
     band_level(band, point) [dB] sound pressure level re 20 µPa of the same
     band_level_error(band, point) [dB] its standard error

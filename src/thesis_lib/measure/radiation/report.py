@@ -19,6 +19,7 @@ from thesis_lib.plotting.viewer_data import encoded
 from thesis_lib.web.fragment import VIEWER_CSS, joined, static_html
 
 WITHOUT = "This picture needs JavaScript; radiated.nc has the same field."
+WALL = ", in a rigid wall"
 HEARD = 20.0  # Hz; below, nobody hears it
 ALONE = (
     "<p>Radiation modes are ways of moving that radiate one beside the other, without "
@@ -31,16 +32,20 @@ def summary(data: xr.Dataset | None) -> list[str]:
     """What was found, in a few lines; none if no sound was asked for."""
     if data is None:
         return []
-    lines = []
+    lines, bare = [], data.attrs["wall"] == "no"
     for tone in range(data.sizes["tone"]):
         one = data.isel(tone=tone)
         energy = f", {_pm(one, 'energy', '.3g')} J in all" if "energy" in one else ""
+        of = f"sound power {'of the mode ' if energy else ''}at {_hertz(one)} Hz"
+        without = f" {_without(one)}" if data.attrs["wall"] == "unknown" else ""
+        lines += [f"{of} without a wall: {_bare(one)}"] if bare else []
         lines.append(
-            f"sound power {'of the mode ' if energy else ''}at {_hertz(one)} Hz: "
-            f"{_power(one, '')}{energy}, radiation efficiency {_pm(one, 'efficiency', '.3g')}"
+            f"{of}: {_power(one, '')}{energy}, radiation efficiency "
+            f"{_pm(one, 'efficiency', '.3g')}, all in a rigid wall{without}"
         )
     if data.sizes["tone"] > 1:
-        lines.append(f"sound power of all together: {_power(data.sel(band=ALL), 'band_')}")
+        whole = _power(data.sel(band=ALL), "band_")
+        lines.append(f"sound power of all together: {whole}, in a rigid wall")
     if "moment" in data.attrs:
         lines.append(_moment(data))
     return lines
@@ -52,6 +57,25 @@ def _moment(data: xr.Dataset) -> str:
         f"the sound powers are those of one moment, {data.attrs['moment']:.3f} s on the first "
         "camera's clock, from which on each mode dies away"
     )
+
+
+def _without(one: xr.Dataset) -> str:
+    """How much less a structure radiates without a wall, in a bracket."""
+    change, std = float(one["no_wall_change"]), float(one["no_wall_change_std"])
+    below = f"air flows around its edges below about {float(one['no_wall_below']):.3g} Hz"
+    if not np.isfinite(change):
+        return f"(without one not estimated; {below})"
+    way = "less" if change < 0 else "more"
+    return f"(without one an estimated {abs(change):.1f} ± {std:.2g} dB {way}; {below})"
+
+
+def _bare(one: xr.Dataset) -> str:
+    """Estimated level without a wall."""
+    change, std = float(one["no_wall_change"]), float(one["no_wall_change_std"])
+    if not np.isfinite(change + float(one["power_level"])):
+        return "not estimated"
+    level, error = float(one["power_level"]) + change, np.hypot(std, one["power_level_error"])
+    return f"an estimated {level:.1f} ± {error:.2g} dB re 1 pW on each side"
 
 
 def _power(one: xr.Dataset, of: str) -> str:
@@ -80,7 +104,7 @@ def sound_section(data: xr.Dataset, manifest: Manifest) -> str:
         *(_played(data.isel(tone=tone), manifest) for tone in range(data.sizes["tone"])),
         "<h3>At the points</h3>" + html.frame(_points(data)),
         "<h3>By octave</h3>" + html.frame(_bands(data)) if several else "",
-        html.details("Power by radiation mode", ALONE + html.frame(_modes(data))),
+        html.details(f"Power by radiation mode{WALL}", ALONE + html.frame(_modes(data))),
         html.details("What the sound rests on", html.items(_assumed(data, manifest))),
     ]
     return "\n".join(part for part in parts if part)
@@ -107,9 +131,9 @@ def _played(one: xr.Dataset, manifest: Manifest) -> str:
         "halves": [size[name[0]] for name in names],
         "frequency": float(one["frequency"]),
         "colormap": list(DIVERGING),
-        "words": f"Sound pressure at {float(one['frequency']):.4g} Hz above the structure, in two "
-        f"planes through its centre. Its standard error is {100 * share:.2g} % of the largest "
-        "pressure (rms).",
+        "words": f"Sound pressure at {float(one['frequency']):.4g} Hz above the structure in a "
+        "rigid wall, in two planes through its centre. Its standard error is "
+        f"{100 * share:.2g} % of the largest pressure (rms).",
     }
     return static_html(joined("radiated"), VIEWER_CSS, {"data": state}, WITHOUT)
 
@@ -120,17 +144,26 @@ def _powers(data: xr.Dataset) -> pd.DataFrame:
     for tone in range(data.sizes["tone"]):
         one = data.isel(tone=tone)
         row = {"frequency in Hz": _hertz(one), **_row(one, "")}
-        row |= {"energy in J": _pm(one, "energy", ".3g")} if decays else {}
-        rows.append(row | {"radiation efficiency": _pm(one, "efficiency", ".3g")})
+        row |= {f"energy in J{WALL}": _pm(one, "energy", ".3g")} if decays else {}
+        row |= {f"radiation efficiency{WALL}": _pm(one, "efficiency", ".3g")}
+        row |= {"without a wall, dB": _change(one)} if data.attrs["wall"] != "yes" else {}
+        rows.append(
+            row | {"without a wall less below about, Hz": f"{float(one['no_wall_below']):.3g}"}
+        )
     rows.append({"frequency in Hz": ALL, **_row(data.sel(band=ALL), "band_")})
     return pd.DataFrame(rows)
 
 
 def _row(one: xr.Dataset, of: str) -> dict[str, str]:
     return {
-        "sound power in dB re 1 pW": _pm(one, f"{of}power_level", ".1f"),
+        f"sound power in dB re 1 pW{WALL}": _pm(one, f"{of}power_level", ".1f"),
         "in W": _pm(one, f"{of}power", ".3g"),
     }
+
+
+def _change(one: xr.Dataset) -> str:
+    change, std = float(one["no_wall_change"]), float(one["no_wall_change_std"])
+    return f"{change:+.1f} ± {std:.2g}" if np.isfinite(change) else "not estimated"
 
 
 def _points(data: xr.Dataset) -> pd.DataFrame:
@@ -139,12 +172,13 @@ def _points(data: xr.Dataset) -> pd.DataFrame:
     for tone in range(data.sizes["tone"]):
         for point in range(data.sizes["point"]):
             one = data.isel(tone=tone, point=point)
+            size = one.assign(pressure=absolute(one))
             rows.append(
                 {
                     "X, Y, Z in mm": place(one),
                     "frequency in Hz": _hertz(one),
-                    "pressure in Pa": _pm(one.assign(pressure=absolute(one)), "pressure", ".3g"),
-                    "level in dB re 20 µPa": _pm(one, "level", ".1f"),
+                    f"pressure in Pa{WALL}": _pm(size, "pressure", ".3g"),
+                    f"level in dB re 20 µPa{WALL}": _pm(one, "level", ".1f"),
                 }
             )
     return pd.DataFrame(rows)
@@ -157,11 +191,11 @@ def _bands(data: xr.Dataset) -> pd.DataFrame:
         one = data.sel(band=band)
         row = {
             "octave in Hz": band,
-            "sound power in dB re 1 pW": _pm(one, "band_power_level", ".1f"),
+            f"sound power in dB re 1 pW{WALL}": _pm(one, "band_power_level", ".1f"),
         }
         for point in range(one.sizes["point"]):
             here = one.isel(point=point)
-            row[f"dB re 20 µPa at {place(here)} mm"] = _pm(here, "band_level", ".1f")
+            row[f"dB re 20 µPa at {place(here)} mm{WALL}"] = _pm(here, "band_level", ".1f")
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -183,6 +217,16 @@ def _modes(data: xr.Dataset) -> pd.DataFrame:
 
 def _notes(data: xr.Dataset) -> Iterator[Note]:
     """What a reader should know before trusting the sound."""
+    is_low = data["frequency"].values < data["no_wall_below"].values
+    low = data.isel(tone=is_low & ~(data["no_wall_change"].values > 0))
+    if data.attrs["wall"] != "yes" and low.sizes["tone"]:
+        tones = [low.isel(tone=tone) for tone in range(low.sizes["tone"])]
+        changes = "; ".join(f"at {_hertz(one)} Hz {_change(one)} dB" for one in tones)
+        yield Note(
+            "no-wall",
+            "Without a wall the structure radiates less than pressures, fields and powers in a "
+            f"rigid wall say, as estimated: {changes}.",
+        )
     highest, step = float(data.attrs["highest"]), 1000 * float(data.attrs["spacing"])
     for tone in range(data.sizes["tone"]):
         one = data.isel(tone=tone)
@@ -226,13 +270,11 @@ def _assumed(data: xr.Dataset, manifest: Manifest) -> Iterator[str]:
         f"Markers are up to {step:.3g} mm apart: they tell flexural waves of {2 * step:.3g} mm and "
         f"longer, which the manifest's material has up to {highest:.4g} Hz."
     )
-    length = max(manifest.structure.length_mm, manifest.structure.width_mm) / 1000
     speed = float(data.attrs["speed_of_sound"])
     yield (
         "The structure lies in a rigid wall (a baffle) that is infinite, and radiates to one side "
-        "into free space. Without one, air flows around its edges: below about "
-        f"{speed / (2 * length):.3g} Hz, where half a wave is longer than the structure, it then "
-        "radiates less, and nearly nothing far below."
+        "into free space. Without one, air flows around its edges. The change of its power is then "
+        "estimated for a thin structure that nothing surrounds, with neither frame nor supports."
     )
     yield (
         f"The air has {speed:g} m/s and {float(data.attrs['air_density']):g} kg/m³; it does not "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from thesis_lib.arrays import Array
 from thesis_lib.studies.refusals import Refusing, permitted, refuse
@@ -18,6 +18,10 @@ Place = tuple[float, float]
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
 Point = tuple[Length, Length, Annotated[float, Field(gt=0, le=1e5)]]
 Edge = Literal["free", "held"]
+Wall = Annotated[
+    Literal["yes", "no", "unknown"],  # YAML reads yes and no as true and false
+    BeforeValidator(lambda value: ("no", "yes")[value] if isinstance(value, bool) else value),
+]
 FEWEST = 6  # markers that a surface needs
 
 
@@ -58,6 +62,10 @@ class Radiation(Refusing):
         None,
         "greatest height of the planes; null is the longer side above the lowest",
         "null, or a number above plane_bottom_mm, at most 100000",
+    )
+    wall: Wall = field(
+        "unknown",
+        "whether the structure lies in a wall, in whose plane no air flows around its edges",
     )
     speed_of_sound_m_s: Positive = field(343.0, "speed of sound in the air")
     air_density_kg_m3: Positive = field(1.21, "density of the air")

@@ -234,6 +234,17 @@ OF_MODES = {
 }
 """Of several modes alone."""
 OF_SOUND = {
+    "no-wall": Meaning(
+        "Without a wall the structure radiates less than pressures, fields and powers in a rigid "
+        "wall say",
+        "All sound is computed as if the structure lay in a rigid wall that has no end. Without "
+        "one, air flows around its edges instead of being compressed, as long as sound waves are "
+        "longer than its flexural waves, or than twice its narrower side. The change is estimated "
+        "for a thin structure that nothing surrounds.",
+        "If it lies in a wall, give `wall: yes` under `radiation`. If it does not, give "
+        "`wall: no`: the power without one then comes first. Pressures and fields stay those in a "
+        "wall.",
+    ),
     "waves-too-short": Meaning(
         "At … Hz flexural waves of the manifest's material are shorter than two spacings",
         "Between markers the structure may bend as no marker tells.",
