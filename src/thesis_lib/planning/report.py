@@ -34,10 +34,10 @@ from thesis_lib.web.shell import shell
 # by goal: whose error a plan tells, and what it is held against
 TOLD = {
     "shape": ("shape", "largest deflection of a marker"),
-    "sound": ("field", "largest pressure on a plane"),
-    "sound-plane": ("field", "largest pressure on the plane"),
-    "sound-point": ("pressure", "pressure at the point"),
-    "sound-power": ("power", "sound power"),
+    "sound": ("field", "largest pressure on a plane, in a rigid wall"),
+    "sound-plane": ("field", "largest pressure on the plane, in a rigid wall"),
+    "sound-point": ("pressure", "pressure at the point, in a rigid wall"),
+    "sound-power": ("power", "sound power in a rigid wall"),
 }
 FILES = ("plan.nc", "plan.csv", "plan.svg", "plan.html")
 

@@ -163,9 +163,9 @@ def levels(opened: Cubes) -> str:
             {
                 "mode": str(mode),
                 "radiation efficiency": f"{efficiency:.3f}",
-                "sound power for 1 N, dB": f"{float(radiation.power_level(power)):.0f}",
-                "largest pressure level for 1 N, dB": f"{level:.0f}",
-                f"level for {peak}, dB": f"{level + 20 * np.log10(scale):.0f}",
+                "sound power in a wall for 1 N, dB": f"{float(radiation.power_level(power)):.0f}",
+                "largest pressure level in a wall for 1 N, dB": f"{level:.0f}",
+                f"level in a wall for {peak}, dB": f"{level + 20 * np.log10(scale):.0f}",
                 f"acceleration for {peak}": f"{omega**2 * meant / GRAVITY:.0f} g",
             }
         )

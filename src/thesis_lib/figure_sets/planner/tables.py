@@ -240,8 +240,8 @@ def for_sound(cube: xr.Dataset) -> str:
     width, height = asked(cube, "resolutions_px")[0]
     return (
         "Errors of the field as predicted (simulated), for the plate's worst mode on its worse "
-        f"plane, in % of the plane's largest pressure, {width}×{height} px; then errors of the "
-        "shape, in % of its largest deflection.\n\n"
+        f"plane in a rigid wall, in % of the largest pressure there, {width}×{height} px; then "
+        "errors of the shape, in % of its largest deflection.\n\n"
     ) + table(header, rows)
 
 
