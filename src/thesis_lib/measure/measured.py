@@ -57,7 +57,7 @@ def recorded(
     given, filmed = reused(manifest, folder), recordings_check.timed(manifest, clocks)
     sound = heard(filmed, folder, steps, say)  # first: it may refuse more of the manifest
     reading, repeats = inspect_videos(manifest, folder, steps, clocks)
-    for line in [*reading, *repeats]:
+    for line in [*reading, *(f"Frames repeat: {line}" for line in repeats)]:
         say(line)
     sound.attrs["repeats"] = "\n".join(repeats)
     calibration = _calibration(manifest, folder, steps, given, say)

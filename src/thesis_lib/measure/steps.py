@@ -131,7 +131,7 @@ def inspect_videos(
                 return describe_repeats(names[index], repeats)
 
             found = abreast(one, range(len(videos)), stop.set)
-        repeats = [f"Frames repeat: {line}" for line in found if line]
+        repeats = [line for line in found if line]
         reading = [line for video in videos for line in describe_reading(video)]
         return xr.Dataset(attrs={"reading": "\n".join(reading), "repeats": "\n".join(repeats)})
 

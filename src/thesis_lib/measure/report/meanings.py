@@ -93,7 +93,7 @@ OF_A_SHAPE = {
         "at their own rate.",
     ),
     "frames-lost": Meaning(
-        "Camera …'s clock seems to run … ppm …: more than any clock",
+        "Camera …'s clock seems to run …: more than any clock",
         "Clocks of cameras agree to 0.01 %, the worst to 0.05 %. Frames that were lost or repeated "
         "without their time stamps saying so look like a clock that runs so much faster or slower, "
         "and so does a video whose rate was rounded, as 59.94 to 60.",
@@ -317,7 +317,7 @@ OF_FORCE = {
         "Film until it is at rest.",
     ),
     "segment-short": Meaning(
-        "Segments of … s make the peak at … Hz lower by about … %",
+        "Segments of … s lower the peak at … Hz",
         "A short segment has few lines, and adds to each a part of its neighbours. By the curve "
         "itself, this makes the peak lower by more than it is uncertain by noise.",
         "Take the `force.segment_s` that is told, or record from rest to rest and take it whole.",

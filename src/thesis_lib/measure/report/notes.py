@@ -105,7 +105,7 @@ def _of_frequency(data: xr.Dataset) -> Iterator[Note]:
 def note_repeats(data: xr.Dataset) -> Iterator[Note]:
     """Yield a note for each camera whose frames repeat."""
     for line in data.attrs.get("repeats", "").splitlines():
-        yield Note("repeated-frames", line)
+        yield Note("repeated-frames", f"Frames repeat: {line}")
 
 
 def note_pace(name: str, first: str, pace: float, error: str = "") -> Note:

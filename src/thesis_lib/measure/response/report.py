@@ -239,11 +239,11 @@ def _blurred(data: xr.Dataset) -> Iterator[Note]:
     noise = np.sqrt(error**2 - blur**2)
     if blur > noise:
         seconds, share = float(data["segment"]), blur / (size + blur)
-        how = "much lower" if share > MAX_BLUR else f"lower by about {share:.1%}"
+        how = "much" if share > MAX_BLUR else f"by about {share:.1%}"
         longer = seconds * (blur / max(noise, 1e-3 * size)) ** 0.4  # as T⁻² and, of noise, √T
         yield Note(
             "segment-short",
-            f"Segments of {seconds:.3g} s make the peak at {top:.4g} Hz {how}, and noise makes it "
+            f"Segments of {seconds:.3g} s lower the peak at {top:.4g} Hz {how}, and noise makes it "
             f"uncertain by {noise / size:.1%}: take force.segment_s of {longer:.3g} or more, or "
             "record from rest to rest and take it whole.",
         )
