@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import atexit
 import contextlib
 import hashlib
 import os
@@ -22,6 +23,7 @@ _NAME = re.compile(re.escape(_STAGING) + r"[a-z0-9_]{8}")  # as mkdtemp makes th
 _LOCK = ".lock"
 _STRING_OR_COMMENT = re.compile(r"""(("{3}|'{3}|["'])(?:\\.|.)*?\2)|#[^\n]*""", re.DOTALL)
 _held: set[Path] = set()  # staging folders of this process
+_CACHE = "THESIS_CACHE"  # in the environment: the cache of a command that cannot write its own
 
 
 class NoCloneError(RuntimeError):
@@ -64,6 +66,24 @@ def workplace() -> Path:
 def _began_in() -> Path:
     """The working directory when this was first asked: a kernel has a home of its own later."""
     return Path.cwd()
+
+
+def cache_folder() -> Path:
+    """Return the folder of cached results: ``build/cache``, or a temporary one.
+
+    Where ``build/cache`` cannot be written to, as in a checkout of somebody else's, a command and
+    the processes that it starts share a folder that is removed when the command ends.
+    """
+    if _CACHE not in os.environ:
+        folder = workplace() / "build" / "cache"
+        there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
+        if there.is_dir() and os.access(there, os.W_OK | os.X_OK):
+            return folder
+        own = Path(tempfile.mkdtemp(prefix="thesis-cache-"))
+        _held.add(own)
+        atexit.register(_let_go, own)
+        os.environ[_CACHE] = str(own)
+    return Path(os.environ[_CACHE])
 
 
 def library_files() -> list[Path]:

@@ -590,7 +590,7 @@ def library(tmp_path, monkeypatch):
     """A library of one file, and a cache of its own."""
     file = tmp_path / "library.py"
     file.write_text("one")
-    monkeypatch.setattr(studies_cache, "workplace", lambda: tmp_path)
+    monkeypatch.setattr(studies_cache, "cache_folder", lambda: tmp_path / "cache")
     monkeypatch.setattr(studies_cache, "library_files", lambda: [file])
     return file
 

@@ -10,7 +10,6 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.figure_sets.run import made
 from thesis_lib.runs import beforehand, tasks
 from thesis_lib.runs.execute import Job, job_tasks
-from thesis_lib.studies import cache
 
 ASKED = Claims(trials=3, readings=["1 N"])
 
@@ -18,11 +17,7 @@ ASKED = Claims(trials=3, readings=["1 N"])
 @pytest.fixture
 def empty(tmp_path, monkeypatch):
     """A place without a cache, for this process and those that it starts."""
-    here = f"from pathlib import Path; f.workplace = lambda: Path({str(tmp_path)!r}); from "
-    start = beforehand._START.replace("from ", f"import thesis_lib.files as f; {here}", 1)
-    monkeypatch.setattr(beforehand, "_START", start)
-    for module in (beforehand, tasks, cache):
-        monkeypatch.setattr(module, "workplace", lambda: tmp_path)
+    monkeypatch.setenv("THESIS_CACHE", str(tmp_path / "build" / "cache"))
     return tmp_path
 
 

@@ -239,7 +239,7 @@ def test_compact_cube_keeps_small_ones_exactly_and_large_ones_nearly(tmp_path, m
 
 
 def test_what_a_cache_spares_is_counted(monkeypatch, tmp_path):
-    monkeypatch.setattr(cache, "workplace", lambda: tmp_path)
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "cache")
     monkeypatch.setattr(effort, "_loaded", effort._Loaded())
     request = validate("plate-distance", {"trials": 1})
     calls = []

@@ -312,6 +312,54 @@ def test_packages_other_than_the_locks_are_noticed(monkeypatch):
     assert any(line.startswith("numpy 0.1 is installed") for line in lock.differing_packages())
 
 
+# Surroundings.
+
+
+def test_a_cache_that_cannot_be_written_is_a_temporary_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "workplace", lambda: tmp_path)
+    monkeypatch.delenv("THESIS_CACHE", raising=False)
+    assert files.cache_folder() == tmp_path / "build" / "cache"
+    (tmp_path / "build").write_text("a file")
+    monkeypatch.setenv("THESIS_CACHE", "")
+    monkeypatch.delenv("THESIS_CACHE")
+    own = files.cache_folder()
+    assert own != tmp_path / "build" / "cache"
+    assert files.cache_folder() == own  # as the processes that it starts find
+    files.whole_text(own / "a.txt", "whole")
+    files.let_go()
+    assert not own.exists()
+
+
+def in_a_shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = ["bash", "-c", line, "bash", sys.executable, "-m", "thesis_lib", "list", "design-law"]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+
+
+def test_what_no_command_can_work_in_is_named(tmp_path):
+    few = in_a_shell('ulimit -n 64; exec "$@"', tmp_path)
+    assert (few.returncode, few.stdout) == (1, "")
+    assert few.stderr.startswith("thesis: only 64 files may be open at a time")
+    assert in_a_shell('ulimit -Sn 64; exec "$@"', tmp_path).returncode == 0
+    gone = in_a_shell('mkdir gone; cd gone; rmdir ../gone; exec "$@"', tmp_path)
+    assert (gone.returncode, gone.stdout) == (1, "")
+    assert gone.stderr.startswith("thesis: the working directory has been deleted")
+
+
+@pytest.mark.parametrize("closed", ["<&- >&- 2>&-", "2>&-", ">&-"])
+def test_closed_streams_are_none_of_the_files_that_are_written(tmp_path, closed):
+    done = in_a_shell(f'exec "$@" {closed}', tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_machine_that_cannot_reach_itself_is_named_before_a_kernel_is_waited_for(monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.ENETUNREACH, "Network is unreachable")
+
+    monkeypatch.setattr(runs.socket, "create_connection", refuse)
+    with pytest.raises(tasks.RunError, match=r"through 127\.0\.0\.1, which cannot be reached"):
+        runs._check_loopback()
+
+
 # Records.
 
 

@@ -236,7 +236,7 @@ from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import blocks, cache, effort, storage
 blocks.HELD_BYTES = storage.HELD_BYTES = 2**20
 blocks.BLOCK_BYTES = 2 * 2**20
-cache.workplace = lambda: Path(sys.argv[1])
+cache.cache_folder = lambda: Path(sys.argv[1])
 values = {"trials": int(sys.argv[2]), "distances_mm": [500.0, 900.0]}
 plate = notebook.study("plate-distance", {**values, "cube": sys.argv[1] + "/plate.nc"})
 cube = notebook.study("sound-distance", {**values, "plane_shape": [15, 10]})

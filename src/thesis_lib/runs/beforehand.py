@@ -17,7 +17,7 @@ from functools import partial
 from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
 from thesis_lib.figure_sets.run import made
-from thesis_lib.files import staging, workplace
+from thesis_lib.files import cache_folder, staging
 from thesis_lib.runs.kernel_main import SOURCE, environment
 from thesis_lib.runs.tasks import RunError, Task, task
 from thesis_lib.studies.request import Study
@@ -31,7 +31,7 @@ def made_beforehand(asked: Study, seconds: Mapping[str, float]) -> Task:
     `seconds` are those that tasks are known to take, by name.
     """
     needs = FIGURE_SETS[asked.name].needs(asked).values()
-    name, cache = f"{asked.name}, beforehand", workplace() / "build" / "cache"
+    name, cache = f"{asked.name}, beforehand", cache_folder()
     return task(
         name,
         partial(_in_a_process, asked, name),
@@ -45,7 +45,7 @@ def made_beforehand(asked: Study, seconds: Mapping[str, float]) -> Task:
 
 
 def _in_a_process(asked: Study, name: str) -> None:
-    cache = workplace() / "build" / "cache"
+    cache = cache_folder()
     with staging(cache) as home:
         done = subprocess.run(
             [sys.executable, "-I", "-c", _START, asked.name, json.dumps(asked.request)],

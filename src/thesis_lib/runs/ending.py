@@ -17,10 +17,49 @@ from typing import Any, NoReturn
 from thesis_lib import files
 from thesis_lib.runs.kernel_main import fixed, without_dask
 
+_MIN_FILES = 128  # open at a time: a run needs some 90
+
 _SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
 _PATIENCE = 5.0  # s that threads have to end in
+
+
+class SurroundingsError(RuntimeError):
+    """A process in which no command can work; the message is one line."""
+
+
+def check_surroundings() -> None:
+    """Open the standard streams that are closed, and refuse limits under which nothing works.
+
+    Raises
+    ------
+    SurroundingsError
+        If too few files may be open at a time, or the working directory is gone.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) < 3:  # else a file would be written into
+        pass
+    os.close(number)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # as Python has one that is closed
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: PTH123, SIM115
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        raise SurroundingsError(
+            "the working directory has been deleted; change to another, and run the command again"
+        ) from None
+    if sys.platform != "win32":
+        import resource
+
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if soft < _MIN_FILES <= hard:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (_MIN_FILES, hard))
+        elif soft < _MIN_FILES:
+            raise SurroundingsError(
+                f"only {soft} files may be open at a time, allowed: {_MIN_FILES} or more; raise "
+                "the limit (ulimit -n), and run the command again"
+            )
 
 
 def prepare() -> None:

@@ -29,7 +29,7 @@ KEPT = (
     "PATH", "TMPDIR", "TEMP", "TMP", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT",
     "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "OPENCV_CPU_DISABLE",
     "NUMBA_CPU_NAME",  # these five let libraries compute as on an older processor
-    "THESIS_SCHEDULER", "THESIS_FIGURE_SETS", "JPY_PARENT_PID", "GIT_CONFIG_GLOBAL",
+    "THESIS_SCHEDULER", "THESIS_FIGURE_SETS", "THESIS_CACHE", "JPY_PARENT_PID", "GIT_CONFIG_GLOBAL",
 )  # fmt: skip
 
 IMPORTED = ("ipykernel.kernelapp", "h5netcdf", "thesis_lib.notebook.show")  # by a nursery
@@ -37,9 +37,9 @@ IMPORTED = ("ipykernel.kernelapp", "h5netcdf", "thesis_lib.notebook.show")  # by
 
 def fixed() -> dict[str, str]:
     """What every process has: threads, since sums depend on them, and where fonts are listed."""
-    from thesis_lib.files import workplace
+    from thesis_lib.files import cache_folder
 
-    fonts = workplace() / "build" / "cache" / "matplotlib"
+    fonts = cache_folder() / "matplotlib"
     return {**dict.fromkeys(THREADS, "1"), "MPLCONFIGDIR": str(fonts)}
 
 

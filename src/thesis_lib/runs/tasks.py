@@ -18,7 +18,7 @@ from pathlib import Path
 
 from thesis_lib import records
 from thesis_lib.asides import aside, live, say
-from thesis_lib.files import digest_of, sweep, workplace
+from thesis_lib.files import cache_folder, digest_of, sweep, workplace
 from thesis_lib.runs.progress import Progress, urgency
 from thesis_lib.studies.lock import differing_packages
 from thesis_lib.text import message, of_error
@@ -115,7 +115,7 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
         aside(f"{differs}: results may differ; `make book` in a fresh clone installs the lock's")
     build = workplace() / "build"
     made = [file.parent for one in tasks for file in (one.record, *one.makes)]
-    sweep(*dict.fromkeys([build, build / "cache", *made]))
+    sweep(*dict.fromkeys([build, cache_folder(), *made]))
     named = {one.name: one for one in tasks}
     waits = _waits(tasks)
     progress, stale = Progress(len(tasks)), _to_do(tasks)

@@ -16,12 +16,12 @@ import xarray as xr
 
 from thesis_lib.asides import aside
 from thesis_lib.files import (
+    cache_folder,
     digest_of,
     library_digest,
     library_files,
     sha256,
     whole_text,
-    workplace,
 )
 from thesis_lib.studies import effort
 from thesis_lib.studies.attributes import with_provenance
@@ -95,7 +95,7 @@ def cached(
     """
     key = key or digest_of(library_files())
     name = hashlib.sha256(f"{study.name} {study.digest} {key}".encode()).hexdigest()[:16]
-    path = workplace() / "build" / "cache" / f"{study.name}-{name}.nc"
+    path = cache_folder() / f"{study.name}-{name}.nc"
     cube = kept(path, lambda: compute(study))
     spent = {name: cube.attrs.pop(name) for name in ("run_time_s", "peak_memory_mb")}
     return with_provenance(cube, study, float(spent["run_time_s"]), library)

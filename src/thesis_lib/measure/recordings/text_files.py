@@ -103,7 +103,9 @@ def parse_yaml(text: str) -> Any:
     >>> parse_yaml("%YAML:1.0\n---\nE: 210e9")
     {'E': 210000000000.0}
     """
-    if text.startswith("%YAML:"):  # OpenCV writes it so, which is no YAML
+    if text.startswith("%YAML"):  # as OpenCV begins, which writes \' for ', no YAML either
+        text = re.sub(r"\\(.)", lambda one: one[1] if one[1] == "'" else one[0], text)
+    if text.startswith("%YAML:"):
         text = "#" + text
     try:
         _check_yaml(text)
