@@ -25,6 +25,7 @@ from sdypy import EMA
 
 from thesis_lib.measure.measured import Recorded
 from thesis_lib.measure.modes.identify import assurance
+from thesis_lib.measure.modes.result import rest_of
 from thesis_lib.measure.pipeline import _not_one_tone
 from thesis_lib.measure.recordings.check import check_recordings
 from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
@@ -34,10 +35,10 @@ from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.measure.response.band import at_times
-from thesis_lib.measure.response.motion import noise_of
+from thesis_lib.measure.response.motion import deflections, noise_of
 from thesis_lib.measure.response.recorded import recorded_force
 from thesis_lib.measure.response.report import complex_of, warnings
-from thesis_lib.measure.response.result import responded
+from thesis_lib.measure.response.result import REPEATED_AFTER, responded
 from thesis_lib.measure.response.spectra import blurred, cut_of, response, segments
 from thesis_lib.measure.response.sweep import dwell, found_sweep, settling
 from thesis_lib.measure.tracking.tracks import Recording
@@ -292,6 +293,37 @@ def test_a_sweep_from_rest_to_rest_is_right_however_fast(swept):
     assert float(data["sweep_duration"]) == pytest.approx(8, rel=0.1)
     codes = {one.code for one in warnings(data, manifest)}
     assert not codes & {"sweep-fast", "still-ringing"}
+
+
+def with_gaps(own, folder, share):
+    """The scene without a share of the centres of each camera, at random."""
+    rng, recordings = np.random.default_rng(1), []
+    for k, each in enumerate(own.recordings):
+        uv, path = np.load(each.path), folder / f"gaps-{k}.npy"
+        lost = rng.random((len(uv), 1, uv.shape[2])) < share
+        np.save(path, np.where(lost, np.nan, uv))
+        recordings.append(replace(each, path=path))
+    return replace(own, recordings=recordings)
+
+
+def test_gaps_that_are_made_again_err_as_the_gaps_do(swept, tmp_path):
+    """In the first resonance, where motion is far above noise."""
+    rest, _ = rest_of(swept.asked("sweep"), swept.recordings)
+    lossy, at = with_gaps(swept, tmp_path, 0.1).recordings, np.arange(2.0, 3.0, 1 / 120)
+    clean, found = deflections(swept.recordings, rest, at), deflections(lossy, rest, at)
+    estimated = deflections(lossy, rest, at, REPEATED_AFTER) - found
+    assert 0.75 < np.std(estimated) / np.std(found - clean) < 1.3
+
+
+@pytest.mark.slow
+def test_standard_errors_of_a_whole_sweep_hold_where_centres_are_missing(swept, tmp_path):
+    own = with_gaps(swept, tmp_path, 0.1)
+    data = own.responded(own.asked("sweep"))
+    f = data["frequency"].values
+    z = [(apart / error)[(f > 5) & (f < 38)]
+         for apart, error in (off(data, own.truth, k) for k in range(75))]  # fmt: skip
+    assert 0.8 < np.sqrt(np.mean(np.abs(z) ** 2) / 2) < 1.3
+    assert np.mean(np.abs([np.real(z), np.imag(z)]) < 2) > 0.92
 
 
 def test_a_sweep_that_is_too_fast_for_its_segments_is_told_with_what_would_do(swept):

@@ -32,11 +32,13 @@ def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
     return max(first for first, _ in ends), min(last for _, last in ends)
 
 
-def deflections(recordings: Sequence[Recording], rest: Rest, times: Array) -> Array:
+def deflections(
+    recordings: Sequence[Recording], rest: Rest, times: Array, repeated: int = 0
+) -> Array:
     """Deflections along the structure's normal at some times, m, shape (times, markers).
 
     NaN where fewer than two cameras see a marker, and where it seems to move along the surface: a
-    camera has then taken it for its neighbour.
+    camera has then taken it for its neighbour. `repeated` is that of :func:`images`.
     """
     P = projection_matrices([own.camera for own in recordings])
     off = rest.images - project(P, rest.points)  # what the cameras disagree by at rest
@@ -45,7 +47,7 @@ def deflections(recordings: Sequence[Recording], rest: Rest, times: Array) -> Ar
     found = []
     for start in range(0, len(times), CHUNK):
         at = times[start : start + CHUNK]
-        seen = [images(own, rest.images[k], at) for k, own in enumerate(recordings)]
+        seen = [images(own, rest.images[k], at, repeated) for k, own in enumerate(recordings)]
         points, _ = triangulate_seen(P, np.array(seen) - off[:, :, None])
         along, across, normal = rest.frame.to_beam(points) - still[:, None]
         with np.errstate(invalid="ignore"):
@@ -53,19 +55,37 @@ def deflections(recordings: Sequence[Recording], rest: Rest, times: Array) -> Ar
     return np.concatenate(found)
 
 
-def images(own: Recording, still: Array, at: Array) -> Array:
-    """A camera's images at some times without distortion, px, shape (2, times, markers)."""
+def images(own: Recording, still: Array, at: Array, repeated: int = 0) -> Array:
+    """Return a camera's images at some times without distortion, px, shape (2, times, markers).
+
+    If `repeated`, gaps are filled, and the same gaps are made so many frames later.
+    """
     pad = (NEAR + 1) / own.rate + abs(own.readout)
     first, last = own.between(at[0] - pad, at[-1] + pad)
     seen, height = np.array(own.centres[first:last], float), own.camera.size[1]
-    uv = undistorted_tracks(own.camera, seen) - still
+    uv, times = undistorted_tracks(own.camera, seen) - still, own.times[first:last]
+    full = without_gaps(times, uv, own.rate)
+    if repeated:
+        lost = np.zeros(uv.shape, bool)
+        lost[repeated:] = np.isnan(uv)[:-repeated]
+        uv = np.where(lost, np.nan, full)
     rows = distorted(own.camera, still)[1]
     late = np.nan_to_num(own.readout * (rows / height - 0.5))
-    later = own.readout * (seen[:, 1] - rows) / height  # since the marker has moved across rows
-    uv = uv - np.nan_to_num(np.gradient(uv, own.times[first:last], axis=0) * later[:, None])
+    later = own.readout * full[:, 1] / height  # since the marker has moved across rows
+    uv = uv - np.nan_to_num(np.gradient(full, times, axis=0) * later[:, None])
     both = uv.reshape(len(uv), -1)
-    found = at_times(own.times[first:last], both, own.rate, at, np.tile(late, 2), own.exposure)
+    found = at_times(times, both, own.rate, at, np.tile(late, 2), own.exposure)
     return np.asarray(still[:, None] + np.moveaxis(found.reshape(-1, *still.shape), 1, 0), float)
+
+
+def without_gaps(times: Array, values: Array, rate: float) -> Array:
+    """Fill short gaps of series (samples, 2, series) by band-limited interpolation."""
+    flat = values.reshape(len(values), -1)
+    found, gaps = flat.copy(), np.isnan(flat).any(axis=0)
+    if gaps.any():
+        filled = at_times(times, flat[:, gaps], rate, times)
+        found[:, gaps] = np.where(np.isnan(flat[:, gaps]), filled, flat[:, gaps])
+    return found.reshape(values.shape)
 
 
 def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import welch
 
 from thesis_lib.arrays import Array
@@ -18,13 +19,22 @@ from thesis_lib.measure.response.band import TOLD, at_times
 from thesis_lib.measure.response.clocks import in_step
 from thesis_lib.measure.response.motion import deflections, noise_of, span_of
 from thesis_lib.measure.response.recorded import Recorded, recorded_force
-from thesis_lib.measure.response.spectra import ESTIMATORS, Response, cut_of, response, segments
+from thesis_lib.measure.response.spectra import (
+    ESTIMATORS,
+    Cut,
+    Response,
+    cut_of,
+    response,
+    segments,
+)
 from thesis_lib.measure.response.sweep import found_sweep
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.variables import declared, labelled
 
 PARTS = 8  # into which a recording is cut
 FINEST = 8  # times the frames' rate at which a force is sampled
+REPEATED_AFTER = 5  # frames after which gaps are made again: by then, most gaps have ended
+GAP_LINES = 25  # over which a power is averaged, which is then known to a fifth
 SHORTEST = 8  # periods of the lowest frequency that a recording has
 VARIABLES = declared("""
     receptance_real(estimator, marker, frequency) [m/N] deflection over force, real part
@@ -109,12 +119,18 @@ def responded(
         ends = sorted([float(sweep.from_hz or low), float(sweep.to_hz or high)])
         low, high = max(low, ends[0]), min(high, ends[1])
     moved = deflections(recordings, rest, times)
-    unknown = np.isnan(moved).mean(axis=0)
     still = np.arange(filmed[0], filmed[0] + excitation.rest_s, 1 / rate)
-    noise = noise_of(deflections(recordings, rest, still), rate, (low, high))
+    still_noise = noise_of(deflections(recordings, rest, still), rate, (low, high))
+    noise = still_noise
     cut = cut_of(len(times), rate, _segment(manifest, len(times) / rate))
     spectra = segments(pushed[:, None], cut, finer)[:, :, 0]
-    found = response(spectra, segments(moved, cut), cut, noise)
+    checked = moved
+    if cut.count == 1 and any(np.isnan(own.centres).any() for own in recordings):
+        again = deflections(recordings, rest, times, REPEATED_AFTER)
+        checked = np.where(np.isnan(again), np.nan, moved)
+        noise = noise + _gap_noise(again - moved, cut)
+    unknown = np.isnan(checked).mean(axis=0)
+    found = response(spectra, segments(checked, cut), cut, noise)
     if not found.averages.any():
         raise ForceError(
             f"force.segment_s: in each of {cut.count} segments of {cut.length / rate:.3g} s every "
@@ -143,7 +159,7 @@ def responded(
         "camera_pace": steps.pace,
         "beyond": _beyond(pushed, finer * rate, slowest),
         "ringing": parts[-1] / max(parts),
-        "noise": np.sqrt(noise * rate / 2),
+        "noise": np.sqrt(still_noise * rate / 2),
         "filmed": filmed,
         "sweep": [sweep.from_hz, sweep.to_hz] if sweep else [np.nan, np.nan],
         "sweep_duration": sweep.duration_s if sweep else np.nan,
@@ -164,6 +180,16 @@ def responded(
     }
     data = xr.Dataset(labelled(values, VARIABLES), coords)
     return data.assign_attrs(force_source=force.source)
+
+
+def _gap_noise(off: Array, cut: Cut) -> Array:
+    """Estimate the power of the error by gaps, m²/Hz, (lines, markers).
+
+    `off` is by how much deflections change where the same gaps are made again some frames later,
+    m, (times, markers).
+    """
+    power = np.abs(segments(off, cut)[:, 0]) ** 2
+    return np.asarray(uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest"), float)
 
 
 def _band(manifest: Manifest, force: Recorded, slowest: float) -> tuple[float, float]:

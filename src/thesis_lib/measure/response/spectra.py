@@ -105,7 +105,7 @@ def response(force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array) -
         Of the motion, m/√Hz; NaN in segments in which a marker is lost.
     cut : Cut
         How they were made.
-    noise : ndarray, shape (markers,)
+    noise : ndarray, shape (markers,) or (lines, markers)
         Power of the noise in the motion, m²/Hz, from which one segment has its error.
     """
     known = np.isfinite(moved).all(axis=0)  # (segments, markers)
