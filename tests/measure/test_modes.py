@@ -165,10 +165,11 @@ def test_standard_errors_hold_where_centres_are_missing(share, fastest):
 def test_standard_errors_are_what_many_draws_scatter_by(zeta, share, fastest):
     draws = 40 if len(zeta) > 1 else 80
     *rates, shapes = standardised(decaying(*zeta), draws, share, fastest)
-    for values in rates:
-        assert 0.8 < rms(values) < 1.2
-        assert np.mean(np.abs(values) < 2) > 0.92
-        assert abs(values.mean()) < 0.25
+    for values in rates:  # all cases have the same draws: within what so many draws scatter by
+        unsure = 3.5 / np.sqrt(values.size)
+        assert abs(rms(values) - 1) < unsure / np.sqrt(2)
+        assert np.mean(np.abs(values) < 2) > 0.954 - 0.21 * unsure  # √(0.954 · 0.046)
+        assert abs(values.mean()) < unsure
     assert 0.9 < rms(shapes) < 1.1
 
 
