@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import re
 import time
 from pathlib import Path
@@ -102,24 +101,6 @@ def test_the_measured_tip_is_the_true_one(data: xr.Dataset) -> None:
     truth = example.example_rig().motion.components[0]
     shape = truth.shape(example.example_rig().motion.structure, [[data["x"].max()], [0.0]])
     assert tip == pytest.approx(truth.amplitude * abs(float(shape[0])), abs=3 * error)
-
-
-@pytest.mark.parametrize("how", ["cut", "other code"])
-def test_what_is_not_as_it_was_made_is_said_and_not_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
-) -> None:
-    kept, told = tmp_path / "example.nc", list[str]()
-    record = json.loads(example.path().with_suffix(".json").read_text())
-    content = example.path().read_bytes()
-    kept.write_bytes(content[:-1] if how == "cut" else content)
-    if how == "other code":
-        record["made_from"] = "another digest"
-    kept.with_suffix(".json").write_text(json.dumps(record))
-    monkeypatch.setattr(example, "path", lambda: kept)
-    monkeypatch.setattr(example, "aside", told.append)
-    assert example.current() is None
-    assert len(told) == 1
-    assert str(kept) in told[0]
 
 
 @pytest.mark.book

@@ -26,6 +26,11 @@ from thesis_lib.measure.recordings.pictures import write_png
 SIZE = (64, 48)
 
 
+def hiss(samples):
+    """Return noise, which is sound that a recording may have."""
+    return np.random.default_rng(1).uniform(-0.1, 0.1, samples)
+
+
 def plain(cameras="AB"):
     """Values of a small manifest."""
     return {
@@ -45,7 +50,7 @@ def recordings(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recordings")
     frames = np.random.default_rng(0).integers(0, 256, (6, 48, 64), np.uint8)
     for name in "AB":
-        write_video(folder / f"{name}.mkv", np.tile(frames, (11, 1, 1)), 60, np.zeros(52800))
+        write_video(folder / f"{name}.mkv", np.tile(frames, (11, 1, 1)), 60, hiss(52800))
         for k in range(12):
             write_png(folder / "shots" / name / f"{k}.png", frames[k % 6])
     return folder
@@ -334,7 +339,7 @@ def test_lengths_that_do_not_suit_name_the_video(tmp_path, recordings, frames, s
     manifest = read_manifest(written(recordings, plain()))
     shutil.copytree(recordings, tmp_path / "copy")
     video = tmp_path / "copy" / "B.mkv"
-    write_video(video, np.zeros((frames, 48, 64), np.uint8), 60, np.zeros(samples))
+    write_video(video, np.zeros((frames, 48, 64), np.uint8), 60, hiss(samples))
     lines = check_recordings(manifest, tmp_path / "copy")
     assert len(lines) == bool(words)
     for word in words:

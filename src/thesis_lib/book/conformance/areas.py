@@ -8,13 +8,14 @@ AREAS = {
     "Beam and plate": "structures plate",
     "Vision": "cameras triangulation optics compiled explorer recompute",
     "Acoustics": "radiation planes quadrature radiating estimates sound sound_sum sound_turn "
-    "lab_radiation",
+    "lab_radiation surfaces unbaffled",
     "The studies": "studies readings stated_numbers conclusions ledger ledger_power trends",
     "The experiment": "scene lens render media pack corners calibration adjustment jackknife "
     "synchronisation listening tracking reconstruction laboratory tapped experiment_study "
     "lab_layouts lab_motions",
     "Own recordings": "feasibility modes measuring measure result calibration_error "
-    "own_recordings foreign exchange reuse paper povray sync own_sound response",
+    "own_recordings foreign exchange reuse paper povray sync own_sound response force_table "
+    "audio_tracks",
     "Beyond the thesis": "rounding design_law dither polytope interval "
     "pixel_noise estimators planner planner_machines planner_sound finite_elements shapes",
 }

@@ -33,8 +33,8 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
       if (was) parts.unshift(path("tl-published", `M${left - 7} ${y(0)}V${y(was.mean)}h${wide + 14}V${y(0)}Z` +
         `M${left - 7} ${y(was.low)}v${y(was.high) - y(was.low)}m-3 0h6m-6 ${y(was.low) - y(was.high)}h6${mark(0, left - 7, y(was.median), 3)}`));
       if (setting.in_view < 1) parts.push(hatched(box));
-      const add = (values, cls, line) => {
-        if (values.every(isNumber)) parts.push(path(cls, line(...values.map(y))));
+      const add = (values, cls, outline) => {
+        if (values.every(isNumber)) parts.push(path(cls, outline(...values.map(y))));
       };
       add([r.low, r.high], "tl-band",
         (low, high) => `M${middle} ${low}V${high}m-4 0h8M${middle - 4} ${low}h8`);
