@@ -393,6 +393,22 @@ def test_the_deviation_of_heights_is_that_of_sampled_noise(conforms, cameras):
     conforms.sampled(np.mean(heights.std(axis=0) / expected), 1, atol=0.005)
 
 
+def test_a_deflection_errs_by_what_the_cameras_that_see_its_marker_state(conforms):
+    """A tenth of the centres of an instant are missing at random."""
+    world = np.tile(WORLD, 80)
+    rest, moved = project(P, world), project(P, world + np.array([[0], [0], [0.003]]))
+    shape, sigma = rest.shape, 0.05
+    seen = np.random.default_rng(4).random((4, 1, shape[2])) < 0.9
+    uv = np.where(seen, moved + noise(shape, sigma, 1), np.nan)
+    found = rc.deflection_at(P, AT_ORIGIN, rest + noise(shape, sigma, 2), uv)
+    each = np.where(np.isfinite(uv), np.sqrt(2) * sigma, np.nan)
+    off = (found - 0.003) / rc.height_deviation(P, AT_ORIGIN, world, each)
+    count = seen.sum(axis=(0, 1))
+    np.testing.assert_array_equal(np.isfinite(off), count >= 2)
+    for n in (2, 3, 4):
+        conforms.sampled(np.sqrt(np.mean(off[count == n] ** 2)), 1, atol=0.1)
+
+
 def test_cameras_that_face_each_other_tell_the_height_best(conforms):
     # An opposite pair at 22° sees the height along its own v, two neighbours hardly do.
     def at_middle(cameras):
