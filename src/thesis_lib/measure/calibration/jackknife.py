@@ -13,6 +13,10 @@ to first order, and their covariance is (n − 1)/n Σ δₛ δₛᵀ (Cook's di
 Some parameters, as k₂ of a long lens, rest on two or three of the shots. The variance of so few is
 often too small by chance, as Student's t has it; on the other hand the jackknife's is too large on
 average. The deviation of each parameter is widened by what the one exceeds the other.
+
+What all images share, as a board that is bent alike in all of them, is seen only as far as its
+effect differs from pose to pose: deviations grow in proportion to the bend, but may be several
+times smaller than the errors.
 """
 
 from __future__ import annotations
