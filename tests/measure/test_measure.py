@@ -52,7 +52,7 @@ from thesis_lib.vision.simulation import assurance
 
 pytestmark = pytest.mark.slow  # for the report of conformance
 
-NETCDF = ["calibration.nc", "cameras.nc", "sound.nc"]
+NETCDF = ["calibration.nc", "cameras.nc", "sound.nc", "videos.nc"]
 WHOLE = [*(f".{name}.sha256" for name in NETCDF), CACHE_TAG, *NETCDF]
 STEPS = WHOLE + [f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")]
 LATER = "the same command goes on where this one stopped"
@@ -382,7 +382,7 @@ BROKEN = {  # what is wrong: change of the files, exit status, words
     "a picture as video": (video(lambda path: shutil.copy(path.parent / "board/A-00.jpg", path)), 2,
                            [VIDEO, "B.mkv: 25 frames per second, allowed: 60"]),
     "no sound": (video(lambda path: remux(path, None)), 2, [VIDEO, "B.mkv: no audio track"]),
-    "silence": (sound(lambda samples: 0 * samples), 1, ["B: silent audio", "allowed"]),
+    "silence": (sound(lambda samples: 0 * samples), 2, ["B.mkv: silent audio", "allowed"]),
     "clipped sound": (sound(lambda samples: 5 * samples), 1, ["B: clipped audio", "at most 2 %"]),
     "another sound": (sound(noise), 1, ["B: ", "allowed: at least", "the same sound?"]),
     "another tone": (sound(tone), 1, ["B: ", "allowed: at least"]),

@@ -540,7 +540,7 @@ def test_curves_go_to_a_report_and_files(driven, tmp_path):
     text = page.read_text(encoding="utf-8")
     assert text.count("<figure>") == 3
     assert "marker 46, nearest to the force" in text
-    assert said[1].startswith("receptance of 75 markers from 2")
+    assert said[2].startswith("receptance of 75 markers from 2")
     data = xr.open_dataset(tmp_path / "response.nc")
     sets = [one for one in pyuff.UFF(str(tmp_path / "response.uff")).read_sets()
             if one["type"] == 58]  # fmt: skip

@@ -119,7 +119,7 @@ def run(tasks: Sequence[Task], workers: int = 2) -> dict[str, float]:
     named = {one.name: one for one in tasks}
     waits = _waits(tasks)
     progress, stale = Progress(len(tasks)), _to_do(tasks)
-    if stale:
+    if any(stale.values()):  # of a book; a run says what it runs anyway
         progress.say(f"{len(stale)} of {len(tasks)} steps to do")
     failed: dict[str, str] = {}
     unmet: set[str] = set()

@@ -80,18 +80,16 @@ def rules() -> Markdown:
         ],
         [
             "falls (rises)",
-            f"last below first (first below last) by more than {effect}, and more pairs of "
-            "settings in this order than in the other; in every mode and error that is named",
+            f"last below first (above) by more than {effect}, and most pairs of settings in this "
+            "order, in every mode and error named",
         ],
         [
             "*not monotonic*, beside a verdict",
-            f"between two neighbouring settings an expected error goes the other way by more than "
-            f"{effect}",
+            f"a step between neighbours goes the other way by more than {effect}",
         ],
         [
             f"a rise or fall is *{UNCHANGED}*",
-            f"whatever the confidence, no expected error that is named changes by more than "
-            f"{effect} from first to last",
+            f"no expected error named changes by more than {effect} from first to last",
         ],
         [
             "within an interval",
@@ -99,10 +97,8 @@ def rules() -> Markdown:
         ],
         [
             "flat, no significant variation",
-            f"the least below the largest by no more than {effect}, so nothing that falls or rises "
-            "is flat; in a single run, whose errors scatter, what the thesis calls so: all in the "
-            f"interval that it prints, else within a factor of {trend_tests.ONE_RUN_FLAT:g} "
-            "(it calls 7 → 3.5 % significant and 8–18 % not)",
+            f"least and largest within {effect}; of a single run, in the interval that the thesis "
+            f"prints, else within a factor of {trend_tests.ONE_RUN_FLAT:g}",
         ],
         [
             "alike, similar",
