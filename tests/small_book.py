@@ -52,7 +52,8 @@ def small(tmp_path_factory):
     shutil.copytree(PROJECT / "book" / "assets", root / "book" / "assets")
     shutil.copy(PROJECT / "book" / "references.bib", root / "book")
     (root / "book" / "intro.md").write_text(INTRO, encoding="utf-8")
-    chapters = [{"file": f"executed/{name}"} for name in (BAD, GOOD)]
+    (root / "book" / "misses.md").write_text("# Misses\n", encoding="utf-8")  # results link to it
+    chapters = [{"file": file} for file in (f"executed/{BAD}", f"executed/{GOOD}", "misses")]
     toc = {"format": "jb-book", "root": "intro", "chapters": chapters}
     (root / "book" / "_toc.yml").write_text(yaml.safe_dump(toc), encoding="utf-8")
     return checkout
