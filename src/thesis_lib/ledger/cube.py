@@ -16,7 +16,7 @@ TEXTS = {  # fields that the cube holds as text, and what they are
     "modes": "modes that a claim speaks of",
     "what": "subject of a claim",
     "stated": "claimed value or trend",
-    "got": "value or trend in this book",
+    "got": "value or trend that the book computes",
     "verdict": "verdict on a claim",
     "note": "reason why a claim differs, or remark",
     "href": "page with the figure of a claim",
@@ -33,8 +33,8 @@ UNITS = {  # numbers of figures and trends; those of stray numbers have the unit
     "high": "95 % quantile of the trials",
     "confidence": "share of resampled expectations in which a trend holds",
     "single": "share of single trials in which a trend holds",
-    "effect": "expected error at the last setting over that at the first, where it changes least",
-    "largest_effect": "expected error at the last setting over the first, where it changes most",
+    "effect": "expected error at the last setting over the first, least change",
+    "largest_effect": "expected error at the last setting over the first, largest change",
     "ratio": "median over the nearest claimed value",
 }
 
