@@ -46,8 +46,8 @@ def findings(opened: Cubes) -> str:
         "fewer frames a second "
         "([many or sharp](design-law.md#many-coarse-cameras-or-few-sharp-ones)).",
         f"**Sound is easier than shape.** Arrays that measure the plate to {shape:.1f} % know "
-        f"[its sound](sound.md) to {sound:.1f} % (medians). The thesis saw no trend in the sound's "
-        f"error; here [{held} of {of} curves](conclusions.md#the-sound) show one, aperture aside.",
+        f"[its sound](sound.md) to {sound:.1f} % (medians). The thesis saw no trend in it; "
+        f"[{held} of {of} curves](conclusions.md#the-sound) show one, aperture aside.",
     ]
     return "".join(f"* {sentence}\n" for sentence in said)
 
