@@ -54,7 +54,7 @@ pytestmark = pytest.mark.slow  # for the report of conformance
 
 NETCDF = ["calibration.nc", "cameras.nc", "sound.nc", "videos.nc"]
 WHOLE = [*(f".{name}.sha256" for name in NETCDF), CACHE_TAG, *NETCDF]
-STEPS = WHOLE + [f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")]
+STEPS = sorted(WHOLE + [f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")])
 LATER = "the same command goes on where this one stopped"
 
 
