@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
+from thesis_lib import templates
 from thesis_lib.facts.setups import data_folder
 from thesis_lib.figure_sets.figure_set import Product
 from thesis_lib.figure_sets.registry import FIGURE_SETS
@@ -58,13 +59,18 @@ def facts_of(files: Iterable[Path]) -> list[Path]:
 
 
 def assets_of(files: Iterable[Path]) -> list[Path]:
-    """The styles and scripts that some modules name, with all that these scripts import."""
+    """Return the styles and scripts that some modules name, with all that these scripts import.
+
+    Templates that stand next to these modules belong to them.
+    """
+    files = list(files)
     words, every = _words(files), sorted((reach.library() / "web" / "assets").iterdir())
     found = [one for one in every if {one.name, one.stem} & words]
     for one in found:
         needed = {Path(name).name for name in re.findall(r'"(\./\w+\.js)"', one.read_text("utf-8"))}
         found += [other for other in every if other.name in needed and other not in found]
-    return sorted(found)
+    folders = {file.parent / templates.FOLDER for file in files}
+    return sorted([*found, *(one for folder in folders for one in folder.glob("*.*"))])
 
 
 def digest(files: Iterable[Path]) -> str:

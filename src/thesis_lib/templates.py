@@ -1,0 +1,114 @@
+"""Tables and paragraphs from Jinja templates of Markdown, with the filters that all of them share.
+
+A template stands in the folder ``templates`` next to the module that fills it. Python computes the
+values; the template holds the words, the headings and how each number is rounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from thesis_lib.studies.cubes import band_text, percent_text
+from thesis_lib.text import duration
+from thesis_lib.web import markdown
+
+FOLDER = "templates"
+
+
+def render(module_file: str | Path, name: str, **values: Any) -> str:
+    """Fill in the template `name` that stands next to a module.
+
+    Parameters
+    ----------
+    module_file : str or Path
+        ``__file__`` of the module; the template is ``templates/NAME.md`` next to it.
+    name : str
+        Its name without the suffix ``.md``, or a whole file name such as ``sketch.svg``.
+    **values
+        The values that the template names; one that is missing is an error.
+
+    Returns
+    -------
+    str
+        Markdown, or what else the template holds.
+    """
+    file = name if Path(name).suffix in (".md", ".svg", ".html") else f"{name}.md"
+    return _environment(Path(module_file).parent / FOLDER).get_template(file).render(**values)
+
+
+@cache
+def _environment(folder: Path) -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {
+        "number": format_number,
+        "percent": lambda value: percent_text(float(value)),
+        "band": lambda values: band_text(*map(float, values)),
+        "mm": format_millimetres,
+        "rms": root_mean_square,
+        "duration": duration,
+        "minus": lambda text: text.replace("-", "−"),
+        "words": join_words,
+        "plain": lambda text: markdown.escape(str(text)),
+        "table": format_table,
+    }
+    environment.globals |= {"abs": abs, "len": len, "max": max, "min": min, "zip": zip}
+    return environment
+
+
+def format_number(value: Any, spec: str = ".0f") -> str:
+    """Format a number, or an array of one value, as Python's format specification says.
+
+    Examples
+    --------
+    >>> format_number(np.array(3.14159), "+.2f")
+    '+3.14'
+    """
+    return format(int(value) if spec.endswith("d") else float(value), spec)
+
+
+def format_millimetres(metres: Any, digits: int = 0) -> str:
+    """Format a length in m as millimetres; ∞ stands as such, and a length that is not there as –.
+
+    Examples
+    --------
+    >>> format_millimetres(0.0125, 1), format_millimetres(np.inf)
+    ('12.5', '∞')
+    """
+    value = 1000 * float(metres)
+    return "∞" if np.isinf(value) else "–" if np.isnan(value) else f"{value:.{digits}f}"
+
+
+def root_mean_square(values: Any) -> float:
+    """Return the root mean square of an array's values."""
+    return float(np.sqrt((values**2).mean()))
+
+
+def join_words(words: Iterable[Any], last: str = "and") -> str:
+    """Join words as a sentence does.
+
+    Examples
+    --------
+    >>> join_words(["beam", "plate", "sound"])
+    'beam, plate and sound'
+    """
+    *rest, final = [str(word) for word in words]
+    return f"{', '.join(rest)} {last} {final}" if rest else final
+
+
+def format_table(
+    rows: Sequence[Mapping[str, str] | Sequence[str]], header: Sequence[str] | None = None
+) -> str:
+    """Format a Markdown table whose columns are not known before: rows by heading, or a header."""
+    return markdown.table(header, rows) if header else markdown.columns(rows)  # type: ignore[arg-type]
