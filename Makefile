@@ -9,7 +9,7 @@ BOOK := .venv/.book-$(call digest,requirements/*.txt)
 ALL := .venv/.all-$(call digest,requirements.lock)
 UV := $(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps
 WHEELS := --only-binary :all: --require-hashes
-LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+LOCK := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 # Three on two processors: tests also wait, for kernels and browsers.
 WORKERS ?= 3
@@ -19,7 +19,7 @@ NOTEBOOKS := notebooks/beam-distance.ipynb notebooks/sound-distance.ipynb
 
 BROWSED = $(shell grep -rl --include='test_*.py' open_offline tests)
 
-.PHONY: book pdf test test-all test-nightly test-javascript test-cpus quick check bench photographs platforms lock clean
+.PHONY: book pdf test test-all test-nightly test-javascript test-cpus test-newest quick check bench photographs platforms lock clean
 
 book: $(BOOK)  ## the executed book, in build/html
 	$(BIN)/thesis book
@@ -47,6 +47,11 @@ test-javascript: book $(ALL)  ## whether tests execute 95 % of our JavaScript, a
 test-cpus: $(ALL)  ## tests, notebooks and all cubes as on other processors; takes hours
 	$(BIN)/python tests/cpus.py
 
+test-newest: $(BOOK)  ## the tests with the newest of every dependency, in an environment of its own
+	$(PYTHON) -m venv --clear build/newest
+	$(BIN)/uv pip install --quiet --upgrade --python build/newest/bin/python --editable '.[book,dev]'
+	build/newest/bin/python -m pytest -n $(WORKERS) --dist loadfile -m "not (slow or book or nightly)" tests
+
 check: $(ALL)  ## lint, format, rooms, types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -64,7 +69,7 @@ bench: $(ALL)  ## speed, as ratios measured in one run, beside the peers that ar
 platforms: $(BOOK)  ## whether all wheels are there for every platform and Python; asks the registry
 	$(BIN)/python requirements/platforms.py
 
-lock: $(BOOK)  ## all pins anew from pyproject.toml: one resolution, and the book's part of it
+lock: $(BOOK)  ## renew all pins: one resolution of pyproject.toml, and the book's part of it
 	$(LOCK) --all-extras pyproject.toml -o requirements.lock
 	$(LOCK) --extra book --constraint requirements.lock pyproject.toml -o requirements/book.txt
 	$(LOCK) --group install -o requirements/uv.txt
