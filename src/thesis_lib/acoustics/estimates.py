@@ -54,7 +54,7 @@ class Amplitudes:
 
 
 def stacked_matrix(matrix: ArrayLike) -> Array:
-    """A complex matrix (m, n) as it acts on stacked real and imaginary parts, (2m, 2n)."""
+    """Return the real (2m, 2n) matrix by which a complex (m, n) one acts on stacked parts."""
     M = np.asarray(matrix)
     return np.block([[M.real, -M.imag], [M.imag, M.real]])
 
@@ -85,7 +85,7 @@ def circular(
 
 
 def quadratic(form: ArrayLike, of: Amplitudes) -> Estimate:
-    """The form wᴴAw for a real symmetric A (n, n), without the power of errors."""
+    """Estimate the form wᴴAw for a real symmetric A (n, n), without the power of errors."""
     A = np.kron(np.eye(2), np.asarray(form, float))
     AS, x = A @ of.covariance, of.stacked
     value = float(x @ A @ x - np.trace(AS))
@@ -93,7 +93,7 @@ def quadratic(form: ArrayLike, of: Amplitudes) -> Estimate:
 
 
 def factored(rows: ArrayLike, of: Amplitudes) -> Estimate:
-    """The forms |rₖ·w|² of real or complex rows (k, n), one by one, without the power of errors."""
+    """Estimate each form |rₖ·w|² of real or complex rows (k, n), without the power of errors."""
     at, S = _products(rows, of)
     value = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
     own = np.sum(S * S.swapaxes(1, 2), axis=(1, 2))
@@ -102,7 +102,7 @@ def factored(rows: ArrayLike, of: Amplitudes) -> Estimate:
 
 
 def summed(rows: ArrayLike, of: Amplitudes) -> Estimate:
-    """The sum of the forms |rₖ·w|² of real or complex rows (k, n), without the power of errors."""
+    """Estimate the sum of |rₖ·w|² over real or complex rows (k, n), without the power of errors."""
     R = stacked_matrix(rows)
     at, S = R @ of.stacked, R @ of.covariance @ R.T
     own = float(np.sum(S * S.T))

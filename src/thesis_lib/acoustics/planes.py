@@ -65,7 +65,7 @@ class Plane:
 
 
 def pistons(plate: Plate) -> Pistons:
-    """The plate's cells as pistons, in the order of its markers."""
+    """Return the plate's cells as pistons, in the order of its markers."""
     centre = np.array(plate.extent)[:, None] / 2
     size = (plate.length / plate.grid[0], plate.width / plate.grid[1])
     return Pistons(plate.markers - centre, size)
@@ -141,7 +141,7 @@ def _stack_real(matrix: ComplexArray) -> Array:
 
 
 def operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AIR) -> PlaneOperator:
-    """The operator of a plate, a plane and a frequency.
+    """Build the operator from a plate to a plane at a frequency.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class PlateSound:
     def of(
         cls, plate: Plate, planes: tuple[Plane, ...], medium: Medium, omega: float, reference: Array
     ) -> PlateSound:
-        """The sound of a true deflection (markers,) in m at an angular frequency in rad/s."""
+        """Build from a true deflection (markers,) in m at an angular frequency in rad/s."""
         operators = tuple(operator(plate, plane, omega, medium) for plane in planes)
         factors = tuple(full_factor(op) for op in operators)
         largest = np.array([np.abs(op.field(omega * reference)).max() for op in operators])

@@ -34,7 +34,7 @@ def radiation_modes(factor: ArrayLike) -> Array:
 
 
 def mean_squares(modes: ArrayLike, covariance: ArrayLike) -> Array:
-    """What each radiation mode adds to the mean square pressure of errors with a covariance.
+    """Return the mean square pressure of errors with a covariance, by radiation mode.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ __all__ = ["Beam", "Component", "Motion", "Panel", "Plate", "Structure", "deflec
 
 
 def __getattr__(name: str) -> Any:
-    """A panel needs SciPy, which the others do not."""
+    """Import a panel when it is asked for: it needs SciPy, which the others do not."""
     if name == "Panel":
         from thesis_lib.vibration.panel import Panel
 

@@ -57,7 +57,7 @@ class PlateModes:
 
 
 def located(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
-    """The triangle that each point is in, and the weights of its corners there.
+    """Find the triangle that each point is in, and the weights of its corners there.
 
     Triangles around are tried, nearest centres first, as far as needed. A point that round-off puts
     outside of all, by less than a billionth of a triangle, is moved to the side of one.
@@ -102,7 +102,7 @@ def located(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
 def plate_modes(
     mesh: MeshTri, clamped: Array, supported: Array, poisson: float, n_modes: int
 ) -> PlateModes:
-    """The first modes of a plate.
+    """Compute the first modes of a plate.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def plate_modes(
 
 
 def _strains(basis: Any, poisson: float) -> csc_array:
-    """The matrix B that makes of coefficients w what the energy wᵀBᵀBw is the sum of squares of.
+    """Return the matrix B of the bending energy wᵀBᵀBw of coefficients w.
 
     With the curvatures a, b, c = w_xx, w_yy, w_xy, which are constant on a triangle of area A,
     A (a² + b² + 2ν ab + 2(1 − ν) c²) = A ((1 + ν)(a + b)²/2 + (1 − ν)(a − b)²/2 + 2(1 − ν) c²).
@@ -178,7 +178,7 @@ def _strains(basis: Any, poisson: float) -> csc_array:
 
 
 def _compliance(B: csc_array) -> LinearOperator:
-    """The inverse of the stiffness BᵀB, as exact as B.
+    """Return the inverse of the stiffness BᵀB, as exact as B.
 
     The square of B has a condition number that is squared, too: where elements are small beside the
     plate, the factors of BᵀB give 7 digits, other ones on another processor. What they leave of the

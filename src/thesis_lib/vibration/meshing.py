@@ -34,7 +34,7 @@ FEW, MOST = 200, 60_000  # triangles
 
 
 def pieces(hole: Hole, size: float) -> Array:
-    """A hole's boundary as corners of pieces about `size` long, shape (pieces, 2)."""
+    """Divide a hole's boundary into pieces about `size` long; their corners, (pieces, 2)."""
     if not isinstance(hole, Circle):
         return _cut(hole, size)
     count = max(ROUND, int(np.ceil(2 * np.pi * hole.radius / size)))
@@ -119,7 +119,7 @@ def triangles(
 def triangulated(
     outline: Sequence[Point], holes: Sequence[Hole], size: float, halvings: int = 9
 ) -> MeshTri:
-    """The same triangles as a mesh, those at re-entrant corners halved so many times."""
+    """Mesh an outline with holes; triangles at re-entrant corners are halved `halvings` times."""
     from skfem import MeshTri  # not needed to check a request
 
     mesh = MeshTri(*triangles(outline, holes, size))

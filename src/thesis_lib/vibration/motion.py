@@ -88,7 +88,7 @@ class Motion:
         return total
 
     def _histories(self, part: Component, t: Array) -> tuple[Array, Array, Array]:
-        """A component's displacement where its shape is 1, and two derivatives in time."""
+        """Return a component's displacement where its shape is 1, and two time derivatives."""
         s = np.clip((t - self.start) / self.ramp, 0, 1)
         e0 = s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3)
         e1 = 140 * s**3 * (1 - s) ** 3 / self.ramp

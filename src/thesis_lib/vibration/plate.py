@@ -14,7 +14,7 @@ from thesis_lib.vibration.structure import numbers_from_one
 
 
 class Sheet:
-    """What a thin plate of any outline is made of, and where its force acts."""
+    """Material of a thin plate of any outline, and the position of its force."""
 
     thickness: float
     density: float

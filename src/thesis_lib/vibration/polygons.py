@@ -92,7 +92,7 @@ def moments(polygon: ArrayLike) -> tuple[float, Array, Array]:
 
 
 def contains(polygon: ArrayLike, points: Array) -> Mask:
-    """Whether points (2, n) lie in a polygon (corners, 2), by the number of edges to their right.
+    """Test whether points (2, n) lie in a polygon (corners, 2), by the number of edges to their right.
 
     Of a point on an edge the answer may be either.
     """
@@ -107,7 +107,7 @@ def contains(polygon: ArrayLike, points: Array) -> Mask:
 
 
 def in_hole(hole: Hole, points: Array) -> Mask:
-    """Whether points (2, n) lie in a hole."""
+    """Test whether points (2, n) lie in a hole."""
     if isinstance(hole, Circle):
         return np.hypot(points[0] - hole.x, points[1] - hole.y) < hole.radius
     return contains(hole, points)
@@ -124,7 +124,7 @@ def distances(polygon: ArrayLike, points: Array) -> Array:
 
 
 def is_simple(polygon: Sequence[Point]) -> bool:
-    """Whether no two edges of a polygon meet but neighbours at their common corner."""
+    """Test whether no two edges of a polygon meet but neighbours at their common corner."""
     sides = [(np.array(a, float), np.array(b, float)) for a, b in edges(polygon)]
     n = len(sides)
     folded = any(
@@ -140,7 +140,7 @@ def _cross(a: Array, b: Array) -> float:
 
 
 def meet(a: Array, b: Array, c: Array, d: Array) -> bool:
-    """Whether the segments ab and cd have a point in common."""
+    """Test whether the segments ab and cd have a point in common."""
     turns = [_cross(b - a, c - a), _cross(b - a, d - a), _cross(d - c, a - c), _cross(d - c, b - c)]
     if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
         return True
@@ -156,7 +156,7 @@ def edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
 
 
 def is_within(hole: Hole, outline: Sequence[Point]) -> bool:
-    """Whether a hole lies in a polygon and does not touch its edges."""
+    """Test whether a hole lies in a polygon and does not touch its edges."""
     if isinstance(hole, Circle):
         centre = np.array([[hole.x], [hole.y]])
         return bool(
@@ -166,7 +166,7 @@ def is_within(hole: Hole, outline: Sequence[Point]) -> bool:
 
 
 def are_apart(one: Hole, other: Hole) -> bool:
-    """Whether two holes have no point in common."""
+    """Test whether two holes have no point in common."""
     if isinstance(one, Circle) and isinstance(other, Circle):
         return math.hypot(one.x - other.x, one.y - other.y) > one.radius + other.radius
     if isinstance(one, Circle):
@@ -181,7 +181,7 @@ def are_apart(one: Hole, other: Hole) -> bool:
 
 
 def _meet_anywhere(one: Sequence[Point], other: Sequence[Point]) -> bool:
-    """Whether two polygons' edges meet anywhere."""
+    """Test whether two polygons' edges meet anywhere."""
     return any(
         meet(*map(np.array, edge), *map(np.array, edge_))
         for edge, edge_ in product(edges(one), edges(other))

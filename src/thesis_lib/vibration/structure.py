@@ -18,7 +18,7 @@ from thesis_lib.arrays import Array, ComplexArray, IntArray
 
 
 class Structure(Protocol):
-    """What the rest of the library asks of a structure."""
+    """A structure with modes, as the rest of the library uses it."""
 
     @property
     def mass(self) -> float:
@@ -182,7 +182,7 @@ def modal_overlap(structure: Structure, omega: ArrayLike) -> Array:
 
 
 def single_mode_distance(structure: Structure, mode: int, n_modes: int = 200) -> float:
-    """How far one mode alone is from the full modal sum at its resonance.
+    """Return the deviation of one mode alone from the full modal sum at its resonance.
 
     Largest |w_full − w_single| over a grid on the structure, over the largest |w_single|; sections
     3.1 and 4.1 of the thesis take it to be small.

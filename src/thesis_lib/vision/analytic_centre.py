@@ -218,13 +218,13 @@ class _Slabs:
 
 
 def _all(holds: Mask, frames: int) -> Mask:
-    """Whether what holds of slacks (2, 2, cameras, frames × m) does of all of a marker's, (m,)."""
+    """Reduce conditions on slacks (2, 2, cameras, frames × m) to all of a marker's, (m,)."""
     each = np.all(holds, axis=(0, 1, 2))
     return np.asarray(np.all(each.reshape(frames, -1), axis=0), bool)
 
 
 def _solve_arrow(matrix: Array, right: Array) -> Array:
-    """Steps (3, frames, m) with common x and y, from each frame's Hessian (6, ...) and right side.
+    """Solve for steps (3, frames, m) with common x and y, from each frame's Hessian (6, ...).
 
     Eliminating z of every frame leaves a 2×2 system for x and y.
     """

@@ -86,7 +86,7 @@ def interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Posterior:
 
 
 def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Posterior:
-    """The same for several images of markers that move along Z: common x and y.
+    """Estimate markers that move along Z from several images: x and y are common.
 
     `uv` is (cameras, 2, frames, ...), such as the pixels at rest and deflected; `points` are then
     (3, frames, ...), `evidence` and `feasible` (...).

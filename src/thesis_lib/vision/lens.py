@@ -64,7 +64,7 @@ def distort(xy: ArrayLike, distortion: ArrayLike) -> Array:
 
 
 def distortion_jacobian(xy: ArrayLike, distortion: ArrayLike) -> Array:
-    """Derivative of :func:`distort` in its coordinates, shape (2, 2, ...): [i, j] = ∂x'ᵢ/∂xⱼ."""
+    """Return the derivative of :func:`distort`, shape (2, 2, ...): [i, j] = ∂x'ᵢ/∂xⱼ."""
     x, y = np.asarray(xy, float)
     k1, k2, p1, p2, k3 = np.asarray(distortion, float)
     r2 = x * x + y * y
@@ -130,7 +130,7 @@ def undistorted(camera: Camera, uv: ArrayLike) -> Array:
 
 
 def undistorted_tracks(camera: Camera, tracks: ArrayLike) -> Array:
-    """The same of pixels (frames, 2, markers), as tracks have them."""
+    """Remove the distortion of tracks: pixels (frames, 2, markers)."""
     return undistorted(camera, np.asarray(tracks, float).swapaxes(0, 1)).swapaxes(0, 1)
 
 
@@ -140,7 +140,7 @@ def distorted(camera: Camera, uv: ArrayLike) -> Array:
 
 
 def resized(camera: Camera, size: tuple[int, int]) -> Camera:
-    """The camera after its images are resampled to another size (section 5.2.1)."""
+    """Return the camera after its images are resampled to another size (section 5.2.1)."""
     scale = np.array([size[0] / camera.size[0], size[1] / camera.size[1], 1.0])
     return replace(camera, K=scale[:, None] * camera.K, size=size)
 

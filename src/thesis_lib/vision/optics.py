@@ -198,7 +198,7 @@ def join(first: ArrayLike, second: ArrayLike) -> Array:
 
 
 def block_means(picture: ArrayLike, block: int) -> Array:
-    """The picture with coarser pixels: means over blocks of `block` by `block` pixels.
+    """Average an image over blocks of `block` by `block` pixels.
 
     Raises
     ------
@@ -214,7 +214,7 @@ def block_means(picture: ArrayLike, block: int) -> Array:
 
 
 def bayer_masks(shape: tuple[int, int], pattern: str = "RGGB") -> Mask:
-    """Which pixels see red, green and blue, shape (rows, columns, 3) (Fig. 2.4).
+    """Return the masks of the pixels that see red, green and blue, (rows, columns, 3) (Fig. 2.4).
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def bayer_masks(shape: tuple[int, int], pattern: str = "RGGB") -> Mask:
 
 
 def bayer_mosaic(picture: ArrayLike, pattern: str = "RGGB") -> Array:
-    """What a sensor under colour filters records of a picture (rows, columns, 3): one each."""
+    """Sample an image (rows, columns, 3) by colour filters: one colour for each pixel."""
     rgb = np.asarray(picture, float)
     return np.where(bayer_masks(rgb.shape[:2], pattern), rgb, 0.0).sum(axis=-1)
 

@@ -63,7 +63,7 @@ def intrinsics(
 
 
 def hemisphere_directions(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
-    """Unit vectors (cosφ sinθ, cosφ cosθ, sinφ) from the origin, shape (..., 3).
+    """Return unit vectors (cosφ sinθ, cosφ cosθ, sinφ) from the origin, shape (..., 3).
 
     Azimuth θ counts from +Y towards +X, elevation φ from the XY plane, both in rad.
     """
@@ -147,7 +147,7 @@ def pixelate(uv: ArrayLike) -> Array:
 
 
 def on_sensor(uv: ArrayLike, size: tuple[int, int]) -> Mask:
-    """Whether images (cameras, 2, ...) lie on the sensor, shape (cameras, ...)."""
+    """Test whether images (cameras, 2, ...) lie on the sensor, shape (cameras, ...)."""
     uv = np.asarray(uv, float)
     width, height = size
     u, v = uv[:, 0], uv[:, 1]

@@ -46,7 +46,7 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
 
 @lru_cache(maxsize=32)
 def _grid_shifts(seed: int, trials: int, n_cameras: int, first: int) -> Array:
-    """The same, which settings with as many cameras share; a stream takes longer than its use."""
+    """Cache the shifts, which settings with as many cameras share."""
     shifts = np.zeros((trials + 1 - first, n_cameras, 2))
     for trial in range(max(first, 1), trials + 1):
         # Philox is counter-based: the trial is its own stream, the camera the place in it.
@@ -58,7 +58,7 @@ def _grid_shifts(seed: int, trials: int, n_cameras: int, first: int) -> Array:
 def image_noise(
     seed: int, trials: int, modes: Sequence[int], n_cameras: int, markers: int, first: int = 0
 ) -> Array:
-    """Standard normal noise of the images, a function of (seed, trial, mode) and the place in them.
+    """Draw standard normal image noise, a function of (seed, trial, mode) and the place in it.
 
     Parameters
     ----------

@@ -72,7 +72,7 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
 
 
 def _compiled_solve() -> Callable[..., Any] | None:
-    """The compiled way, if numba is installed."""
+    """Return the compiled solver if numba is installed."""
     try:
         from thesis_lib.vision.compiled import solve
     except ImportError:
@@ -91,7 +91,7 @@ def checked(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
 
 
 def checked_frames(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
-    """The same for several images of every point."""
+    """Check projections and pixels of several images of every point."""
     P, uv = checked(P, uv)
     if uv.ndim < 3 or uv.shape[2] < 1:
         raise ValueError(f"uv: given shape {uv.shape}, needs (cameras, 2, frames, ...)")
@@ -99,7 +99,7 @@ def checked_frames(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
 
 
 def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
-    """Derivative of the image coordinates with respect to the world point.
+    """Return the derivative of the image coordinates with respect to the world point.
 
     Of `P` and `points` as for :func:`thesis_lib.vision.pinhole.project`: ∂(u, v)/∂(X, Y, Z) in
     px/m, shape (cameras, 2, 3, ...).
