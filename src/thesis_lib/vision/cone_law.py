@@ -288,7 +288,7 @@ def swing_error(amplitude_px: ArrayLike) -> Array:
 
 
 def useful_frames(amplitudes_px: ArrayLike) -> Array:
-    """Return the useful number of frames of a vibration: 1/6 px² over the mean square `swing_error`.
+    """Return the useful number of frames: 1/6 px² over the mean square of `swing_error`.
 
     An amplitude fitted to n independent roundings has the variance 1/(6n) px². At this n it has
     come down to what repeated roundings leave for any n: about π⁴ a / (6 ζ(3)), or 13.5 a.

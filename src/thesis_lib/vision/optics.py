@@ -214,7 +214,7 @@ def block_means(picture: ArrayLike, block: int) -> Array:
 
 
 def bayer_masks(shape: tuple[int, int], pattern: str = "RGGB") -> Mask:
-    """Return the masks of the pixels that see red, green and blue, (rows, columns, 3) (Fig. 2.4).
+    """Return the masks of red, green and blue pixels, shape (rows, columns, 3) (Fig. 2.4).
 
     Parameters
     ----------
