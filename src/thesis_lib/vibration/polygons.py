@@ -92,7 +92,7 @@ def moments(polygon: ArrayLike) -> tuple[float, Array, Array]:
 
 
 def contains(polygon: ArrayLike, points: Array) -> Mask:
-    """Test whether points (2, n) lie in a polygon (corners, 2), by the number of edges to their right.
+    """Test whether points (2, n) lie in a polygon (corners, 2): count edges to their right.
 
     Of a point on an edge the answer may be either.
     """
