@@ -2,18 +2,19 @@
 
 import json
 import os
+import sys
 import tempfile
 from pathlib import Path
 
 import hypothesis
 import pytest
 
-from thesis_lib.runs.kernel_main import fixed
+from thesis_lib.runs.surroundings import fixed_environment
 
 for profile in ("project", "night"):  # the latter is for more examples where a test asks for it
     hypothesis.settings.register_profile(profile, deadline=None)  # others may have the machine
 hypothesis.settings.load_profile("project")
-os.environ.update(fixed())  # before NumPy is imported, as every command does
+os.environ.update(fixed_environment())  # before NumPy is imported, as every command does
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -29,16 +30,23 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _own_kernel(config: pytest.Config) -> None:
-    """Let nbval find our kernel, and nothing of the reader's Jupyter."""
+    """Let nbval find the kernel that runs have, and nothing of the reader's Jupyter."""
     from thesis_lib.runs import kernel
 
     folder = tempfile.TemporaryDirectory(prefix="thesis-kernel-")
     config.add_cleanup(folder.cleanup)
-    place = Path(folder.name) / "kernels" / "python3"
-    place.mkdir(parents=True)
-    (place / "kernel.json").write_text(json.dumps(kernel.spec().to_dict()), encoding="utf-8")
+    home, place = Path(folder.name, "home"), Path(folder.name, "kernels", "python3")
+    spec = {
+        "argv": [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"],
+        "env": kernel.kernel_environment(os.environ, home),
+        "display_name": "Python 3",
+        "language": "python",
+    }
+    for made in (home, place):
+        made.mkdir(parents=True)
+    (place / "kernel.json").write_text(json.dumps(spec), encoding="utf-8")
     os.environ["JUPYTER_PATH"] = folder.name
-    for name in ("CONFIG_DIR", "RUNTIME_DIR"):  # the latter is the kernels' home
+    for name in ("CONFIG_DIR", "RUNTIME_DIR"):
         empty = Path(folder.name) / name.lower()
         empty.mkdir()
         os.environ[f"JUPYTER_{name}"] = str(empty)

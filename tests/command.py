@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from thesis_lib import cli
-from thesis_lib.runs import ending
+from thesis_lib.runs import surroundings
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def thesis(*arguments: str | Path, cwd: Path | str = ".") -> Done:
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         patch.setattr(sys, "argv", ["thesis", *map(str, arguments)])
-        patch.setattr(ending, "prepare", lambda: None)  # the tests keep handlers and warnings
+        patch.setattr(surroundings, "prepare", lambda: None)  # the tests keep handlers and warnings
         with (
             contextlib.chdir(cwd),
             contextlib.redirect_stdout(out),

@@ -16,7 +16,6 @@ from conftest import PROJECT
 from thesis_lib.figure_sets import keys, outside, registry
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show
-from thesis_lib.runs.kernel_main import without_dask
 from thesis_lib.studies import storage
 
 PAGE = (PROJECT / "book" / "own-figure-set.md").read_text(encoding="utf-8")
@@ -142,13 +141,6 @@ def test_its_controls_rerun_it(footprint):
         made.output.outputs
     )
     assert found[0]["value"].values[0] == pytest.approx(500 / 1920)
-
-
-def test_it_may_use_what_commands_do_without(footprint, monkeypatch):
-    monkeypatch.delitem(sys.modules, "dask.array", raising=False)
-    without_dask()
-    outside.load(footprint)
-    assert "dask.array" not in sys.modules
 
 
 def test_it_is_stale_when_what_it_rests_on_changes(footprint):

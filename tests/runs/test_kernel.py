@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
 import xarray as xr
 
 from conftest import until_study
-from thesis_lib.runs import kernel, kernel_main, nursery
+from thesis_lib.runs.kernel import kernel_environment
 from thesis_lib.studies.attributes import RUN_DEPENDENT
 
 NAME = "beam-distance"
@@ -150,102 +145,9 @@ def test_of_the_environment_only_what_is_named_is_left(tmp_path):
     emulation = {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": "X86_V4",
                  "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2"}  # fmt: skip
     given = {"PATH": "/bin", "OMP_NUM_THREADS": "4", "PYTHONPATH": "x", "HOME": "/root"}
-    left = kernel_main.environment(given | emulation, tmp_path)
+    left = kernel_environment(given | emulation, tmp_path)
     assert left.items() >= emulation.items()
     assert left["HOME"] == str(tmp_path)
     assert left["PATH"] == "/bin"
-    assert "PYTHONPATH" not in left
+    assert left.get("PYTHONPATH") != "x"
     assert {value for name, value in left.items() if name.endswith("_NUM_THREADS")} == {"1"}
-
-
-def test_no_array_is_asked_whether_it_is_dasks():
-    pytest.importorskip("dask")
-    code = (
-        "import sys; from thesis_lib.runs.kernel_main import without_dask; without_dask(); "
-        "import xarray; xarray.Dataset({'a': ('x', [1.0])}).mean().to_dict(); "
-        "print([name for name in sys.modules if name.startswith('dask.array.')])"
-    )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert said.stdout == "[]\n"
-
-
-# Kernels that are copied.
-
-copied = pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux alone")
-
-LONELY = """
-import sys, time
-from jupyter_client.connect import write_connection_file
-from thesis_lib.runs import nursery
-if __name__ == "__main__":
-    kernel = nursery.kernel(["-f", write_connection_file(sys.argv[1])[0]])
-    print(kernel.pid, nursery.ready().process.pid, flush=True)
-    time.sleep(600)
-"""
-
-
-def gone(pid: int) -> bool:
-    """Whether a process ends within ten seconds."""
-    for _ in range(200):
-        try:
-            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-        except OSError:
-            return True
-        if state == "Z":  # it has ended; whoever adopted it has not asked yet
-            return True
-        time.sleep(0.05)
-    return False
-
-
-@copied
-def test_a_copy_is_a_kernel_and_its_death_is_noticed(tmp_path):
-    async def life() -> None:
-        manager = kernel.manager(tmp_path / "home")()
-        await manager.start_kernel()
-        assert isinstance(manager.provisioner.process, nursery.Kernel)
-        client = manager.client()
-        client.start_channels()
-        await client.wait_for_ready(timeout=60)
-        reply = await client.execute_interactive(
-            "import os; assert os.environ['HOME'] == os.getcwd() != '/'", timeout=60
-        )
-        assert reply["content"]["status"] == "ok"
-        assert await manager.is_alive()
-        os.kill(manager.provisioner.pid, signal.SIGKILL)
-        assert gone(manager.provisioner.pid)
-        for _ in range(100):  # its threads end, too
-            if not await manager.is_alive():
-                break
-            await asyncio.sleep(0.05)
-        else:
-            pytest.fail("taken for alive after 5 s")
-        client.stop_channels()
-        await manager.shutdown_kernel()
-
-    asyncio.run(life())
-
-
-@copied
-def test_what_has_changed_is_imported_anew(monkeypatch):
-    first = nursery.ready()
-    assert nursery.ready() is first
-    monkeypatch.setattr(nursery, "_as_it_is", lambda: "edited")
-    second = nursery.ready()
-    assert second is not first
-    assert first.process.wait(30) == 0
-    second.end()
-    assert second.process.wait(30) == 0
-
-
-@copied
-def test_no_kernel_outlives_whoever_asked_for_it(tmp_path):
-    script = write(tmp_path / "lonely.py", LONELY)
-    asked = [sys.executable, script, tmp_path / "connection.json"]
-    path = str(kernel_main.SOURCE)
-    with subprocess.Popen(
-        asked, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": path}
-    ) as alone:
-        pids = [int(one) for one in alone.stdout.readline().split()]
-        assert all(Path(f"/proc/{pid}").exists() for pid in pids)
-        alone.kill()
-    assert all(map(gone, pids))

@@ -140,7 +140,7 @@ def processes_of(folder: Path) -> list[str]:
 def test_interrupt_says_so_and_leaves_nothing_behind(stopped, tmp_path, politely):
     running = stopped(politely)
     assert running.process.returncode == 130
-    assert "interrupted; the same command goes on where this one stopped" in running.said()
+    assert "interrupted; run the same command again to go on" in running.said()
     assert "Traceback" not in running.said()
     assert made(tmp_path / "out") == targets(GOOD)
     assert left_over(tmp_path / "out") == []

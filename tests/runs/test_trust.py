@@ -15,8 +15,8 @@ import xarray as xr
 from killing import NAME, REQUESTS, hand_out, job, wrong
 
 from thesis_lib import files, records, text
-from thesis_lib.runs import ending, tasks
 from thesis_lib.runs import execute as runs
+from thesis_lib.runs import tasks
 from thesis_lib.studies import cache as kept
 from thesis_lib.studies import lock, storage
 from thesis_lib.web import page as pages
@@ -428,24 +428,6 @@ def test_logs_that_cannot_be_written_are_said(tmp_path, monkeypatch):
 def test_texts_beyond_ascii_come_back(tmp_path):
     storage.write(xr.Dataset({"a": ("x", ["320×180", "ψ"])}), tmp_path / "a.nc", compact=True)
     assert storage.opened(tmp_path / "a.nc")["a"].values.tolist() == ["320×180", "ψ"]
-
-
-def test_bytecode_of_an_edit_that_keeps_size_and_time_is_not_used(tmp_path):
-    source = tmp_path / "module.py"
-
-    def value() -> str:
-        code = "import sys; sys.path.insert(0, sys.argv[1]); import module; print(module.value)"
-        command = [sys.executable, "-I", "-c", code, str(tmp_path)]
-        return subprocess.check_output(command, text=True).strip()
-
-    source.write_text("value = 1")
-    assert value() == "1"
-    before = source.stat()
-    source.write_text("value = 2")
-    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
-    assert value() == "1"  # as Python is
-    ending.forget_old_bytecode(tmp_path)
-    assert value() == "2"
 
 
 def test_a_full_disk_is_called_so(tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from thesis_lib.runs.nursery import library_as_it_is
+from thesis_lib.files import library_digest
 
 _PROGRAM = """
 import gc, json, sys
@@ -72,4 +72,4 @@ def _started(root: Path) -> subprocess.Popen[str]:
 
 def _as_it_is(root: Path) -> object:
     """What it rests on."""
-    return root, dict(os.environ), library_as_it_is()
+    return root, dict(os.environ), library_digest()

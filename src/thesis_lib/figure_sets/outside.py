@@ -41,8 +41,6 @@ def load(folder: Path) -> list[str]:
     folder = folder.resolve()
     if there := [name for name, place in _PLACES.items() if place == folder]:
         return there
-    if sys.modules.get("dask.array", sys) is None:  # it may use what our commands do without
-        del sys.modules["dask.array"]
     found = _declared(folder)
     for one in found:
         if problem := next(_problems(one, folder), ""):

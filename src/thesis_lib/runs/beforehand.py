@@ -18,11 +18,11 @@ from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
 from thesis_lib.figure_sets.run import made
 from thesis_lib.files import cache_folder, staging
-from thesis_lib.runs.kernel_main import SOURCE, environment
+from thesis_lib.runs.kernel import kernel_environment
 from thesis_lib.runs.tasks import RunError, Task, task
 from thesis_lib.studies.request import Study
 
-_START = f"import sys; sys.path.insert(0, {str(SOURCE)!r}); from {__name__} import make; make()"
+_START = f"from {__name__} import make; make()"
 
 
 def made_beforehand(asked: Study, seconds: Mapping[str, float]) -> Task:
@@ -48,8 +48,8 @@ def _in_a_process(asked: Study, name: str) -> None:
     cache = cache_folder()
     with staging(cache) as home:
         done = subprocess.run(
-            [sys.executable, "-I", "-c", _START, asked.name, json.dumps(asked.request)],
-            env=environment(os.environ, home),
+            [sys.executable, "-c", _START, asked.name, json.dumps(asked.request)],
+            env=kernel_environment(os.environ, home),
             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     if done.returncode:

@@ -1,64 +1,69 @@
-"""The kernel that notebooks are executed by: this Python, isolated from the reader's machine."""
+"""Jupyter's own Python kernel, started without anything of the reader's machine.
+
+A result depends on its request, the library and the lock file. So no kernel that a reader has
+installed is used, no configuration or start-up file of IPython is read, nothing is imported from
+the working directory or from ``PYTHONPATH``, and of the environment only :data:`PASSED` is left.
+"""
 
 from __future__ import annotations
 
 import os
-import sys
+import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jupyter_client.kernelspec import KernelSpec
+from jupyter_client.kernelspec import KernelSpecManager
 from jupyter_client.manager import AsyncKernelManager
-from jupyter_client.provisioning.local_provisioner import LocalProvisioner
-from traitlets import default
 
-from thesis_lib.runs import kernel_main, nursery
+from thesis_lib.asides import QUIET
+from thesis_lib.files import shipped
+from thesis_lib.runs.surroundings import fixed_environment
 
-
-def spec() -> KernelSpec:
-    """How the kernel is started; no installed kernel is asked for."""
-    return KernelSpec(
-        argv=[sys.executable, "-I", kernel_main.__file__, "-f", "{connection_file}"],
-        name="python3",
-        display_name="Python 3",
-        language="python",
-        metadata={"kernel_provisioner": {"provisioner_name": "local-provisioner"}},
-    )
+OPTIONS = ("--HistoryManager.enabled=False",)  # no file of past inputs, which kernels would share
+PASSED = (
+    "PATH", "TMPDIR", "TEMP", "TMP", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT",
+    "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "OPENCV_CPU_DISABLE",
+    "NUMBA_CPU_NAME",  # these five let libraries compute as on an older processor
+    "THESIS_SCHEDULER", "THESIS_FIGURE_SETS", "THESIS_CACHE", "GIT_CONFIG_GLOBAL",
+)  # fmt: skip
 
 
-def manager(home: Path) -> type[AsyncKernelManager]:
-    """A class of kernel managers whose kernel lives in the folder `home`."""
+def kernel_environment(given: Mapping[str, str], home: Path) -> dict[str, str]:
+    """Return the environment of a kernel whose home and only files are in the folder `home`."""
+    passed = {name: given[name] for name in PASSED if name in given}
+    git = Path(given.get("HOME", os.sep)) / ".gitconfig"  # which owners of checkouts are trusted
+    own = {
+        "HOME": str(home),
+        "IPYTHONDIR": str(home / "ipython"),
+        "JUPYTER_PREFER_ENV_PATH": "1",
+        "PYTHONNOUSERSITE": "1",
+        "PYTHONSAFEPATH": "1",
+        "LANG": "C.UTF-8",
+        "GIT_CONFIG_GLOBAL": str(git),
+        QUIET: "1",
+    }
+    source = shipped() / "src"
+    if source.is_dir():  # the kernel imports the checkout that the command runs from
+        own["PYTHONPATH"] = str(source)
+    return own | passed | fixed_environment()
+
+
+def kernel_manager(home: Path) -> AsyncKernelManager:
+    """Return what starts and ends one kernel in the folder `home`, which it makes."""
     home.mkdir()
 
     class Manager(AsyncKernelManager):
-        @property
-        def kernel_spec(self) -> KernelSpec:
-            return spec()
+        async def _async_start_kernel(self, **options: Any) -> None:
+            environment = kernel_environment(os.environ, home)
+            nowhere = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+            await super()._async_start_kernel(**options, **nowhere, env=environment, cwd=str(home))
 
-        @default("connection_file")
-        def _in_its_home(self) -> str:
-            return str(home / "connection.json")
-
-        async def _async_start_kernel(self, **how: Any) -> None:
-            # What is said beside the notebook, such as a warning at the start, is for nobody.
-            with Path(os.devnull).open("w") as nowhere:
-                await super()._async_start_kernel(**how, stdout=nowhere, stderr=nowhere)
-
-        async def _async_launch_kernel(self, kernel_cmd: list[str], **how: Any) -> None:
-            copied: Any = nursery.kernel(kernel_cmd[3:])
-            local = self.provisioner
-            if copied is None or not isinstance(local, LocalProvisioner):
-                await super()._async_launch_kernel(kernel_cmd, **how)
-            else:
-                local.process, local.pid, local.pgid = copied, copied.pid, copied.pid
-                self._reconcile_connection_info(local.connection_info)
-
-        async def _async_shutdown_kernel(self, now: bool = False, restart: bool = False) -> None:
-            # All is written by then, and a kernel takes 0.7 s to take its leave.
-            await super()._async_shutdown_kernel(now=True, restart=restart)
-
-        _launch_kernel = _async_launch_kernel
         start_kernel = _async_start_kernel
-        shutdown_kernel = _async_shutdown_kernel
 
-    return Manager
+    # Without folders of kernels the one of this Python's ipykernel is left.
+    return Manager(
+        kernel_name="python3",
+        kernel_spec_manager=KernelSpecManager(kernel_dirs=[]),
+        connection_file=str(home / "connection.json"),
+    )

@@ -1,9 +1,8 @@
-"""How a command begins and ends: no foreign words on the screen, and nothing left by a signal."""
+"""The process of a command: limits it can work in, fixed threads, and an end without leftovers."""
 
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import logging
 import os
 import signal
@@ -14,15 +13,15 @@ import warnings
 from pathlib import Path
 from typing import Any, NoReturn
 
-from thesis_lib import files
-from thesis_lib.runs.kernel_main import fixed, without_dask
+from thesis_lib.files import cache_folder
 
-_MIN_FILES = 128  # open at a time: a run needs some 90
-
+MIN_OPEN_FILES = 128  # a run needs some 90 at a time
+MAX_WAIT_FOR_THREADS_S = 5.0
 _SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
-_PATIENCE = 5.0  # s that threads have to end in
+_THREADS = [f"{of}_NUM_THREADS" for of in ("OPENBLAS", "OMP", "MKL", "BLIS", "NUMEXPR")]
+_THREADS += ["VECLIB_MAXIMUM_THREADS"]
 
 
 class SurroundingsError(RuntimeError):
@@ -53,65 +52,58 @@ def check_surroundings() -> None:
         import resource
 
         soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        if soft < _MIN_FILES <= hard:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (_MIN_FILES, hard))
-        elif soft < _MIN_FILES:
+        if soft < MIN_OPEN_FILES <= hard:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (MIN_OPEN_FILES, hard))
+        elif soft < MIN_OPEN_FILES:
             raise SurroundingsError(
-                f"only {soft} files may be open at a time, allowed: {_MIN_FILES} or more; raise "
-                "the limit (ulimit -n), and run the command again"
+                f"only {soft} files may be open at a time, allowed: {MIN_OPEN_FILES} or more; "
+                "raise the limit (ulimit -n), and run the command again"
             )
 
 
-def prepare() -> None:
-    """Before anything is imported that computes or has something to say.
+def fixed_environment() -> dict[str, str]:
+    """Return variables of every process: one thread a library, since sums depend on their number.
 
-    The libraries' threads are fixed for this process and those that it starts, and none of them is
-    taken from the reader's ``PYTHONPATH``. Terminating or hanging up does what Ctrl-C does, unless
-    whoever started this has it ignored (``nohup``).
+    Matplotlib's list of fonts is the project's, too, not the reader's.
+    """
+    return {**dict.fromkeys(_THREADS, "1"), "MPLCONFIGDIR": str(cache_folder() / "matplotlib")}
+
+
+def prepare() -> None:
+    """Isolate this process from the reader's settings, before anything that computes is imported.
+
+    Nothing is imported from the reader's ``PYTHONPATH``. Terminating or hanging up does what
+    Ctrl-C does, unless whoever started this has it ignored (``nohup``).
     """
     given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     readers = {Path(place).resolve() for place in given if place}
     readers.discard(Path(__file__).resolve().parents[2])  # where we are
     sys.path[:] = [place for place in sys.path if Path(place).resolve() not in readers]
-    os.environ.update(fixed() | {"MPLBACKEND": "agg"})  # the reader may have named one there is not
-    without_dask()
+    for name in [name for name in os.environ if name.startswith(("JUPYTER", "IPYTHON"))]:
+        del os.environ[name]
+    os.environ.update(fixed_environment() | {"MPLBACKEND": "agg"})
     warnings.simplefilter("ignore")  # of libraries; ours are errors or results
     logging.getLogger().addHandler(logging.NullHandler())
-    sys.unraisablehook = threading.excepthook = _say_nothing
-    forget_old_bytecode(Path(__file__).parents[1])
+    sys.unraisablehook = threading.excepthook = _ignore
     for number in _SIGNALS[1:]:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)
 
 
-def forget_old_bytecode(package: Path) -> None:
-    """Have modules compiled anew that were changed after they were compiled.
-
-    Python compares their size and the second of their last change, so an edit within that second,
-    or one that keeps the time, leaves the old code at work under the new code's digest.
-    """
-    for source in package.rglob("*.py"):
-        with contextlib.suppress(OSError):
-            compiled = Path(importlib.util.cache_from_source(str(source)))
-            if compiled.stat().st_mtime_ns < source.stat().st_ctime_ns:
-                compiled.unlink()
-
-
-def _say_nothing(_: Any) -> None:
-    """What fails where nobody can catch it has been told elsewhere, or does not matter."""
+def _ignore(_: Any) -> None:
+    """Print nothing of an error that nobody can catch; it is reported elsewhere."""
 
 
 def stop(status: int) -> NoReturn:
-    """End at once what is under way, with all processes and folders that belong to it."""
+    """End at once: kill the processes of this one, so that its threads remove what they wrote."""
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     try:
-        until = time.monotonic() + _PATIENCE
+        until = time.monotonic() + MAX_WAIT_FOR_THREADS_S
         while _end_children() and time.monotonic() < until:
             time.sleep(0.1)
-        files.let_go()
         with contextlib.suppress(OSError, ValueError):
-            print("interrupted; the same command goes on where this one stopped", file=sys.stderr)
+            print("interrupted; run the same command again to go on", file=sys.stderr)
             sys.stdout.flush()
             sys.stderr.flush()
     finally:
@@ -119,7 +111,7 @@ def stop(status: int) -> NoReturn:
 
 
 def _end_children() -> bool:
-    """Kill all processes that this one has started; whether threads are still at work."""
+    """Kill all processes that this one has started; return whether threads are still at work."""
     import psutil
 
     with contextlib.suppress(psutil.Error):
