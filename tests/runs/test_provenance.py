@@ -18,7 +18,7 @@ from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.notebook import show as notebook
-from thesis_lib.plotting import numbers as plotted
+from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs import edits, provenance
 from thesis_lib.studies import cache, commands, effort, storage
 from thesis_lib.studies.attributes import with_provenance

@@ -10,7 +10,7 @@ from pathlib import Path
 from thesis_lib.book.site import swap
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.files import staging, whole_file, whole_text
-from thesis_lib.plotting import numbers as plotted
+from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs.provenance import FOLDER
 
 ARCHIVE = "vibration-by-many-cameras"

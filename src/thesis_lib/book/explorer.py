@@ -19,8 +19,7 @@ from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import model
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
-from thesis_lib.plotting.maps import DIVERGING
-from thesis_lib.plotting.style import COLORS
+from thesis_lib.plotting.style import COLORS, DIVERGING
 from thesis_lib.studies import cubes
 from thesis_lib.studies.published import read_published
 from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, plain, static_html

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets.registry import FIGURE_SETS
-from thesis_lib.plotting import captions
-from thesis_lib.plotting.captions import Caption
+from thesis_lib.plotting import panels
+from thesis_lib.plotting.panels import Caption
 from thesis_lib.plotting.style import in_style, svg
 from thesis_lib.studies.attributes import described
 from thesis_lib.studies.refusals import suggestion
@@ -69,7 +69,7 @@ def promised(study: Study, source: str) -> Iterator[Caption]:
         modes = np.array(getattr(study, "modes", []), int)
         known = xr.Dataset(coords={"case": ("setting", cases), "mode": modes})
         cube = described(known.assign_attrs(figure_set=study.name), study)
-        yield from captions.of_cases(cube).values()
+        yield from panels.case_captions(cube).values()
     for name, which in _PICTURE.findall(source):
         yield caption(study.name, name, *([int(which)] if which else []))
 

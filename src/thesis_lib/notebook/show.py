@@ -21,8 +21,8 @@ from thesis_lib.figure_sets import outside, run
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
 from thesis_lib.notebook.form import form_of
-from thesis_lib.plotting import captions
-from thesis_lib.plotting.captions import Caption
+from thesis_lib.plotting import panels
+from thesis_lib.plotting.panels import Caption
 from thesis_lib.plotting.style import svg
 from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import schedulers, storage
@@ -118,7 +118,7 @@ class Shown:
 
 def figures(cube: xr.Dataset) -> None:
     """Display the figure of each case and mode, one after the other."""
-    for (case, mode), caption in captions.of_cases(cube).items():
+    for (case, mode), caption in panels.case_captions(cube).items():
         drawing = figure_sets.figure(cube, case, mode)
         about = _about(cube, drawing, caption) | {"case": case, "mode": mode}
         display(Shown(_drawn(drawing), about))
@@ -144,5 +144,5 @@ def _about(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dict[str, Any
     """The words of a drawing, which tell if it is the thesis's only in kind."""
     ours = cube.attrs["in_the_thesis"] or FIGURE_SETS[cube.attrs["figure_set"]].reads()
     after = "" if ours or not caption.text else "With the parameters of this run, after: "
-    alt = caption.alt or captions.panels(drawing)
+    alt = caption.alt or panels.describe_panels(drawing)
     return {"name": caption.name, "caption": after + caption.text, "alt": alt}

@@ -8,18 +8,27 @@ by the law of rounding, and what the thesis states. One colour stands for one se
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
-from thesis_lib.plotting.selection import Bars
-from thesis_lib.plotting.style import HIGHLIGHT, color, logarithmic
+from thesis_lib.plotting.selection import (
+    Bars,
+    best_and_worst,
+    error_bars,
+    figure_names,
+    ranking,
+    select,
+)
+from thesis_lib.plotting.style import HIGHLIGHT, REFERENCE, color, logarithmic, placed
 from thesis_lib.studies import cubes, outlines
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
@@ -130,14 +139,14 @@ def _top(groups: Sequence[Bars]) -> float:
 
 
 def _least(groups: Sequence[Bars], top: float) -> float:
-    """The least error, if errors are so far apart that an axis from 0 would hide it; else 0."""
+    """Return the least error if an axis from 0 would hide it, else 0."""
     drawn = [np.ravel([bars.literal, bars.predicted, *bars.band]) for bars in groups]
     least = float(np.fmin.reduce(np.concatenate(drawn)))
     return least if least > 0 and top > FAR_APART * least else 0.0
 
 
 def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
-    """Cameras on their hemispheres, seen from a corner, with the varied parameter marked."""
+    """Draw cameras on their hemispheres from a corner, and mark the varied parameter."""
     axes.set_title(f"(a) setups: {cube.attrs['varied_label']} varied")
     cameras = [_positions(part.isel(setting=index)) for index in range(part.sizes["setting"])]
     radius = max(np.linalg.norm(c, axis=1).max() for c in cameras)
@@ -213,7 +222,7 @@ def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset
 
 
 def _positions(setting: xr.Dataset) -> Array:
-    """Camera centres of one setting in m, shape (cameras, 3)."""
+    """Return the camera centres of one setting in m, shape (cameras, 3)."""
     azimuth, elevation = (np.radians(setting[f"camera_{a}"]) for a in ("azimuth", "elevation"))
     places = hemisphere_directions(azimuth, elevation) * setting["camera_distance"].values[:, None]
     kept: Array = places[np.isfinite(places[:, 0])]
@@ -221,7 +230,7 @@ def _positions(setting: xr.Dataset) -> Array:
 
 
 def _view(points: ArrayLike) -> Array:
-    """Orthographic view from azimuth 155°, elevation 28°: horizontal and vertical coordinate."""
+    """Project points orthographically from azimuth 155°, elevation 28°."""
     theta, phi = np.radians([155.0, 28.0])
     right, down, _ = hemisphere_rotations(theta, phi)
     return np.asarray(points, float) @ np.stack([right, -down]).T
@@ -234,3 +243,76 @@ def _draw(axes: Axes, points: Array, **style: Any) -> None:
 def _write(axes: Axes, place: Array, text: str, **style: Any) -> None:
     u, v = _view(place)
     axes.text(u, v, text, ha="center", va="center", **style)
+
+
+def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
+    """Draw the setups, deflection shapes, marker errors and bars of a beam."""
+    part = select(cube, case, mode)
+    chosen = best_and_worst(part)
+    labels = list(part["label"].values)
+    drawing, axes = placed("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
+    setup_panel(axes["a"], cube, part)
+    x = part["x"].values * 1000
+    reference = part["reference_deflection"].values * 1000
+    axes["b"].plot(x, reference, color=REFERENCE, linewidth=3, label="reference")
+    for index, word in zip(chosen, ranking(part), strict=False):
+        measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
+        name = f"{labels[index]}, {word}"
+        axes["b"].plot(x, measured, ".-", color=color(index), linewidth=1, label=name)
+        error = part["point_error"].values[index]
+        axes["c"].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
+    axes["b"].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
+    axes["c"].set(
+        title="(c) error of each marker",
+        xlabel="x in mm",
+        ylabel="% of the largest deflection",
+        ylim=(0, None),
+    )
+    low, high = axes["b"].get_ylim()
+    axes["b"].set_ylim(low, high + 0.45 * (high - low))  # room for the legend
+    axes["b"].legend(loc="upper left")
+    axes["c"].legend()
+    bar_panel(axes["d"], part, [error_bars(cube, case, mode)])
+    axes["d"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
+    return drawing
+
+
+@dataclass(frozen=True)
+class Caption:
+    """Texts of a figure, all of them plain."""
+
+    name: str = ""  #: Anchor on its page
+    text: str = ""  #: Text below it
+    alt: str = ""  #: Alternative text; if empty, :func:`describe_panels` gives it
+
+
+def case_captions(cube: xr.Dataset) -> dict[tuple[str, int], Caption]:
+    """Return the caption of the figure of each case and mode of a cube."""
+    made = {}
+    cases, modes = cube["case"].values.tolist(), cube["mode"].values.tolist()
+    for (case, mode), file in figure_names(cube).items():
+        at = cases.index(case)
+        title = str(cube["case_title"].values[at])
+        number = str(cube["thesis_figure"].values[at, modes.index(mode)])
+        name = number.replace(".", "-") or f"{cube.attrs['figure_set']}-{file}"
+        text = f"Figure {number} of the thesis. " if number else ""
+        text += f"Case {case.replace(chr(39), '′') if title else case}, mode {mode}"
+        made[case, mode] = Caption(f"fig-{name}", text + (f": {title}." if title else "."))
+    return made
+
+
+def describe_panels(drawing: Figure) -> str:
+    """Describe the panels of a figure in words: title, axes and legend of each."""
+    return f"Panels: {'; '.join(filter(None, map(_panel, drawing.axes)))}."
+
+
+def _panel(axes: Axes) -> str:
+    """Describe one panel or colour bar; empty if it has no words."""
+    title = "".join(axes.get_title(place) for place in ("left", "center", "right"))
+    title = title.replace("\n", " ")
+    scale = "colours" if axes.get_label() == "<colorbar>" else ""
+    drawn = " over ".join(filter(None, (axes.get_ylabel(), axes.get_xlabel())))
+    words = ", ".join(filter(None, (title or scale, drawn)))
+    legend = axes.get_legend()
+    names = ", ".join(text.get_text() for text in legend.get_texts()) if legend else ""
+    return ": ".join(filter(None, (words, names)))

@@ -1,10 +1,14 @@
-"""What of a cube a figure shows."""
+"""Select the part of a cube that a figure shows, as arrays and as tidy tables of numbers."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from thesis_lib.arrays import Array
@@ -13,20 +17,20 @@ from thesis_lib.studies import cubes
 
 
 def select(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
-    """The settings of one case and one mode."""
+    """Return the settings of one case and one mode."""
     rows = np.flatnonzero(cube["case"].values == case)
     return cube.isel(setting=rows).sel(mode=mode)
 
 
 def best_and_worst(part: xr.Dataset) -> list[int]:
-    """Indices of the settings with the least and the largest typical mean error."""
+    """Return the indices of the settings with the least and the largest typical mean error."""
     name = "mean_error" if "mean_error" in part else "deflection_error"
     order = np.argsort(cubes.typical(part[name]), kind="stable")
     return [int(order[0])] if len(order) == 1 else [int(order[0]), int(order[-1])]
 
 
 def ranking(part: xr.Dataset) -> tuple[str, str]:
-    """What the first and the last of :func:`best_and_worst` are called, by what they are ranked."""
+    """Name the first and the last of :func:`best_and_worst` by what they are ranked by."""
     by = " by median" if part.sizes["trial"] > 1 else ""
     return f"best{by}", f"worst{by}"
 
@@ -34,7 +38,7 @@ def ranking(part: xr.Dataset) -> tuple[str, str]:
 def stated(
     cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error"
 ) -> list[Claim | None]:
-    """What the thesis states of an error of each setting of a case, if it does.
+    """Return the claims of the thesis on an error of each setting of a case, or None.
 
     A claim about all settings counts for each of them.
     """
@@ -63,9 +67,159 @@ class Bars:
 
 
 def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error") -> Bars:
-    """The bars of one error of a case and mode, by the error's name in the tables."""
+    """Return the bars of one error of a case and mode, by the error's name in the tables."""
     part = select(cube, case, mode)
     values = cubes.error(part, quantity)
     predicted, plane = cubes.predicted(part, quantity), cubes.ERRORS[quantity][1]
     literal, claims = values.isel(trial=0).values, stated(cube, case, mode, quantity)
     return Bars(literal, predicted.values, cubes.band(values), claims, plane or "")
+
+
+_STATED = ("stated_low", "stated_high", "stated")
+
+
+def errors_table(cube: xr.Dataset) -> pd.DataFrame:
+    """Return every error of a cube in %: one row per setting, mode and kind of error.
+
+    The nominal run (``trial_0``), median, 5 % and 95 % quantile of the trials, what is predicted,
+    and the ends and words of what the thesis states; an open end is empty. Of the ledger: one row
+    per claim, with all that the cube says of it; of a cube of single quantities: each with its
+    value and unit.
+    """
+    if cubes.listed_by(cube) == "claim":
+        return pd.DataFrame(
+            {str(n): v.values for n, v in cube.variables.items() if v.dims == ("claim",)}
+        )
+    table = cubes.summary(cube)
+    if "case" not in cube:
+        return table
+    table = table.rename(columns={"label": "setting", "low": "low_5", "high": "high_95"})
+    extra: list[dict[str, Any]] = []
+    number = {name: 0 for name in cubes.errors(cube)}
+    order = {name: _by_setting(cube, name) for name in number}
+    for row in table.itertuples():
+        extra.append(order[row.error][number[row.error]])
+        number[row.error] += 1
+    return pd.concat([table, pd.DataFrame(extra)], axis=1)
+
+
+def _by_setting(cube: xr.Dataset, error: str) -> list[dict[str, Any]]:
+    """Return prediction and claimed values of an error by setting and mode."""
+    modes = cube["mode"].values.tolist()
+    told = error != "max_point_error" or f"predicted_{error}" in cube
+    predicted = cubes.predicted(cube, error).transpose("setting", "mode").values if told else None
+    said: dict[tuple[int, int], Claim | None] = {}
+    for case in dict.fromkeys(cube["case"].values.tolist()):
+        rows = np.flatnonzero(cube["case"].values == case).tolist()
+        for mode in modes:
+            said |= {
+                (r, mode): c for r, c in zip(rows, stated(cube, case, mode, error), strict=True)
+            }
+    return [
+        {
+            "parameter": str(cube["parameter"].values[s]),
+            "predicted": np.nan if predicted is None else float(predicted[s, m]),
+            **_stated(said[s, mode]),
+        }
+        for s in range(cube.sizes["setting"])
+        for m, mode in enumerate(modes)
+    ]
+
+
+def _stated(claim: Claim | None) -> dict[str, Any]:
+    if claim is None:
+        return dict.fromkeys(_STATED)
+    return dict(zip(_STATED, (*claim.ends, claim.stated), strict=True))
+
+
+def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -> pd.DataFrame:
+    """Return the numbers that a figure of a case and mode draws, a row each.
+
+    `errors` is the table of the cube (:func:`errors_table`).
+
+    Marker values are those of the settings with the least and the largest typical error, all
+    else is of every setting. Maps of pressure are left to the cube. Columns ``quantity``,
+    ``statistic``, ``setting``, ``point``, ``x_mm``, ``y_mm``, ``value`` and ``unit``; those that do
+    not apply are empty.
+    """
+    part = select(cube, case, mode)
+    whole = errors[(errors["case"] == case) & (errors["mode"] == mode)]
+    statistics = ("trial_0", "low_5", "median", "high_95", "predicted", *_STATED[:2])
+    rows = [
+        {
+            "quantity": row["error"],
+            "statistic": name,
+            "setting": row["setting"],
+            "value": row[name],
+            "unit": "percent",
+        }
+        for row in whole.to_dict("records")
+        for name in statistics
+        if not pd.isna(row[name])
+    ]
+    rows += [row for name in part.data_vars for row in _drawn(part, str(name))]
+    columns = ["quantity", "statistic", "setting", "point", "x_mm", "y_mm", "value", "unit"]
+    table = pd.DataFrame(rows, columns=columns)
+    return table.astype({"point": "Int64"})
+
+
+def _drawn(part: xr.Dataset, name: str) -> Iterator[dict[str, Any]]:
+    """Yield the values of one variable of a case and mode, if a figure shows them."""
+    values = part[name]
+    if "trial" in values.dims:
+        values = values.isel(trial=0)
+    of_tables = name in {v for v, _ in cubes.ERRORS.values()} or name.startswith("predicted_")
+    if values.dtype.kind != "f" or of_tables:
+        return
+    unit, labels = str(values.attrs.get("units", "1")), part["label"].values.astype(str)
+    if values.dims == ("setting",):
+        for label, value in zip(labels, values.values, strict=True):
+            if np.isfinite(value):
+                yield {"quantity": name, "setting": label, "value": value, "unit": unit}
+    if values.dims == ("point",):
+        yield from _points(part, name, values.values, unit, "")
+    if values.dims == ("setting", "point"):
+        for index in dict.fromkeys(best_and_worst(part)):
+            yield from _points(part, name, values.values[index], unit, labels[index])
+
+
+def _points(
+    part: xr.Dataset, name: str, values: Any, unit: str, setting: str
+) -> Iterator[dict[str, Any]]:
+    x, y = (part[axis].values * 1000 if axis in part else None for axis in ("x", "y"))
+    for point, value in enumerate(values):
+        if np.isfinite(value):
+            yield {
+                "quantity": name,
+                "setting": setting,
+                "point": point + 1,
+                "value": value,
+                "unit": unit,
+                "x_mm": None if x is None else x[point],
+                "y_mm": None if y is None else y[point],
+            }
+
+
+def as_csv(table: pd.DataFrame) -> str:
+    """Format a table as CSV with six digits; equal tables give equal text."""
+    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+
+
+def figure_names(cube: xr.Dataset) -> dict[tuple[str, int], str]:
+    """Return a file name without suffix for the numbers of each figure, by case and mode.
+
+    Cases may have any name; a file's has plain letters, digits and hyphens alone. A cube without
+    cases has no such files: all that its figures draw is in its one table.
+    """
+    names: dict[tuple[str, int], str] = {}
+    if "case" not in cube or cubes.listed_by(cube) == "claim":
+        return names
+    for case in dict.fromkeys(cube["case"].values.tolist()):
+        plain = re.sub(r"[^A-Za-z0-9]+", "-", case.replace("'", "-prime")).strip("-") or "case"
+        for mode in cube["mode"].values.tolist():
+            name, number = f"{plain}-mode-{mode}".lower(), 1
+            while name in names.values():
+                number += 1
+                name = f"{plain}-{number}-mode-{mode}".lower()
+            names[case, int(mode)] = name
+    return names

@@ -1,4 +1,4 @@
-"""How figures look, and that they always look so: one drawing at a time, whatever is configured.
+"""Style of all figures: colours, axes, maps and files, independent of any configuration.
 
 Matplotlib's parameters belong to the whole process, and pyplot's figures, too. So nothing here uses
 pyplot, and whoever draws or saves does it inside :func:`in_style`, alone among all threads, with
@@ -14,12 +14,18 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import matplotlib
+import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
+from numpy.typing import ArrayLike
+
+from thesis_lib.arrays import Array
 
 # Okabe and Ito's palette: told apart with any colour vision, mid-tone on white and on black.
 COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
@@ -64,7 +70,7 @@ _LAYOUT = (
 
 
 def color(index: int) -> str:
-    """Colour of the `index`-th setting of a case; they repeat after six."""
+    """Return the colour of the `index`-th setting of a case; they repeat after six."""
     return COLORS[index % len(COLORS)]
 
 
@@ -84,7 +90,7 @@ def in_style(changed: Any = None) -> Iterator[None]:
 
 
 def drawable(names: Iterable[Any], otherwise: str) -> list[str]:
-    """Names as a figure can show them: by their number where our font has not all letters.
+    """Replace names by their number where the font lacks some of their letters.
 
     Examples
     --------
@@ -98,7 +104,7 @@ def drawable(names: Iterable[Any], otherwise: str) -> list[str]:
 
 
 def subplots(rows: int = 1, columns: int = 1, **how: Any) -> tuple[Figure, Any]:
-    """A figure and its panels, as ``pyplot.subplots`` makes them, but known to nobody else."""
+    """Return a figure and its panels like ``pyplot.subplots``, but unknown to pyplot."""
     figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT})
     panels = figure.subplots(rows, columns, **{k: how[k] for k in _LAYOUT if k in how})
     if how.get("sharey"):  # a phone shows each panel alone
@@ -108,7 +114,7 @@ def subplots(rows: int = 1, columns: int = 1, **how: Any) -> tuple[Figure, Any]:
 
 
 def mosaic(names: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:
-    """A figure and its panels by name, as ``pyplot.subplot_mosaic`` makes them."""
+    """Return a figure and its panels by name like ``pyplot.subplot_mosaic``."""
     figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT})
     return figure, figure.subplot_mosaic(names, **{k: how[k] for k in _LAYOUT if k in how})
 
@@ -120,7 +126,7 @@ def placed(
     gaps: tuple[float, float],
     heights: Sequence[float] | None = None,
 ) -> tuple[Figure, dict[str, Any]]:
-    """A figure and its panels by name, in places that do not depend on what is drawn in them.
+    """Return a figure and its panels by name, in places that do not depend on their content.
 
     So figures of one kind are alike; and to look for room, as layout engines do, takes as long as
     to draw.
@@ -155,7 +161,7 @@ def placed(
 
 
 def bar_beside(panel: Axes, picture: Any, label: str) -> None:
-    """A colour bar at the right of a panel, in the room there, below its label."""
+    """Add a colour bar at the right of a panel, below its label."""
     box, figure = panel.get_position(), panel.get_figure(root=True)
     assert figure is not None
     width = figure.get_figwidth()
@@ -166,7 +172,7 @@ def bar_beside(panel: Axes, picture: Any, label: str) -> None:
 
 
 def saved(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
-    """A figure as a file of a kind, in the style it was drawn in; the same gives the same bytes."""
+    """Return a figure as a file of a kind in its style; equal figures give equal bytes."""
     without: Mapping[str, None] = {"svg": {"Date": None}, "png": {"Software": None}}[kind]
     content = io.BytesIO()
     with in_style(changed):
@@ -189,15 +195,114 @@ def _lay_out(figure: Figure) -> None:
 
 
 def svg(figure: Figure, changed: Any = None) -> str:
-    """A figure as SVG; the same figure gives the same text."""
+    """Return a figure as SVG; equal figures give equal text."""
     return saved(figure, "svg", changed).decode()
 
 
 def logarithmic(axis: Axis, ticks: Sequence[float]) -> None:
-    """A logarithmic axis with plain numbers at its ticks."""
+    """Make an axis logarithmic, with plain numbers at its ticks."""
     axes = axis.axes
     (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
     axis.set_major_locator(FixedLocator(ticks))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())
+
+
+def _diverging(count: int = 129) -> tuple[str, ...]:
+    """Compute colours from blue over near-white to orange, distinct with any colour vision.
+
+    Straight lines in Oklab from the ends to the middle; `count` is odd, the middle is zero.
+    """
+    ends = {-1: (0.42, -0.045, -0.145), 1: (0.47, 0.105, 0.09)}
+    middle = np.array([0.97, 0.0, 0.002])
+    steps = np.linspace(-1, 1, count)
+    lab = np.array([middle + abs(t) * (np.array(ends[1 if t > 0 else -1]) - middle) for t in steps])
+    to_lms = np.array(
+        [
+            [1, 0.3963377774, 0.2158037573],
+            [1, -0.1055613458, -0.0638541728],
+            [1, -0.0894841775, -1.2914855480],
+        ]
+    )
+    to_rgb = np.array(
+        [
+            [4.0767416621, -3.3077115913, 0.2309699292],
+            [-1.2684380046, 2.6097574011, -0.3413193965],
+            [-0.0041960863, -0.7034186147, 1.7076147010],
+        ]
+    )
+    linear = np.clip((lab @ to_lms.T) ** 3 @ to_rgb.T, 0, 1)
+    srgb = np.where(linear > 0.0031308, 1.055 * linear ** (1 / 2.4) - 0.055, 12.92 * linear)
+    return tuple("#" + "".join(f"{round(255 * c):02x}" for c in color) for color in srgb)
+
+
+DIVERGING = _diverging()
+_CMAP = ListedColormap(list(DIVERGING), "diverging")
+
+
+def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) -> Any:
+    """Draw a map to scale: values (up, across) at the centres of cells, zero in the middle."""
+    half = [(a[1] - a[0]) / 2 for a in (across, up)]
+    extent = (across[0] - half[0], across[-1] + half[0], up[0] - half[1], up[-1] + half[1])
+    picture = axes.imshow(
+        values,
+        _CMAP,
+        vmin=-limit,
+        vmax=limit,
+        extent=extent,
+        origin="lower",
+        interpolation="nearest",
+    )
+    axes.grid(visible=False)
+    return picture
+
+
+STEPS = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for digit in (1, 2, 5))
+"""Ticks of logarithmic axes: 1, 2 and 5 times powers of ten."""
+
+
+def slices(cube: xr.Dataset, dim: str) -> Iterator[xr.Dataset]:
+    """Iterate over a cube along a dimension."""
+    return (cube.isel({dim: index}) for index in range(cube.sizes[dim]))
+
+
+def panel_grid(count: int, width: float, height: float, **how: Any) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels, two in a row of some `height`."""
+    rows = -(-count // 2)
+    size = (width, rows * height)
+    drawing, panels = subplots(rows, 2, figsize=size, layout="constrained", squeeze=False, **how)
+    flat = panels.ravel().tolist()
+    for spare in flat[count:]:
+        spare.set_visible(False)
+    return drawing, flat
+
+
+def draw_curves(
+    axes: Axes,
+    x: ArrayLike,
+    part: Any,
+    curves: Mapping[str, tuple[str, str, str]],
+    **style: Any,
+) -> None:
+    """Draw variables over `x`: each by its label, line and colour."""
+    for name, (label, line, ink) in curves.items():
+        axes.plot(x, part[name], line, color=ink, label=label, **style)
+
+
+def draw_errors(axes: Axes, x: Any, y: Any, error: Any, ink: str, size: float = 3) -> None:
+    """Draw values with error bars."""
+    axes.errorbar(x, y, error, fmt="o", color=ink, ms=size, lw=1)
+
+
+def log_axes(axes: Axes, x: Sequence[float], y: Sequence[float] = STEPS) -> None:
+    """Make both axes logarithmic, with these ticks."""
+    logarithmic(axes.xaxis, [float(tick) for tick in x])
+    logarithmic(axes.yaxis, y)
+
+
+def add_legend(axes: Axes, room: float = 0.0, loc: Any = "upper left", **how: Any) -> None:
+    """Add a legend in some room above what is drawn, a share of the logarithmic axis."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high * (high / low) ** room)
+    axes.legend(loc=loc, **how)

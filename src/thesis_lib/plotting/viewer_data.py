@@ -1,4 +1,4 @@
-"""What the interactive viewer draws, from a cube, as plain JSON values."""
+"""Data of the interactive viewer, from a cube, as plain JSON values."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.plotting.maps import DIVERGING
 from thesis_lib.plotting.selection import Bars, error_bars, select
-from thesis_lib.plotting.style import COLORS
+from thesis_lib.plotting.style import COLORS, DIVERGING
 from thesis_lib.studies import cubes, outlines
 from thesis_lib.studies.vocabulary import unit
 
@@ -25,7 +24,7 @@ FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 
 
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
-    """The literal run and the statistics of a cube (the format is in `web.viewer.Viewer`)."""
+    """Return the nominal run and the statistics of a cube (format: `web.viewer.Viewer`)."""
     said, structure = cube.attrs, outlines.kind(cube)
     kind = "beam" if structure == "beam" else "plate" if "mean_error" in cube else "sound"
     if "measured_deflection" in cube:  # of many trials only the literal run is drawn
@@ -76,7 +75,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def _in_cells(cube: xr.Dataset) -> xr.Dataset:
-    """A panel's markers in the cells of the box around it; where there is none, NaN."""
+    """Put a panel's markers into the cells of the box around it; NaN where there is none."""
     x, y, place = outlines.cells(cube)
     names = ("reference_deflection", "measured_deflection", "point_error")
     wide = {
@@ -88,13 +87,13 @@ def _in_cells(cube: xr.Dataset) -> xr.Dataset:
 
 
 def _middle_row(cube: xr.Dataset) -> xr.Dataset:
-    """The markers of a beam's middle row: the viewer draws one curve along it."""
+    """Return the markers of a beam's middle row: the viewer draws one curve along it."""
     rows = np.unique(cube["y"].values)
     return cube.isel(point=np.flatnonzero(cube["y"].values == rows[len(rows) // 2]))
 
 
 def _figures(cube: xr.Dataset, case: str) -> dict[str, str]:
-    """Numbers of the thesis's figures of a case by mode; empty if the parameters are others."""
+    """Return the numbers of the thesis's figures of a case by mode; empty for other parameters."""
     row = cube["case"].values.tolist().index(case)
     numbers = cube["thesis_figure"].values[row] if cube.attrs["in_the_thesis"] else []
     modes = map(str, cube["mode"].values.tolist())
@@ -169,7 +168,7 @@ def _add_shapes(data: dict[str, Any], cube: xr.Dataset) -> None:
 
 
 def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
-    """Reference fields, and the errors of the best and worst setting of each case and mode."""
+    """Add reference fields, and the errors of the best and worst setting of each case and mode."""
     u, z = cube["u"].values[::FIELD_STEP] * 1000, cube["z"].values[::FIELD_STEP] * 1000
     names = cube["plane"].values.tolist()
     data["planes"] = [
@@ -206,13 +205,13 @@ def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
 
 
 def _fields(parts: list[Array], names: list[str]) -> dict[str, Any]:
-    """Complex fields (plane, u, z), real and imaginary part, in a form that pages read."""
+    """Encode complex fields (plane, u, z), real and imaginary part, for pages."""
     real, imaginary = (part[:, ::FIELD_STEP, ::FIELD_STEP] for part in parts)
     return {name: encoded(real[p] + 1j * imaginary[p]) for p, name in enumerate(names)}
 
 
 def encoded(field: ComplexArray) -> dict[str, Any]:
-    """A complex field as signed bytes, on a scale of its own."""
+    """Encode a complex field as signed bytes, on a scale of its own."""
     parts = field.real, field.imag
     scale = max(float(np.abs(part).max()) for part in parts) or 1.0
     coded = [np.clip(np.rint(part / scale * 127), -127, 127).astype(np.int8) for part in parts]
@@ -221,7 +220,7 @@ def encoded(field: ComplexArray) -> dict[str, Any]:
 
 
 def _rounded(values: Any, digits: int = 6) -> Any:
-    """Numbers with some significant digits for JSON; what is not finite becomes null."""
+    """Round numbers to some significant digits for JSON; non-finite ones become None."""
     array = np.asarray(values, float)
     if array.ndim == 0:
         return float(f"{float(array):.{digits}g}") if np.isfinite(array) else None

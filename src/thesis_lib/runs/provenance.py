@@ -19,7 +19,7 @@ import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.files import sha256
-from thesis_lib.plotting import numbers as plotted
+from thesis_lib.plotting import selection as plotted
 from thesis_lib.studies.commands import command, given
 from thesis_lib.studies.effort import Effort
 from thesis_lib.studies.request import Study

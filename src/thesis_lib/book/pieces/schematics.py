@@ -10,13 +10,13 @@ from matplotlib.patches import Ellipse
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics.tables import flows
-from thesis_lib.plotting.maps import draw_map
 from thesis_lib.plotting.style import (
     COLORS,
     HIGHLIGHT,
     INK,
     REFERENCE,
     color,
+    draw_map,
     logarithmic,
     subplots,
 )

@@ -7,10 +7,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from thesis_lib.plotting import maps
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
-from thesis_lib.plotting.style import mosaic
+from thesis_lib.plotting.style import draw_map, mosaic
 
 TITLES = {
     "distance": "distance d",
@@ -67,7 +66,7 @@ def _deflections(
     ]
     pictures = []
     for one, (title, values, limit) in zip(axes, shown, strict=True):
-        pictures.append(maps.draw_map(one, values.reshape(len(y), len(x)), x, y, limit))
+        pictures.append(draw_map(one, values.reshape(len(y), len(x)), x, y, limit))
         one.set_title(title, fontsize=8)
         one.set_xlabel("x in mm")
     axes[0].set_ylabel("y in mm")
@@ -95,7 +94,7 @@ def _fields(
     ]
     pictures = []
     for one, (title, values, top) in zip(axes, shown, strict=True):
-        pictures.append(maps.draw_map(one, values.T, u, z, top))
+        pictures.append(draw_map(one, values.T, u, z, top))
         one.set_title(title, fontsize=8)
         one.set_xlabel(f"{plane[0]} in mm")
     axes[0].set_ylabel("Z in mm")

@@ -14,8 +14,7 @@ import numpy as np
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES
-from thesis_lib.plotting.maps import DIVERGING
-from thesis_lib.plotting.style import COLORS
+from thesis_lib.plotting.style import COLORS, DIVERGING
 from thesis_lib.plotting.viewer_data import LENS
 from thesis_lib.studies import cubes
 from thesis_lib.studies.published import read_published

@@ -9,9 +9,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting.maps import draw_map
 from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
-from thesis_lib.plotting.style import bar_beside, placed
+from thesis_lib.plotting.style import bar_beside, draw_map, placed
 from thesis_lib.studies import outlines
 
 

@@ -14,7 +14,7 @@ from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import html
 from thesis_lib.measure.report.meanings import Note
-from thesis_lib.plotting.maps import DIVERGING
+from thesis_lib.plotting.style import DIVERGING
 from thesis_lib.plotting.viewer_data import encoded
 from thesis_lib.web.fragment import VIEWER_CSS, joined, static_html
 

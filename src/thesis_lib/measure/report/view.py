@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.measure.exchange.mesh import edges, faces
-from thesis_lib.plotting.maps import DIVERGING
+from thesis_lib.plotting.style import DIVERGING
 from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, static_html
 
 WITHOUT = "This picture needs JavaScript to move; the figure below shows the same shape."
