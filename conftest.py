@@ -4,7 +4,9 @@ import json
 import os
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
+from uuid import uuid4
 
 import hypothesis
 import pytest
@@ -31,6 +33,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _own_kernel(config: pytest.Config) -> None:
     """Let nbval find the kernel that runs have, and nothing of the reader's Jupyter."""
+    import nbval.kernel
+
     from thesis_lib.runs import kernel
 
     folder = tempfile.TemporaryDirectory(prefix="thesis-kernel-")
@@ -50,3 +54,5 @@ def _own_kernel(config: pytest.Config) -> None:
         empty = Path(folder.name) / name.lower()
         empty.mkdir()
         os.environ[f"JUPYTER_{name}"] = str(empty)
+    transport = kernel.choose_transport(Path(folder.name, "runtime_dir", f"kernel-{uuid4()}"))
+    nbval.kernel.KernelManager = partial(nbval.kernel.KernelManager, transport=transport)

@@ -21,6 +21,7 @@ from thesis_lib.files import shipped
 from thesis_lib.runs.surroundings import fixed_environment
 
 OPTIONS = ("--HistoryManager.enabled=False",)  # no file of past inputs, which kernels would share
+MAX_SOCKET_LENGTH = 103  # characters of a socket's path, on macOS
 PASSED = (
     "PATH", "TMPDIR", "TEMP", "TMP", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT",
     "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "OPENCV_CPU_DISABLE",
@@ -49,6 +50,15 @@ def kernel_environment(given: Mapping[str, str], home: Path) -> dict[str, str]:
     return own | passed | fixed_environment()
 
 
+def choose_transport(connection: Path) -> str:
+    """Return how to talk to a kernel: by sockets beside its connection file, or else by ports.
+
+    Two kernels that start at the same time may be given the same port, and one of them dies.
+    """
+    socket = f"{connection}-ipc-5"  # the longest of their names
+    return "ipc" if os.name == "posix" and len(socket) <= MAX_SOCKET_LENGTH else "tcp"
+
+
 def kernel_manager(home: Path) -> AsyncKernelManager:
     """Return what starts and ends one kernel in the folder `home`, which it makes."""
     home.mkdir()
@@ -63,6 +73,7 @@ def kernel_manager(home: Path) -> AsyncKernelManager:
 
     # Without folders of kernels the one of this Python's ipykernel is left.
     return Manager(
+        transport=choose_transport(home / "connection"),
         kernel_name="python3",
         kernel_spec_manager=KernelSpecManager(kernel_dirs=[]),
         connection_file=str(home / "connection.json"),
