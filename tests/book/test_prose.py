@@ -36,7 +36,7 @@ from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.planner import compute as planner_study
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.figure_sets.run import cube_of
-from thesis_lib.ledger import cube as ledger_cube
+from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import verdicts
 from thesis_lib.studies.attributes import with_provenance
 
@@ -46,7 +46,7 @@ def ledgered(made):
     request = validate("claims", {"trials": 3, "readings": ["rest known"]})
     own = ledger_runs.read_own(ledger_runs.run(request.own_runs))
     found = judged(lambda study: made[study.name], own)
-    return ledger_cube.as_cube(found, readings.run(request.other_readings))
+    return ledger.as_cube(found, readings.run(request.other_readings))
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from thesis_lib.facts import claims, setups
 from thesis_lib.facts import numbers as stated_numbers
-from thesis_lib.facts import rows as fact_rows
-from thesis_lib.facts import setups
 from thesis_lib.facts.numbers import VALUES, read_numbers
 from thesis_lib.vision.optics import angle_of_view
 
@@ -121,7 +120,7 @@ def test_malformed_rows_are_refused(row, field, tmp_path, monkeypatch):
     header = "id,chapter,place,words,stated,unit,value_of\n"
     good = "first,3,3.1,words,1,,tip\n"
     (tmp_path / "numbers.csv").write_text(header + good + row + "\n", encoding="utf-8")
-    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match=r"^numbers\.csv, line [34]: ") as refusal:
         read_numbers()
     line = 2 + len(row.splitlines())
@@ -134,7 +133,7 @@ def test_malformed_rows_are_refused(row, field, tmp_path, monkeypatch):
 )
 def test_other_columns_are_refused(header, tmp_path, monkeypatch):
     (tmp_path / "numbers.csv").write_text(header, encoding="utf-8")
-    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match=r"^numbers\.csv, line 1: given .*allowed: id, chapter"):
         read_numbers()
 
@@ -381,9 +380,9 @@ def test_no_conflict_within_a_setup_is_left_out():
         for place in places(claim):
             settings.setdefault((*place, claim["mode"]), []).append(claim)
     found = set()
-    for claims in settings.values():
+    for made in settings.values():
         for number in (2, 3):
-            for group in combinations(claims, number):
+            for group in combinations(made, number):
                 smaller = (g for n in range(2, number) for g in combinations(group, n))
                 if infeasible(group[0], group[1:]) and not any(
                     infeasible(g[0], g[1:]) for g in smaller

@@ -9,7 +9,8 @@ import pytest
 
 from thesis_lib import files
 from thesis_lib.facts import claims
-from thesis_lib.figure_sets.claims import power as ledger_power
+from thesis_lib.figure_sets.claims import compute as ledger_power
+from thesis_lib.figure_sets.claims import tables
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.ledger import verdicts
@@ -27,7 +28,7 @@ def cube():
 
 @pytest.fixture(scope="module")
 def power(cube):
-    return ledger_power.power(lambda _: cube, CLAIMS)
+    return ledger_power.compute_power(lambda _: cube, CLAIMS)
 
 
 def claim(relation, low, high, digits):
@@ -81,12 +82,12 @@ def test_what_is_stated_by_the_model_itself_is_met_as_often_as_expected(conforms
 
 
 def test_cubes_that_are_missing_are_left_out():
-    none = ledger_power.power(lambda _: "missing", CLAIMS)
+    none = ledger_power.compute_power(lambda _: "missing", CLAIMS)
     assert int(none["power_claims"].sum()) == 0
 
 
 def test_table_has_the_numbers_of_the_cube(power):
-    text = ledger_power.powers(power)
+    text = tables.power_table(power).data.replace("\n", " ")
     total, met = int(power["power_claims"].sum()), int(power["power_scaled"].sel(factor=1).sum())
     assert f"In all {met} of {total} are met" in text
     assert "chapter 4" not in text

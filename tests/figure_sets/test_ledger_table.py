@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-import traitlets
 from browser import CONTRAST, Opened, open_offline
 
 from thesis_lib.figure_sets.claims.widget import LedgerTable
@@ -68,20 +67,6 @@ def test_bundle_has_view_page_and_line() -> None:
     assert data["text/html"] == bundle(ROWS)
     assert data["text/html"].count("<script") == 1
     assert len(data["text/html"]) < 220_000
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"verdict": "holds"}, "unknown verdict: 'holds'"),
-        ({"id": ROWS[0]["id"]}, "the id occurs twice"),
-        ({"got": None, "note": 3}, r"not a text: \['got', 'note'\]"),
-        ({"colour": "red"}, r"missing or unknown: \['colour'\]"),
-    ],
-)
-def test_rows_that_the_table_cannot_show_are_refused(change: Any, words: str) -> None:
-    with pytest.raises(traitlets.TraitError, match=f"row 1, .*{words}"):
-        LedgerTable(data={"rows": [ROWS[0], {**ROWS[1], **change}]})
 
 
 def test_numbers_that_do_not_exist_travel_as_null() -> None:

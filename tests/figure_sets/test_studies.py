@@ -16,7 +16,6 @@ import xarray as xr
 
 from benchmarks.reference import svd_triangulate
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts import rows as fact_rows
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.parameters import camera_study
@@ -668,7 +667,7 @@ def test_malformed_claim_is_named_by_line_and_field(tmp_path, monkeypatch, colum
     row[lines[0].split(",").index(column)] = value
     lines[4] = ",".join(row)
     (tmp_path / "claims.csv").write_text("\n".join(lines), encoding="utf-8")
-    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match=f"line 5: {field}") as caught:
         claims.read_claims()
     assert repr(value) in str(caught.value)

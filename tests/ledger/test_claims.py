@@ -10,10 +10,8 @@ import xarray as xr
 from scenes.ledger import cube_of, sets
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts import rows as fact_rows
-from thesis_lib.facts.claims import half_digit, read_claims
+from thesis_lib.facts.claims import half_digit, read_claims, read_trends
 from thesis_lib.facts.numbers import read_numbers
-from thesis_lib.facts.trends import read_trends
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import undefined
 from thesis_lib.studies import cubes
@@ -38,7 +36,7 @@ def stated(tmp_path, monkeypatch):
             rows = csv.writer(file)
             rows.writerow(header)
             rows.writerows([{**ROW, **change}[name] for name in header] for change in changes)
-        monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
+        monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
         return read_claims()
 
     return read
@@ -380,7 +378,7 @@ def test_an_unknown_column_is_refused(stated):
 def test_a_row_that_ends_too_early_is_named_by_its_first_missing_field(kept, tmp_path, monkeypatch):
     row = ",".join(list(ROW.values())[:kept])
     (tmp_path / "claims.csv").write_text(f"{','.join(HEADER)}\n{row}\n", encoding="utf-8")
-    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match=rf"^claims\.csv, line 2: {HEADER[kept]}: given None$"):
         read_claims()
 
@@ -388,7 +386,7 @@ def test_a_row_that_ends_too_early_is_named_by_its_first_missing_field(kept, tmp
 def test_a_row_that_goes_on_too_long_is_refused(tmp_path, monkeypatch):
     row = ",".join([*ROW.values(), "and", "more"])
     (tmp_path / "claims.csv").write_text(f"{','.join(HEADER)}\n{row}\n", encoding="utf-8")
-    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
     with pytest.raises(ValueError, match=r"^claims\.csv, line 2: more: given \['and', 'more'\]$"):
         read_claims()
 

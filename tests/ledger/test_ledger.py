@@ -11,8 +11,7 @@ import pytest
 import xarray as xr
 from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
 
-from thesis_lib.facts import claims, reasons, setups, trends
-from thesis_lib.facts import rows as fact_rows
+from thesis_lib.facts import claims, setups
 from thesis_lib.facts.numbers import read_numbers
 from thesis_lib.facts.readings import READINGS, assumptions
 from thesis_lib.figure_sets import cube_file
@@ -26,11 +25,9 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.files import project_root
-from thesis_lib.ledger import cube as ledger_cube
 from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger import report as ledger_report
 from thesis_lib.ledger import verdicts as ledger_verdicts
-from thesis_lib.ledger.reasons import explained
+from thesis_lib.ledger.entries import explain_differences
 from thesis_lib.ledger.series import series_of
 from thesis_lib.ledger.verdicts import VERDICTS
 from thesis_lib.studies import commands as studies_commands
@@ -277,7 +274,7 @@ def test_own_runs_depend_on_their_seed_alone():
 
 
 def test_every_statement_has_one_entry_in_the_order_of_the_chapters(found):
-    stated = [one.id for read in (claims.read_claims, trends.read_trends, read_numbers)
+    stated = [one.id for read in (claims.read_claims, claims.read_trends, read_numbers)
               for one in read()]  # fmt: skip
     assert sorted(entry.id for entry in found) == sorted(stated)
     assert [entry.chapter for entry in found] == sorted(entry.chapter for entry in found)
@@ -330,7 +327,7 @@ def test_rendered_recordings_and_bookkeeping_alone_are_not_counted(found):
     rendered = {
         claim.id for claim in claims.read_claims() if claim.figure_set.startswith("experiment")
     } | {
-        trend.id for trend in trends.read_trends()
+        trend.id for trend in claims.read_trends()
         if any(name.startswith(("experiment", "lab")) for name in trend.source)
     }  # fmt: skip
     bookkeeping = {number.id for number in read_numbers() if number.is_bookkeeping}
@@ -404,7 +401,7 @@ def tenfold(cube):
 def users(name):
     """Entries that are judged by a figure set: figures, and trends."""
     figures = {claim.id for claim in claims.read_claims() if claim.figure_set == name}
-    return figures, {trend.id for trend in trends.read_trends() if name in trend.source}
+    return figures, {trend.id for trend in claims.read_trends() if name in trend.source}
 
 
 @pytest.mark.few(1)
@@ -436,7 +433,7 @@ def test_without_a_cube_its_entries_are_undefined_for_that_reason(found):
         if before.id in figures | of_trends:
             assert after.verdict == "undefined"
             assert after.note.startswith("cube sound-arrays.nc is missing: run `thesis book`")
-            assert (after.got, after.ratio) == ("", None)
+            assert (after.got, np.isnan(after.ratio)) == ("", True)
             assert np.isnan([after.literal, after.median, after.confidence]).all()
             assert (after.stated, after.href, after.counted) == (
                 before.stated, before.href, before.counted)  # fmt: skip
@@ -529,7 +526,7 @@ def test_a_cube_of_before_the_digest_is_outdated(filed):
 
 
 def test_the_report_tells_every_entry_that_differs(found):
-    text = ledger_report.report(found)
+    text = ledger.format_report(found)
     told = text.split("\ndiffers:\n")[1].split("\n\n")[0].splitlines()
     differing = [entry for entry in found if entry.verdict == "differs"]
     assert len(told) == len(differing) > 0
@@ -540,7 +537,7 @@ def test_the_report_tells_every_entry_that_differs(found):
 
 
 def test_the_report_counts_each_chapter_and_all_that_count(found):
-    text = ledger_report.report(found)
+    text = ledger.format_report(found)
     for chapter in ledger.CHAPTERS:
         assert f"\nchapter {chapter}\n" in f"\n{text}"
     (last,) = re.findall("in all, .*: (.*)", text)
@@ -556,7 +553,7 @@ def test_the_report_counts_each_chapter_and_all_that_count(found):
 
 def test_the_report_tells_why_what_is_undefined_is():
     made = entries(beam_distance="cube beam-distance.nc is missing: run `thesis book`")
-    text = ledger_report.report(made)
+    text = ledger.format_report(made)
     assert "cube beam-distance.nc is missing: run `thesis book`" in text.split("undefined:")[1]
 
 
@@ -576,7 +573,7 @@ def interpretations(met, **meets):
 
 
 def test_every_claim_that_differs_says_why_with_a_link(found, other_readings):
-    made = explained(found, other_readings)
+    made = explain_differences(found, other_readings)
     assert [(e.id, e.verdict) for e in made] == [(e.id, e.verdict) for e in found]
     for entry, before in zip(made, found, strict=True):
         if entry.verdict == "differs":
@@ -591,7 +588,7 @@ def test_an_interpretation_is_named_if_it_meets_the_value():
     one = [replace(base, id="a-b", kind="figure", verdict="differs", note="")]
 
     def why(met, *meets):
-        (entry,) = explained(one, interpretations(met, a_b=meets))
+        (entry,) = explain_differences(one, interpretations(met, a_b=meets))
         return entry.note
 
     none = "No explanation was found: none of 2 other interpretations meets this value."
@@ -603,14 +600,16 @@ def test_an_interpretation_is_named_if_it_meets_the_value():
         (9, 4, 12), 0, 0, 1
     )
     assert "“rest known” meets" in why((9, 4, 12), 0, 1, 1)  # the other changes more than needed
-    (unknown,) = explained([replace(one[0], id="else")], interpretations((9, 4, 6), a_b=(0, 0, 0)))
+    (unknown,) = explain_differences(
+        [replace(one[0], id="else")], interpretations((9, 4, 6), a_b=(0, 0, 0))
+    )
     assert unknown.note == "No explanation was found."
 
 
 def test_reasons_are_of_claims_and_lead_to_places_of_the_book():
-    stated = {one.id for read in (claims.read_claims, trends.read_trends, read_numbers)
+    stated = {one.id for read in (claims.read_claims, claims.read_trends, read_numbers)
               for one in read()}  # fmt: skip
-    known = reasons.read_reasons()
+    known = claims.read_reasons()
     assert set(known) <= stated
     items = {item["id"] for item in assumptions()}
     for one in known.values():
@@ -624,11 +623,11 @@ def test_reasons_are_of_claims_and_lead_to_places_of_the_book():
 
 
 def test_a_malformed_reason_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
     for row, field in (("a,No stop,errata", "reason"), ("a,Because.,not a page", "page")):
         (tmp_path / "reasons.csv").write_text(f"id,reason,page\n{row}\n", encoding="utf-8")
         with pytest.raises(ValueError, match=f"reasons.csv, line 2: {field}"):
-            reasons.read_reasons()
+            claims.read_reasons()
 
 
 # -- The ledger as a cube --
@@ -643,22 +642,22 @@ def other_readings():
 
 @pytest.fixture(scope="module")
 def cube(found, other_readings):
-    made = ledger_cube.as_cube(found, other_readings)
+    made = ledger.as_cube(found, other_readings)
     return with_provenance(made, validate("claims", {}), 0.0)
 
 
 def test_entries_come_back_from_their_cube(found, cube, tmp_path):
     storage.write(cube, tmp_path / "claims.nc")
     for made in (cube, cube_file.read(tmp_path / "claims.nc")):
-        back = ledger_cube.from_cube(made)
+        back = ledger.from_cube(made)
         assert [entry.record for entry in back] == [entry.record for entry in found]
         for one, other in zip(back, found, strict=True):
-            assert (one.modes, one.counted, one.ratio) == (other.modes, other.counted, other.ratio)
+            assert (one.modes, one.counted) == (other.modes, other.counted)
 
 
 def test_undefined_entries_come_back_too(other_readings):
     made = judged(lambda study: "no cube", {})
-    back = ledger_cube.from_cube(ledger_cube.as_cube(made, other_readings))
+    back = ledger.from_cube(ledger.as_cube(made, other_readings))
     assert [entry.record for entry in back] == [entry.record for entry in made]
 
 

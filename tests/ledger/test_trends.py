@@ -8,16 +8,24 @@ import xarray as xr
 from scenes.ledger import cube_of, entries, own
 from scipy.stats import norm
 
-from thesis_lib.facts import rows as fact_rows
-from thesis_lib.facts import setups, trends
-from thesis_lib.facts.trends import Trend
+from thesis_lib.facts import claims, setups
+from thesis_lib.facts.claims import Trend
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger.series import series_of
-from thesis_lib.ledger.trend_tests import ALIKE, MATERIAL, ONE_RUN_FLAT, TESTS
-from thesis_lib.ledger.trends import CONFIDENT, RESAMPLES, Finding, Series, judge
+from thesis_lib.ledger.trends import (
+    ALIKE,
+    CONFIDENT,
+    MATERIAL,
+    ONE_RUN_FLAT,
+    RESAMPLES,
+    TESTS,
+    Finding,
+    Series,
+    judge,
+)
 
-TRENDS = trends.read_trends()
+TRENDS = claims.read_trends()
 HEADER = (setups.data_folder() / "trends.csv").read_text(encoding="utf-8").splitlines()[0]
 MEAN, XZ, YZ = "mean_error", "plane_error_xz", "plane_error_yz"
 NAN = float("nan")
@@ -533,8 +541,8 @@ ROW = {"id": "t", "chapter": "3", "section": "3.3", "cases": "2a;2b", "modes": "
 def read(tmp_path, monkeypatch, *rows, header=HEADER):
     lines = [header, *(",".join(row) for row in rows)]
     (tmp_path / "trends.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    monkeypatch.setattr(fact_rows, "data_folder", lambda: tmp_path)
-    return trends.read_trends()
+    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
+    return claims.read_trends()
 
 
 def test_a_row_is_read(tmp_path, monkeypatch):
@@ -624,4 +632,4 @@ def test_every_source_is_a_figure_set_or_an_own_run():
 
 
 def test_every_word_has_a_test_and_no_test_is_without_a_word():
-    assert list(TESTS) == list(trends.WORDS)
+    assert list(TESTS) == list(claims.WORDS)

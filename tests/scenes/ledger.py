@@ -5,7 +5,7 @@ from functools import cache
 from scenes.laboratory import replicates
 from scenes.layouts import layouts
 
-from thesis_lib.facts import claims, trends
+from thesis_lib.facts import claims
 from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims.compute import judged
@@ -24,7 +24,7 @@ TRIALS = 12
 def sets():
     """Figure sets that claims or trends speak of, plates before their sounds."""
     named = {claim.figure_set for claim in claims.read_claims()}
-    named |= {name for trend in trends.read_trends() for name in trend.source}
+    named |= {name for trend in claims.read_trends() for name in trend.source}
     return [name for name in STUDIES if name in named]
 
 

@@ -1,29 +1,95 @@
-"""What the thesis states, beside what we get.
+"""Claims of the thesis, read from tables of ``data/thesis``: values, trends, reasons.
 
-One rule for every claim, set before looking:
-
-agrees
-    The literal run is inside the stated value or interval, give or take half a unit of the last
-    digit that is printed.
-within scatter
-    Else, the 5–95 % band of the trials, widened by 1 point (0.5 if the stated value is below 10 %),
-    meets the stated value or interval.
-differs
-    Neither.
-undefined
-    There is nothing to compare with; the reason is told.
-
-Upper and lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim about
-all settings holds if it holds for each. Where the text excepts one marker, the second-largest error
-is meant.
+Each field of a row is read by its kind; a malformed one is refused with its line. The rules for
+judging values stand in :mod:`thesis_lib.ledger.verdicts`, those for trends in
+:mod:`thesis_lib.ledger.trends`.
 """
 
 from __future__ import annotations
 
+import csv
+import math
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
-from thesis_lib.facts.rows import Kind, finite, one_of, read_rows, several, some
+from thesis_lib.facts.setups import data_folder
+
+Kind = Callable[[str], object]
+"""What a field's text means; it raises an error for what means nothing."""
+
+
+def read_rows(name: str, kinds: Mapping[str, Kind]) -> Iterator[dict[str, Any]]:
+    """Read the rows of a table whose field `id` no two rows share.
+
+    Parameters
+    ----------
+    name : str
+        The file.
+    kinds : mapping
+        Kind of each of its columns, in their order.
+
+    Raises
+    ------
+    ValueError
+        Naming the line and the field of a malformed row.
+    """
+    with (data_folder() / name).open(encoding="utf-8", newline="") as file:
+        rows, seen = csv.DictReader(file, restkey="more"), set[str]()
+        if rows.fieldnames != list(kinds):
+            given = ", ".join(rows.fieldnames or ())
+            raise ValueError(f"{name}, line 1: given {given}, allowed: {', '.join(kinds)}")
+        for line, row in enumerate(rows, 2):
+            values: dict[str, Any] = {}
+            for field, text in row.items():
+                given = f"{name}, line {line}: {field}: given {text!r}"
+                try:
+                    values[field] = kinds[field](_text(text))
+                except (ArithmeticError, LookupError, TypeError, ValueError):
+                    raise ValueError(given) from None
+            if values["id"] in seen:
+                raise ValueError(f"{name}, line {line}: id: given {row['id']!r} a second time")
+            seen.add(values["id"])
+            yield values
+
+
+def _text(text: object) -> str:
+    if not isinstance(text, str):  # of a row that is too short or too long
+        raise TypeError
+    return text
+
+
+def some(text: str) -> str:
+    """Read a text that is not empty."""
+    if not text:
+        raise ValueError
+    return text
+
+
+def finite(text: str) -> float:
+    """Read a finite number."""
+    if not math.isfinite(float(text)):
+        raise ValueError
+    return float(text)
+
+
+def several(text: str) -> tuple[str, ...]:
+    """Read names with semicolons between them, or none."""
+    return tuple(filter(None, text.split(";")))
+
+
+def one_of(allowed: Collection[str]) -> Callable[[str], str]:
+    """Return a reader of one of some texts."""
+
+    def checked(text: str) -> str:
+        if text not in allowed:
+            raise ValueError
+        return text
+
+    return checked
+
 
 RELATIONS = ("about", "range", "max", "less_than", "min")
 QUANTITIES = ("mean_error", "max_point_error", "plane_error_xz", "plane_error_yz")
@@ -68,7 +134,7 @@ class Claim:
         return None if upper else self.low, None if lower else self.high
 
     def speaks_of(self, case: str, value: float, pair_order: str) -> bool:
-        """Whether a setting with this case, varied value and order of pairs is meant."""
+        """Return whether a setting with this case, varied value and order of pairs is meant."""
         return (
             case == self.case
             and (not self.values or value in self.values)
@@ -84,7 +150,7 @@ class Claim:
 
 
 def read_claims() -> list[Claim]:
-    """The stated values, from ``data/thesis/claims.csv``.
+    """Read the claimed values, from ``data/thesis/claims.csv``.
 
     Raises
     ------
@@ -100,7 +166,7 @@ def read_claims() -> list[Claim]:
 
 
 def half_digit(text: str) -> float:
-    """Half a unit of the last digit of a number as it is printed.
+    """Return half a unit of the last digit of a number as it is printed.
 
     Examples
     --------
@@ -115,7 +181,7 @@ def _values(text: str) -> tuple[float, ...]:
 
 
 def _printed(text: str) -> tuple[float, float]:
-    """A number, and half a unit of its last digit."""
+    """Read a number, and half a unit of its last digit."""
     return finite(text), half_digit(text)
 
 
@@ -141,5 +207,106 @@ _KINDS: dict[str, Kind] = {
 
 @cache
 def claims_of(name: str) -> tuple[Claim, ...]:
-    """Claims about a figure set."""
+    """Return the claims about a figure set."""
     return tuple(claim for claim in read_claims() if claim.figure_set == name)
+
+
+_NUMBER = r"\d+(\.\d+)?"
+_INTERVALS = rf"{_NUMBER} {_NUMBER}(?: {_NUMBER} {_NUMBER})*"
+_ONE_SIDED = rf"{_NUMBER}( first| last)?"
+WORDS = {  # what is stated, and what has to be said with it
+    "falls": "", "rises": "", "falls_steadily": "", "falls_irregularly": "",
+    "flat": rf"({_INTERVALS})?", "within": _INTERVALS,
+    "no_trend": "", "mostly_no_trend": "", "same_pattern": "", "same_trends": "",
+    "below": _ONE_SIDED, "at_most": _ONE_SIDED, "above": rf"{_NUMBER} first",
+    "peaks": _NUMBER, "highest_last": "", "modes_alike": "",
+    "worst_mode": r"\d+", "best_mode": r"\d+", "planes_alike": r"((XZ|YZ) \d \d)?",
+    "like_case": r"\S+( last)?", "below_case": r"\S+ (first|common)", "gentler": r"\S+",
+    "best_case": r".+", "unrelated": r"\w+",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Trend:
+    """One trend that the thesis states."""
+
+    id: str  #: Its name
+    chapter: int  #: Chapter of the thesis
+    section: str  #: Section of the thesis
+    cases: tuple[str, ...]  #: Cases it speaks of; none means all of the source
+    modes: tuple[int, ...]  #: Modes it speaks of
+    quantities: tuple[str, ...]  #: Errors it speaks of
+    kind: str  #: How it goes, such as ``increasing_with``
+    parameter: str  #: What varies
+    words: str  #: What it says
+    source: tuple[str, ...]  #: Figure sets, or runs of the ledger's own, that it is judged by
+    test: str  #: One of ``WORDS``, and its argument
+
+
+def read_trends() -> list[Trend]:
+    """Read the stated trends, from ``data/thesis/trends.csv``, refused line by line."""
+    kinds: dict[str, Kind] = {
+        "id": some,
+        "chapter": int,
+        "section": some,
+        "cases": several,
+        "modes": _numbers,
+        "quantities": _some_of,
+        "kind": str,
+        "parameter": str,
+        "words": some,
+        "source": _some_of,
+        "test": _known,
+    }
+    return [Trend(**row) for row in read_rows("trends.csv", kinds)]
+
+
+def _some_of(text: str) -> tuple[str, ...]:
+    return several(some(text))
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    return tuple(map(int, _some_of(text)))
+
+
+def _known(text: str) -> str:
+    name, _, argument = text.partition(" ")
+    if name not in WORDS or not re.fullmatch(WORDS[name], argument):
+        raise ValueError(text)
+    return text
+
+
+_PAGE = re.compile(r"[\w/-]+(#[\w-]+)?")
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why the book gets something else than a claim of the thesis."""
+
+    id: str  #: Name of the claim
+    reason: str  #: One sentence
+    page: str  #: Document of the book that tells more, such as ``errata#errata-a6``
+
+
+def read_reasons() -> dict[str, Reason]:
+    """Read the reasons by the names of their claims, from ``data/thesis/reasons.csv``.
+
+    Raises
+    ------
+    ValueError
+        Naming the line and the field of a malformed row.
+    """
+    kinds: dict[str, Kind] = {"id": some, "reason": _sentence, "page": _page}
+    return {row["id"]: Reason(**row) for row in read_rows("reasons.csv", kinds)}
+
+
+def _sentence(text: str) -> str:
+    if not re.fullmatch(r"\S.*\.", text):
+        raise ValueError
+    return text
+
+
+def _page(text: str) -> str:
+    if not _PAGE.fullmatch(text):
+        raise ValueError
+    return text

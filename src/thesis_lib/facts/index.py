@@ -36,7 +36,7 @@ class Entry:
 
 
 def read_index() -> list[Entry]:
-    """The index, from ``data/thesis/index.csv``.
+    """Read the index, from ``data/thesis/index.csv``.
 
     Raises
     ------

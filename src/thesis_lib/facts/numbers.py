@@ -16,7 +16,7 @@ import numpy as np
 
 from thesis_lib.acoustics.sources import outgoing_wave
 from thesis_lib.facts import setups
-from thesis_lib.facts.rows import Kind, one_of, read_rows, some
+from thesis_lib.facts.claims import Kind, one_of, read_rows, some
 from thesis_lib.facts.setups import Direction, pairs
 from thesis_lib.vibration import structure as structures
 from thesis_lib.vibration.beam import cantilever_roots
@@ -62,7 +62,7 @@ class StatedNumber:
 
 
 def read_numbers() -> list[StatedNumber]:
-    """The stated numbers, from ``data/thesis/numbers.csv``, refused line by line."""
+    """Read the stated numbers, from ``data/thesis/numbers.csv``, refused line by line."""
     kinds: dict[str, Kind] = {
         "id": some,
         "chapter": _chapter,

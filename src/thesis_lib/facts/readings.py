@@ -1,4 +1,4 @@
-"""What the thesis leaves open: the assumptions made, and the other readings."""
+"""Assumptions where the thesis leaves something open, and other interpretations."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ READINGS = {reading.name: reading for reading in _ALL}
 
 
 def assumptions() -> list[dict[str, Any]]:
-    """What the thesis does not state and we took, item by item: the page of that name, as data."""
+    """Return the assumptions made where the thesis states nothing, item by item."""
     items: list[dict[str, Any]] = read_toml("assumptions.toml")["assumption"]
     return items
 
 
 def reading(subject: str) -> dict[str, Any]:
-    """Parameters of what we took, for beam, plate, sound, experiment or lab."""
+    """Return the assumed parameters for beam, plate, sound, experiment or lab."""
     return {
         name: value
         for item in assumptions()

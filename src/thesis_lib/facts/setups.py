@@ -44,12 +44,12 @@ class Setting:
     pair_order: str = ""
 
     def turned(self) -> Setting:
-        """The setting with its azimuths read from +X towards +Y."""
+        """Return the setting with its azimuths read from +X towards +Y."""
         directions = tuple((90 - azimuth, elevation) for azimuth, elevation in self.directions_deg)
         return replace(self, directions_deg=directions)
 
     def cameras(self, focal_length_mm: float, sensor_width_mm: float) -> CameraArray:
-        """The setting's cameras; the pixels are square and fill the sensor's width."""
+        """Return the setting's cameras; the pixels are square and fill the sensor's width."""
         from thesis_lib.vision.pinhole import hemisphere_cameras  # readers of files need no cameras
 
         angles = np.radians(self.directions_deg)
@@ -66,17 +66,17 @@ def data_folder() -> Path:
 
 @cache
 def read_toml(name: str) -> dict[str, Any]:
-    """A file of the thesis's facts, as plain values."""
+    """Read a file of the thesis's facts, as plain values."""
     return tomllib.loads((data_folder() / name).read_text(encoding="utf-8"))
 
 
 def beam(first_marker: float | None = None) -> Beam:
-    """The thesis's cantilever beam (Table 3.1), with another first marker (m) if one is given."""
+    """Return the thesis's cantilever beam (Table 3.1), perhaps with another first marker (m)."""
     return Beam(**read_toml("structures.toml")["beam"], first_marker=first_marker)
 
 
 def plate(grid: tuple[int, int] | None = None) -> Plate:
-    """The thesis's plate (Table 4.1), with another grid of markers if one is given."""
+    """Return the thesis's plate (Table 4.1), with another grid of markers if one is given."""
     facts = dict(read_toml("structures.toml")["plate"])
     facts["force_position"] = tuple(facts["force_position"])
     facts["grid"] = tuple(grid or facts["grid"])
@@ -96,7 +96,7 @@ def pairs() -> dict[str, list[list[Direction]]]:
 
 
 def figure_number(structure: str, study: str, case: str, mode: int) -> str:
-    """Number of the thesis's figure for a case and mode, or empty if it has none.
+    """Return the number of the thesis's figure for a case and mode, or empty if it has none.
 
     Examples
     --------
@@ -111,12 +111,12 @@ def figure_number(structure: str, study: str, case: str, mode: int) -> str:
 
 
 def case_title(structure: str, study: str, case: str) -> str:
-    """What a case of the thesis is, in a few words; empty for a reader's own layout."""
+    """Describe a case of the thesis in a few words; empty for a reader's own layout."""
     return _of_cases(structure, study, "titles").get(case, "")
 
 
 def _of_cases(structure: str, study: str, what: str) -> dict[str, str]:
-    """What the tables say of each case; nothing of a study that is not the thesis's."""
+    """Return an entry of the tables by case; empty for a study that is not the thesis's."""
     entry: dict[str, str] = read_toml("setups.toml").get(structure, {}).get(study, {}).get(what, {})
     return entry
 

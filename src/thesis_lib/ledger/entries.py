@@ -1,32 +1,38 @@
-"""The ledger: every claim of the thesis beside what the cubes say, recomputed each time.
+"""The ledger: every claim of the thesis held against the cubes, recomputed each time.
 
-Stated values, trends and stray numbers become :class:`Entry` each, with a verdict by the rules of
-``verdicts.py`` and ``trends.py``. What cannot be judged is *undefined*, with the reason; a cube
-that is missing, or of other parameters or another state of the library, is such a reason.
+Claimed values, trends and stray numbers become one :class:`Entry` each, with a verdict by the rules
+of ``verdicts.py`` and ``trends.py``. A claim that cannot be judged is *undefined*, with the reason;
+a cube that is missing or outdated is such a reason.
+
+A claim that differs gets a reason: an erratum or an assumption of ``data/thesis/reasons.csv``,
+numbers that exclude each other, or another interpretation of the thesis that meets the value. Else
+no explanation was found.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from thesis_lib.facts import claims, setups, trends
-from thesis_lib.facts.claims import Claim
+from thesis_lib.facts import claims, setups
+from thesis_lib.facts.claims import Claim, Trend, read_reasons
 from thesis_lib.facts.numbers import StatedNumber, read_numbers
-from thesis_lib.facts.trends import Trend
+from thesis_lib.facts.readings import READINGS
 from thesis_lib.ledger import series as ledger_series
 from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.trends import Finding, Series
+from thesis_lib.ledger.series import Series
+from thesis_lib.ledger.trends import Finding
 from thesis_lib.ledger.verdicts import VERDICTS, Check
 from thesis_lib.studies import cubes
 from thesis_lib.studies.commands import command
 from thesis_lib.studies.request import Study
+from thesis_lib.studies.variables import declared, labelled
 
 Opener = Callable[[Study], "xr.Dataset | str"]
 CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
@@ -47,53 +53,105 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of the ledger."""
+    """One line of the ledger; the numbers are NaN where a claim has none."""
 
-    id: str  #: Its name
+    id: str  #: Name of the claim
     kind: str  #: ``figure``, ``trend`` or ``number``
     chapter: int  #: Chapter of the thesis
-    place: str  #: Where it stands
-    case: str  #: Of which case it speaks
+    place: str  #: Place in the thesis, such as ``figure 3.4``
+    case: str  #: Case of the thesis that it speaks of
     modes: tuple[int, ...]  #: Modes that it speaks of
-    what: str  #: What it is about, in a few words
-    stated: str  #: What is stated, in a few words
-    got: str  #: What we get, in a few words
+    what: str  #: Subject, in a few words
+    stated: str  #: Claimed value or trend, in a few words
+    got: str  #: Computed value or trend, in a few words
     verdict: str  #: One of ``verdicts.VERDICTS``
-    note: str  #: The reason, or a remark
-    ratio: float | None  #: What we get over what is stated, where both are numbers
-    #: Whether the totals count it: not if it is judged by rendered recordings, nor if it is
-    #: bookkeeping
+    #: Whether the totals count it: not if it is judged by rendered recordings or is bookkeeping
     counted: bool
-    href: str  #: The page with its figure
-    command: str  #: The commands that make what it is judged by, line by line
-    #: What is stated, with NaN at the open end of a bound
-    least: float = NAN
-    most: float = NAN
-    #: What we get: the literal run (or the value), and median and 5–95 % band of the trials
-    literal: float = NAN
-    median: float = NAN
-    low: float = NAN
-    high: float = NAN
+    note: str = ""  #: Reason, or remark
+    note_href: str = ""  #: Page that explains the reason
+    href: str = ""  #: Page with its figure
+    command: str = ""  #: Commands that build the cubes by which it is judged, line by line
+    ratio: float = NAN  #: Median over the nearest claimed value
+    least: float = NAN  #: Least claimed value, NaN at the open end of a bound
+    most: float = NAN  #: Largest claimed value
+    literal: float = NAN  #: Value of the nominal run, or the computed number
+    median: float = NAN  #: Median of the trials
+    low: float = NAN  #: 5 % quantile of the trials
+    high: float = NAN  #: 95 % quantile of the trials
     #: Of a trend, see :class:`thesis_lib.ledger.trends.Finding`
     confidence: float = NAN
     single: float = NAN
     effect: float = NAN
     largest_effect: float = NAN
-    step_back: str = ""  #: Of a trend that is not monotonic
-    note_href: str = ""  #: The page that tells more of the reason
-
-    @property
-    def row(self) -> dict[str, object]:
-        """The line as the table of the page has it."""
-        row = {name: value for name, value in vars(self).items() if name not in NUMBERS}
-        return row | {"modes": list(self.modes)}
+    step_back: str = ""  #: Largest step against a trend that is not monotonic
 
     @property
     def record(self) -> dict[str, object]:
-        """The line as JSON values, with its numbers; None where there is none."""
-        numbers = {name: getattr(self, name) for name in NUMBERS}
-        given = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
-        return self.row | given
+        """All fields as JSON values: None where there is no number."""
+        values = vars(self) | {"modes": list(self.modes)}
+        none = {n: None for n, v in values.items() if isinstance(v, float) and not np.isfinite(v)}
+        return values | none
+
+    @property
+    def row(self) -> dict[str, object]:
+        """The fields that the table of the page shows."""
+        return {name: value for name, value in self.record.items() if name not in NUMBERS}
+
+
+COLUMNS = declared("""
+    kind(claim) [1] figure, trend or number
+    place(claim) [1] place of a claim in the thesis
+    case(claim) [1] case of the thesis that a claim speaks of
+    modes(claim) [1] modes that a claim speaks of
+    what(claim) [1] subject of a claim
+    stated(claim) [1] claimed value or trend
+    got(claim) [1] value or trend that the book computes
+    verdict(claim) [1] verdict on a claim
+    note(claim) [1] reason why a claim differs, or remark
+    href(claim) [1] page with the figure of a claim
+    command(claim) [1] commands that build the result files by which a claim is judged
+    note_href(claim) [1] page that explains the reason
+    step_back(claim) [1] largest material step against a trend, which is then not monotonic
+    least(claim) [1] least claimed value
+    most(claim) [1] largest claimed value
+    literal(claim) [1] value of the nominal run, or computed number
+    median(claim) [1] median of the trials
+    low(claim) [1] 5 % quantile of the trials
+    high(claim) [1] 95 % quantile of the trials
+    confidence(claim) [1] share of resampled expectations in which a trend holds
+    single(claim) [1] share of single trials in which a trend holds
+    effect(claim) [1] expected error at the last setting over the first, least change
+    largest_effect(claim) [1] expected error at the last setting over the first, largest change
+    ratio(claim) [1] median over the nearest claimed value
+    claim_chapter(claim) [1] chapter of the claim
+    counted(claim) [1] 1 if the totals count a claim
+    claim(claim) [1] name of the claim
+""")
+FIELDS = {"claim": "id", "claim_chapter": "chapter"}  # of columns with other names
+
+
+def as_cube(found: Sequence[Entry], interpretations: xr.Dataset) -> xr.Dataset:
+    """Return the ledger as a cube: a variable for each field, and those of `interpretations`."""
+
+    def cell(value: Any) -> Any:
+        return ";".join(map(str, value)) if isinstance(value, tuple) else value
+
+    values: dict[str, Any] = {
+        name: [cell(getattr(entry, FIELDS.get(name, name))) for entry in found] for name in COLUMNS
+    }
+    values["counted"] = [int(counted) for counted in values["counted"]]
+    columns = labelled(values, COLUMNS)
+    names = {"claim": columns.pop("claim")}
+    return interpretations.drop_attrs(deep=False).assign_coords(names).assign(columns)
+
+
+def from_cube(cube: xr.Dataset) -> list[Entry]:
+    """Return the entries that a cube of :func:`as_cube` holds."""
+    columns = {FIELDS.get(name, name): cube[name].values.tolist() for name in COLUMNS}
+    columns["modes"] = [tuple(map(int, filter(None, m.split(";")))) for m in columns["modes"]]
+    columns["counted"] = [bool(counted) for counted in columns["counted"]]
+    rows = zip(*columns.values(), strict=True)
+    return [Entry(**dict(zip(columns, row, strict=True))) for row in rows]
 
 
 def entries(
@@ -102,12 +160,12 @@ def entries(
     studies: Mapping[str, type[Study]],
     commands: Mapping[str, Sequence[str]],
 ) -> list[Entry]:
-    """The whole ledger, in the order of the thesis.
+    """Return the whole ledger, in the order of the thesis.
 
     Parameters
     ----------
     open_cube : callable
-        Gives the cube of a study, or in one line why there is none.
+        Returns the cube of a study, or in one line why there is none.
     own : mapping
         Series of the ledger's own runs, by name.
     studies : mapping
@@ -136,7 +194,7 @@ def entries(
         _figure(claim, cube_of(claim.figure_set), studies[claim.figure_set].varied)
         for claim in claims.read_claims()
     ]
-    for trend in trends.read_trends():
+    for trend in claims.read_trends():
         made = [command for name in trend.source for command in commands.get(name, [])]
         sets = [name for name in trend.source if name in studies]
         made += [command(studies[name]()) for name in sets]
@@ -147,7 +205,7 @@ def entries(
 
 
 def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
-    """A stated value beside a cube, in which a parameter is varied."""
+    """Judge a claimed value by a cube in which a parameter is varied."""
     subject, _, study = claim.figure_set.partition("-")
     found = cube if isinstance(cube, str) else verdicts.judge(cube, claim)
     check = None if isinstance(found, str) else found
@@ -173,13 +231,12 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
         else "",
         verdict=check.verdict if check else "undefined",
         note=note,
-        ratio=check.ratio if check else None,
         counted=subject not in RENDERED,
         href=f"{claim.figure_set}.html#fig-{number.replace('.', '-')}",
         command=f"thesis run {claim.figure_set}",
         least=NAN if claim.ends[0] is None else claim.ends[0],
         most=NAN if claim.ends[1] is None else claim.ends[1],
-        **_numbers(check, "literal", "median", "low", "high"),
+        **_numbers(check, "ratio", "literal", "median", "low", "high"),
     )
 
 
@@ -188,7 +245,7 @@ def _numbers(found: Check | Finding | None, *names: str) -> dict[str, Any]:
 
 
 def _setting_words(claim: Claim, varied: str) -> str:
-    """The settings that a claim speaks of, such as ``d = 500 mm`` or ``all settings``."""
+    """Name the settings that a claim speaks of, such as ``d = 500 mm`` or ``all settings``."""
     unit = {
         "distance_mm": "d = {:g} mm",
         "aperture_deg": "α = {:g}°",
@@ -202,7 +259,7 @@ def _setting_words(claim: Claim, varied: str) -> str:
 def _trend(
     trend: Trend, found: Sequence[Sequence[Series] | str], sets: list[str], commands: list[str]
 ) -> Entry:
-    """A stated trend beside the errors of the figure sets and own runs that it speaks of."""
+    """Judge a stated trend by the errors of the figure sets and own runs that it speaks of."""
     reasons = [part for part in found if isinstance(part, str)]
     every = [one for part in found if not isinstance(part, str) for one in part]
     finding = None if reasons else ledger_trends.judge(trend, every)
@@ -225,7 +282,6 @@ def _trend(
         got=_found(finding) if finding else "",
         verdict=finding.verdict if finding else "undefined",
         note="; ".join(dict.fromkeys(reasons)) or ("" if finding else "nothing to judge it by"),
-        ratio=None,
         counted=not rendered,
         href=link if first else "",
         command="\n".join(commands),
@@ -235,7 +291,7 @@ def _trend(
 
 
 def _found(finding: Finding) -> str:
-    """What is found of a trend, in a few words."""
+    """Describe the finding on a trend in a few words."""
     ends = [f"{one:.2f}" for one in (finding.effect, finding.largest_effect) if np.isfinite(one)]
     effect = f"×{'–'.join(sorted(set(ends)))}, " if ends else ""
     back = f"not monotonic ({finding.step_back}), " if finding.step_back else ""
@@ -243,7 +299,7 @@ def _found(finding: Finding) -> str:
 
 
 def _number(number: StatedNumber) -> Entry:
-    """A stray number beside its computation."""
+    """Judge a stray number by its computation."""
     value = number.value
     inside = number.low <= value <= number.high
     middle = (number.low + number.high) / 2
@@ -259,11 +315,8 @@ def _number(number: StatedNumber) -> Entry:
         stated=f"{number.stated}{unit}",
         got=f"{value:.6g}{unit}",
         verdict="agrees" if inside else "differs",
-        note="",
-        ratio=1.0 if inside else value / middle if middle else None,
+        ratio=1.0 if inside else value / middle if middle else NAN,
         counted=not number.is_bookkeeping,
-        href="",
-        command="",
         least=number.low,
         most=number.high,
         literal=value,
@@ -271,7 +324,7 @@ def _number(number: StatedNumber) -> Entry:
 
 
 def totals(found: Iterable[Entry], **where: object) -> dict[str, int]:
-    """Number of entries by verdict, of those whose attributes are as given.
+    """Count the entries by verdict, of those whose attributes are as given.
 
     Examples
     --------
@@ -281,3 +334,104 @@ def totals(found: Iterable[Entry], **where: object) -> dict[str, int]:
     chosen = [e for e in found if all(getattr(e, name) == value for name, value in where.items())]
     counts = Counter(entry.verdict for entry in chosen)
     return {verdict: counts[verdict] for verdict in VERDICTS}
+
+
+EXCLUDED = "../errata.html#errata-a9"  # on stated numbers that exclude each other
+INTERPRETATIONS = "claims.html#other-readings"
+NOT_FOUND = "No explanation was found."
+
+
+def explain_differences(found: Iterable[Entry], readings: xr.Dataset) -> list[Entry]:
+    """Give each claim that differs its reason; other claims stay as they are.
+
+    Parameters
+    ----------
+    found : iterable of Entry
+        The ledger.
+    readings : xarray.Dataset
+        Which stated values each interpretation meets, the adopted one first:
+        ``reading_meets(reading, value)``, ``reading_inside(reading, chapter)``.
+    """
+    known = {one.id: (one.reason, _link(one.page)) for one in read_reasons().values()}
+    values = set(readings["value"].values.tolist())
+    made = []
+    for entry in found:
+        if entry.verdict != "differs":
+            made.append(entry)
+            continue
+        if entry.id in known:
+            note, link = known[entry.id]
+        elif entry.note:
+            note, link = entry.note, EXCLUDED
+        elif entry.id in values:
+            note, link = _by_interpretation(entry.id, readings), INTERPRETATIONS
+        else:
+            note, link = NOT_FOUND, INTERPRETATIONS
+        made.append(replace(entry, note=note, note_href=link))
+    return made
+
+
+def _by_interpretation(name: str, readings: xr.Dataset) -> str:
+    """Say which other interpretation meets a stated value, if any, and what it meets in all."""
+    names = readings["reading"].values.tolist()
+    met = readings["reading_inside"].sum("chapter").values
+    meets = readings["reading_meets"].sel(value=name).values.astype(bool)
+    others = _simplest([at for at in range(1, len(names)) if meets[at]], names)
+    if not others:
+        return f"{NOT_FOUND[:-1]}: none of {len(names) - 1} other interpretations meets this value."
+    best = max(others, key=lambda at: met[at])
+    adopted = f"the adopted one meets {met[0]}."
+    if met[best] > met[0]:
+        return (
+            f"Another interpretation, “{names[best]}”, meets this value, and {met[best]} values "
+            f"in all; {adopted}"
+        )
+    return (
+        f"No explanation was found that fits the other values: “{names[best]}” meets this one, "
+        f"but only {met[best]} in all; {adopted}"
+    )
+
+
+def _simplest(chosen: list[int], names: Sequence[str]) -> list[int]:
+    """Leave out interpretations that change all that another one changes, and more."""
+    changes = {at: READINGS[names[at]].values.items() for at in chosen}
+    return [at for at in chosen if not any(other < changes[at] for other in changes.values())]
+
+
+def _link(page: str) -> str:
+    """Return a document of the book as the ledger's page links to it."""
+    document, _, anchor = page.partition("#")
+    folder, _, name = document.rpartition("/")
+    target = f"{name}.html" if folder == "executed" else f"../{document}.html"
+    return target + (f"#{anchor}" if anchor else "")
+
+
+def format_report(found: Sequence[Entry]) -> str:
+    """Format the ledger as text: counts by chapter, then entries that differ or are undefined."""
+    lines = []
+    for chapter in CHAPTERS:
+        of_chapter = [entry for entry in found if entry.chapter == chapter]
+        lines.append(f"chapter {chapter}")
+        for kind in ("figure", "trend", "number"):
+            part = [entry for entry in of_chapter if entry.kind == kind]
+            if part:
+                counts = ", ".join(f"{n} {verdict}" for verdict, n in totals(part).items() if n)
+                apart = sum(not entry.counted for entry in part)
+                why = "bookkeeping" if kind == "number" else "by rendered recordings"
+                mark = f"   ({apart} {why})" if apart else ""
+                lines.append(f"  {len(part):3} {kind + 's':8} {counts}{mark}")
+    counted = [entry for entry in found if entry.counted]
+    counts = ", ".join(f"{n} {verdict}" for verdict, n in totals(counted).items())
+    lines.append(f"in all, without rendered recordings and bookkeeping: {counts}")
+    differing = [entry for entry in found if entry.verdict == "differs"]
+    lines += ["\ndiffers:"] if differing else []
+    for entry in differing:
+        ratio = f"  ×{entry.ratio:.2f}" if np.isfinite(entry.ratio) else ""
+        modes = f" mode {', '.join(map(str, entry.modes))}" if entry.modes else ""
+        case = f"case {entry.case}{modes}: " if entry.case else ""
+        what = f"{entry.what.rstrip('.')}: {entry.stated} → {entry.got}{ratio}"
+        lines.append(f"  {entry.place}, {case}{what}; {entry.note}")
+    reasons = Counter(entry.note for entry in found if entry.verdict == "undefined")
+    lines += ["\nundefined:"] if reasons else []
+    lines += [f"  {number:3} × {reason}" for reason, number in reasons.items()]
+    return "\n".join(lines)

@@ -1,30 +1,60 @@
-"""Errors of cubes as series, as the trends are judged on."""
+"""Errors of cubes as series, on which trends are judged."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache, lru_cache, partial
+from typing import TypeVar
 
 import numpy as np
 import xarray as xr
 
-from thesis_lib.facts.trends import read_trends
-from thesis_lib.ledger.trends import Series
+from thesis_lib.arrays import Array
+from thesis_lib.facts.claims import Trend, read_trends
 from thesis_lib.ledger.verdicts import point_errors
 from thesis_lib.studies import cubes
 
+RESAMPLES = 2000
 SECOND = "second_point_error"  # the largest of the markers' but one
+
+
+@dataclass(frozen=True)
+class Series:
+    """One error of the settings of a case, in the order of what is varied."""
+
+    #: Which error, of which case
+    quantity: str
+    case: str
+    mode: int  #: Of which mode
+    values: Array  #: The varied parameter, growing, shape (settings,)
+    #: In %, of the random trials; NaN where there is no reference, shape (settings, trials)
+    errors: Array
+    _means: dict[int, Array] = field(default_factory=dict, compare=False, repr=False)
+
+    def means(self, seed: int) -> Array:
+        """Means over resampled trials, shape (settings, resamples), computed once."""
+        if seed not in self._means:
+            self._means[seed] = self.errors @ _weights(self.errors.shape[1], seed)
+        return self._means[seed]
+
+
+@lru_cache(maxsize=8)
+def _weights(trials: int, seed: int) -> Array:
+    """Weights of resampled means, shape (trials, resamples): with replacement, from one seed."""
+    drawn = np.random.default_rng(seed).multinomial(trials, np.full(trials, 1 / trials), RESAMPLES)
+    return np.asarray(drawn.T / trials)
 
 
 @cache
 def _sets_with(quantity: str) -> frozenset[str]:
-    """The figure sets of which some trend states a quantity."""
+    """Return the figure sets of which some trend states a quantity."""
     stated = (trend for trend in read_trends() if quantity in trend.quantities)
     return frozenset(name for trend in stated for name in trend.source)
 
 
 def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series]:
-    """The errors of a cube's random trials, case by case; `name` renames cases."""
+    """Return the errors of a cube's random trials, case by case; `name` renames cases."""
     kinds = dict(cubes.errors(cube))
     if "deflection_error" in cube:
         kinds["deflection_error"] = cube["deflection_error"]
@@ -54,3 +84,72 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
             )
         )
     return found
+
+
+T = TypeVar("T")
+Key = tuple[str, str, int]  # quantity, case, mode
+
+
+class Drawn(Mapping[Key, Array]):
+    """Draws of errors, made of those series alone that are asked for."""
+
+    def __init__(self, series: Mapping[Key, T], draw: Callable[[T], Array]) -> None:
+        self._made = {key: partial(draw, one) for key, one in series.items()}
+
+    def __getitem__(self, key: Key) -> Array:
+        return self._made[key]()
+
+    def __iter__(self) -> Iterator[Key]:
+        return iter(self._made)
+
+    def __len__(self) -> int:
+        return len(self._made)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a trend is tested on: errors of shape (settings, draws) by quantity, case and mode."""
+
+    trend: Trend
+    errors: Mapping[Key, Array]
+    values: Mapping[str, Array]
+    one_run: bool = False  #: Whether each draw is a single run, not an expectation
+
+    @property
+    def cases(self) -> tuple[str, ...]:
+        """Cases that the trend speaks of."""
+        return self.trend.cases or tuple(self.values)
+
+    @property
+    def named(self) -> list[tuple[Key, Array]]:
+        """Errors of all that the trend speaks of and that has a reference, and what they are of."""
+        spoken_of = [
+            ((quantity, case, mode), self.errors[quantity, case, mode])
+            for quantity, case, mode in self.errors
+            if case in self.cases and mode in self.trend.modes and quantity in self.trend.quantities
+        ]
+        return [(key, errors) for key, errors in spoken_of if np.isfinite(errors).all()]
+
+    @property
+    def series(self) -> list[Array]:
+        """Errors of all that the trend speaks of and that has a reference."""
+        return [errors for _, errors in self.named]
+
+    def of_modes(self, quantity: str) -> dict[int, Array]:
+        """Geometric mean over all settings of the cases, by mode: shape (draws,)."""
+        by: dict[int, list[Array]] = {}
+        for name, case, mode in self.errors:
+            if name == quantity and case in self.cases:
+                errors = self.errors[name, case, mode]
+                if np.isfinite(errors).all():
+                    by.setdefault(mode, []).append(np.log(errors))
+        return {mode: np.exp(np.concatenate(logs).mean(axis=0)) for mode, logs in by.items()}
+
+    def pairs(self, other: str) -> Iterator[tuple[Array, Array, str]]:
+        """Errors of the trend's own case and of another, for each quantity and mode."""
+        for quantity in self.trend.quantities:
+            for mode in self.trend.modes:
+                own = self.errors[quantity, self.cases[0], mode]
+                second = self.errors[quantity, other, mode]
+                if np.isfinite(own).all() and np.isfinite(second).all():
+                    yield own, second, quantity

@@ -1,42 +1,55 @@
-"""How a stated trend is judged."""
+"""Judge stated trends in expectation.
+
+A trend is a statement on expected errors: the mean of a setting's error over the random shifts of
+the pixel grids. It is tested on resamples of the trials, the same in every setting; the share of
+resamples in which it holds is its *confidence*. The share of single trials in which it holds tells
+how often somebody with one run, such as the thesis, would see it.
+
+A trend that says that an error falls or rises has *effects*, too: by what factor the expected
+error changes from the first to the last setting, of all the errors that it names the one that
+changes least in the stated direction, and the one that changes most. If no expected error changes
+by more than the smallest effect that counts, ``MATERIAL``, it is no material change, however sure
+its sign. If an expected error goes the other way by more than that between two neighbouring
+settings, the trend is not monotonic, which is said next to the verdict.
+
+A test gets the :class:`~thesis_lib.ledger.series.Evidence` and an argument, and returns for each
+draw of the errors whether the statement is true of it.
+
+What the words mean, for all trends alike. One effect is the smallest that counts, ``MATERIAL``, so
+no errors both fall and rise, and none that fall or rise are flat:
+
+falls (rises)
+    The last expected error is below the first (the first below the last) by more than that effect,
+    and more pairs of settings are in this order than in the other.
+flat
+    The least is below the largest by no more than that effect. Of a single run, whose errors
+    scatter, the thesis's own usage counts: all are within the interval that it prints; if it prints
+    none, the largest is at most ``ONE_RUN_FLAT`` times the least.
+no trend
+    It neither falls nor rises, or is flat.
+within, flat within
+    Every expected error lies in the interval that is printed, its ends give or take ``MATERIAL``.
+alike
+    The means (geometric, over the settings) are at most ``ALIKE`` times each other.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Any
 
 import numpy as np
+from scipy.stats import rankdata
 
-from thesis_lib.arrays import Array
-from thesis_lib.facts.trends import Trend
-from thesis_lib.ledger.evidence import Drawn, Evidence, Key
-from thesis_lib.ledger.trend_tests import TESTS, is_less
+from thesis_lib.arrays import Array, Mask
+from thesis_lib.facts.claims import Trend
+from thesis_lib.ledger.series import Drawn, Evidence, Key, Series
 from thesis_lib.ledger.verdicts import UNCHANGED
 
 CONFIDENT = 0.95
-RESAMPLES = 2000
 DIRECTIONS = {"falls": -1, "falls_steadily": -1, "rises": 1}  # tests of an end against the other
-
-
-@dataclass(frozen=True)
-class Series:
-    """One error of the settings of a case, in the order of what is varied."""
-
-    #: Which error, of which case
-    quantity: str
-    case: str
-    mode: int  #: Of which mode
-    values: Array  #: The varied parameter, growing, shape (settings,)
-    #: In %, of the random trials; NaN where there is no reference, shape (settings, trials)
-    errors: Array
-    _means: dict[int, Array] = field(default_factory=dict, compare=False, repr=False)
-
-    def means(self, seed: int) -> Array:
-        """Means over resampled trials, shape (settings, resamples), computed once."""
-        if seed not in self._means:
-            self._means[seed] = self.errors @ _weights(self.errors.shape[1], seed)
-        return self._means[seed]
 
 
 @dataclass(frozen=True)
@@ -147,8 +160,270 @@ def _step_back(expected: Mapping[Key, Array], values: Mapping[str, Array], direc
     return " but ".join(f"{errors[i]:.3g} at {settings[i]:g}" for i in (at, at + 1)) + of
 
 
-@lru_cache(maxsize=8)
-def _weights(trials: int, seed: int) -> Array:
-    """Weights of resampled means, shape (trials, resamples): with replacement, from one seed."""
-    drawn = np.random.default_rng(seed).multinomial(trials, np.full(trials, 1 / trials), RESAMPLES)
-    return np.asarray(drawn.T / trials)
+MATERIAL = 0.10  # smallest fall that counts, as a share of the larger error
+ONE_RUN_FLAT = 2.0  # of one run the thesis calls 7 to 3.5 % a significant fall, and 8-18 % none
+ALIKE = 1.5  # it calls modes within 10-15 % alike
+
+
+Test = Callable[[Evidence, str], Mask]
+
+
+def _all(parts: Iterable[Any]) -> Mask:
+    compared = list(parts)
+    if not compared:
+        raise LookupError("nothing to compare")
+    return np.asarray(np.logical_and.reduce(compared))
+
+
+def is_less(errors: Array, others: Array) -> Mask:
+    """Return where errors are below others by more than the smallest effect that counts."""
+    return np.asarray(errors < (1 - MATERIAL) * others)
+
+
+def _down(errors: Array) -> Mask:
+    ordered = sum(np.sign(errors[i] - errors[j]) for i, j in combinations(range(len(errors)), 2))
+    return is_less(errors[-1], errors[0]) & (ordered > 0)
+
+
+def _up(errors: Array) -> Mask:
+    return _down(errors[::-1])
+
+
+def _flat(errors: Array, one_run: bool) -> Mask:
+    least, largest = errors.min(axis=0), errors.max(axis=0)
+    return largest <= ONE_RUN_FLAT * least if one_run else ~is_less(least, largest)
+
+
+def _falls_steadily(errors: Array) -> Mask:
+    return is_less(errors[-1], errors[0]) & (np.diff(errors, axis=0) < 0).all(axis=0)
+
+
+def _falls_irregularly(errors: Array) -> Mask:
+    return is_less(errors[-1], errors[0]) & is_less(errors[:-1], errors[1:]).any(axis=0)
+
+
+def _highest_last(errors: Array) -> Mask:
+    return np.asarray(np.argmax(errors, axis=0) == len(errors) - 1)
+
+
+def _trendless(errors: Array, one_run: bool) -> Mask:
+    return ~(_down(errors) | _up(errors)) | _flat(errors, one_run)
+
+
+def _close(first: Array, second: Array) -> Mask:
+    return np.asarray(np.maximum(first, second) <= ALIKE * np.minimum(first, second))
+
+
+def _each(test: Callable[[Array], Mask]) -> Test:
+    """Whether all that the trend speaks of passes a test."""
+    return lambda evidence, _: _all(map(test, evidence.series))
+
+
+def _is_flat(evidence: Evidence, argument: str) -> Mask:
+    """``flat``, ``flat 8 18``: flat, and within an interval if one is printed.
+
+    Of a single run a printed interval is itself what the thesis calls flat.
+    """
+    inside = _within(evidence, argument) if argument else True
+    if argument and evidence.one_run:
+        return np.asarray(inside)
+    return inside & _all(_flat(errors, evidence.one_run) for errors in evidence.series)
+
+
+def _within(evidence: Evidence, argument: str) -> Mask:
+    """``within 8 18``: in this interval; ``within 1 4 1 3 1 3``: in one for each of its modes."""
+    ends = np.array(argument.split(), float).reshape(-1, 2)
+    modes = evidence.trend.modes
+    bounds = dict(zip(modes, np.broadcast_to(ends, (len(modes), 2)), strict=True))
+    found = []
+    for mode, (low, high) in bounds.items():
+        alone = replace(evidence, trend=replace(evidence.trend, modes=(mode,)))
+        low, high = (1 - MATERIAL) * low, (1 + MATERIAL) * high
+        found += [((low <= e) & (e <= high)).all(axis=0) for e in alone.series]
+    return _all(found)
+
+
+def _no_trend(evidence: Evidence, _: str) -> Mask:
+    return _all(_trendless(errors, evidence.one_run) for errors in evidence.series)
+
+
+def _mostly_no_trend(evidence: Evidence, _: str) -> Mask:
+    found = [_trendless(errors, evidence.one_run) for errors in evidence.series]
+    return np.mean(found, axis=0) > 0.5
+
+
+def _same_pattern(evidence: Evidence, _: str) -> Mask:
+    return _each(_down)(evidence, "") | _each(_up)(evidence, "")
+
+
+def _same_trends(evidence: Evidence, _: str) -> Mask:
+    """``same_trends``: between cases ``2a at 500``, ``2a at 750`` none falls where another rises.
+
+    From the first setting to the last they change by factors that are alike, too.
+    """
+    groups: dict[tuple[str, str, int], list[Array]] = {}
+    for (quantity, case, mode), errors in evidence.named:
+        groups.setdefault((quantity, case.partition(" at ")[0], mode), []).append(errors)
+    found = []
+    for group in groups.values():
+        for a, b in combinations(group, 2):
+            opposite = (_down(a) & _up(b)) | (_up(a) & _down(b))
+            found.append(_close(a[-1] / a[0], b[-1] / b[0]) & ~opposite)
+    return _all(found)
+
+
+PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
+
+
+def _below(evidence: Evidence, argument: str) -> Mask:
+    """``below 40``, ``below 10 last``: less than that."""
+    bound, _, which = argument.partition(" ")
+    return _all((errors[PARTS[which]] < float(bound)).all(axis=0) for errors in evidence.series)
+
+
+def _at_most(evidence: Evidence, argument: str) -> Mask:
+    """``at_most 40``, ``at_most 10 last``: at most that, rounded as it is printed."""
+    bound, _, which = argument.partition(" ")
+    most = float(bound) + 0.5 * 10.0 ** -len(bound.partition(".")[2])
+    return _all((errors[PARTS[which]] <= most).all(axis=0) for errors in evidence.series)
+
+
+def _above(evidence: Evidence, argument: str) -> Mask:
+    """``above 5 first``: at least one of the series is above that in its first setting."""
+    bound, _, _ = argument.partition(" ")
+    return np.logical_or.reduce([errors[0] > float(bound) for errors in evidence.series])
+
+
+def _peaks(evidence: Evidence, argument: str) -> Mask:
+    """``peaks 1000``: largest where the varied parameter has this value."""
+    (at,) = np.flatnonzero(evidence.values[evidence.cases[0]] == float(argument))
+    return _all(np.argmax(errors, axis=0) == at for errors in evidence.series)
+
+
+def _modes_alike(evidence: Evidence, _: str) -> Mask:
+    means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
+    chosen = [[m[mode] for mode in evidence.trend.modes if mode in m] for m in means]
+    return _all(_close(a, b) for modes in chosen for a, b in combinations(modes, 2))
+
+
+def _worst_mode(evidence: Evidence, argument: str, sign: int = 1) -> Mask:
+    """``worst_mode 3``: the mode's mean is above that of each other mode; below with sign −1."""
+    means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
+    mode = int(argument)
+    return _all(
+        sign * by[mode] > sign * by[m] for by in means if mode in by for m in by if m != mode
+    )
+
+
+def _best_mode(evidence: Evidence, argument: str) -> Mask:
+    """``best_mode 1``: its mean is below that of each other mode, and all errors fall."""
+    return _worst_mode(evidence, argument, -1) & _each(_down)(evidence, "")
+
+
+def _planes_alike(evidence: Evidence, argument: str) -> Mask:
+    """Both planes, or with ``planes_alike XZ 2 1`` a plane in two modes."""
+    if argument:
+        plane, mode, other = argument.split()
+        by = evidence.of_modes(f"plane_error_{plane.lower()}")
+        empty = "plane_error_yz" if plane == "XZ" else "plane_error_xz"
+        nodal = [
+            np.isnan(evidence.errors[key]).all()
+            for key in evidence.errors
+            if key[0] == empty and key[2] == int(mode)
+        ]
+        return _close(by[int(mode)], by[int(other)]) & all(nodal)
+    mode = str(evidence.trend.modes[0])
+    first, second = (evidence.of_modes(f"plane_error_{p}")[int(mode)] for p in ("xz", "yz"))
+    return _close(first, second)
+
+
+def _last(errors: Array) -> Array:
+    return errors[-1]
+
+
+def _mean(errors: Array) -> Array:
+    return np.asarray(np.exp(np.log(errors).mean(axis=0)))
+
+
+def _like_case(evidence: Evidence, argument: str) -> Mask:
+    """``like_case 4a last``: means, or last errors, as another case's."""
+    other, _, which = argument.partition(" ")
+    summary = _last if which == "last" else _mean
+    return _all(_close(summary(a), summary(b)) for a, b, _ in evidence.pairs(other))
+
+
+def _below_case(evidence: Evidence, argument: str) -> Mask:
+    """``below_case 4a first``: first errors, or those at the same values, below another case's."""
+    other, which = argument.rsplit(" ", 1)
+    if which == "first":
+        return _all(a[0] < b[0] for a, b, _ in evidence.pairs(other))
+    common = np.intersect1d(evidence.values[evidence.cases[0]], evidence.values[other])
+    own, others = (
+        np.searchsorted(evidence.values[case], common) for case in (evidence.cases[0], other)
+    )
+    return _all((a[own] < b[others]).all(axis=0) for a, b, _ in evidence.pairs(other))
+
+
+def _gentler(evidence: Evidence, argument: str) -> Mask:
+    """``gentler 4a``: falls by a smaller factor than another case does."""
+    return _all(a[0] / a[-1] < b[0] / b[-1] for a, b, _ in evidence.pairs(argument))
+
+
+def _best_case(evidence: Evidence, argument: str) -> Mask:
+    """``best_case 2a``: of all cases, this one has the least mean."""
+    holds = []
+    for quantity in evidence.trend.quantities:
+        for mode in evidence.trend.modes:
+            mean = {
+                case: np.log(evidence.errors[quantity, case, mode]).mean(axis=0)
+                for case in evidence.cases
+            }
+            holds += [mean[argument] < mean[case] for case in mean if case != argument]
+    return _all(holds)
+
+
+def _unrelated(evidence: Evidence, argument: str) -> Mask:
+    """``unrelated deflection_error``: a rank correlation over all settings of at most ½."""
+    holds = []
+    for quantity in evidence.trend.quantities:
+        for mode in evidence.trend.modes:
+            both = [
+                [evidence.errors[q, case, mode] for q in (quantity, argument)]
+                for case in evidence.cases
+            ]
+            known = [pair for pair in both if np.isfinite(pair[0]).all()]
+            if not known:
+                continue
+            pair = map(np.concatenate, zip(*known, strict=True))
+            a, b = (rankdata(errors, axis=0) - (len(errors) + 1) / 2 for errors in pair)
+            norm = np.sqrt(np.sum(a**2, axis=0) * np.sum(b**2, axis=0))
+            holds.append(np.abs(np.sum(a * b, axis=0)) <= 0.5 * norm)
+    return _all(holds)
+
+
+TESTS: dict[str, Test] = {
+    "falls": _each(_down),
+    "rises": _each(_up),
+    "falls_steadily": _each(_falls_steadily),
+    "falls_irregularly": _each(_falls_irregularly),
+    "flat": _is_flat,
+    "within": _within,
+    "no_trend": _no_trend,
+    "mostly_no_trend": _mostly_no_trend,
+    "same_pattern": _same_pattern,
+    "same_trends": _same_trends,
+    "below": _below,
+    "at_most": _at_most,
+    "above": _above,
+    "peaks": _peaks,
+    "highest_last": _each(_highest_last),
+    "modes_alike": _modes_alike,
+    "worst_mode": _worst_mode,
+    "best_mode": _best_mode,
+    "planes_alike": _planes_alike,
+    "like_case": _like_case,
+    "below_case": _below_case,
+    "gentler": _gentler,
+    "best_case": _best_case,
+    "unrelated": _unrelated,
+}

@@ -1,4 +1,22 @@
-"""How a stated value is judged: which interval is met."""
+"""Judge claimed values by one rule: which interval is met.
+
+The rule holds for every claim and was set before looking:
+
+agrees
+    The nominal run is inside the stated value or interval, give or take half a unit of the last
+    digit that is printed.
+within scatter
+    Else, the 5–95 % band of the trials, widened by 1 point (0.5 if the stated value is below 10 %),
+    meets the stated value or interval.
+differs
+    Neither.
+undefined
+    There is nothing to compare with; a reason is given.
+
+Upper and lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim about
+all settings holds if it holds for each. Where the text excepts one marker, the second-largest error
+is meant.
+"""
 
 from __future__ import annotations
 
@@ -46,13 +64,13 @@ class Check:
 
 
 def _settings(cube: xr.Dataset, claim: Claim) -> IntArray:
-    """Numbers of the settings that a claim speaks of."""
+    """Return the indices of the settings that a claim speaks of."""
     columns = (cube.variables[n].values.tolist() for n in ("case", "value", "pair_order"))
     return np.flatnonzero([claim.speaks_of(*one) for one in zip(*columns, strict=True)])
 
 
 def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
-    """The quantity that a claim speaks of, over its settings and all trials, in %."""
+    """Return the quantity that a claim speaks of, over its settings and all trials, in %."""
     here = {
         "setting": _settings(cube, claim),
         "mode": cube.variables["mode"].values.tolist().index(claim.mode),
@@ -69,7 +87,7 @@ def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
 
 
 def point_errors(cube: xr.Dataset) -> xr.DataArray:
-    """Errors of the markers in %, the least first, over settings, modes and trials."""
+    """Return the errors of the markers in %, sorted, over settings, modes and trials."""
     reference = cube["reference_deflection"]
     error = abs(cube["measured_deflection"].astype(float) - reference)
     error = error / abs(reference).max("point") * 100
@@ -78,7 +96,7 @@ def point_errors(cube: xr.Dataset) -> xr.DataArray:
 
 
 def drawn(claim: Claim, values: Array) -> Claim:
-    """The claim as a thesis would have printed it whose errors in the settings are these, in %.
+    """Return the claim as a thesis with these errors (in %) in the settings would have printed it.
 
     An interval from the least to the largest, an upper bound rounded up, a lower one down; one
     value is the middle. All with the digits of the real claim.
@@ -88,7 +106,7 @@ def drawn(claim: Claim, values: Array) -> Claim:
 
 
 def printed(claim: Claim, least: ArrayLike, most: ArrayLike) -> tuple[Array, Array]:
-    """Both ends of what it would have printed, of least and largest errors in %, one or many."""
+    """Return both ends of the interval it would have printed for least and largest errors in %."""
     low, high = np.asarray(least, float), np.asarray(most, float)
     digit = 2 * np.array(claim.rounding)
     if claim.relation == "about":
@@ -101,17 +119,17 @@ def printed(claim: Claim, least: ArrayLike, most: ArrayLike) -> tuple[Array, Arr
 
 
 def margin(high: ArrayLike) -> Array:
-    """By how many points a band is widened that is held against a claim up to so many."""
+    """Return by how many points a band is widened for a claim up to some value."""
     return np.where(np.asarray(high) < 10, WIDER_BELOW_10, WIDER)
 
 
 def meets(claim: Claim, low: float, high: float) -> bool:
-    """Whether a band in % meets the claim by the rule of :mod:`thesis_lib.facts.claims`."""
+    """Return whether a band in % meets the claim by the rule of this module."""
     return bool(_gap(claim, low, high) <= margin(claim.high))
 
 
 def _exact(claim: Claim, literal: float) -> bool:
-    """Whether a literal run is what the claim says, to the printed digits."""
+    """Return whether a nominal run equals the claim to the printed digits."""
     least, most = claim.ends
     if claim.relation == "less_than":
         return literal < claim.high
@@ -120,7 +138,7 @@ def _exact(claim: Claim, literal: float) -> bool:
 
 
 def _gap(claim: Claim, low: float, high: float) -> float:
-    """How far a band in % is from the stated interval, negative inside it."""
+    """Return the distance of a band in % from the claimed interval, negative inside it."""
     least, most = claim.ends
     return max(-np.inf if most is None else low - most, -np.inf if least is None else least - high)
 
@@ -132,7 +150,7 @@ def check(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
 
 
 def undefined(cube: xr.Dataset, claim: Claim) -> str:
-    """Why a claim cannot be held against a cube, in a few words, or empty if it can."""
+    """Return why a claim cannot be held against a cube, or an empty text if it can."""
     found = judge(cube, claim)
     return found if isinstance(found, str) else ""
 

@@ -18,7 +18,7 @@ from thesis_lib.facts import readings, setups
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.figure_sets.design_law.sweeps import STRUCTURES, shapes
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.ledger.trend_tests import MATERIAL
+from thesis_lib.ledger.trends import MATERIAL
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
 from thesis_lib.vision.rounding import deflection_variance
 from thesis_lib.web.markdown import columns

@@ -19,9 +19,9 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.book.conclusions.knobs import KNOBS, Knob
-from thesis_lib.facts.claims import Claim
-from thesis_lib.facts.trends import Trend
-from thesis_lib.ledger.trends import Finding, Series, judge
+from thesis_lib.facts.claims import Claim, Trend
+from thesis_lib.ledger.series import Series
+from thesis_lib.ledger.trends import Finding, judge
 from thesis_lib.ledger.verdicts import UNCHANGED
 from thesis_lib.plotting import selection
 from thesis_lib.plotting.selection import select

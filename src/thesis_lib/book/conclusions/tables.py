@@ -23,10 +23,10 @@ from thesis_lib.book.conclusions.strengths import (
     strengths,
 )
 from thesis_lib.book.conclusions.wishes import fulfilled
-from thesis_lib.facts.trends import read_trends
+from thesis_lib.facts.claims import read_trends
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger.cube import from_cube
+from thesis_lib.ledger.entries import from_cube
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
 from thesis_lib.plotting.selection import error_bars, select, stated
 from thesis_lib.studies.cubes import percent_text

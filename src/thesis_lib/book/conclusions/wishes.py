@@ -12,7 +12,7 @@ from thesis_lib.book.conclusions.knobs import MEAN, PLANES
 from thesis_lib.book.conclusions.strengths import (
     Cubes,
 )
-from thesis_lib.ledger.cube import from_cube
+from thesis_lib.ledger.entries import from_cube
 from thesis_lib.plotting.selection import error_bars, select
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.web.markdown import table

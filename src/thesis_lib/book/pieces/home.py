@@ -8,7 +8,7 @@ from thesis_lib.book.conclusions.pixels import equal_pixels
 from thesis_lib.book.conclusions.strengths import Cubes
 from thesis_lib.book.conclusions.tables import sound_trends
 from thesis_lib.book.pieces.results import changes, missed, over_rms
-from thesis_lib.ledger.cube import from_cube
+from thesis_lib.ledger.entries import from_cube
 from thesis_lib.ledger.verdicts import VERDICTS
 
 

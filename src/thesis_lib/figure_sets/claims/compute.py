@@ -1,35 +1,55 @@
-"""The cube of the ledger."""
+"""The cube of the ledger, and its power: how much the claimed values can tell, by chapter.
+
+A share of claimed values that are met means little without two others. *Expected*: if the thesis
+were one run of this model, printed with its digits, how many of its values would meet the same
+rule? If fewer do, the model is wrong somewhere. *Scaled*: if all errors of the model were larger or
+smaller by some factor, how many of the thesis's values would be met? A chapter in which that makes
+little difference tests little.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
 import xarray as xr
 
+from thesis_lib.arrays import Array
 from thesis_lib.facts import claims
+from thesis_lib.facts.claims import Claim
+from thesis_lib.figure_sets.claims import own_runs
 from thesis_lib.figure_sets.claims.parameters import Claims
 from thesis_lib.figure_sets.cube_file import built
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.figure_sets.run import cube_of
-from thesis_lib.ledger.entries import Entry, Opener, entries
-from thesis_lib.ledger.trends import Series
+from thesis_lib.ledger import verdicts
+from thesis_lib.ledger.entries import Entry, Opener, as_cube, entries, explain_differences
+from thesis_lib.ledger.series import Series
+from thesis_lib.ledger.verdicts import drawn, meets
+from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study
+from thesis_lib.studies.variables import declared, labelled
+
+CHAPTERS = (3, 4, 6)  # simulated
+FACTORS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
+DRAWS = 50  # trials that stand for the thesis
+
+VARIABLES = declared("""
+    power_claims(chapter) [1] stated values
+    power_expected(chapter) [1] stated values met if the thesis were a draw of the model
+    power_scaled(chapter, factor) [1] stated values met by errors times a factor
+    factor(factor) [1] factor of all errors of the model
+""")
 
 
 def judged(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry]:
-    """The ledger's entries, from the cubes of figure sets and the series of its own runs."""
-    from thesis_lib.figure_sets.claims import own_runs
-
+    """Return the ledger's entries, from the cubes of figure sets and the series of its own runs."""
     commands = {name: source.commands for name, source in own_runs.own().items()}
     return entries(open_cube, own, STUDIES, commands)
 
 
 def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
-    """The ledger's cube, from the book's cubes; one that is missing or outdated is made here."""
-    from thesis_lib.figure_sets.claims import own_runs, power
-    from thesis_lib.ledger import cube as ledger_cube
-    from thesis_lib.ledger.reasons import explained
-
+    """Return the ledger's cube; a figure set's cube that is missing or outdated is computed."""
     opened: dict[str, xr.Dataset] = {}
 
     def open_cube(study: Study) -> xr.Dataset:
@@ -39,6 +59,38 @@ def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
             opened[study.name] = cube.reset_coords()  # each coordinate costs as much as judging
         return opened[study.name]
 
-    found = explained(judged(open_cube, own_runs.read_own(own)), other)
-    tested = power.power(lambda name: open_cube(STUDIES[name]()), claims.read_claims())
-    return ledger_cube.as_cube(found, other.merge(tested))
+    found = explain_differences(judged(open_cube, own_runs.read_own(own)), other)
+    tested = compute_power(lambda name: open_cube(STUDIES[name]()), claims.read_claims())
+    return as_cube(found, other.merge(tested))
+
+
+def met(claim: Claim, band: Array, factor: float = 1.0) -> bool:
+    """Return whether bands (2, settings) in %, each times a factor, all meet the claim."""
+    return all(meets(claim, *(factor * ends)) for ends in band.T)
+
+
+def compute_power(
+    cube_of: Callable[[str], xr.Dataset | str], stated: Sequence[Claim]
+) -> xr.Dataset:
+    """Count claimed values met, expected to be met, and met by errors of other sizes.
+
+    `cube_of` returns the cube of a figure set, or why there is none. Claims of other chapters, and
+    those that cannot be judged, are left out.
+    """
+    total, expected = np.zeros(len(CHAPTERS), int), np.zeros(len(CHAPTERS))
+    scaled = np.zeros((len(CHAPTERS), len(FACTORS)), int)
+    for claim in stated:
+        cube = cube_of(claim.figure_set) if claim.chapter in CHAPTERS else ""
+        if isinstance(cube, str) or isinstance(verdicts.judge(cube, claim), str):
+            continue
+        at = CHAPTERS.index(claim.chapter)
+        errors = verdicts.errors(cube, claim)
+        band = cubes.band(errors)[::2]
+        trials = errors.transpose("setting", "trial").values[:, 1 : 1 + DRAWS]
+        total[at] += 1
+        expected[at] += np.mean([met(drawn(claim, one), band) for one in trials.T])
+        scaled[at] += [met(claim, band, factor) for factor in FACTORS]
+    values = {"power_claims": total, "power_expected": expected, "power_scaled": scaled}
+    factor = labelled({"factor": list(FACTORS)}, VARIABLES)
+    coords = {"chapter": ("chapter", list(CHAPTERS)), **factor}
+    return xr.Dataset(labelled(values, VARIABLES), coords)

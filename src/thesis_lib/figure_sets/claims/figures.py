@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from thesis_lib.ledger.cube import from_cube
-from thesis_lib.ledger.entries import Entry
+from thesis_lib.ledger.entries import Entry, from_cube
 from thesis_lib.plotting.style import COLORS, REFERENCE, subplots
 
 MARKS = {  # verdict: colour and shape, so that neither says it alone

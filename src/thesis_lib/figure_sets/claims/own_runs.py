@@ -1,6 +1,6 @@
 """What trends are judged by: the figure sets, and runs of layouts that the thesis only speaks of.
 
-A *source* is one or more studies whose errors are read as :class:`thesis_lib.ledger.trends.Series`.
+A *source* is one or more studies whose errors are read as :class:`thesis_lib.ledger.series.Series`.
 Beside the figure sets there are, for beam and plate: pairs added in the other order, arcs tilted to
 the side, cameras added one by one, the aperture at other distances and elevations, and layouts that
 are near or far, low or high, wide or narrow, of few or many cameras.
@@ -23,8 +23,7 @@ from thesis_lib.figure_sets.claims.parameters import OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.ledger.series import series_of
-from thesis_lib.ledger.trends import Series
+from thesis_lib.ledger.series import Series, series_of
 from thesis_lib.studies.commands import command
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.variables import declared, labelled
