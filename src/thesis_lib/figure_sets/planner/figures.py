@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.figure_sets.planner.compute import cheapest
 from thesis_lib.figure_sets.planner.parameters import THESIS
-from thesis_lib.figure_sets.planner.tables import DRAWN, FRONT, asked, coarse, near
+from thesis_lib.figure_sets.planner.tables import FRONT, SHOWN_CAMERAS, asked, coarse, near
 from thesis_lib.planning.figures import VIEWS, front_panel, layout_panel
 from thesis_lib.plotting.style import BELOW, REFERENCE, color, logarithmic, subplots
 
@@ -67,7 +67,7 @@ def layouts(cube: xr.Dataset) -> Figure:
     )
     columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
     for column, question in zip(columns, shown, strict=False):
-        part = cube.sel(question=question).isel(option=near(cube, question, DRAWN))
+        part = cube.sel(question=question).isel(option=near(cube, question, SHOWN_CAMERAS))
         for panel, (_, azimuth, elevation) in zip(column, VIEWS, strict=False):
             layout_panel(panel, part, azimuth, elevation)
         column[0].set_title(str(question))
