@@ -17,12 +17,11 @@ from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.design_law import compute as design_study
-from thesis_lib.figure_sets.design_law import dither, noisy, share_tables
+from thesis_lib.figure_sets.design_law import dither
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
-from thesis_lib.figure_sets.design_law.share_tables import shares
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate
@@ -603,7 +602,7 @@ def test_a_further_estimator_is_drawn_beside_least_squares(monkeypatch):
     assert both["estimator"].values.tolist() == [*design_shares.ESTIMATORS]
     assert both["estimator"].values[-1] == "linear"
     assert np.all(both["drawn_frame_error"][0] != both["drawn_frame_error"][-1])
-    assert "linear" in shares(both)
+    assert "linear" in design_tables.shares(both)
     assert "linear" in svg(figure_sets_display.picture(both, "shares")).replace("<!-- ", "")
 
 
@@ -682,7 +681,7 @@ def test_findings_of_the_page_have_the_numbers_of_the_cube(cube):
 
 
 def test_central_claim_of_the_page_has_the_numbers_of_the_cube(cube):
-    text = share_tables.claim(cube)
+    text = " ".join(design_tables.PIECES["shares"](cube).split())
     slow = cube["frame_error"].sel(rate=60)
     assert f"{float(slow.min()):.1f} to {float(slow.max()):.1f} % for 2 to 24 cameras" in text
     centre = cube["drawn_frame_error"].sel(estimator="analytic centre", count=8, rate=60)
@@ -690,7 +689,7 @@ def test_central_claim_of_the_page_has_the_numbers_of_the_cube(cube):
 
 
 def test_noise_of_the_page_has_the_numbers_of_the_cube(cube):
-    text = share_tables.noisy_claim(cube)
+    text = " ".join(design_tables.few_noisy(cube).split())
     at = {"count": 24, "image_noise": 0.05}
     interval, squares = (
         1e6 * float(cube["noisy_share_error"].sel(approach=name, **at))
@@ -723,10 +722,10 @@ def test_no_draw_is_below_the_bound_beyond_its_sampling_error(conforms, cube):
     )
     below = (cube["least_share_error"].values - interval) / std
     conforms.sampled(below, below=3.5)
-    text = share_tables.noisy_claim(cube)
+    text = " ".join(design_tables.few_noisy(cube).split())
     assert f"by {max(0.0, below.max()):.1f} standard errors at most" in text
-    for row in share_tables.noisy(cube).splitlines()[2 : 2 + cube.sizes["count"]]:
-        assert row.count("±") == len(share_tables.SHOWN)
+    for row in design_tables.noisy(cube).splitlines()[2 : 2 + cube.sizes["count"]]:
+        assert row.count("±") == len(design_tables.SHOWN_NOISES_PX)
 
 
 @pytest.mark.parametrize("draw", ["normal", "rounded", "rare"])
@@ -748,27 +747,27 @@ def test_standard_error_of_an_rms_is_its_scatter(conforms, draw):
 def test_wrong_noise_and_outliers_cost_interval_its_gain(conforms):
     """16 cameras: worse than least squares if told too little, than the centre if too much."""
     study = validate("design-law", {"trials": 100, "counts": [2, 16], "frame_rates_hz": [60]})
-    found = noisy.noisy_shares(study)
+    found = design_shares.noisy_shares(study)
     (squares, centre, interval), right = found["mistaken_error"][1].T, found["noisy_share_error"][1]
     conforms.sampled(interval[0] / squares[0], above=1.0, below=1.15)
     conforms.sampled(interval[1] / centre[1], above=1.02, below=1.3)
     assert interval[1] < squares[1]  # and yet it gains over least squares
-    conforms.sampled(interval[2] / right[noisy.NOISES.index(0.05), 2], above=1.3)
+    conforms.sampled(interval[2] / right[design_shares.NOISES.index(0.05), 2], above=1.3)
     agree = found["feasible_fraction"][1]
     assert agree[1] == 1
     conforms.sampled(agree[2], 0.98**32, atol=0.12)  # every coordinate is one of 32 without outlier
 
 
 def test_tolerance_is_where_half_of_the_gain_is_left(conforms):
-    noises = np.array(noisy.NOISES)
-    conforms.closed_form(noisy.halved(0.4 - noises), 0.2, atol=1e-12)
-    conforms.closed_form(noisy.halved(np.where(noises < 0.05, 0.3, 0)), 0.035, atol=1e-12)
-    assert np.isnan(noisy.halved(0.01 - noises))  # next to no gain
-    assert np.isnan(noisy.halved(0.4 - 0.1 * noises))  # always more than half
+    noises = np.array(design_shares.NOISES)
+    conforms.closed_form(design_shares.halved(0.4 - noises), 0.2, atol=1e-12)
+    conforms.closed_form(design_shares.halved(np.where(noises < 0.05, 0.3, 0)), 0.035, atol=1e-12)
+    assert np.isnan(design_shares.halved(0.01 - noises))  # next to no gain
+    assert np.isnan(design_shares.halved(0.4 - 0.1 * noises))  # always more than half
 
 
 def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
-    text = shares(cube)
+    text = design_tables.shares(cube)
     assert text.count(" † ") == int((cube["marker_height"] < FOLLOWED_PX).sum()) > 0
     for setting, height in zip(study.settings(), cube["marker_height"].values.ravel(), strict=True):
         rig = setting.cameras(24, 36)

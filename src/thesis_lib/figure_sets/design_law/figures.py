@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.design_law import dither as design_dither
-from thesis_lib.figure_sets.design_law.share_tables import SHOWN
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX
+from thesis_lib.figure_sets.design_law.tables import SHOWN_NOISES_PX
 from thesis_lib.plotting.style import (
     COLORS,
     HIGHLIGHT,
@@ -313,7 +313,7 @@ def noisy(cube: xr.Dataset) -> Figure:
                       markerfacecolor="none", color=color(number),
                       label=label if marker == "" else None)  # fmt: skip
 
-    for k, noise in enumerate(SHOWN):
+    for k, noise in enumerate(SHOWN_NOISES_PX):
         at = {"image_noise": noise, "count": counts}
         lines(left, drawn.sel(at), counts, f"{noise:g} px" if noise else "no noise", k)
         if noise:

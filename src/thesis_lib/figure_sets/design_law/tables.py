@@ -1,38 +1,52 @@
-"""Tables of ``design-law``, from its cube: whole beside the figures, short in the text."""
+"""Tables of ``design-law``, from its cube: whole next to the figures, short in the text."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import json
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from IPython.display import Markdown
 
+from thesis_lib.arrays import IntArray
 from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.design_law import dither as design_dither
-from thesis_lib.figure_sets.design_law.pairs import paired
-from thesis_lib.figure_sets.design_law.share_tables import (
-    asked,
-    few_noisy,
-    few_shares,
-    mistakes,
-    noisy,
-    sampling,
-    shares,
-)
+from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER, MISTAKES, OUTLIER_PX
 from thesis_lib.figure_sets.design_law.sweeps import AMPLITUDES, CONE_MOTION_PX
-from thesis_lib.studies.cubes import percent_text
+from thesis_lib.templates import render
 from thesis_lib.vision import dither
 from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION
 from thesis_lib.vision.estimators import exponent
-from thesis_lib.web.markdown import columns, table
 
-REFINED = ("linear", "least-squares")
+SHOWN_NOISES_PX = (0.0, 0.05, 0.1, 0.3)
 
 
 def show(cube: xr.Dataset, name: str) -> Markdown:
-    """One of :data:`TABLES`, for a notebook."""
+    """Show one of :data:`TABLES` in a notebook."""
     return Markdown(TABLES[name](cube))
+
+
+def asked(cube: xr.Dataset, name: str) -> Any:
+    """Return a parameter of the run."""
+    return json.loads(cube.attrs["parameters"])[name]
+
+
+def largest_std(cube: xr.Dataset, *names: str) -> float:
+    """Return the largest standard error of drawn variables relative to them, NaN of one draw."""
+    stds = [(cube[f"{name}_std"] / cube[name].where(cube[name] > 0)).values for name in names]
+    largest = float(np.fmax.reduce(np.concatenate([np.ravel(one) for one in stds])))
+    return largest if np.isfinite(largest) else np.nan
+
+
+def _fill(name: str, cube: xr.Dataset, drawn: tuple[str, ...] = (), **values: Any) -> str:
+    """Fill in a template; `drawn` are variables whose largest standard error it states."""
+    if drawn:
+        values["std"] = largest_std(cube, *drawn)
+    parameters = json.loads(cube.attrs["parameters"])
+    return render(__file__, name, cube=cube, asked=parameters, **values)
 
 
 def _structures(cube: xr.Dataset) -> list[str]:
@@ -40,253 +54,247 @@ def _structures(cube: xr.Dataset) -> list[str]:
 
 
 def settings(cube: xr.Dataset) -> str:
-    """How near law and independent roundings come to the simulation."""
+    """Compare the law and independent roundings with the simulation."""
     rows = []
     for one in _structures(cube):
-        at = cube["of_structure"].values == one
-        law, naive, drawn = (
-            cube[f"{kind}_error"].values[at] for kind in ("law", "naive", "simulated")
-        )
-        off = naive / law
-        rows.append(
-            {
-                "": one,
-                "settings × modes": str(law.size),
-                "law over simulated, median": f"{np.median(law / drawn):.3f}",
-                "least and largest": f"{(law / drawn).min():.3f}–{(law / drawn).max():.3f}",
-                "independent roundings over law": f"{off.min():.2f}–{off.max():.2f}",
-            }
-        )
-    where = np.unravel_index(
-        np.argmax((cube["naive_error"] / cube["law_error"]).values), cube["law_error"].shape
-    )
-    at = cube.isel(setting=int(where[0]), shape=int(where[1]))
-    return columns(rows) + (
-        f"\nSimulated with {asked(cube, 'trials')} trials. Independent roundings are farthest "
-        f"off, {float(at['naive_error'] / at['law_error']):.2f} times the law, in case "
-        f"{at['of_layout'].item()} of the {at['of_structure'].item()}, {at['label'].item()}, mode "
-        f"{int(at['shape'])}.\n"
-    )
-
-
-def motion(cube: xr.Dataset) -> str:
-    """The law of one coordinate at a few motions."""
-    rows = []
-    for delta in (0.01, 0.1, 0.5, 1.0, 1.5, 2.0, 3.5):
-        at = cube.sel(motion=delta, method="nearest")
-        law, drawn, moved = (float(at[k]) for k in ("motion_error", "drawn_motion_error", "motion"))
-        rows.append([f"{moved:g}", f"{law:.3f}", f"{drawn:.3f}", f"{100 * law / moved:.0f}"])
-    header = ["motion, px", "error by the law, px", "drawn, px", "in % of the motion"]
-    return f"{table(header, rows)}\n{sampling(cube, 'drawn_motion_error')}\n"
+        part = cube.isel(setting=np.flatnonzero(cube["of_structure"].values == one))
+        law = (part["law_error"] / part["simulated_error"]).values
+        naive = (part["naive_error"] / part["law_error"]).values
+        rows.append({"structure": one, "law": law, "median": np.median(law), "naive": naive})
+    worst = (cube["naive_error"] / cube["law_error"]).argmax(...)
+    return _fill("settings", cube, rows=rows, worst=cube.isel(worst))
 
 
 def cone(cube: xr.Dataset) -> str:
-    """Errors at the centre of a cone."""
-    rows = []
-    for angle in (15, 30, 45, 55, 65, 80):
-        at = cube.sel(angle=angle)
-        closed, drawn = (1000 * at[f"cone{k}_error"].values for k in ("", "_drawn"))
-        cells = [f"{c:.2f} / {d:.2f}" for c, d in zip(closed, drawn, strict=True)]
-        rows.append([f"{angle:g}", *cells])
-    agree = "less than 1e-12" if float(cube["cone_difference"]) < 1e-12 else "more than 1e-12"
+    """List the errors at the centre of a cone."""
     width, focal = asked(cube, "resolution_px")[0], asked(cube, "focal_length_mm")
     largest = CONE_MOTION_PX * asked(cube, "sensor_width_mm") / (focal * width)
-    return table(["θ, °", "σ_x, mm", "σ_y, mm", "σ_z, mm"], rows) + (
-        f"\nClosed form / drawn, of {asked(cube, 'cone_cameras')} cameras with "
-        f"{asked(cube, 'resolution_px')[0]} px across at {asked(cube, 'cone_distance_mm'):g} mm. "
-        f"Closed form and Jacobian differ by {agree}, relative to the errors. Motions are drawn up "
-        f"to {percent_text(100 * largest)} % of the distance; closed forms hold up to "
-        f"{100 * MAX_MOTION_FRACTION:g} %. {sampling(cube, 'cone_drawn_error')}\n"
+    return _fill(
+        "cone",
+        cube,
+        ("cone_drawn_error",),
+        largest_motion=largest,
+        max_motion=MAX_MOTION_FRACTION,
     )
-
-
-def _both(values: Iterable[float], digits: int = 2) -> str:
-    return " / ".join(f"{value:.{digits}f}".replace("-", "−") for value in values)
-
-
-def _range(values: xr.DataArray) -> str:
-    return " to ".join(f"{end:.2f}".replace("-", "−") for end in (values.max(), values.min()))
 
 
 def exponents(cube: xr.Dataset) -> str:
-    """Exponents of the findings at the centre, over all markers, and far below a pixel."""
-    rows = [
-        [
-            finding,
-            *(
-                _both(cube[f"{kind}_exponent"].sel(finding=finding).values)
-                for kind in ("centre", "expected", "small")
-            ),
-        ]
-        for finding in cube["finding"].values
-        if np.isfinite(cube["centre_exponent"].sel(finding=finding)).all()
-    ]
-    header = ["", "at the centre", "over all markers", "far below a pixel"]
+    """List exponents of the findings at the centre, over all markers, and far below a pixel."""
+    known = np.isfinite(cube["centre_exponent"]).all("structure").values
     nearest = cube["swept"].sel(finding="distance").min("step")
     motions = [
-        AMPLITUDES[1] * float(reading(one)["amplitude_mm"]) / float(nearest.sel(structure=one))
+        100 * (AMPLITUDES[1] * reading(one)["amplitude_mm"] / float(nearest.sel(structure=one)))
         for one in _structures(cube)
     ]
-    text = (
-        f"\nExponents for {' / '.join(_structures(cube))}, that of elevation of cos φ. Closed "
-        f"forms at the centre hold for motions up to {100 * MAX_MOTION_FRACTION:g} % of the "
-        f"distance; those averaged here reach {_both((100 * one for one in motions), 1)} %.\n"
+    return _fill(
+        "exponents",
+        cube,
+        findings=[cube.isel(finding=i) for i in np.flatnonzero(known)],
+        amplitudes=[cube.sel(amplitudes=kind) for kind in cube["amplitudes"].values],
+        structures=_structures(cube),
+        motions=motions,
+        max_motion=MAX_MOTION_FRACTION,
     )
-    for kind in cube["amplitudes"].values:
-        at = cube.sel(amplitudes=kind)
-        text += (
-            f"With amplitudes {kind} the least error has an aperture of "
-            f"{_both(at['best_aperture'].values, 0)}°; at 60° it is "
-            f"{_both(at['wide_gain'].values, 3)} times as large.\n"
-        )
-    return table(header, rows) + text
 
 
 def findings(cube: xr.Dataset) -> str:
-    """The thesis's five findings: what it says, the law, what is measured, where it ends."""
-    spread = _range(cube["array_exponent"].transpose("array", "structure"))
+    """List the thesis's five findings: claim, law, measured exponent, and its limits."""
+    low = cube.sel(finding="elevation")
+    gains = []
+    for one in _structures(cube):
+        part = low.sel(structure=one)
+        at_20 = np.interp(20, part["swept"], part["expected_error"])
+        gains.append(at_20 / float(part["expected_error"][0]))
     best, late = (
-        [_both(scale * (row - less), 0) for row in cube[name].values]
+        [" / ".join(f"{scale * (value - less):.0f}" for value in row) for row in cube[name].values]
         for name, scale, less in (("best_aperture", 1, 0), ("wide_gain", 100, 1))
     )
-    low = cube.sel(finding="elevation")["expected_error"]
-    values = cube.sel(finding="elevation")["swept"]
-    gains = [
-        np.interp(20, values.sel(structure=one), low.sel(structure=one))
-        / float(low.sel(structure=one)[0])
-        for one in _structures(cube)
-    ]
-    below = " / ".join(f"{100 * (gain - 1):.0f} %" for gain in gains)
-    lowest = float(values[0, 0])
-    small = {f: _both(cube["small_exponent"].sel(finding=f).values) for f in cube["finding"].values}
-    said: dict[str, tuple[str, str, str]] = {
-        "distance": (
-            "nearer cameras measure better",
-            "$d^{1}$",
-            f"motions far below a pixel: {small['distance']}",
-        ),
-        "resolution": (
-            "more pixels measure better",
-            "$W^{-1}$",
-            f"motions far below a pixel: {small['resolution']}",
-        ),
-        "number": (
-            "more cameras measure better",
-            "$N^{-1/2}$",
-            f"growing arrays of the thesis: {spread}, as added pairs are better or worse",
-        ),
-        "elevation": (
-            "lower cameras measure better",
-            "$(\\cos\\varphi)^{-1}$",
-            f"from 20° down to {lowest:g}° there is {below} left to gain",
-        ),
-        "aperture": (
-            "wider apertures measure better",
-            "no effect: $u$ does not move",
-            f"least error at {best[0]}°; from 60° on there is {late[0]} % left to gain "
-            f"(amplitudes averaged: {best[1]}°, {late[1]} %)",
-        ),
-    }
-    rows = []
-    for finding, (words, law, end) in said.items():
-        measured = cube["expected_exponent"].sel(finding=finding).values
-        found = "no power" if np.isnan(measured).all() else _both(measured)
-        rows.append([finding, words, law, found, end])
-    header = [
-        "",
-        "the thesis says",
-        "the law, at the centre",
-        "exponent over all markers",
-        "where it ends",
-    ]
-    return table(header, rows) + (
-        f"\n{' / '.join(_structures(cube)).capitalize()}. Exponents are fitted over the ranges of "
-        "the thesis, of the base that the law has, to errors averaged over amplitudes; the number "
-        "is that of cameras on a cone. The conclusions have others: those of the thesis's own "
-        "cases, at its one amplitude.\n"
+    return _fill(
+        "findings",
+        cube,
+        structures=_structures(cube),
+        measured=cube["expected_exponent"],
+        arrays=cube["array_exponent"],
+        lowest=low["swept"][0, 0],
+        gains=gains,
+        best=best,
+        late=late,
     )
 
 
 def estimated(cube: xr.Dataset) -> str:
-    """Errors of the estimators by number of cameras, and their exponents."""
-    names = [str(one) for one in cube["rule"].values]
-    rows = [
-        [
-            str(int(n)),
-            *(f"{1e6 * float(e):.0f}" for e in cube["crowd_error"].sel(crowd=n)),
-            f"{float(cube['tolerated_noise'].sel(crowd=n)):.2f}",
-        ]
-        for n in cube["crowd"].values
-    ]
-    powers = [exponent(cube["crowd"], cube["crowd_error"].sel(rule=name)) for name in names]
-    rows.append(["exponent", *(f"{float(p):.2f}".replace("-", "−") for p in powers), ""])
-    return table(["cameras", *names, "noise that halves the gain, px"], rows) + (
-        f"\nRms errors of deflections in µm, {design_dither.DISTANCE:g} m away, 320×180 px, in "
-        "directions drawn evenly over the hemisphere. *Noise that halves the gain*: in the images "
-        "before they are rounded, where the analytic centre has half its gain over least squares. "
-        f"{sampling(cube, 'crowd_error')}\n"
-    )
-
-
-def refined(cube: xr.Dataset) -> str:
-    """Where refinement pays: equal and unequal distances."""
-    linear, least = (1e6 * cube["stand_error"].sel(rule=name) for name in REFINED)
-    rows = [
-        [str(one), f"{float(a):.0f}", f"{float(b):.0f}", f"{float(a / b):.2f}"]
-        for one, a, b in zip(cube["stand"].values, linear, least, strict=True)
-    ]
-    return table(["distances, m", "linear, µm", "refined, µm", "ratio"], rows)
+    """List errors of the estimators by number of cameras, and their exponents."""
+    powers = [exponent(cube["crowd"], cube["crowd_error"].sel(rule=n)) for n in cube["rule"].values]
+    distance = design_dither.DISTANCE
+    return _fill("estimators", cube, ("crowd_error",), exponents=powers, distance=distance)
 
 
 def dithered(cube: xr.Dataset) -> str:
-    """What is left of one rounded coordinate's error, at a few motions, shakes and sizes."""
-    whole = dither.ONE_FRAME**0.5
+    """List the remaining error of one rounded coordinate at a few motions, shakes and sizes."""
     picks = {
         "swing": ("amplitude", (0.25, 0.5, 1, 2, 5)),
         "shake": ("shake", (0.1, 0.2, 0.3, 0.5)),
         "disc": ("diameter", (3, 5, 10)),
     }
     rows = []
-    for name, (words, values) in picks.items():
+    for name, (kind, values) in picks.items():
         for value in values:
             at = cube.sel({name: value}, method="nearest")
-            left, drawn = float(at[f"{name}_error"]), float(at[f"drawn_{name}_error"])
-            rows.append(
-                [
-                    f"{words} {float(at[name]):.2g} px",
-                    f"{left:.3f}",
-                    f"{drawn:.3f}",
-                    f"{whole / left:.1f}",
-                ]
-            )
-    return table(["", "error, px", "drawn, px", "times better"], rows) + (
-        f"\n*Amplitude*: fitted to endless frames. *Shake*: mean of {design_dither.FRAMES} frames. "
-        f"*Diameter*: centroid of black pixels. One coordinate in one frame is off by {whole:.3f} "
-        f"px. {sampling(cube, *(f'drawn_{name}_error' for name in picks))}\n"
+            error, drawn = at[f"{name}_error"], at[f"drawn_{name}_error"]
+            rows.append({"kind": kind, "value": at[name], "error": error, "drawn": drawn})
+    drawn = tuple(f"drawn_{name}_error" for name in picks)
+    whole, frames = dither.ONE_FRAME**0.5, design_dither.FRAMES
+    return _fill("dither", cube, drawn, rows=rows, whole=whole, frames=frames)
+
+
+def shares(cube: xr.Dataset, short: bool = False) -> str:
+    """List errors at equal pixels per second; `short` of some counts, with the claim in words."""
+    counts: list[int] = cube["count"].values.tolist()
+    slow, fast = float(cube["rate"].min()), float(cube["rate"].max())
+    if short:  # few, middle and most cameras, and the most whose markers can be followed
+        most = [most_followed(cube, float(rate)) for rate in cube["rate"].values]
+        ordered = sorted(counts)
+        some = {ordered[i] for i in (0, len(counts) // 2, -1)} | {n for n in most if n}
+        counts = sorted(some)
+    return _fill(
+        "few-shares" if short else "shares",
+        cube,
+        ("drawn_frame_error", "drawn_fit_error"),
+        counts=counts,
+        few=int(cube["count"].min()),
+        many=int(cube["count"].max()),
+        slow=slow,
+        fast=fast,
+        most=most_followed(cube, slow),
+        marker=MARKER,
+        followed_px=FOLLOWED_PX,
     )
 
 
-TABLES: dict[str, Callable[[xr.Dataset], str]] = {
-    "motion": motion,
+def most_followed(cube: xr.Dataset, rate: float) -> int:
+    """Return the largest number of cameras whose markers the tracker follows, or 0."""
+    here = cube.sel(rate=rate)
+    fits = here["count"].values[here["marker_height"].values >= FOLLOWED_PX]
+    return int(fits.max(initial=0))
+
+
+def noisy(cube: xr.Dataset) -> str:
+    """List errors with noise, by each estimator, and the noise that leaves half of the gain."""
+    return _noisy("noisy", cube, np.sort(cube["count"].values))
+
+
+def _noisy(name: str, cube: xr.Dataset, counts: IntArray, **values: Any) -> str:
+    return _fill(
+        name,
+        cube,
+        counts=counts,
+        slowest=cube.sel(rate=cube["rate"].min()),
+        shown=SHOWN_NOISES_PX,
+        marker=MARKER,
+        followed_px=FOLLOWED_PX,
+        **values,
+    )
+
+
+def _doubled(cube: xr.Dataset) -> IntArray:
+    """Return the numbers of cameras that are the least times a power of two."""
+    counts = np.sort(cube["count"].values)
+    times = np.log2(counts / counts[0])
+    return np.asarray(counts[times % 1 == 0])
+
+
+def few_noisy(cube: xr.Dataset) -> str:
+    """List that table for about half as many numbers of cameras, and state what noise leaves."""
+    errors, least = 1e6 * cube["noisy_share_error"], 1e6 * cube["least_share_error"]
+    squares, centre, interval = (errors.sel(approach=name) for name in errors["approach"].values)
+    few, many = int(cube["count"].min()), int(cube["count"].max())
+    some = {"count": many, "image_noise": SHOWN_NOISES_PX[1]}
+    tolerated = cube["share_tolerance"].sel(approach="interval").dropna("count")
+    loud = {"image_noise": cube["image_noise"].values >= SHOWN_NOISES_PX[-1]}
+    level = (squares.max("count") / squares.min("count")).isel(loud)
+    stds = cube["noisy_share_error_std"] / cube["noisy_share_error"]
+    below = (least / interval - 1) / stds.sel(approach=interval["approach"].item())
+    worse = float((interval / np.minimum(squares, centre)).max()) - 1
+    return _noisy(
+        "few-noisy",
+        cube,
+        _doubled(cube),
+        few=few,
+        many=many,
+        noise=SHOWN_NOISES_PX[1],
+        loud=SHOWN_NOISES_PX[-1],
+        interval=interval.sel(some),
+        centre=centre.sel(some),
+        squares=squares.sel(some),
+        least=least.sel(some),
+        sharp=interval.sel(some | {"count": few}),
+        tolerated=tolerated,
+        level=level.max() - 1,
+        known=stds.isel(loud).max(),
+        efficiency=((least / interval) ** 2).isel(loud).min(),
+        below=max(0.0, float(below.max())),
+        worse=max(0.0, worse),
+    )
+
+
+def mistakes(cube: xr.Dataset) -> str:
+    """List the cost of wrong noise and outliers for *interval*, and state it in numbers."""
+    names = [str(one) for one in cube["approach"].values]
+    squares, centre, interval = (cube["mistaken_error"].sel(approach=name) for name in names)
+    doubled, rows = _doubled(cube), []
+    for mistake, (noise, _, _) in MISTAKES.items():
+        for count in doubled[1::2] if len(doubled) > 1 else doubled:
+            at = cube.sel(mistake=mistake, count=count)
+            right = at["noisy_share_error"].sel(approach=names[-1], image_noise=noise)
+            rows.append(
+                {
+                    "mistake": mistake,
+                    "count": count,
+                    "right": right,
+                    "errors": at["mistaken_error"],
+                    "stds": at["mistaken_error_std"],
+                    "agreeing": at["feasible_fraction"],
+                }
+            )
+    (low, (noise, less, _)), (high, (_, more, _)), (spoilt, _) = MISTAKES.items()
+    over = (interval / squares).sel(mistake=low)
+    return _fill(
+        "mistakes",
+        cube,
+        names=names,
+        rows=rows,
+        outlier_px=OUTLIER_PX,
+        low={
+            "told": less,
+            "noise": noise,
+            "worse": over.max() - 1,
+            "count": int(over.idxmax("count")),
+        },
+        high={"told": more, "ratio": (interval / centre).sel(mistake=high).max()},
+        many=max(doubled),
+        spoilt=(interval / squares).sel(mistake=spoilt, count=max(doubled)),
+    )
+
+
+_PAIRS = ("drawn_pair_error", "drawn_pair_noise_error")
+Table = Callable[[xr.Dataset], str]
+TABLES: dict[str, Table] = {
+    "motion": partial(_fill, "motion", drawn=("drawn_motion_error",)),
     "settings": settings,
     "cone": cone,
     "exponents": exponents,
-    "pairs": paired,
+    "pairs": partial(_fill, "pairs", drawn=_PAIRS),
     "shares": shares,
     "estimators": estimated,
     "noisy": noisy,
     "mistakes": mistakes,
-    "refined": refined,
+    "refined": partial(_fill, "refined"),
     "dither": dithered,
 }
-PIECES: dict[str, Callable[[xr.Dataset], str]] = {
+PIECES: dict[str, Table] = {
     "settings": settings,
     "findings": findings,
-    "pairs": paired,
-    "shares": few_shares,
-    "estimators": estimated,
+    "shares": partial(shares, short=True),
     "noisy": few_noisy,
-    "mistakes": mistakes,
-    "refined": refined,
-    "dither": dithered,
+    **{name: TABLES[name] for name in ("pairs", "estimators", "mistakes", "refined", "dither")},
 }
