@@ -12,16 +12,14 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Trend
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.ledger.series import series_of
+from thesis_lib.ledger.series import RESAMPLES, Series, series_of
 from thesis_lib.ledger.trends import (
     ALIKE,
     CONFIDENT,
     MATERIAL,
     ONE_RUN_FLAT,
-    RESAMPLES,
     TESTS,
     Finding,
-    Series,
     judge,
 )
 

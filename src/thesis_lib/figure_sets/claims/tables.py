@@ -49,7 +49,7 @@ def _count(found: list[Entry]) -> dict[str, Any]:
 def power_table(cube: xr.Dataset) -> Markdown:
     """Show how many claimed values the model meets and would meet, also with other errors."""
     own = int(np.flatnonzero(cube["factor"].values == 1)[0])
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "chapter": int(part["chapter"]),
             "claims": int(part["power_claims"]),

@@ -80,7 +80,7 @@ def cone(cube: xr.Dataset) -> str:
 
 def exponents(cube: xr.Dataset) -> str:
     """List exponents of the findings at the centre, over all markers, and far below a pixel."""
-    known = np.isfinite(cube["centre_exponent"]).all("structure").values
+    known = cube["centre_exponent"].notnull().all("structure").values
     nearest = cube["swept"].sel(finding="distance").min("step")
     motions = [
         100 * (AMPLITUDES[1] * reading(one)["amplitude_mm"] / float(nearest.sel(structure=one)))
@@ -140,8 +140,8 @@ def dithered(cube: xr.Dataset) -> str:
     for name, (kind, values) in picks.items():
         for value in values:
             at = cube.sel({name: value}, method="nearest")
-            error, drawn = at[f"{name}_error"], at[f"drawn_{name}_error"]
-            rows.append({"kind": kind, "value": at[name], "error": error, "drawn": drawn})
+            error, simulated = at[f"{name}_error"], at[f"drawn_{name}_error"]
+            rows.append({"kind": kind, "value": at[name], "error": error, "drawn": simulated})
     drawn = tuple(f"drawn_{name}_error" for name in picks)
     whole, frames = dither.ONE_FRAME**0.5, design_dither.FRAMES
     return _fill("dither", cube, drawn, rows=rows, whole=whole, frames=frames)
