@@ -8,7 +8,7 @@ import pytest
 from thesis_lib.acoustics.planes import operator, pistons
 from thesis_lib.acoustics.radiation import rayleigh
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.parametric import sound_sum
+from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.vibration.structure import resonance
@@ -68,7 +68,7 @@ def test_finer_pistons_are_nearer_to_the_integral(conforms, cube):
 def test_table_has_the_planes_with_a_reference_and_the_cameras_beside(cube):
     names = ("distance", "aperture", "resolution", "arrays")
     opened = {f"sound-{name}": cube for name in names}
-    rows = [line for line in sound_sum.sums(opened).splitlines() if line[2:3].isdigit()]
+    rows = [line for line in sound.sums(opened).splitlines() if line[2:3].isdigit()]
     assert [row.split("|")[1].strip() for row in rows] == [f"{m}, {p}" for m, p in HEARD]
     fine = cube["predicted_error"].sel(mode=1, plane="XZ")[-1]
     assert f"{float(fine):.2f}" in rows[0]

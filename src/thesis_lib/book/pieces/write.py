@@ -39,7 +39,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.optics import tables as optics_tables
-from thesis_lib.figure_sets.parametric import sound_sum, sound_turn
+from thesis_lib.figure_sets.parametric import sound, sound_turn
 from thesis_lib.figure_sets.parametric import symmetry as shape_tables
 from thesis_lib.figure_sets.planner import tables as planner_tables
 from thesis_lib.planning.request import PlanRequest
@@ -178,7 +178,7 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     "sound-markers": markers,
     "motion-needed": motion_needed,
     "sound-levels": levels,
-    "sound-sum": sound_sum.sums,
+    "sound-sum": sound.sums,
     "sound-turn": lambda opened: sound_turn.turn_summary(opened["sound-aperture"]),
     **conclusions_tables.PIECES,
     "parameters": parameters,

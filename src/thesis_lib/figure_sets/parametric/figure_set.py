@@ -8,9 +8,9 @@ from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, SHAPES,
 CHAPTERS = {"beam": "ch3", "plate": "ch4", "shape": "shapes", "sound": "ch6"}
 FIGURES = {
     "beam": "thesis_lib.plotting.panels:beam_figure",
-    "plate": f"{__package__}.maps:plate_figure",
-    "shape": f"{__package__}.maps:plate_figure",
-    "sound": f"{__package__}.maps:sound_figure",
+    "plate": f"{__package__}.figures:plate_figure",
+    "shape": f"{__package__}.figures:plate_figure",
+    "sound": f"{__package__}.figures:sound_figure",
 }
 
 

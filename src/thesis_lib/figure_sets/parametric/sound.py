@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,16 +18,17 @@ import xarray as xr
 from thesis_lib.acoustics import radiating, radiation
 from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
 from thesis_lib.acoustics.plate_sound import NODAL
+from thesis_lib.acoustics.quadrature import enough_nodes, integral
 from thesis_lib.acoustics.sources import Medium
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.parametric.sound_sum import sum_errors
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
 from thesis_lib.studies.labels import extremes, field_coordinates
 from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.templates import render
 from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import resonance, world_points
+from thesis_lib.vibration.structure import deflection_shape, resonance, world_points
 from thesis_lib.vision import rounding
 
 VARIABLES = declared("""
@@ -267,3 +269,71 @@ def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:
         "largest_pressure_level": radiation.pressure_level(largest),
     }
     return cube.assign(labelled(values, LEVELS))
+
+
+MOST_NODES = 40_000  # planes that are so near that it takes more are left alone
+ACROSS = 74  # steps between the points of a plane that are compared, or twice as many at most
+
+
+def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Array]:
+    """Compute the rms and largest error on each plane of the sum, in % of its largest pressure.
+
+    Parameters
+    ----------
+    study : CameraStudy
+        A sound study.
+    fields : ndarray, shape (modes, planes, u, z), complex
+        The sums, in Pa.
+    largest : ndarray, shape (modes, planes)
+        Largest pressures in Pa, NaN where a plane is nodal.
+
+    Returns
+    -------
+    dict
+        ``sum_error`` and ``sum_error_largest`` (modes, planes); NaN where a plane is nodal, or
+        begins too near to the plate.
+    """
+    plate, found = study.structure, np.full((2, *largest.shape), np.nan)
+    step = tuple(slice(None, None, max(1, (n - 1) // ACROSS)) for n in fields.shape[2:])
+    near = np.prod(enough_nodes(plate, study.planes[0].bottom)) > MOST_NODES
+    for m, (mode, peak) in enumerate(zip(study.modes, study.peaks_m, strict=True)):
+        omega = resonance(plate, mode)
+        shape = partial(deflection_shape, plate, mode, peak=peak)
+        for p, plane in enumerate(study.planes):
+            if near or np.isnan(largest[m, p]):
+                continue
+            points = plane.points[:, *step]
+            whole = 1j * omega * integral(plate, shape, points, omega, study.medium)
+            off = 100 * np.abs(fields[m, p][step] - whole) / largest[m, p]
+            found[:, m, p] = np.sqrt(np.mean(off**2)), np.max(off)
+    return {"sum_error": found[0], "sum_error_largest": found[1]}
+
+
+def audible(cube: xr.Dataset) -> list[tuple[int, str]]:
+    """Return the modes and planes of a sound study that have a reference pressure."""
+    there = cube["independent_ratio"].notnull().transpose("mode", "plane").values
+    modes, planes = cube["mode"].values.tolist(), cube["plane"].values.tolist()
+    return [(modes[m], planes[p]) for m, p in np.argwhere(there)]
+
+
+def sums(opened: Mapping[str, xr.Dataset]) -> str:
+    """Compare the sum's error with those of the sharpest and of all cameras."""
+    fine, rows = opened["sound-resolution"], []
+    sharpest = fine["width_px"].values.argmax()
+    for mode, plane in audible(fine):
+        one = fine.sel(mode=mode, plane=plane)
+        every = [
+            opened[f"sound-{study}"]["predicted_error"].sel(mode=mode, plane=plane).values
+            for study in ("distance", "aperture", "resolution", "arrays")
+        ]
+        rows.append(
+            {
+                "mode": mode,
+                "plane": plane,
+                "sum_error": one["sum_error"],
+                "largest": one["sum_error_largest"],
+                "sharpest": one["predicted_error"][sharpest],
+                "errors": np.concatenate(every),
+            }
+        )
+    return render(__file__, "sums", rows=rows, width=fine["width_px"].max())

@@ -21,13 +21,12 @@ from thesis_lib.facts.setups import OPPOSITE_DEG
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.parametric.sound_sum import heard
+from thesis_lib.figure_sets.parametric.sound import audible
 from thesis_lib.studies.blocks import Outline
-from thesis_lib.studies.cubes import percent_text
 from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.templates import render
 from thesis_lib.vibration.structure import resonance, world_points
 from thesis_lib.vision import rounding
-from thesis_lib.web.markdown import table
 
 TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0)  # simulated
 LAW_TURNS_DEG = np.round(np.linspace(0, 5, 101), 2)  # where rows cross pixels the law has its dips
@@ -121,82 +120,58 @@ def outline(
     return replace(plain, cube=cube, order=(*plain.order, *more))
 
 
-def _cells(error: Any, ratio: Any) -> list[str]:
-    """Errors with, in brackets, what they are over those of independent ones."""
-    pairs = zip(np.ravel(error), np.ravel(ratio), strict=True)
-    return [f"{percent_text(one)} (×{other:.2f})" for one, other in pairs]
-
-
-def _table(cube: xr.Dataset, first: list[str], rows: list[list[str]]) -> str:
-    """Rows that end with a cell for each turn."""
-    header = [*first, *(f"{turn:g}°" for turn in cube["turn"].values)]
-    return table(header, rows) + (
-        "\nPredicted errors of the field in %, and in brackets over those of errors as large that "
-        "no two markers share.\n"
-    )
-
-
 def turn_table(cube: xr.Dataset) -> str:
-    """Errors of the field against the turn, for each elevation, mode and plane."""
-    rows = []
-    for mode, plane in heard(cube):
-        for elevation in cube["elevation"].values:
-            one = cube.sel(mode=mode, plane=plane, elevation=elevation)
-            cells = _cells(one["turned_error"], one["turned_coherence"])
-            rows.append([f"{mode}, {plane}", f"{elevation:g}°", *cells])
-    return _table(cube, ["mode, plane", "elevation"], rows)
+    """List errors of the field against the turn, for each elevation, mode and plane."""
+    return render(__file__, "turn", cube=cube, audible=audible(cube))
 
 
 def turn_summary(cube: xr.Dataset) -> str:
-    """The same over all elevations, and what the turn does to the shape."""
+    """List these errors over all elevations, and state the effect of a turn on the shape."""
     rows = []
-    for mode, plane in heard(cube):
-        one = cube.sel(mode=mode, plane=plane)
-        names = ("turned_error", "turned_coherence")
-        rms = (np.sqrt((one[name] ** 2).mean("elevation")) for name in names)
-        rows.append([f"{mode}, {plane}", *_cells(*rms)])
-    mode, plane = heard(cube)[0]
-    told = BEST_DEG[0]
-    first, turned = (cube.sel(turn=turn, mode=mode, plane=plane) for turn in (0, told))
-    at = int((first["turned_error"] - turned["turned_error"]).values.argmax())
-    errors, shares = (
-        [float(one[name][at]) for one in (first, turned)]
-        for name in ("turned_error", "turned_share")
-    )
+    for mode, plane in audible(cube):
+        one = cube[["turned_error", "turned_coherence"]].sel(mode=mode, plane=plane)
+        rms = np.sqrt((one**2).mean("elevation"))
+        error, coherence = rms["turned_error"], rms["turned_coherence"]
+        rows.append({"mode": mode, "plane": plane, "error": error, "coherence": coherence})
+    mode, plane = audible(cube)[0]
+    part = cube[["turned_error", "turned_share"]].sel(mode=mode, plane=plane)
+    before, after = (part.sel(turn=turn) for turn in (0, BEST_DEG[0]))
+    at = {"elevation": int((before["turned_error"] - after["turned_error"]).values.argmax())}
     shape = cube["turned_deflection"] / cube["turned_deflection"].sel(turn=0) - 1
-    most = f"{100 * float(np.abs(shape).max()):.1f} %"
-    return _table(cube, ["mode, plane"], rows) + (
-        f"\nOver elevations of {_degrees(cube['elevation'].values)}. At "
-        f"{float(first['elevation'][at]):g}°, mode {mode} on {plane}, a turn by {told:g}° "
-        f"takes the error from {percent_text(errors[0])} to {percent_text(errors[1])} %, and the "
-        f"share of the loudest radiation mode in its square from {100 * shares[0]:.0f} to "
-        f"{100 * shares[1]:.0f} %. The shape's error changes by {most} at most. "
-        f"{turn_advice(cube)}\n"
+    return render(
+        __file__,
+        "turn-summary",
+        cube=cube,
+        rows=rows,
+        mode=mode,
+        plane=plane,
+        turn=BEST_DEG[0],
+        before=before.isel(at),
+        after=after.isel(at),
+        shape=100 * np.abs(shape).max(),
+        elevations=[f"{value:g}°" for value in cube["elevation"].values],
+        advice=turn_advice(cube),
     )
 
 
 def turn_advice(cube: xr.Dataset) -> str:
-    """Return a sentence with the turns to choose, and what a larger one does to steep cameras."""
-    first, last = BEST_DEG
-    mode, plane = heard(cube)[0]
+    """State the turns to choose, and the effect of larger ones on steep cameras."""
+    mode, plane = audible(cube)[0]
     steep = cube["turned_law_error"].sel(
         mode=mode, plane=plane, elevation=float(cube["elevation"].max())
     )
-    errors = [percent_text(float(steep.sel(law_turn=turn))) for turn in (last, LAW_TURNS_DEG[-1])]
-    return (
-        f"So turn them by {first:g} to {last:g}°. Low cameras may be turned farther, steep ones "
-        f"should not be: at an elevation of "
-        f"{float(steep['elevation']):g}° the field's error is {errors[0]} % at {last:g}° and "
-        f"{errors[1]} % at {LAW_TURNS_DEG[-1]:g}° (mode {mode} on {plane})."
+    text = render(
+        __file__,
+        "turn-advice",
+        turns=BEST_DEG,
+        steep=steep,
+        largest=LAW_TURNS_DEG[-1],
+        mode=mode,
+        plane=plane,
     )
-
-
-def _degrees(values: Any) -> str:
-    """Angles in words."""
-    *most, last = (f"{value:g}°" for value in values)
-    return f"{', '.join(most)} and {last}" if most else last
+    return " ".join(text.split())
 
 
 def show(cube: xr.Dataset) -> Markdown:
-    """The same, for a notebook."""
+    """Show :func:`turn_table` in a notebook."""
     return Markdown(turn_table(cube))

@@ -1,7 +1,7 @@
-"""What plates without symmetry show: their modes, and what a mirror does to a single run.
+"""Modes of plates without symmetry, and the effect of a mirror on a single run.
 
 Let cameras and plate be each other's mirror image in X = 0. Two markers at ±x then have mirrored
-images, whole pixels included, and measured deflections of the same size: the literal run draws
+images, whole pixels included, and measured deflections of the same size: the nominal run draws
 half as many errors as there are markers. Random shifts of the pixel grids undo that.
 """
 
@@ -19,9 +19,9 @@ from thesis_lib.arrays import IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.studies import outlines
+from thesis_lib.templates import render
 from thesis_lib.vibration.finite_elements import plate_modes
 from thesis_lib.vibration.meshing import triangulated
-from thesis_lib.web.markdown import columns, markdown_table, table
 
 PLATE = "plate-arrays"
 NAMES = {PLATE: "rectangle", "shape-l": "L", "shape-holes": "holes"}
@@ -31,37 +31,33 @@ SIZES_MM = (40.0, 20.0, 10.0)
 
 
 def modes(cube: xr.Dataset) -> Markdown:
-    """Frequencies beside those of the thesis's plate, and how evenly the markers move."""
+    """Compare frequencies with those of the thesis's plate, and list the markers' mean motion."""
     asked = camera_study(cube.attrs["figure_set"], json.loads(cube.attrs["parameters"]))
     structure, plate = asked.structure, setups.plate()
     highest = max(cube["mode"].values.tolist())
     rectangle = plate.angular_frequencies(highest) / (2 * np.pi)
-    reference = np.abs(cube["reference_deflection"].values)
     rows = [
-        [
-            str(mode),
-            f"{hertz:.1f}",
-            f"{rectangle[mode - 1]:.1f}",
-            f"{structure.shape_peak(mode):.2f}",
-            f"{100 * np.mean(moved) / np.max(moved):.1f}",
-        ]
-        for mode, hertz, moved in zip(
-            cube["mode"].values.tolist(), cube["frequency"].values, reference, strict=True
-        )
+        {
+            "mode": mode,
+            "frequency": cube["frequency"].values[m],
+            "rectangle": rectangle[mode - 1],
+            "peak": structure.shape_peak(mode),
+            "mean": _mean_deflection(cube, m),
+        }
+        for m, mode in enumerate(cube["mode"].values.tolist())
     ]
-    header = [
-        "mode",
-        "natural frequency, Hz",
-        "of the whole plate, Hz",
-        "peak over rms deflection",
-        "mean deflection of the markers, % of the largest",
-    ]
-    return markdown_table(header, rows, f"{cube.sizes['point']} markers.")
+    return Markdown(render(__file__, "modes", rows=rows, markers=cube.sizes["point"]))
+
+
+def _mean_deflection(cube: xr.Dataset, mode: int) -> float:
+    """Return the mean deflection of the markers in a mode in % of the largest."""
+    moved = np.abs(cube["reference_deflection"].values[mode])
+    return float(100 * np.mean(moved) / np.max(moved))
 
 
 @dataclass(frozen=True)
 class Symmetry:
-    """What a mirror does to one case of one structure."""
+    """Effect of a mirror on one case of one structure."""
 
     #: Share of the markers with a mirrored partner on the plate whose literal deflections have the
     #: same size as their partner's
@@ -93,7 +89,7 @@ def symmetry(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symme
 
 
 def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
-    """Numbers of the markers at x < 0 and at −x, of those that have both; x from the middle."""
+    """Return the indices of markers at x < 0 and their partners at −x, from the middle."""
     half = np.array(outlines.extent(cube)) / 2
     x, y = (cube[axis].values - h for axis, h in zip(("x", "y"), half, strict=True))
     one, other = np.nonzero(
@@ -103,63 +99,39 @@ def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
 
 
 def symmetries(opened: Mapping[str, xr.Dataset]) -> str:
-    """The mirror's work in every case, for the rectangle, the L and the plate with holes."""
-    cubes_ = {word: opened[name] for name, word in NAMES.items()}
-    cases = dict.fromkeys(opened[PLATE]["case"].values.tolist())
+    """List the effect of a mirror in every case, for rectangle, L and plate with holes."""
     rows = []
-    for case in cases:
-        found = [symmetry(cube, opened[PLATE], [case]) for cube in cubes_.values()]
-        rows.append(
-            {
-                "case": case + ("" if case in MIRRORED else " (not mirrored)"),
-                "mirrored markers of the same size": " · ".join(f"{one.same:.0%}" for one in found),
-                "literal run off the law, %": " · ".join(
-                    f"{100 * one.literal:.1f}" for one in found
-                ),
-                "trials off the law, %": " · ".join(f"{100 * one.drawn:.1f}" for one in found),
-            }
-        )
-    return columns(rows) + f"\nEach cell: {' · '.join(NAMES.values())}.\n"
+    for case in dict.fromkeys(opened[PLATE]["case"].values.tolist()):
+        found = [symmetry(opened[name], opened[PLATE], [case]) for name in NAMES]
+        rows.append({"case": case, "mirrored": case in MIRRORED, "found": found})
+    return render(__file__, "symmetries", rows=rows, names=NAMES.values())
 
 
 def accuracies(opened: Mapping[str, xr.Dataset]) -> str:
-    """Errors of the shapes over those of the rectangle, mode by mode, and how exact the law is."""
+    """Compare errors of the shapes with those of the rectangle, and with the law, by mode."""
     plate, rows = opened[PLATE], []
     for name, word in list(NAMES.items())[1:]:
-        cube = opened[name]
-        rms = [
-            np.sqrt(np.mean(c["mean_error"].values[..., 1:] ** 2, axis=-1)) for c in (cube, plate)
-        ]
-        ratio, laws = rms[0] / rms[1], [c["predicted_error"].values for c in (cube, plate)]
-        exact = rms[0] / laws[0]
-        for m, mode in enumerate(cube["mode"].values.tolist()):
-            reference = [np.abs(c["reference_deflection"].values[m]) for c in (cube, plate)]
-            even = [100 * np.mean(w) / np.max(w) for w in reference]
+        both = opened[name], plate
+        rms = [np.sqrt(np.mean(c["mean_error"].values[..., 1:] ** 2, axis=-1)) for c in both]
+        laws = [c["predicted_error"].values for c in both]
+        for m, mode in enumerate(both[0]["mode"].values.tolist()):
+            ratio, off = rms[0][:, m] / rms[1][:, m], rms[0][:, m] / laws[0][:, m] - 1
             rows.append(
-                [
-                    word,
-                    str(mode),
-                    f"{even[0]:.0f} ({even[1]:.0f})",
-                    f"×{np.median(ratio[:, m]):.2f}",
-                    f"×{np.median(laws[0][:, m] / laws[1][:, m]):.2f}",
-                    f"×{ratio[:, m].min():.2f}–{ratio[:, m].max():.2f}",
-                    f"{100 * (exact[:, m].min() - 1):+.1f} to {100 * (exact[:, m].max() - 1):+.1f}",
-                ]
+                {
+                    "shape": word,
+                    "mode": mode,
+                    "mean": [_mean_deflection(cube, m) for cube in both],
+                    "ratio": np.median(ratio),
+                    "law": np.median(laws[0][:, m] / laws[1][:, m]),
+                    "ratios": (ratio.min(), ratio.max()),
+                    "off": (100 * off.min(), 100 * off.max()),
+                }
             )
-    header = [
-        "shape",
-        "mode",
-        "mean deflection of the markers, % (rectangle)",
-        "error, over the rectangle's",
-        "by the law",
-        "range over 32 settings",
-        "simulated from the law, %",
-    ]
-    return table([h.replace("32", str(plate.sizes["setting"])) for h in header], rows)
+    return render(__file__, "accuracies", rows=rows, settings=plate.sizes["setting"])
 
 
 def convergence(_: Mapping[str, xr.Dataset]) -> str:
-    """The rectangle by finite elements beside its closed form, and the order that shows."""
+    """Compare the rectangle by finite elements with its closed form, and show the order."""
     plate = setups.plate()
     outline = ((0.0, 0.0), (plate.length, 0.0), plate.extent, (0.0, plate.width))
     exact = plate.angular_frequencies(3)
@@ -170,14 +142,8 @@ def convergence(_: Mapping[str, xr.Dataset]) -> str:
         found = plate_modes(mesh, edge[:0], edge, plate.poisson, 3)
         ratio = plate.bending_stiffness / plate.mass_per_area
         off.append(1 - np.sqrt(found.eigenvalues * ratio) / exact)
-    rows = [
-        [f"{size:g}", *(f"{100 * value:.3f}" for value in values)]
-        for size, values in zip(SIZES_MM, off, strict=True)
-    ]
     orders = np.polyfit(np.log(SIZES_MM), np.log(np.array(off)), 1)[0]
-    rows.append(["order", *(f"{order:.2f}" for order in orders)])
-    header = ["element, mm", *(f"mode {m}: too low by, %" for m in (1, 2, 3))]
-    return table(header, rows)
+    return render(__file__, "convergence", sizes=SIZES_MM, errors=off, orders=orders)
 
 
 PIECES = {
