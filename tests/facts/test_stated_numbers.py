@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from thesis_lib.facts import claims, setups
 from thesis_lib.facts import numbers as stated_numbers
+from thesis_lib.facts import setups
 from thesis_lib.facts.numbers import VALUES, read_numbers
 from thesis_lib.vision.optics import angle_of_view
 
@@ -89,53 +89,6 @@ def test_a_number_stands_for_what_is_rounded_to_it(stated, low, high):
     number = stated_numbers.StatedNumber("n", 3, "3.1", "words", stated, "", "tip")
     np.testing.assert_allclose([number.low, number.high], [low, high], rtol=2e-9)
     assert number.low < number.high
-
-
-ROW = "n,3,3.1,words,1.5,mm,tip"
-
-
-@pytest.mark.parametrize(
-    ("row", "field"),
-    [
-        (",3,3.1,words,1.5,mm,tip", "id"),
-        (ROW + "\n" + ROW, "id"),
-        ("n,8,3.1,words,1.5,mm,tip", "chapter"),
-        ("n,three,3.1,words,1.5,mm,tip", "chapter"),
-        ("n,3,,words,1.5,mm,tip", "place"),
-        ("n,3,3.1,,1.5,mm,tip", "words"),
-        ("n,3,3.1,words,,mm,tip", "stated"),
-        ("n,3,3.1,words,some,mm,tip", "stated"),
-        ("n,3,3.1,words,nan,mm,tip", "stated"),
-        ("n,3,3.1,words,1e999999,mm,tip", "stated"),
-        ("n,3,3.1,words,1/0,mm,tip", "stated"),
-        ("n,3,3.1,words,1/2/3,mm,tip", "stated"),
-        ("n,3,3.1,words,1.5×2,mm,tip", "stated"),
-        ("n,3,3.1,words,1.5,mm,top", "value_of"),
-        ("n,3,3.1,words,1.5,mm", "value_of"),
-        ("n,3,3.1,words", "stated"),
-        (ROW + ",more of it", "more"),
-    ],
-)
-def test_malformed_rows_are_refused(row, field, tmp_path, monkeypatch):
-    header = "id,chapter,place,words,stated,unit,value_of\n"
-    good = "first,3,3.1,words,1,,tip\n"
-    (tmp_path / "numbers.csv").write_text(header + good + row + "\n", encoding="utf-8")
-    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
-    with pytest.raises(ValueError, match=r"^numbers\.csv, line [34]: ") as refusal:
-        read_numbers()
-    line = 2 + len(row.splitlines())
-    assert f"line {line}: {field}: given " in str(refusal.value)
-    assert "\n" not in str(refusal.value)
-
-
-@pytest.mark.parametrize(
-    "header", ["", "id,chapter\n", "chapter,id,place,words,stated,unit,value_of\n"]
-)
-def test_other_columns_are_refused(header, tmp_path, monkeypatch):
-    (tmp_path / "numbers.csv").write_text(header, encoding="utf-8")
-    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
-    with pytest.raises(ValueError, match=r"^numbers\.csv, line 1: given .*allowed: id, chapter"):
-        read_numbers()
 
 
 # -- Values, by other ways --

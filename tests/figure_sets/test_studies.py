@@ -22,7 +22,6 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.verdicts import meets
 from thesis_lib.studies import attributes, storage
 from thesis_lib.studies import blocks as chunks
 from thesis_lib.studies.attributes import with_provenance
@@ -564,17 +563,6 @@ def test_physics_needs_neither_labels_nor_figures():
     assert done.stdout.strip() == "[] True"
 
 
-def stated_mean_errors():
-    return [c for name in NAMES for c in claims.claims_of(name) if c.quantity == "mean_error"]
-
-
-def test_every_claim_has_its_own_id_and_an_ordered_interval():
-    stated = claims.read_claims()
-    assert len({claim.id for claim in stated}) == len(stated)
-    assert all(claim.low <= claim.high for claim in stated)
-    assert len(stated_mean_errors()) == 66
-
-
 def test_most_stated_mean_errors_of_chapter_3_are_met(conforms):
     checks = [
         check
@@ -584,90 +572,3 @@ def test_most_stated_mean_errors_of_chapter_3_are_met(conforms):
     ]
     assert len(checks) == 66
     conforms.sampled(sum(check.inside for check in checks), above=0.7 * 66)
-
-
-def claim_of(low, high, relation="about", **fields):
-    """A claim about the first setting and mode of case 1, unless told otherwise."""
-    plain = {"quantity": "mean_error", "values": (500.0,), "excepted": 0}
-    return replace(
-        claims.read_claims()[0], low=low, high=high, relation=relation, **{**plain, **fields}
-    )
-
-
-@pytest.mark.parametrize(
-    ("stated", "band", "met"),
-    [
-        ((20, 20), (21, 25), True),
-        ((20, 20), (21.01, 25), False),
-        ((20, 20), (10, 19), True),
-        ((20, 20), (10, 18.99), False),
-        ((20, 30), (22, 23), True),
-        ((5, 5), (5.5, 7), True),  # half a point below 10 %
-        ((5, 5), (5.6, 7), False),
-        ((40, 40, "max"), (1, 2), True),
-        ((40, 40, "max"), (41.5, 60), False),
-        ((40, 40, "less_than"), (39, 60), True),
-        ((40, 40, "less_than"), (41.5, 60), False),
-        ((40, 40, "min"), (70, 90), True),
-        ((40, 40, "min"), (10, 38.5), False),
-    ],
-)
-def test_rule_of_the_band(stated, band, met):
-    assert meets(claim_of(*stated), *band) is met
-
-
-def test_verdict_comes_from_the_cube():
-    cube = default_cube("beam-distance")
-    band = cube["mean_error"].sel(mode=1).isel(setting=0, trial=slice(1, None))
-    middle = float(band.median())
-    claim = claim_of(middle, middle)
-    doctored = cube.assign(mean_error=cube["mean_error"] + 50)
-    assert [check.inside for check in verdicts.check(cube, [claim])] == [True]
-    (check,) = verdicts.check(doctored, [claim])
-    assert not check.inside
-    assert check.median == pytest.approx(middle + 50)
-
-
-def test_one_bad_setting_fails_a_claim_about_all():
-    cube = default_cube("beam-distance").copy(deep=True)
-    cube["mean_error"][:] = 20.0
-    claim = claim_of(20, 20, values=())
-    assert verdicts.check(cube, [claim])[0].inside
-    cube["mean_error"][3] = 60.0
-    assert not verdicts.check(cube, [claim])[0].inside
-    assert verdicts.check(cube, [replace(claim, values=(500.0, 1000.0))])[0].inside
-    assert not verdicts.check(cube, [replace(claim, values=(500.0, 1500.0))])[0].inside
-
-
-def test_claims_about_absent_settings_or_modes_are_left_out():
-    cube = default_cube("beam-distance")
-    absent = [claim_of(1, 1, values=(510.0,)), claim_of(1, 1, case="9"), claim_of(1, 1, mode=4)]
-    assert verdicts.check(cube, absent) == []
-    assert verdicts.check(cube.isel(trial=[0]), [claim_of(1, 1)]) == []
-
-
-def test_an_excepted_marker_leaves_the_second_largest_error():
-    cube = default_cube("beam-distance")
-    claim = claim_of(1, 1, quantity="max_point_error", excepted=1)
-    reference = cube["reference_deflection"].values[0]
-    measured = cube["measured_deflection"].values[0, 0].astype(float)
-    error = 100 * np.abs(measured - reference) / np.max(np.abs(reference))
-    np.testing.assert_allclose(verdicts.errors(cube, claim).values[0], np.sort(error)[:, -2])
-    largest = verdicts.errors(cube, claim_of(1, 1, quantity="max_point_error")).values[0]
-    np.testing.assert_allclose(largest, np.max(error, axis=1), rtol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("column", "value", "field"),
-    [("mode", "two", "mode"), ("low", "", "low"), ("value", "every", "value")],
-)
-def test_malformed_claim_is_named_by_line_and_field(tmp_path, monkeypatch, column, value, field):
-    lines = (setups.data_folder() / "claims.csv").read_text(encoding="utf-8").splitlines()
-    row = lines[4].split(",")
-    row[lines[0].split(",").index(column)] = value
-    lines[4] = ",".join(row)
-    (tmp_path / "claims.csv").write_text("\n".join(lines), encoding="utf-8")
-    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
-    with pytest.raises(ValueError, match=f"line 5: {field}") as caught:
-        claims.read_claims()
-    assert repr(value) in str(caught.value)

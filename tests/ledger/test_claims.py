@@ -328,69 +328,6 @@ def test_what_is_undefined_has_a_reason_and_no_check(stated):
 # -- The file --
 
 
-@pytest.mark.parametrize(
-    ("field", "text"),
-    [
-        ("id", ""),
-        ("id", "first"),
-        ("figure_set", ""),
-        ("section", ""),
-        ("mode", "two"),
-        ("mode", "1.0"),
-        ("mode", ""),
-        ("quantity", "error"),
-        ("quantity", ""),
-        ("value", "every"),
-        ("value", "500;"),
-        ("value", "nan"),
-        ("value", "500;inf"),
-        ("relation", "above"),
-        ("relation", ""),
-        ("low", ""),
-        ("low", "ten"),
-        ("low", "nan"),
-        ("high", "inf"),
-        ("high", "10 %"),
-        ("excepted", "one"),
-        ("excepted", ""),
-    ],
-)
-def test_a_malformed_field_is_named_with_its_line(stated, field, text):
-    with pytest.raises(ValueError, match=r"^claims\.csv, line 3: ") as refusal:
-        stated({"id": "first"}, {field: text}, {"id": "last"})
-    assert str(refusal.value).startswith(f"claims.csv, line 3: {field}: given {text!r}")
-    assert "\n" not in str(refusal.value)
-
-
-@pytest.mark.parametrize("name", HEADER)
-def test_a_missing_column_is_refused(stated, name):
-    header = [column for column in HEADER if column != name]
-    with pytest.raises(ValueError, match=r"^claims\.csv, line 1: given .*allowed: id, figure_set"):
-        stated({}, header=header)
-
-
-def test_an_unknown_column_is_refused(stated):
-    with pytest.raises(ValueError, match=r"^claims\.csv, line 1: given .*, remark, allowed: "):
-        stated({"remark": "why"}, header=[*HEADER, "remark"])
-
-
-@pytest.mark.parametrize("kept", range(1, len(HEADER)))
-def test_a_row_that_ends_too_early_is_named_by_its_first_missing_field(kept, tmp_path, monkeypatch):
-    row = ",".join(list(ROW.values())[:kept])
-    (tmp_path / "claims.csv").write_text(f"{','.join(HEADER)}\n{row}\n", encoding="utf-8")
-    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
-    with pytest.raises(ValueError, match=rf"^claims\.csv, line 2: {HEADER[kept]}: given None$"):
-        read_claims()
-
-
-def test_a_row_that_goes_on_too_long_is_refused(tmp_path, monkeypatch):
-    row = ",".join([*ROW.values(), "and", "more"])
-    (tmp_path / "claims.csv").write_text(f"{','.join(HEADER)}\n{row}\n", encoding="utf-8")
-    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
-    with pytest.raises(ValueError, match=r"^claims\.csv, line 2: more: given \['and', 'more'\]$"):
-        read_claims()
-
-
 def test_values_and_names_are_lists_with_semicolons(stated):
     (claim,) = stated({"value": "2;12", "conflicts": "one;other", "conflict_why": "so"})
     assert claim.values == (2.0, 12.0)

@@ -622,14 +622,6 @@ def test_reasons_are_of_claims_and_lead_to_places_of_the_book():
             assert f"({anchor})=" in text or anchor in headings, one.page
 
 
-def test_a_malformed_reason_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
-    for row, field in (("a,No stop,errata", "reason"), ("a,Because.,not a page", "page")):
-        (tmp_path / "reasons.csv").write_text(f"id,reason,page\n{row}\n", encoding="utf-8")
-        with pytest.raises(ValueError, match=f"reasons.csv, line 2: {field}"):
-            claims.read_reasons()
-
-
 # -- The ledger as a cube --
 
 

@@ -551,57 +551,6 @@ def test_a_row_is_read(tmp_path, monkeypatch):
     assert found.cases == ()
 
 
-@pytest.mark.parametrize(
-    ("field", "text"),
-    [
-        ("id", ""),
-        ("id", "first"),
-        ("chapter", "three"),
-        ("chapter", ""),
-        ("section", ""),
-        ("modes", ""),
-        ("modes", "1;two"),
-        ("modes", "1.5"),
-        ("quantities", ""),
-        ("words", ""),
-        ("source", ""),
-        ("test", ""),
-        ("test", "drops"),
-        ("test", "fall"),
-        ("test", "falls 3"),
-        ("test", "below x"),
-        ("test", "below 40 soon"),
-        ("test", "peaks"),
-    ],
-)
-def test_a_malformed_field_is_named_with_its_line(tmp_path, monkeypatch, field, text):
-    first, wrong = {**ROW, "id": "first"}.values(), {**ROW, field: text}.values()
-    with pytest.raises(ValueError, match=r"^trends\.csv, line 3: ") as refusal:
-        read(tmp_path, monkeypatch, first, wrong)
-    again = " a second time" * ((field, text) == ("id", "first"))
-    assert str(refusal.value) == f"trends.csv, line 3: {field}: given {text!r}{again}"
-
-
-@pytest.mark.parametrize("kept", range(1, len(ROW)))
-def test_a_row_that_ends_too_early_is_named_by_its_first_missing_field(tmp_path, monkeypatch, kept):
-    missing = list(ROW)[kept]
-    with pytest.raises(ValueError, match=rf"^trends\.csv, line 2: {missing}: given None$"):
-        read(tmp_path, monkeypatch, list(ROW.values())[:kept])
-
-
-def test_a_row_that_goes_on_too_long_is_refused(tmp_path, monkeypatch):
-    with pytest.raises(ValueError, match=r"^trends\.csv, line 2: more: given \['again'\]$"):
-        read(tmp_path, monkeypatch, [*ROW.values(), "again"])
-
-
-@pytest.mark.parametrize(
-    "header", ["", "id,chapter", HEADER + ",more", HEADER.replace("cases,", "")]
-)
-def test_other_columns_are_refused(tmp_path, monkeypatch, header):
-    with pytest.raises(ValueError, match=r"^trends\.csv, line 1: given .*allowed: id, chapter"):
-        read(tmp_path, monkeypatch, header=header)
-
-
 # -- What the thesis says --
 
 

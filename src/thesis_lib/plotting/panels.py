@@ -62,23 +62,23 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
         else:
             axes.bar(position, bars.literal, 0.9 * width, color=colors, **style)
         if np.isfinite(median).all():  # there were trials
-            axes.vlines(position, low, high, color="#222222", linewidth=1.2)
+            axes.vlines(position, low, high, color="#222222", lw=1.2)
             axes.plot(
                 [],
                 [],
                 "|",
                 color="#222222",
-                markersize=10,
-                markeredgewidth=1.2,
+                ms=10,
+                mew=1.2,
                 label=f"{hidden}5–95 % of {cubes.trials_are(part)}",
             )
-            axes.plot(position, median, "o", color="#222222", markersize=4, label=hidden + "median")
+            axes.plot(position, median, "o", color="#222222", ms=4, label=hidden + "median")
         axes.plot(
             position,
             bars.predicted,
             "_",
             color="#222222",
-            markersize=18 / len(groups),
+            ms=18 / len(groups),
             label=hidden + part.attrs["predicts"],
         )
         given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
@@ -87,29 +87,13 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             if least is None or most is None:  # a bound: the arrow points to what it allows
                 marker = "v" if least is None else "^"
                 axes.plot(
-                    [at - 0.3 * width, at + 0.3 * width],
-                    [claim.high] * 2,
-                    color=HIGHLIGHT,
-                    linewidth=1.2,
+                    [at - 0.3 * width, at + 0.3 * width], [claim.high] * 2, color=HIGHLIGHT, lw=1.2
                 )
-                axes.plot(
-                    at,
-                    claim.high,
-                    marker,
-                    color=HIGHLIGHT,
-                    markersize=5,
-                    label="thesis, bound",
-                )
+                axes.plot(at, claim.high, marker, color=HIGHLIGHT, ms=5, label="thesis, bound")
                 continue
-            axes.plot([at, at], [least, most], color=HIGHLIGHT, linewidth=1.2)
+            axes.plot([at, at], [least, most], color=HIGHLIGHT, lw=1.2)
             axes.plot(
-                at,
-                (least + most) / 2,
-                "D",
-                markerfacecolor="white",
-                color=HIGHLIGHT,
-                markersize=4,
-                label="thesis",
+                at, (least + most) / 2, "D", mfc="white", color=HIGHLIGHT, ms=4, label="thesis"
             )
     labels = [text.replace(" cameras", "") for text in part["label"].values]
     partial = part["in_view"].values < 1
@@ -156,11 +140,11 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     overhead = np.stack([np.cos(arcs), 0 * arcs, np.sin(arcs)], axis=1)
     across = overhead[:, [1, 0, 2]]
     for curve in (circle, overhead, across):
-        _draw(axes, radius * curve, color="#d0d0d0", linewidth=0.7)
+        _draw(axes, radius * curve, color="#d0d0d0", lw=0.7)
     half = outlines.extent(cube)[0] / 2
     seen_curves = [_view(np.insert(c, 2, 0, axis=1)) for c in outlines.contours(cube)]
     closed = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in seen_curves))
-    axes.add_patch(PathPatch(closed, color="#9a9a9a", linewidth=1, zorder=3))
+    axes.add_patch(PathPatch(closed, color="#9a9a9a", lw=1, zorder=3))
     seen: set[tuple[float, ...]] = set()
     for index, places in enumerate(cameras):
         for place in places:
@@ -168,8 +152,8 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
             if key in seen:
                 continue
             seen.add(key)
-            _draw(axes, np.array([place, 0 * place]), color=color(index), linewidth=0.6, alpha=0.6)
-            axes.plot(*_view(place), "o", color=color(index), markersize=5, zorder=4)
+            _draw(axes, np.array([place, 0 * place]), color=color(index), lw=0.6, alpha=0.6)
+            axes.plot(*_view(place), "o", color=color(index), ms=5, zorder=4)
     _mark_varied(axes, cameras, str(part["parameter"].values[0]), part)
     for end, name in (
         ([1.12 * half, 0, 0], "X"),
@@ -177,7 +161,7 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
         ([0, 0, 0.45 * radius], "Z"),
     ):
         arrow = _view([[0, 0, 0], end])
-        axes.plot(*arrow.T, color="#777777", linewidth=0.7, zorder=4)
+        axes.plot(*arrow.T, color="#777777", lw=0.7, zorder=4)
         _write(axes, np.array(end) * 1.08, name, color="#777777", fontsize=8)
     axes.set_aspect("equal")
     axes.margins(0.06)
@@ -185,7 +169,7 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
 
 
 def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset) -> None:
-    style = {"color": HIGHLIGHT, "linewidth": 1.6, "zorder": 5}
+    style = {"color": HIGHLIGHT, "lw": 1.6, "zorder": 5}
     labels = [str(text) for text in part["label"].values]
     if varied == "distance_mm":
         far = max((c[0] for c in cameras), key=lambda c: float(np.linalg.norm(c)))
@@ -254,13 +238,13 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     setup_panel(axes["a"], cube, part)
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
-    axes["b"].plot(x, reference, color=REFERENCE, linewidth=3, label="reference")
+    axes["b"].plot(x, reference, color=REFERENCE, lw=3, label="reference")
     for index, word in zip(chosen, ranking(part), strict=False):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = f"{labels[index]}, {word}"
-        axes["b"].plot(x, measured, ".-", color=color(index), linewidth=1, label=name)
+        axes["b"].plot(x, measured, ".-", color=color(index), lw=1, label=name)
         error = part["point_error"].values[index]
-        axes["c"].plot(x, error, ".-", color=color(index), linewidth=1, label=labels[index])
+        axes["c"].plot(x, error, ".-", color=color(index), lw=1, label=labels[index])
     axes["b"].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
     axes["c"].set(
         title="(c) error of each marker",

@@ -279,11 +279,7 @@ def panel_grid(count: int, width: float, height: float, **how: Any) -> tuple[Fig
 
 
 def draw_curves(
-    axes: Axes,
-    x: ArrayLike,
-    part: Any,
-    curves: Mapping[str, tuple[str, str, str]],
-    **style: Any,
+    axes: Axes, x: ArrayLike, part: Any, curves: Mapping[str, tuple[str, str, str]], **style: Any
 ) -> None:
     """Draw variables over `x`: each by its label, line and colour."""
     for name, (label, line, ink) in curves.items():

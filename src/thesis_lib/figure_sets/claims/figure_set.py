@@ -10,10 +10,7 @@ OTHER_READINGS = Product(module=f"{__package__}.readings", kept=True)
 
 def needs(asked: Claims) -> Inputs:
     """The ledger's own runs; the cubes of the figure sets it opens one by one."""
-    return {
-        "own": (OWN_RUNS, asked.own_runs),
-        "other": (OTHER_READINGS, asked.other_readings),
-    }
+    return {"own": (OWN_RUNS, asked.own_runs), "other": (OTHER_READINGS, asked.other_readings)}
 
 
 def reads() -> list[Study]:

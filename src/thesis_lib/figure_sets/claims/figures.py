@@ -34,7 +34,7 @@ def chapter(cube: xr.Dataset, number: int) -> Figure:
 def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
     ends = [e.least for e in part] + [e.most for e in part] + [e.high for e in part]
     span = np.array([0.7 * min(*ends, *(e.low for e in part)), 1.4 * max(ends)])
-    axes.plot(span, span, color=REFERENCE, linewidth=1, zorder=1)
+    axes.plot(span, span, color=REFERENCE, lw=1, zorder=1)
     for verdict, (color, shape) in MARKS.items():
         chosen = [e for e in part if e.verdict == verdict]
         if not chosen:
@@ -48,9 +48,9 @@ def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
             median,
             band,
             reach,
-            linestyle="none",
+            ls="none",
             marker=shape,
-            markersize=4,
+            ms=4,
             color=color,
             elinewidth=0.6,
             label=f"{verdict} ({len(chosen)})",
@@ -84,8 +84,8 @@ def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
     )
     ticks = np.arange(-np.floor(edge), np.floor(edge) + 1)
     axes.set_xticks(ticks, [f"{2.0**tick:g}" for tick in ticks])
-    axes.axvline(0, color=REFERENCE, linewidth=1)
-    axes.axvline(float(np.median(ratios)), color="#222222", linewidth=1, linestyle="--")
+    axes.axvline(0, color=REFERENCE, lw=1)
+    axes.axvline(float(np.median(ratios)), color="#222222", lw=1, ls="--")
     axes.text(
         0.98,
         0.96,
@@ -115,7 +115,7 @@ def readings(cube: xr.Dataset) -> Figure:
     for number, color, part in zip((3, 4, 6), COLORS, inside.T, strict=False):
         axes.barh(place, part, 0.75, left, color=color, label=f"chapter {number}")
         left += part
-    axes.axvline(left[0], color="#222222", linewidth=0.8, linestyle="--")
+    axes.axvline(left[0], color="#222222", lw=0.8, ls="--")
     axes.set_yticks(place, names, fontsize=8)
     axes.set(xlim=(0, total), xlabel=f"stated values met, of {total}")
     axes.grid(visible=False, axis="y")

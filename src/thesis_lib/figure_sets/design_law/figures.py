@@ -40,16 +40,14 @@ def motion(cube: xr.Dataset) -> Figure:
     law = np.sqrt(difference_variance(every))
     for axes, power in ((left, 0), (right, 1)):
         scale = (100 / every) ** power
-        axes.plot(every, scale * law, color=COLORS[0], linewidth=1.6, label="the law")
-        axes.plot(
-            delta, (100 / delta) ** power * drawn, "o", color=INK, markersize=2.2, label="drawn"
-        )
+        axes.plot(every, scale * law, color=COLORS[0], lw=1.6, label="the law")
+        axes.plot(delta, (100 / delta) ** power * drawn, "o", color=INK, ms=2.2, label="drawn")
         axes.plot(
             every,
             scale * MOTION_PX,
             "--",
             color=COLORS[4],
-            linewidth=1.2,
+            lw=1.2,
             label="two independent roundings",
         )
     left.set(
@@ -61,7 +59,7 @@ def motion(cube: xr.Dataset) -> Figure:
     )
     left.legend(loc="upper right")
     small = delta < 0.2
-    right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=INK, linewidth=1.2)
+    right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=INK, lw=1.2)
     right.annotate("1/√δ", (0.013, 480), color=INK)
     right.annotate("1/δ", (0.04, 1300), color=COLORS[4])
     logarithmic(right.xaxis, [0.01, 0.1, 1, 5])
@@ -86,20 +84,20 @@ def settings(cube: xr.Dataset) -> Figure:
     drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
     simulated = cube["simulated_error"].values
     ends = np.array([simulated.min() / 1.3, simulated.max() * 1.3])
-    left.plot(ends, ends, color=REFERENCE, linewidth=1)
-    right.axhline(1, color=REFERENCE, linewidth=1)
+    left.plot(ends, ends, color=REFERENCE, lw=1)
+    right.axhline(1, color=REFERENCE, lw=1)
     for number, one in enumerate(cube["structure"].values):
         rows = cube["of_structure"].values == one
         x, marker = simulated[rows].ravel(), "os"[number % 2]
         law, naive = (cube[f"{k}_error"].values[rows].ravel() for k in ("law", "naive"))
-        style = {"linestyle": "none", "marker": marker, "markersize": 3}
+        style = {"ls": "none", "marker": marker, "ms": 3}
         left.plot(x, law, color=color(2 * number), label=f"{one}, the law", **style)
         right.plot(
             x,
             naive / x,
             color=COLORS[4],
-            markerfacecolor="none",
-            markeredgewidth=0.6,
+            mfc="none",
+            mew=0.6,
             label=f"{one}, independent roundings",
             **style,
         )
@@ -129,18 +127,18 @@ def cone(cube: xr.Dataset) -> Figure:
         (("Z", "along the normal, z"), ("X", "across it, x = y"))
     ):
         closed, drawn = (1000 * cube[f"cone{k}_error"].sel(axis=axis) for k in ("", "_drawn"))
-        axes.plot(angle, closed, color=color(number), linewidth=1.6, label=words)
-        axes.plot(angle[::EVERY], drawn[::EVERY], "o", color=color(number), markersize=3.5)
+        axes.plot(angle, closed, color=color(number), lw=1.6, label=words)
+        axes.plot(angle[::EVERY], drawn[::EVERY], "o", color=color(number), ms=3.5)
     other = 1000 * cube["cone_drawn_error"].sel(axis="Y")[::EVERY]
-    axes.plot(angle[::EVERY], other, "o", color=COLORS[1], markersize=3.5, markerfacecolor="none")
-    axes.axvline(np.degrees(ISOTROPIC), color=HIGHLIGHT, linewidth=1)
+    axes.plot(angle[::EVERY], other, "o", color=COLORS[1], ms=3.5, mfc="none")
+    axes.axvline(np.degrees(ISOTROPIC), color=HIGHLIGHT, lw=1)
     axes.annotate(
         f" {np.degrees(ISOTROPIC):.1f}°: the same\n in all directions",
         (np.degrees(ISOTROPIC), 0.72),
         xycoords=("data", "axes fraction"),
         color=HIGHLIGHT,
     )
-    axes.plot([], [], "o", color=INK, markersize=3.5, label="drawn with whole pixels")
+    axes.plot([], [], "o", color=INK, ms=3.5, label="drawn with whole pixels")
     axes.set(
         xlabel="angle θ of the cone from the normal in °", ylabel="rms error in mm", xlim=(0, 90)
     )
@@ -165,15 +163,13 @@ def findings(cube: xr.Dataset) -> Figure:
         for s, one in enumerate(cube["structure"].values):
             part = cube.sel(finding=name, structure=one)
             x = part["swept"].values
-            axis.plot(x, part["exact_error"], color=color(2 * s), linewidth=0.6, alpha=0.7)
-            axis.plot(x, part["expected_error"], color=color(2 * s), linewidth=1.8, label=one)
-            axis.plot(x, part["centre_error"], ":", color=color(2 * s), linewidth=1.3)
+            axis.plot(x, part["exact_error"], color=color(2 * s), lw=0.6, alpha=0.7)
+            axis.plot(x, part["expected_error"], color=color(2 * s), lw=1.8, label=one)
+            axis.plot(x, part["centre_error"], ":", color=color(2 * s), lw=1.3)
             if name == "aperture":
-                axis.plot(x, part["noisy_error"], "--", color=color(2 * s), linewidth=1)
+                axis.plot(x, part["noisy_error"], "--", color=color(2 * s), lw=1)
                 axis.axvline(
-                    float(part["best_aperture"].isel(amplitudes=1)),
-                    color=color(2 * s),
-                    linewidth=0.8,
+                    float(part["best_aperture"].isel(amplitudes=1)), color=color(2 * s), lw=0.8
                 )
         axis.set(title=f"({'abcde'[number]})", xlabel=words)
         logarithmic(axis.yaxis, PERCENT)
@@ -189,9 +185,9 @@ def findings(cube: xr.Dataset) -> Figure:
         (("-", 0.6), "modes 1–3"),
         ((":", 1.3), "centre"),
     ):
-        axes["resolution"].plot([], [], style[0], linewidth=style[1], color=INK, label=words)
+        axes["resolution"].plot([], [], style[0], lw=style[1], color=INK, label=words)
     axes["resolution"].legend(loc="lower left")
-    (noise,) = axes["aperture"].plot([], [], "--", linewidth=1, color=INK)
+    (noise,) = axes["aperture"].plot([], [], "--", lw=1, color=INK)
     axes["aperture"].legend([noise], ["independent noise"], loc="upper center")
     return drawing
 
@@ -202,7 +198,7 @@ def _arrays(axes: Axes, cube: xr.Dataset) -> None:
     for s, one in enumerate(cube["structure"].values):
         place = np.arange(len(names)) + 0.36 * (s - 0.5)
         axes.bar(place, cube["array_exponent"].sel(structure=one), 0.34, color=color(2 * s))
-    axes.axhline(-0.5, color=HIGHLIGHT, linewidth=1)
+    axes.axhline(-0.5, color=HIGHLIGHT, lw=1)
     axes.set_xticks(np.arange(len(names)), [str(name) for name in names])
     axes.set(title="(f) exponent in N", xlabel="growing arrays of the thesis")
     axes.grid(visible=False, axis="x")
@@ -216,32 +212,28 @@ def shares(cube: xr.Dataset) -> Figure:
     for k, rate in enumerate(cube["rate"].values):
         part, style = cube.isel(rate=k, count=order), {"color": color(k)}
         frame, film, sensor = grid
-        law = {"marker": "_", "markersize": 9, "markeredgewidth": 1.5, "linestyle": "none"}
+        law = {"marker": "_", "ms": 9, "mew": 1.5, "ls": "none"}
         frame.plot(n[order], part["frame_error"], **law, **style)
-        frame.plot([], [], linewidth=1.5, label=f"{rate:g} Hz", **style)
-        frame.plot(n[order], part["average_error"], "--", linewidth=0.9, **style)
+        frame.plot([], [], lw=1.5, label=f"{rate:g} Hz", **style)
+        frame.plot(n[order], part["average_error"], "--", lw=0.9, **style)
         film.plot(n[order], part["fit_error"], **law, **style)
         for e, name in enumerate(cube["estimator"].values):
             dots: Any = {
                 "marker": "osD^"[e % 4],
-                "linestyle": "none" if e == 0 else ":",
-                "markersize": 3.5,
-                **({"markerfacecolor": "none"} if e else {}),
+                "ls": "none" if e == 0 else ":",
+                "ms": 3.5,
+                **({"mfc": "none"} if e else {}),
                 **style,
             }
             frame.plot(n[order], part["drawn_frame_error"].sel(estimator=name), **dots)
             film.plot(n[order], part["drawn_fit_error"].sel(estimator=name), **dots)
         width = part["width_px"].values
-        sensor.plot(n[order], width, linewidth=1.2, **style)
+        sensor.plot(n[order], width, lw=1.2, **style)
         small = part["marker_height"].values < FOLLOWED_PX
-        sensor.plot(n[order][~small], width[~small], "o", markersize=3.5, **style)
-        sensor.plot(n[order][small], width[small], "x", markersize=4.5, **style)
+        sensor.plot(n[order][~small], width[~small], "o", ms=3.5, **style)
+        sensor.plot(n[order][small], width[small], "x", ms=4.5, **style)
     grid[1].plot(
-        n[order],
-        cube["independent_fit_error"].isel(rate=0, count=order),
-        "--",
-        color=INK,
-        linewidth=0.9,
+        n[order], cube["independent_fit_error"].isel(rate=0, count=order), "--", color=INK, lw=0.9
     )
     for axes, title in zip(
         grid,
@@ -259,16 +251,16 @@ def shares(cube: xr.Dataset) -> Figure:
         grid[1].plot(
             [],
             [],
-            linestyle="none",
+            ls="none",
             marker="osD^"[e % 4],
             color=INK,
-            markersize=3.5,
-            markerfacecolor="none" if e else None,
+            ms=3.5,
+            mfc="none" if e else None,
             label=name,
         )
     grid[1].plot([], [], color=INK, label="the law", **law)
-    grid[1].plot([], [], "--", color=INK, linewidth=1, label="independent, averaged")
-    grid[2].plot([], [], "x", color=INK, markersize=4.5, label=f"markers < {FOLLOWED_PX:g} px high")
+    grid[1].plot([], [], "--", color=INK, lw=1, label="independent, averaged")
+    grid[2].plot([], [], "x", color=INK, ms=4.5, label=f"markers < {FOLLOWED_PX:g} px high")
     grid[0].legend(loc="upper center", ncols=3, columnspacing=0.8, handlelength=1.2, fontsize=7)
     grid[1].legend(loc="upper left", fontsize=7)
     grid[2].legend(loc="lower left", fontsize=7)
@@ -281,12 +273,12 @@ def estimators(cube: xr.Dataset) -> Figure:
     n = cube["crowd"].values
     for k, name in enumerate(cube["rule"].values):
         part, style = cube.sel(rule=name), {"color": color(k), "marker": "osD^"[k % 4]}
-        left.plot(n, 1e6 * part["crowd_error"], markersize=4, linewidth=1.3, label=name, **style)
-        right.plot(cube["noise"], 1e6 * part["noise_error"], markersize=4, linewidth=1.3, **style)
+        left.plot(n, 1e6 * part["crowd_error"], ms=4, lw=1.3, label=name, **style)
+        right.plot(cube["noise"], 1e6 * part["noise_error"], ms=4, lw=1.3, **style)
     first = 1e6 * float(cube["crowd_error"].isel(crowd=0).min())
     for power, words in ((-0.5, "1/√N"), (-1.0, "1/N")):
         line = first * (n / n[0]) ** power
-        left.plot(n, line, ":", color=INK, linewidth=1)
+        left.plot(n, line, ":", color=INK, lw=1)
         left.annotate(words, (n[-1], line[-1]), color=INK, ha="right", va="top")
     logarithmic(left.xaxis, [4, 8, 16, 32, 64])
     logarithmic(left.yaxis, [50, 100, 200, 500, 1000])
@@ -309,20 +301,20 @@ def noisy(cube: xr.Dataset) -> Figure:
 
     def lines(axes: Axes, part: xr.DataArray, x: Array, label: str, number: int) -> None:
         for name, (marker, line) in zip(part["approach"].values, styles, strict=True):
-            axes.plot(x, part.sel(approach=name), linestyle=line, marker=marker, markersize=3.5,
-                      markerfacecolor="none", color=color(number),
+            axes.plot(x, part.sel(approach=name), ls=line, marker=marker, ms=3.5,
+                      mfc="none", color=color(number),
                       label=label if marker == "" else None)  # fmt: skip
 
     for k, noise in enumerate(SHOWN_NOISES_PX):
         at = {"image_noise": noise, "count": counts}
         lines(left, drawn.sel(at), counts, f"{noise:g} px" if noise else "no noise", k)
         if noise:
-            left.plot(counts, least.sel(at), ":", color=color(k), linewidth=1.2)
+            left.plot(counts, least.sel(at), ":", color=color(k), lw=1.2)
     places = np.where(noises > 0, noises, 0.5 * np.min(noises[noises > 0], initial=1))
     for k, count in enumerate((counts[0], counts[len(counts) // 2], counts[-1])):
         lines(right, drawn.sel(count=count), places, f"{count} cameras", k)
     few = least.sel(count=counts[0]).values
-    right.plot(noises[noises > 0], few[noises > 0], ":", color=INK, linewidth=1.2, label="bound")
+    right.plot(noises[noises > 0], few[noises > 0], ":", color=INK, lw=1.2, label="bound")
     for axes, title in ((left, "(a) error of a deflection, µm"), (right, "(b) the same, µm")):
         logarithmic(axes.yaxis, [50, 100, 200, 300, 500])
         axes.set(title=title)
@@ -334,7 +326,7 @@ def noisy(cube: xr.Dataset) -> Figure:
     right.minorticks_off()
     right.set_xlabel("noise of the images before rounding, px")
     for name, (marker, line) in zip(drawn["approach"].values, styles, strict=True):
-        left.plot([], [], linestyle=line, marker=marker, markersize=3.5, markerfacecolor="none",
+        left.plot([], [], ls=line, marker=marker, ms=3.5, mfc="none",
                   color=INK, label=str(name))  # fmt: skip
     left.legend(loc="lower left", fontsize=6, ncols=2)
     right.legend(loc="upper left", fontsize=7)
@@ -362,13 +354,13 @@ def dithering(cube: xr.Dataset) -> Figure:
         axes.axhline(
             dither.ONE_FRAME**0.5,
             color=COLORS[4],
-            linestyle="--",
-            linewidth=1.2,
+            ls="--",
+            lw=1.2,
             label="one coordinate, one frame",
         )
         many, closed = closed_forms[name]
-        axes.plot(many, closed, color=COLORS[0], linewidth=1.6, label="closed form")
-        axes.plot(x, cube[f"drawn_{name}_error"], "o", color=INK, markersize=2.4, label="drawn")
+        axes.plot(many, closed, color=COLORS[0], lw=1.6, label="closed form")
+        axes.plot(x, cube[f"drawn_{name}_error"], "o", color=INK, ms=2.4, label="drawn")
         axes.set(title=title, xlabel=words)
         logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
     grid[1].plot(
@@ -376,7 +368,7 @@ def dithering(cube: xr.Dataset) -> Figure:
         np.sqrt(dither.mean_variance(0.0, shake)),
         ":",
         color=COLORS[0],
-        linewidth=1.4,
+        lw=1.4,
         label="endless frames",
     )
     grid[1].set_ylim(0.01, 0.5)

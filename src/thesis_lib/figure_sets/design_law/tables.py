@@ -70,11 +70,7 @@ def cone(cube: xr.Dataset) -> str:
     width, focal = asked(cube, "resolution_px")[0], asked(cube, "focal_length_mm")
     largest = CONE_MOTION_PX * asked(cube, "sensor_width_mm") / (focal * width)
     return _fill(
-        "cone",
-        cube,
-        ("cone_drawn_error",),
-        largest_motion=largest,
-        max_motion=MAX_MOTION_FRACTION,
+        "cone", cube, ("cone_drawn_error",), largest_motion=largest, max_motion=MAX_MOTION_FRACTION
     )
 
 

@@ -22,7 +22,7 @@ def view(cube: xr.Dataset) -> Figure:
     for i, sensor in enumerate(cube["sensor"].values):
         one = cube.sel(sensor=sensor)
         width, height = one["sensor_size"].values[:2] * 1000
-        style = {"color": color(i), "linewidth": 1.2, "marker": "osD^v"[i % 5], "markersize": 3.5}
+        style = {"color": color(i), "lw": 1.2, "marker": "osD^v"[i % 5], "ms": 3.5}
         name = f"{sensor}, {width:g}×{height:g} mm"
         across, diagonal = (one["angle_of_view"].sel(side=s).values for s in ("width", "diagonal"))
         left.plot(f[order], across[order], label=name, **style)
@@ -48,17 +48,9 @@ def projection(cube: xr.Dataset) -> Figure:
     near = int(np.argmin(cube["shown_distance"].values))
     (u, v), (flat_u, flat_v) = cube["image"].values[near]
     for start, end in zip(zip(u, v, strict=True), zip(flat_u, flat_v, strict=True), strict=True):
-        left.plot(*zip(start, end, strict=True), color=REFERENCE, linewidth=0.6)
-    left.plot(u, v, "o", color=COLORS[0], markersize=3.5, label="pinhole")
-    left.plot(
-        flat_u,
-        flat_v,
-        "o",
-        color=COLORS[4],
-        markersize=3.5,
-        markerfacecolor="none",
-        label="one depth for all",
-    )
+        left.plot(*zip(start, end, strict=True), color=REFERENCE, lw=0.6)
+    left.plot(u, v, "o", color=COLORS[0], ms=3.5, label="pinhole")
+    left.plot(flat_u, flat_v, "o", color=COLORS[4], ms=3.5, mfc="none", label="one depth for all")
     distance = cube["shown_distance"].values[near] * 1000
     left.set(
         title=f"(a) the markers from {distance:g} mm",
@@ -75,14 +67,14 @@ def projection(cube: xr.Dataset) -> Figure:
         ("projection_error", {"color": COLORS[4]}, "largest error, px"),
         (
             "relative_projection_error",
-            {"color": COLORS[1], "linestyle": "--"},
+            {"color": COLORS[1], "ls": "--"},
             "the same, % of the row of markers",
         ),
-        ("depth_range", {"color": REFERENCE, "linestyle": ":"}, "spread of the depths, ± %"),
+        ("depth_range", {"color": REFERENCE, "ls": ":"}, "spread of the depths, ± %"),
     ):
         values = cube[name].values
-        right.plot(d, values, label=words, linewidth=1.5, **style)
-        right.plot(d[asked], values[asked], "o", color=style["color"], markersize=3.5)
+        right.plot(d, values, label=words, lw=1.5, **style)
+        right.plot(d[asked], values[asked], "o", color=style["color"], ms=3.5)
     _distances(right, d)
     logarithmic(right.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20, 50])
     right.set(title="(b) the error of one depth")
@@ -141,14 +133,12 @@ def sharpness(cube: xr.Dataset) -> Figure:
         part = cube.isel(f_number=i)
         near, far = (part[name].values * 1000 for name in ("near_limit", "far_limit"))
         far = np.where(np.isfinite(far), far, 10 * top)
-        axes.fill_between(d, near, far, color=color(int(i)), alpha=0.18, linewidth=0)
-        axes.plot(d, near, color=color(int(i)), linewidth=1.3, label=f"f/{float(part.f_number):g}")
-        axes.plot(d, far, color=color(int(i)), linewidth=1.3)
-    axes.plot(d, d, color=REFERENCE, linewidth=0.8)
+        axes.fill_between(d, near, far, color=color(int(i)), alpha=0.18, lw=0)
+        axes.plot(d, near, color=color(int(i)), lw=1.3, label=f"f/{float(part.f_number):g}")
+        axes.plot(d, far, color=color(int(i)), lw=1.3)
+    axes.plot(d, d, color=REFERENCE, lw=0.8)
     for name, word in (("nearest_depth", "nearest and farthest marker"), ("farthest_depth", "")):
-        axes.plot(
-            d, cube[name].values * 1000, color=INK, linewidth=1, linestyle="--", label=word or "_"
-        )
+        axes.plot(d, cube[name].values * 1000, color=INK, lw=1, ls="--", label=word or "_")
     _distances(axes, d, "focused distance d in mm")
     logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
     axes.set(ylabel="sharp depths in mm", ylim=(0.8 * least, top))
@@ -166,15 +156,15 @@ def stereo(cube: xr.Dataset) -> Figure:
             part[name].values * 1000
             for name in ("depth_error", "rounding_depth_error", "rounded_depth_error")
         )
-        axes.plot(d, fine, color=color(i), linewidth=1.4, label=f"b = {1000 * baseline:g} mm")
-        axes.plot(d, law, color=color(i), linewidth=1, linestyle="--")
-        axes.plot(d[::EVERY], drawn[::EVERY], "o", color=color(i), markersize=3)
+        axes.plot(d, fine, color=color(i), lw=1.4, label=f"b = {1000 * baseline:g} mm")
+        axes.plot(d, law, color=color(i), lw=1, ls="--")
+        axes.plot(d[::EVERY], drawn[::EVERY], "o", color=color(i), ms=3)
     for style, word in (
-        ({"linestyle": "-"}, "fine centres"),
-        ({"linestyle": "--"}, "whole pixels, first order"),
-        ({"linestyle": "none", "marker": "o", "markersize": 3}, "whole pixels, drawn"),
+        ({"ls": "-"}, "fine centres"),
+        ({"ls": "--"}, "whole pixels, first order"),
+        ({"ls": "none", "marker": "o", "ms": 3}, "whole pixels, drawn"),
     ):
-        axes.plot([], [], color=INK, linewidth=1, label=word, **style)
+        axes.plot([], [], color=INK, lw=1, label=word, **style)
     _distances(axes, d)
     logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
     axes.set(ylabel="error of the depth in mm")

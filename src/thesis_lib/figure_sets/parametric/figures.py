@@ -31,8 +31,8 @@ def turn(cube: xr.Dataset) -> Figure:
         for i, elevation in enumerate(cube["elevation"].values):
             part = one.sel(elevation=elevation)
             law = part["turned_law_error"]
-            panel.plot(cube["law_turn"], law, color=color(i), linewidth=1, label=f"{elevation:g}°")
-            panel.plot(cube["turn"], part["turned_simulated"], "o", color=color(i), markersize=4)
+            panel.plot(cube["law_turn"], law, color=color(i), lw=1, label=f"{elevation:g}°")
+            panel.plot(cube["turn"], part["turned_simulated"], "o", color=color(i), ms=4)
         panel.set(title=f"mode {mode}, {plane}", xlabel="turned by, °")
     axes[0, 0].set(ylabel="field error, %", ylim=(0, None))
     axes[0, -1].legend(title="elevation", fontsize=7)
@@ -62,7 +62,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         if outlines.kind(cube) == "panel":
             for curve in outlines.contours(cube):
                 axes[name].fill(*(1000 * (curve + middle)).T, fill=False, edgecolor="#444444")
-        axes[name].plot(part["x"] * 1000, part["y"] * 1000, ".", color="#444444", markersize=1.2)
+        axes[name].plot(part["x"] * 1000, part["y"] * 1000, ".", color="#444444", ms=1.2)
         axes[name].set(title=title, xlabel="x in mm")
     axes["c"].set_ylabel("y in mm")
     bar_beside(axes["e"], picture, "w in mm")
@@ -97,16 +97,8 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         of_true = loudest if silent else float(abs(true).max())
         fields = (
             (f"({letter}) {plane}, ideal{' (nodal)' if silent else ''}", true, of_true),
-            (
-                f"error, best shape:\n{best}",
-                wrong.sel(extreme="best"),
-                float(abs(wrong).max()),
-            ),
-            (
-                f"error, worst shape:\n{worst}",
-                wrong.sel(extreme="worst"),
-                float(abs(wrong).max()),
-            ),
+            (f"error, best shape:\n{best}", wrong.sel(extreme="best"), float(abs(wrong).max())),
+            (f"error, worst shape:\n{worst}", wrong.sel(extreme="worst"), float(abs(wrong).max())),
         )
         pictures = []
         for name, (title, values, limit) in zip(row, fields, strict=True):

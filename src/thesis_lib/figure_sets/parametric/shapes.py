@@ -56,10 +56,7 @@ class ShapeMarkers(PlateMarkers):
         "a list of at most 10 different lists of 3 to 40 corners [x, y] inside the outline, which "
         "do not touch",
     )
-    support: Support = field(
-        SIMPLY_SUPPORTED,
-        "how the outline is held; edges of holes are free",
-    )
+    support: Support = field(SIMPLY_SUPPORTED, "how the outline is held; edges of holes are free")
     edge_supports: dict[Edge, Support] = field(
         lambda: {},
         "edges of the outline that are held otherwise, by number: 1 goes from the first corner to "

@@ -25,8 +25,8 @@ def gain(cube: xr.Dataset) -> Figure:
                 own.sel(thesis_case=case),
                 "o--",
                 color=color(i),
-                markersize=3.5,
-                linewidth=0.8,
+                ms=3.5,
+                lw=0.8,
                 label=f"case {case}",
             )
         one = coarse(cube, question)
@@ -35,18 +35,18 @@ def gain(cube: xr.Dataset) -> Figure:
             one["expected_error"],
             "o-",
             color="#222222",
-            linewidth=2,
+            lw=2,
             label="planned, read from any side",
         )
-        panel.plot(n, one["bound"], "_", color="#222222", markersize=12, label="bound")
+        panel.plot(n, one["bound"], "_", color="#222222", ms=12, label="bound")
         read = coarse(cube, f"{body}: markers that can be read")
         panel.plot(
             n,
             read["expected_error"],
             "s-",
             color=REFERENCE,
-            linewidth=1.4,
-            markersize=4,
+            lw=1.4,
+            ms=4,
             label=f"planned, read up to {asked(cube, 'tilt_deg'):g}°",
         )
         logarithmic(panel.xaxis, n.tolist())
