@@ -19,6 +19,8 @@ from thesis_lib.text import duration
 from thesis_lib.web import markdown
 
 FOLDER = "templates"
+# Spaces and dashes at which a line does not end.
+_UNBROKEN = str.maketrans({" ": "\N{NO-BREAK SPACE}", "–": "\N{WORD JOINER}–\N{WORD JOINER}"})
 
 
 def render(module_file: str | Path, name: str, **values: Any) -> str:
@@ -59,6 +61,9 @@ def _environment(folder: Path) -> jinja2.Environment:
         "rms": root_mean_square,
         "duration": duration,
         "minus": lambda text: text.replace("-", "−"),
+        "signed": format_signed,
+        "spread": format_spread,
+        "unbroken": lambda text: text.translate(_UNBROKEN),
         "words": join_words,
         "plain": lambda text: markdown.escape(str(text)),
         "table": format_table,
@@ -88,6 +93,36 @@ def format_millimetres(metres: Any, digits: int = 0) -> str:
     """
     value = 1000 * float(metres)
     return "∞" if np.isinf(value) else "–" if np.isnan(value) else f"{value:.{digits}f}"
+
+
+def format_signed(value: float, digits: int = 2) -> str:
+    """Format a number with a true minus sign, and zero without a sign.
+
+    Examples
+    --------
+    >>> format_signed(-0.5), format_signed(0.5), format_signed(-0.001)
+    ('−0.50', '0.50', '0.00')
+    """
+    return f"{round(float(value), digits) + 0.0:.{digits}f}".replace("-", "−")
+
+
+def format_spread(values: Iterable[float], digits: int = 2) -> str:
+    """Format median and range of values; a dash if there are none.
+
+    Examples
+    --------
+    >>> format_spread([0.5, 0.4, 0.9]), format_spread([2.0]), format_spread([150.26])
+    ('0.50 (0.40–0.90)', '2.00', '150')
+    """
+    finite = np.array([value for value in values if np.isfinite(value)])
+    if not finite.size:
+        return "—"
+    middle, low, high = (
+        format_signed(v, digits if abs(v) < 100 else 0)
+        for v in (np.median(finite), finite.min(), finite.max())
+    )
+    to = " to " if "−" in low else "–"
+    return middle if low == high else f"{middle} ({low}{to}{high})"
 
 
 def root_mean_square(values: Any) -> float:

@@ -12,12 +12,10 @@ import pytest
 import xarray as xr
 from scenes.laboratory import replicates
 
-from thesis_lib.book.conclusions import figure as conclusions_figure
-from thesis_lib.book.conclusions import pixels
-from thesis_lib.book.conclusions import strengths as conclusions
-from thesis_lib.book.conclusions import tables as conclusions_tables
-from thesis_lib.book.conclusions.knobs import KNOBS
+from thesis_lib.book.pieces import conclusions, factors
+from thesis_lib.book.pieces import summary_figure as conclusions_figure
 from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.book.pieces.factors import FACTORS
 from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.experiment import compute as experiment
@@ -47,28 +45,28 @@ def power_law(name, knob, power, factor=3.0):
     ],
 )
 def test_exponents_and_factors_of_a_power_law(conforms, knob, name, power, ratio):
-    (one,) = conclusions.strengths({name: power_law(name, knob, power)}, KNOBS[knob])
+    (one,) = factors.estimate_effects({name: power_law(name, knob, power)}, FACTORS[knob])
     conforms.closed_form(one.exponents, power, rtol=1e-7)
     conforms.closed_form(one.predicted, power, rtol=1e-7)
-    conforms.closed_form(one.factors, ratio, rtol=1e-7)
+    conforms.closed_form(one.ratios, ratio, rtol=1e-7)
     assert (one.confident, one.opposite, one.single) == (2, 0, 1)
 
 
 def test_the_opposite_of_a_conclusion_is_seen():
     cube = power_law("beam-distance", "closer", -0.5)
-    (one,) = conclusions.strengths({"beam-distance": cube}, KNOBS["closer"])
+    (one,) = factors.estimate_effects({"beam-distance": cube}, FACTORS["closer"])
     assert (one.confident, one.opposite, one.single) == (0, 2, 0)
     assert "0 of 2 (2 opposite)" in plain(
-        conclusions_tables.PIECES["conclusions-closer"]({"beam-distance": cube})
+        conclusions.PIECES["conclusions-closer"]({"beam-distance": cube})
     )
 
 
 def test_a_fall_in_every_run_that_is_not_material_is_no_support():
     cube = power_law("beam-distance", "closer", np.log(0.95) / np.log(500 / 1500))
-    (one,) = conclusions.strengths({"beam-distance": cube}, KNOBS["closer"])
+    (one,) = factors.estimate_effects({"beam-distance": cube}, FACTORS["closer"])
     assert (one.confident, one.opposite, one.unchanged, one.single) == (0, 0, 2, 0)
     assert "0 of 2 (2 no material change)" in plain(
-        conclusions_tables.PIECES["conclusions-closer"]({"beam-distance": cube})
+        conclusions.PIECES["conclusions-closer"]({"beam-distance": cube})
     )
 
 
@@ -88,7 +86,7 @@ def test_the_experiment_confirms_what_changes_by_more_than_a_tenth(factor, held)
     power = np.log(factor) / np.log(last / first)
     error = (cube["value"].astype(float) / first) ** power * xr.ones_like(cube["mean_error"])
     cube = with_provenance(cube.assign(mean_error=error), request, 0.0)
-    text = conclusions_tables.PIECES["conclusions-experiment"]({"experiment-resolution": cube})
+    text = conclusions.PIECES["conclusions-experiment"]({"experiment-resolution": cube})
     (row,) = [line for line in text.splitlines() if "| matched |" in line]
     assert f"×{factor:.2f}" in row
     assert row.endswith(f"| {held} |")
@@ -104,7 +102,7 @@ def test_the_experiment_names_the_best_width_of_an_error_that_turns(turned, held
         cube["mean_error"]
     ).transpose(..., "setting")
     cube = with_provenance(cube.assign(mean_error=error), request, 0.0)
-    text = conclusions_tables.PIECES["conclusions-experiment"]({"experiment-resolution": cube})
+    text = conclusions.PIECES["conclusions-experiment"]({"experiment-resolution": cube})
     (row,) = [line for line in text.splitlines() if "| matched |" in line]
     assert f"| {held}" in row
     assert ("1280" in row.split("|")[-2]) == turned
@@ -113,8 +111,8 @@ def test_the_experiment_names_the_best_width_of_an_error_that_turns(turned, held
 def test_an_error_that_neither_surely_falls_nor_rises_is_not_told_apart():
     cube = power_law("beam-distance", "closer", 0.0)
     scatter = 1 + 0.5 * np.random.default_rng(0).standard_normal(cube["mean_error"].shape)
-    (one,) = conclusions.strengths(
-        {"beam-distance": cube.assign(mean_error=cube["mean_error"] * scatter)}, KNOBS["closer"]
+    (one,) = factors.estimate_effects(
+        {"beam-distance": cube.assign(mean_error=cube["mean_error"] * scatter)}, FACTORS["closer"]
     )
     assert (one.confident, one.opposite) == (0, 0)
 
@@ -129,28 +127,30 @@ def test_the_elevation_is_that_of_the_cameras_and_its_law_a_power_of_the_cosine(
     cosine = xr.DataArray(1 / np.cos(elevation), dims="setting")
     one = xr.ones_like(cube["mean_error"])
     cube = cube.assign(mean_error=one * cosine)
-    (lower,) = conclusions.strengths({"beam-aperture": cube}, KNOBS["lower"])
+    (lower,) = factors.estimate_effects({"beam-aperture": cube}, FACTORS["lower"])
     assert lower.ends == (60, 5)
-    assert len(lower.factors) == 4  # cases 2b and 2d, two modes
+    assert len(lower.ratios) == 4  # cases 2b and 2d, two modes
     conforms.closed_form(lower.exponents, -1, rtol=1e-6)
-    conforms.closed_form(lower.factors, np.cos(np.radians(60)) / np.cos(np.radians(5)), rtol=1e-6)
+    conforms.closed_form(lower.ratios, np.cos(np.radians(60)) / np.cos(np.radians(5)), rtol=1e-6)
 
 
 def test_stated_factors_are_those_of_the_stated_figures():
     cube = power_law("beam-distance", "closer", 1.0)
     stated = {
-        c.mode: c.stated for c in conclusions.curves({"beam-distance": cube}, KNOBS["closer"])
+        c.mode: c.claimed for c in factors.read_curves({"beam-distance": cube}, FACTORS["closer"])
     }
-    (one,) = conclusions.strengths({"beam-distance": cube}, KNOBS["closer"])
+    (one,) = factors.estimate_effects({"beam-distance": cube}, FACTORS["closer"])
     expected = [figures[0] / figures[-1] for figures in stated.values()]
-    np.testing.assert_allclose(one.stated, [v for v in expected if np.isfinite(v)])
-    assert one.stated.size
+    np.testing.assert_allclose(one.claimed, [v for v in expected if np.isfinite(v)])
+    assert one.claimed.size
 
 
 def test_settings_without_a_result_are_left_out_and_counted():
     cube = power_law("beam-distance", "closer", 1.0)
     gone = cube["mean_error"].where(cube["value"] > 600)
-    (one,) = conclusions.strengths({"beam-distance": cube.assign(mean_error=gone)}, KNOBS["closer"])
+    (one,) = factors.estimate_effects(
+        {"beam-distance": cube.assign(mean_error=gone)}, FACTORS["closer"]
+    )
     assert one.ends == (1500, 750)
     assert one.lost == 1
     np.testing.assert_allclose(one.exponents, 1)
@@ -158,14 +158,13 @@ def test_settings_without_a_result_are_left_out_and_counted():
 
 @pytest.mark.parametrize("missing", ["beam-distance", "lab-elevation", "claims", "sound-arrays"])
 def test_a_missing_cube_is_named_and_the_rest_stands(small, tmp_path, monkeypatch, missing):
-    monkeypatch.setattr(pieces_write, "PIECES", conclusions_tables.PIECES)
+    monkeypatch.setattr(pieces_write, "PIECES", conclusions.PIECES)
     folder = tmp_path / "executed"
     folder.mkdir()
     made = [path for name, path in small.items() if name != missing]
     pieces_write.write(made, folder, [missing])
     texts = {
-        name: (folder / f"{name}.md").read_text(encoding="utf-8")
-        for name in conclusions_tables.PIECES
+        name: (folder / f"{name}.md").read_text(encoding="utf-8") for name in conclusions.PIECES
     }
     assert any(re.search(f"did not run: .*`{missing}`", text) for text in texts.values())
     if missing == "beam-distance":
@@ -237,12 +236,12 @@ def test_the_figure_draws_what_there_is_and_is_the_same_each_time(small, tmp_pat
 
 def test_half_the_error_costs_what_the_exponent_says():
     cube = power_law("beam-resolution", "finer", -1.0)
-    text = conclusions_tables.PIECES["conclusions-costs"]({"beam-resolution": cube})
+    text = conclusions.PIECES["conclusions-costs"]({"beam-resolution": cube})
     assert "| finer pixels | beam | W ×2.00 | ×4.0 |" in text
 
 
 def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
-    found = {(one.structure, one.case): one for one in pixels.equal_pixels()}
+    found = {(one.structure, one.case): one for one in conclusions.equal_pixels()}
     assert len(found) == 12
     for structure in ("beam", "plate"):
         cube = studies.run(validate(f"{structure}-arrays", {"trials": 1, "cases": ["4b"]}))
@@ -256,15 +255,16 @@ def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
         conforms.closed_form(one.pair / np.sqrt(np.mean(pair**2)), below=1 + 1e-3)
     worse = [key for key, one in found.items() if one.ratio > 1.1]
     assert worse == [("beam", "4b")]
-    assert "1 is worse by more than 10%, beam 4b" in pixels.pixels()
+    text = " ".join(conclusions.tabulate_equal_pixels({}).split())
+    assert "1 is worse by more than 10%, beam 4b" in text
 
 
 def test_what_is_remembered_counts_as_used(tmp_path) -> None:
     """A piece that asks again is made anew when its cubes change."""
     opened = Opened([], [])
-    assert conclusions.strengths(opened, KNOBS["closer"]) == []
+    assert factors.estimate_effects(opened, FACTORS["closer"]) == []
     wanted = opened.wanted
-    assert wanted == {name for _, name, *_ in KNOBS["closer"].sources}
+    assert wanted == {name for _, name, *_ in FACTORS["closer"].sources}
     opened.forget()
-    conclusions.strengths(opened, KNOBS["closer"])
+    factors.estimate_effects(opened, FACTORS["closer"])
     assert opened.wanted == wanted

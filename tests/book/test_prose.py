@@ -14,7 +14,7 @@ from scenes.sounding import sounding
 from thesis_lib import files
 from thesis_lib.book import sample
 from thesis_lib.book.conformance import report as conformance
-from thesis_lib.book.pieces import assumptions, results, shown, thesis_index
+from thesis_lib.book.pieces import assumptions, findings, shown, thesis_index
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.facts import claims
@@ -110,7 +110,7 @@ def test_the_pieces_of_the_ledger_are_those_that_read_its_cube():
     assert {name for name, cubes in used.items() if "claims" in cubes} == {*pieces_write.OF_LEDGER}
 
 
-RESULTS = {*results.PIECES} - {"conclusions-result"}  # sentences; that one is a table
+RESULTS = {*findings.RESULTS} - {"conclusions-result"}  # sentences; that one is a table
 SENTENCES = {"lab-radiation-sentences"}
 # Sentences, and a piece of small cubes with drawn trials.
 NO_ROWS = {*RESULTS, *SENTENCES, "beam-cameras", "lab-repeats"}

@@ -11,10 +11,19 @@ import xarray as xr
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import STUDIES
 
+Cubes = Mapping[str, xr.Dataset]
 
-def of_subject(opened: Mapping[str, xr.Dataset], subject: str) -> list[xr.Dataset]:
-    """The cubes of a subject, such as ``beam``."""
+
+def of_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
+    """Return the cubes of a subject, such as ``beam``."""
     return [opened[name] for name in opened if STUDIES[name].subject == subject]
+
+
+def of_chapter(opened: Cubes, subject: str) -> list[xr.Dataset]:
+    """Return the cubes of a subject, all of which the chapter needs."""
+    if isinstance(opened, Opened):
+        opened.wanted |= {name for name in opened.without if STUDIES[name].subject == subject}
+    return of_subject(opened, subject)
 
 
 class Opened(Mapping[str, xr.Dataset]):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thesis_lib.book.conclusions.strengths import Cubes
-from thesis_lib.book.pieces.opened import of_subject
+from thesis_lib.book.pieces.opened import Cubes, of_subject
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.templates import render
 from thesis_lib.vibration.structure import deflection_shape, world_points

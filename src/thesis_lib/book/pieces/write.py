@@ -10,39 +10,15 @@ import xarray as xr
 
 from thesis_lib import files, records
 from thesis_lib.book import missing
-from thesis_lib.book.conclusions import tables as conclusions_tables
-from thesis_lib.book.conclusions.strengths import Cubes
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
-from thesis_lib.book.pieces import home, results, rounding
-from thesis_lib.book.pieces.chapters import (
-    beam_results,
-    experiment_results,
-    layouts,
-    plate_results,
-    repeats,
-    scatter_table,
-    sound_results,
-)
-from thesis_lib.book.pieces.opened import Opened
-from thesis_lib.book.pieces.structures import (
-    beam_cameras,
-    effort_table,
-    levels,
-    markers,
-    motion_needed,
-    parameter_table,
-    parameters,
-    planned,
-    structure_model,
-)
-from thesis_lib.facts import setups
+from thesis_lib.book.pieces import conclusions, findings, rounding, structures
+from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.optics import tables as optics_tables
 from thesis_lib.figure_sets.parametric import sound, sound_turn
 from thesis_lib.figure_sets.parametric import symmetry as shape_tables
 from thesis_lib.figure_sets.planner import tables as planner_tables
-from thesis_lib.planning.request import PlanRequest
 
 
 def write(
@@ -152,18 +128,9 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
     **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},
     **{f"planner-{name}": partial(_planner, name) for name in planner_tables.PIECES},
-    "planner-example": planned,
-    "planner-parameters": lambda _: parameter_table(PlanRequest, ["cube"]),
-    **home.PIECES,
+    **findings.PIECES,
+    **structures.PIECES,
     **rounding.PIECES,
-    **results.PIECES,
-    "beam-model": lambda _: structure_model(setups.beam(), "mm", 1e3),
-    "beam-cameras": beam_cameras,
-    "beam-results": beam_results,
-    "plate-model": lambda _: structure_model(setups.plate(), "nm", 1e9),
-    "plate-results": plate_results,
-    "experiment-results": experiment_results,
-    "lab-repeats": repeats,
     "lab-elevation-results": lambda opened: _layout("lab-elevation", opened["lab-elevation"]),
     "lab-layout-results": lambda opened: _layout("lab-layout", opened["lab-layout"]),
     "lab-equal-pixels-results": lambda opened: _lab("equal", opened["lab-equal-pixels"]),
@@ -172,16 +139,8 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     "lab-radiation-sentences": lambda opened: _lab("radiation_sentences", opened["lab-radiation"]),
     "lab-radiation-tap": lambda opened: _lab("radiation_tap", opened["lab-radiation"]),
     "lab-plate-results": lambda opened: _lab("plate_results", opened["lab-plate"]),
-    "sound-results": sound_results,
-    "sound-scatter": scatter_table,
-    "sound-layouts": layouts,
-    "sound-markers": markers,
-    "motion-needed": motion_needed,
-    "sound-levels": levels,
     "sound-sum": sound.sums,
     "sound-turn": lambda opened: sound_turn.turn_summary(opened["sound-aperture"]),
-    **conclusions_tables.PIECES,
-    "parameters": parameters,
-    "effort": effort_table,
+    **conclusions.PIECES,
     **{name: partial(_benchmark, name) for name in benchmark_tables.PIECES},
 }

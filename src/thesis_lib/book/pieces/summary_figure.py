@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from thesis_lib import files
-from thesis_lib.book.conclusions.knobs import KNOBS, Knob
-from thesis_lib.book.conclusions.strengths import Cubes, Curve, curves
+from thesis_lib.book.pieces.factors import FACTORS, Curve, Factor, read_curves
+from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.plotting.style import COLORS, in_style, subplots, svg
 
@@ -42,16 +42,16 @@ TICKS = {
 
 
 def draw(opened: Cubes) -> Figure:
-    """Five panels, one for each knob, all with the same axis of errors.
+    """Five panels, one for each factor, all with the same axis of errors.
 
     A line is one case, the geometric mean over modes and planes of the rms over the trials; a
     diamond is one figure that the thesis states.
     """
     with in_style():
         drawing, panels = subplots(1, 5, figsize=(9.6, 3.6), sharey=True, layout="constrained")
-        for axes, (name, knob) in zip(panels, KNOBS.items(), strict=True):
-            _panel(axes, list(curves(opened, knob)))
-            _axis(axes, name, knob)
+        for axes, (name, factor) in zip(panels, FACTORS.items(), strict=True):
+            _panel(axes, list(read_curves(opened, factor)))
+            _axis(axes, name, factor)
         panels[0].set(yscale="log", ylabel="rms error, %")
         panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         drawing.legend(
@@ -70,7 +70,7 @@ def _panel(axes: Axes, found: Sequence[Curve]) -> None:
         by.setdefault((curve.group, curve.case), []).append(curve)
         axes.plot(
             curve.values,
-            curve.stated,
+            curve.claimed,
             "D",
             color=_color(curve.group),
             markersize=4,
@@ -92,12 +92,12 @@ def _panel(axes: Axes, found: Sequence[Curve]) -> None:
         )
 
 
-def _axis(axes: Axes, name: str, knob: Knob) -> None:
+def _axis(axes: Axes, name: str, factor: Factor) -> None:
     axes.set(xscale="log", title=TITLES[name])
     axes.xaxis.set_major_locator(FixedLocator(TICKS[name]))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    if knob.better < 0:  # to the right is what should measure better
+    if factor.better < 0:  # to the right is what should measure better
         axes.invert_xaxis()
 
 
@@ -124,7 +124,7 @@ def _legend() -> list[Line2D]:
 
 def used(made: Iterable[Path]) -> list[Path]:
     """Those of some cubes that the figure shows."""
-    names = {name for knob in KNOBS.values() for _, name, _, _ in knob.sources}
+    names = {name for factor in FACTORS.values() for _, name, _, _ in factor.sources}
     return [path for path in made if path.stem in names]
 
 

@@ -1,1 +1,0 @@
-"""The page that holds the thesis's conclusions against its cubes."""

@@ -1,0 +1,397 @@
+"""Results of chapters, with numbers from the cubes: what each chapter, and the book, comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.arrays import Array
+from thesis_lib.book.pieces.conclusions import equal_pixels
+from thesis_lib.book.pieces.factors import FACTORS, estimate_effects, sound_trends
+from thesis_lib.book.pieces.opened import Cubes, of_chapter, of_subject
+from thesis_lib.facts import claims
+from thesis_lib.figure_sets.parametric.sound import audible
+from thesis_lib.figure_sets.parametric.sound_turn import BEST_DEG, turn_advice
+from thesis_lib.figure_sets.planner.parameters import THESIS
+from thesis_lib.figure_sets.planner.tables import coarse, with_readable
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.laboratory.another import SHIFT, TURN
+from thesis_lib.laboratory.filming import Repeated
+from thesis_lib.ledger import verdicts
+from thesis_lib.ledger.entries import from_cube
+from thesis_lib.plotting.selection import error_bars, select, stated
+from thesis_lib.studies import cubes
+from thesis_lib.templates import render
+
+GROUPS = ("beam", "plate", "sound")
+ADVICE = {
+    "closer": "closer",
+    "wider": "farther apart",
+    "lower": "lower",
+    "finer": "finer pixels",
+    "more": "more cameras",
+}
+VERDICT_WORDS = {
+    "agrees": "agree",
+    "within scatter": "lie within the scatter of single runs",
+    "differs": "differ",
+    "no material change": "change by a tenth at most",
+}
+ERROR_WORDS = {"mean": "mean errors", "peak": "peak errors"}
+
+
+def describe_chapter(subject: str, opened: Cubes) -> str:
+    """Describe what a chapter comes to: changes, agreement, the law of rounding."""
+    chapter = of_chapter(opened, subject)
+    changes = _changes(chapter)
+    met = _met(chapter)
+    kinds = list(dict.fromkeys(kind for by_kind in met.values() for kind in by_kind))
+    return render(
+        __file__,
+        "chapter",
+        quantity="pressure of the plane" if "plane_error" in chapter[0] else "deflection",
+        changes=changes,
+        columns=changes[-1]["columns"],
+        kinds=[ERROR_WORDS.get(kind, f"errors on {kind}") for kind in kinds],
+        agreement=[
+            {
+                "title": STUDIES[name].title,
+                "name": name,
+                "cells": [by_kind.get(kind, []) for kind in kinds],
+            }
+            for name, by_kind in met.items()
+        ],
+        totals=[[one for by in met.values() for one in by.get(kind, [])] for kind in kinds],
+        missed=_met_values(opened) if subject == "beam" else None,
+        law=_compare_law(chapter) if subject in ("beam", "plate") else None,
+        scatters=_explain_scatter(chapter) if subject == "experiment" else [],
+    )
+
+
+def _changes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
+    """Return the first and the last setting of each case in expectation."""
+    rows = []
+    for cube in chapter:
+        for case in dict.fromkeys(cube["case"].values.tolist()):
+            modes = cube["mode"].values.tolist()
+            labels = select(cube, case, modes[0])["label"].values
+            cells = {}
+            for mode in modes:
+                for error in cubes.errors(cube):
+                    bars = error_bars(cube, case, mode, error)
+                    if error == "max_point_error" or np.isnan(bars.literal).all():
+                        continue
+                    title = f"mode {mode}" + (f", {bars.name}" if bars.name else "")
+                    cells[title] = bars.band[1][[0, -1]]
+            first, last = (str(labels[i]).removesuffix(" cameras") for i in (0, -1))
+            varied = STUDIES[cube.attrs["figure_set"]].varied_label
+            row = {"case": case, "varied": varied, "first": first, "last": last}
+            rows.append(row | {"columns": list(cells), "cells": list(cells.values())})
+    rows.sort(key=lambda row: row["case"] if row["case"][0].isdigit() else "")  # others stay
+    return rows
+
+
+def _met(chapter: Sequence[xr.Dataset]) -> dict[str, dict[str, list[bool]]]:
+    """Return which claimed values are met, by figure set and kind of error."""
+    met: dict[str, dict[str, list[bool]]] = {}
+    for cube in chapter:
+        name = cube.attrs["figure_set"]
+        own = met.setdefault(name, {})
+        for check in verdicts.check(cube, claims.claims_of(name)):
+            own.setdefault(cubes.SHORT[check.claim.quantity], []).append(check.inside)
+    return met
+
+
+def _met_values(opened: Cubes, subject: str = "beam", quantity: str = "") -> list[bool]:
+    """Return which claimed values of a subject are met, those of one quantity or all."""
+    return [
+        check.inside
+        for cube in of_subject(opened, subject)
+        for check in verdicts.check(cube, claims.claims_of(cube.attrs["figure_set"]))
+        if quantity in ("", check.claim.quantity)
+    ]
+
+
+def _compare_law(chapter: Sequence[xr.Dataset]) -> dict[str, Any]:
+    """Compare the law of rounding with the rms over the trials."""
+    squared = [cube["mean_error"].isel(trial=slice(1, None)) ** 2 for cube in chapter]
+    std = 100 * np.concatenate([relative_rms_std(one) for one in squared])
+    ratios = [
+        (cube["predicted_error"] / np.sqrt(one.mean("trial"))).values.ravel()
+        for cube, one in zip(chapter, squared, strict=True)
+    ]
+    return {
+        "ratios": np.concatenate(ratios),
+        "trials": chapter[0].sizes["trial"] - 1,
+        "median_std_percent": np.median(std),
+        "max_std_percent": np.max(std),
+    }
+
+
+def _explain_scatter(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
+    """Estimate the scatter of centres that would give what the thesis states of a first setting."""
+    found = []
+    for cube in chapter:
+        by = {m: select(cube, m, 1).isel(setting=0) for m in ("matched", "literal")}
+        if claim := stated(cube, "matched", 1)[0]:
+            scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
+            wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
+            label = by["literal"]["label"].item()
+            found.append(scatter | {"wanted": wanted, "stated": claim.stated, "label": label})
+    return found
+
+
+def relative_rms_std(squared: xr.DataArray) -> Array:
+    """Return the relative standard error of the rms over trials, from squared errors (…, trial)."""
+    n = squared.sizes["trial"]
+    return np.ravel(squared.std("trial", ddof=1) / squared.mean("trial") / (2 * np.sqrt(n)))
+
+
+def describe_repeats(opened: Cubes) -> str:
+    """Describe how many other recordings the bands are over, and where the first lies in them."""
+    rows = []
+    for name in (one for one, study in STUDIES.items() if issubclass(study, Repeated)):
+        error = opened[name]["mean_error"].transpose("trial", ...).values
+        error = error[:, np.isfinite(error).all(axis=0)]
+        first, others = error[0], error[1:]
+        row = {
+            "title": STUDIES[name].title,
+            "name": name,
+            "others": len(others),
+            "scatter": np.median(others.std(0) / others.mean(0)),
+            "above": np.mean(first > others.max(0)),
+            "below": np.mean(first < others.min(0)),
+        }
+        rows.append(row)
+    turn = np.degrees(TURN)
+    return render(__file__, "lab-repeats", rows=rows, shift_mm=1000 * SHIFT, turn_deg=turn)
+
+
+def tabulate_sound_scatter(opened: Cubes) -> str:
+    """Tabulate how far one rounding scatters, by mode and plane."""
+    chapter = of_chapter(opened, "sound")
+    rows = []
+    for mode, plane in audible(chapter[0]):
+        spread, law, known = [], [], []
+        for cube in chapter:
+            part = cube.sel(mode=mode, plane=plane)
+            drawn = part["plane_error"].transpose("setting", "trial")[:, 1:]
+            low, high = np.quantile(drawn.values, [0.05, 0.95], axis=1)
+            spread += list(high / low)
+            law += list(part["predicted_error"].values / np.sqrt(np.mean(drawn.values**2, axis=1)))
+            known += list(relative_rms_std(drawn**2))
+        medians = {"spread_median": np.median(spread), "std_median": np.median(known)}
+        rows.append({"mode": mode, "plane": plane, "spread": spread, "law": law} | medians)
+    return render(__file__, "sound-scatter", rows=rows)
+
+
+def tabulate_sound_layouts(opened: Cubes) -> str:
+    """Tabulate the rms field error over the rms deflection error: how the layout changes κ."""
+    chapter = of_chapter(opened, "sound")
+    pairs = audible(chapter[0])
+    free = [float(chapter[0]["independent_ratio"].sel(mode=m, plane=p)) for m, p in pairs]
+    rows = []
+    times: dict[float, list[float]] = {1.0: [], 0.0: []}  # by the share that stands square
+    for cube in chapter:
+        for case in dict.fromkeys(cube["case"].values.tolist()):
+            square = _square_share(select(cube, case, pairs[0][0]))
+            cells = []
+            for (mode, plane), alone in zip(pairs, free, strict=True):
+                part = select(cube, case, mode)
+                field = part["plane_error"].sel(plane=plane).transpose("setting", "trial").values
+                shape = part["deflection_error"].transpose("setting", "trial").values
+                ratio = np.sqrt(np.mean(field[:, 1:] ** 2, 1) / np.mean(shape[:, 1:] ** 2, 1))
+                cells.append((ratio[0], ratio[-1]))
+                for share, found in times.items():
+                    found += (ratio[square == share] / alone).tolist()
+            rows.append({"case": case, "square": square, "cells": cells})
+    rows.sort(key=lambda row: [f"{row['square'][i]:4.0%}" for i in (0, -1)])
+    spreads = [{"median": np.median(t), "low": min(t), "high": max(t)} for t in times.values()]
+    return render(
+        __file__,
+        "sound-layouts",
+        pairs=pairs,
+        independent=free,
+        rows=rows,
+        square=spreads[0],
+        oblique=spreads[1],
+    )
+
+
+def _square_share(part: xr.Dataset) -> Array:
+    """Return the share of each setting's cameras whose azimuth is a multiple of 90°."""
+    azimuth = part["camera_azimuth"].values
+    off = np.abs((azimuth + 45) % 90 - 45)
+    return np.nanmean(np.where(np.isnan(azimuth), np.nan, off < 1e-6), axis=1)
+
+
+def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
+    """Return by factor where a body's error is largest and smallest, and its share there.
+
+    The share is a median over cases and modes.
+    """
+    own = {name: opened[name] for name, study in STUDIES.items() if study.subject == body}
+    found = {name: estimate_effects(own, factor)[0] for name, factor in FACTORS.items()}
+    return {
+        name: {"worst": one.ends[0], "best": one.ends[1], "share": float(np.median(one.ratios))}
+        for name, one in found.items()
+    }
+
+
+def law_over_rms(opened: Cubes, body: str) -> Array:
+    """Return the law over the trials' rms of a body, shape (settings × modes,)."""
+    ratios = [
+        (cube["predicted_error"].transpose("setting", "mode").values / _rms(cube)).ravel()
+        for cube in of_subject(opened, body)
+    ]
+    return np.concatenate(ratios)
+
+
+def describe_body(body: str, opened: Cubes) -> str:
+    """Describe what each factor does to the error of a body, and how well that is known."""
+    single = [c["mean_error"][..., 1:] / c["predicted_error"] for c in of_subject(opened, body)]
+    low, high = np.quantile(np.concatenate([one.values.ravel() for one in single]), [0.05, 0.95])
+    return render(
+        __file__,
+        "body-result",
+        by=error_shares(opened, body),
+        law_off_percent=100 * np.max(np.abs(law_over_rms(opened, body) - 1)),
+        single_low=low,
+        single_high=high,
+    )
+
+
+def describe_laboratory(opened: Cubes) -> str:
+    """Describe the thesis's chain and the best one, with all cameras and pixels."""
+    cube = opened["experiment-resolution"]
+    thesis, best = (
+        _median(select(cube, method, 1).isel(setting=-1)["mean_error"])
+        for method in ("matched", "harmonic")
+    )
+    return render(
+        __file__,
+        "laboratory-result",
+        thesis=thesis,
+        best=best,
+        claim=stated(cube, "matched", 1)[-1],
+        met=_met_values(opened, "experiment", "mean_error"),
+    )
+
+
+def describe_sound(opened: Cubes) -> str:
+    """Describe shape against sound, and the effect of turning two cameras."""
+    arrays, turned = opened["sound-arrays"], opened["sound-aperture"]["turned_coherence"]
+    square, askew = (float(turned.sel(turn=turn).median()) for turn in (0, list(BEST_DEG)))
+    return render(
+        __file__,
+        "sound-result",
+        shape=_median(arrays["deflection_error"]),
+        field=_median(arrays["plane_error"]),
+        square=square,
+        askew=askew,
+        advice=turn_advice(opened["sound-aperture"]),
+    )
+
+
+def describe_shapes(opened: Cubes) -> str:
+    """Describe how far the errors of the two shapes are from the rectangle's."""
+    whole = _rms(opened["plate-arrays"])
+    ratios = [
+        float(ratio)
+        for name in ("shape-l", "shape-holes")
+        for ratio in np.median(_rms(opened[name]) / whole, axis=0)
+    ]
+    return render(__file__, "shapes-result", ratios=ratios)
+
+
+def describe_planner(opened: Cubes) -> str:
+    """Describe what planning gains over the best of the thesis's layouts."""
+    cube = opened["planner"]
+    gains = []
+    for body, question in THESIS.items():
+        own = cube["thesis_expected"].sel(structure=body).min("thesis_case").values
+        planned = coarse(cube, question)["expected_error"].values
+        gain = 100 * (1 - planned[: len(own)] / own)
+        gains.append({"name": body, "first": gain[0], "last": gain[-1]})
+    counts, readable = cube["count"].values.astype(int), with_readable(cube)
+    return render(__file__, "planner-result", gains=gains, counts=counts, readable=readable)
+
+
+def tabulate_advice(opened: Cubes) -> str:
+    """Tabulate the five pieces of advice: what they bring, and whether they hold."""
+    rows = []
+    for name, advice in ADVICE.items():
+        by = {
+            one.group: {
+                "median": np.median(one.ratios),
+                "confident": one.confident,
+                "ratios": one.ratios,
+            }
+            for one in estimate_effects(opened, FACTORS[name])
+        }
+        rows.append({"advice": advice, "by": by})
+    groups = [group for group in GROUPS if any(group in row["by"] for row in rows)]
+    return render(__file__, "conclusions-result", rows=rows, groups=groups)
+
+
+def list_findings(opened: Cubes) -> str:
+    """List what the book finds in five sentences, each with where it is shown."""
+    entries = [entry for entry in from_cube(opened["claims"]) if entry.counted]
+    numbers = {word: sum(one.verdict == word for one in entries) for word in verdicts.VERDICTS}
+    ratios = np.concatenate([law_over_rms(opened, body) for body in ("beam", "plate")])
+    arrays = opened["sound-arrays"]
+    held, curves = sound_trends(opened)
+    return render(
+        __file__,
+        "home-findings",
+        counted=len(entries),
+        verdicts=[(numbers[word], words) for word, words in VERDICT_WORDS.items() if numbers[word]],
+        missed=_met_values(opened),
+        ratios=ratios,
+        off=np.max(np.abs(ratios - 1)),
+        left={name: one["share"] for name, one in error_shares(opened, "beam").items()},
+        pair=np.median([one.ratio for one in equal_pixels()]),
+        shape=_median(arrays["deflection_error"]),
+        sound=_median(arrays["plane_error"]),
+        held=held,
+        curves=curves,
+    )
+
+
+def _median(errors: xr.DataArray) -> float:
+    """Return the median over the random trials, and all else."""
+    return float(errors.isel(trial=slice(1, None)).median())
+
+
+def _rms(cube: xr.Dataset) -> Array:
+    """Return the rms error over the random trials, shape (settings, modes)."""
+    squared = cube["mean_error"].isel(trial=slice(1, None)) ** 2
+    rms: Array = np.sqrt(squared.mean("trial").transpose("setting", "mode").values)
+    return rms
+
+
+RESULTS: dict[str, Callable[[Cubes], str]] = {
+    "beam-result": partial(describe_body, "beam"),
+    "plate-result": partial(describe_body, "plate"),
+    "laboratory-result": describe_laboratory,
+    "sound-result": describe_sound,
+    "shapes-result": describe_shapes,
+    "planner-result": describe_planner,
+    "conclusions-result": tabulate_advice,
+}
+"""The end of each chapter: two or three sentences, or a table."""
+PIECES: dict[str, Callable[[Cubes], str]] = {
+    "home-findings": list_findings,
+    **{
+        f"{subject}-results": partial(describe_chapter, subject)
+        for subject in ("beam", "plate", "sound", "experiment")
+    },
+    **RESULTS,
+    "lab-repeats": describe_repeats,
+    "sound-scatter": tabulate_sound_scatter,
+    "sound-layouts": tabulate_sound_layouts,
+}
