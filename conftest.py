@@ -4,8 +4,8 @@ import json
 import os
 import sys
 import tempfile
-from functools import partial
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 import hypothesis
@@ -54,5 +54,14 @@ def _own_kernel(config: pytest.Config) -> None:
         empty = Path(folder.name) / name.lower()
         empty.mkdir()
         os.environ[f"JUPYTER_{name}"] = str(empty)
-    transport = kernel.choose_transport(Path(folder.name, "runtime_dir", f"kernel-{uuid4()}"))
-    nbval.kernel.KernelManager = partial(nbval.kernel.KernelManager, transport=transport)
+    stock_manager = nbval.kernel.KernelManager
+
+    def build_manager(**options: Any) -> Any:
+        connection = Path(folder.name, uuid4().hex)
+        return stock_manager(
+            transport=kernel.choose_transport(connection),
+            connection_file=f"{connection}.json",
+            **options,
+        )
+
+    nbval.kernel.KernelManager = build_manager
