@@ -8,8 +8,8 @@ from command import thesis
 
 from thesis_lib.book.pieces import answer, benchmarks
 from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.feasibility.limits import LIMIT
-from thesis_lib.measure.feasibility.planned import planned
+from thesis_lib.measure.feasibility.draft import draft_manifest
+from thesis_lib.measure.messages import LIMIT
 
 
 def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
@@ -34,7 +34,7 @@ def test_the_rule_is_the_limit_that_the_check_warns_of():
 
 
 def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
-    moved = min(row.motion_px for row in assess(planned(answer.PLATE)).table)
+    moved = min(row.motion_px for row in assess(draft_manifest(answer.PLATE)).table)
     share = benchmarks.percent(answer.wrong_px(answer.COMPRESSED) / moved)
     line = next(line for line in answer.answer().splitlines() if line.startswith("| full HD"))
     assert f"| {moved:.2f} | {share} |" in line

@@ -13,7 +13,7 @@ from benchmarks import compression, limits, peers, publish, rayleigh, tracking
 from thesis_lib import files
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import write as pieces_write
-from thesis_lib.measure.feasibility.limits import LIMIT
+from thesis_lib.measure.messages import LIMIT
 from thesis_lib.studies import times
 
 OPERATIONS = """

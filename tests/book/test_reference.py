@@ -3,6 +3,7 @@
 import ast
 import re
 from pathlib import Path
+from string import Formatter
 
 import numpy as np
 import pytest
@@ -14,11 +15,9 @@ from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.cli import cli
 from thesis_lib.files import project_root
 from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.feasibility.limits import THRESHOLDS
-from thesis_lib.measure.feasibility.remedies import NEW, UNCHECKED
+from thesis_lib.measure.messages import CHECKS, MESSAGES, NEW, NOTES
 from thesis_lib.measure.recordings.manifest import _model_at, read_manifest, write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.report.meanings import MEANINGS
 from thesis_lib.studies import vocabulary
 
 NAMES = ("recordings", "recordings-filming", "recordings-results", "recordings-warnings",
@@ -101,26 +100,16 @@ def lines_of(path):
     return found
 
 
-def notes():
-    """Every note that a report can give, of one tone, of modes, of sound: code, text and place."""
-    return [
-        (ast.literal_eval(node.args[0]), literal(node.args[1]), f"{path.name}:{node.lineno}")
-        for path in sorted((SOURCES / "measure").rglob("*.py"))
-        for node in nodes(path)
-        if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "Note"
-    ]
-
-
-def warned():
-    """Every code with which the check of a manifest can warn, as its source has them."""
-    found = set()
-    for node in nodes(SOURCES / "measure" / "feasibility" / "assess.py"):
-        if isinstance(node, ast.Dict):
-            keys = [literal(key) for key in node.keys]
-            found |= {key.split()[-1] for key in keys}
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "Warning":
-            found.add(literal(node.args[0]))
-    return found - {"…"}
+def made():
+    """Every note and warning that is put together in the source: code, variant, names of values."""
+    for path in sorted((SOURCES / "measure").rglob("*.py")):
+        for node in nodes(path):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("make_note", "_warn"):
+                texts = [one.value for one in node.args if isinstance(one, ast.Constant)]
+                variant = texts[-1] if len(texts) > 1 and texts[-1] not in MESSAGES else ""
+                names = {one.arg for one in node.keywords}
+                if texts and None not in names:
+                    yield texts[0], variant, names
 
 
 @pytest.mark.parametrize("part", reference.PARTS)
@@ -154,65 +143,46 @@ def test_every_part_that_a_manifest_holds_is_told():
     assert held == set(reference.PARTS.values())
 
 
-def test_every_warning_has_its_limit_and_a_remedy():
-    codes = [code for remedies in reference.REMEDIES.values() for code in remedies]
-    assert sorted(codes) == sorted(THRESHOLDS)
-    assert warned() == set(THRESHOLDS)
-    listed = dict(terms(reference.warnings()))
-    assert len(listed) == len(codes)
-    for remedies in reference.REMEDIES.values():
-        for code, remedy in remedies.items():
-            (term,) = [term for term in listed if term.startswith(f"[`{code}`]{{#{code}}} ")]
-            assert f" {THRESHOLDS[code].value:g}" in term
-            assert listed[term].endswith(remedy)
-            assert remedy.endswith(".")
+def test_messages_and_their_values_fit():
+    told = list(made())
+    assert len(told) > 50
+    for code, variant, names in told:
+        message = MESSAGES[code]
+        text = message.variants.get(variant, message.text)
+        fields = {name for _, name, _, _ in Formatter().parse(text) if name} - {"limit"}
+        assert fields <= names, code
+    words = " ".join(path.read_text("utf-8") for path in (SOURCES / "measure").rglob("*.py"))
+    assert [code for code in MESSAGES if f'"{code}"' not in words] == []
 
 
-def test_every_note_has_a_name_a_meaning_and_a_remedy():
-    said = notes()
-    assert len(said) > 30
-    assert {code for code, *_ in said} == set(MEANINGS)
-    for code, text, where in said:
-        assert MEANINGS[code].says in text, where
-    for path in sorted((SOURCES / "measure").glob("*/notes.py")):  # none but under a name
-        for node in nodes(path):
-            if isinstance(node, ast.Yield):
-                assert re.match(r"(N|n)ote(_\w+)?\(", ast.unparse(node.value)), (
-                    f"{path}:{node.lineno}"
-                )
-    for meaning in MEANINGS.values():
-        assert meaning.means.endswith(".")
-        assert meaning.do.endswith(".")
-    pieces = [f"record-{name}" for name in ("notes", "notes-modes", "notes-sound", "notes-force")]
-    listed = [one for name in pieces for one in terms(reference.PIECES[name]())]
-    assert len(listed) == len(MEANINGS)
-    for code, meaning in MEANINGS.items():
-        (words,) = [words for term, words in listed if f"{{#{code}}}" in term]
-        assert words == f"{meaning.means} _What to do._ {meaning.do}"
-
-
-def test_names_of_warnings_and_notes_are_unlike():
-    assert set(MEANINGS).isdisjoint(THRESHOLDS)
+def test_the_book_lists_every_message_once_with_meaning_limit_and_remedy():
     anchors = re.findall(r"\{#([\w-]+)\}", "".join(piece() for piece in reference.PIECES.values()))
-    assert sorted(anchors) == sorted([*MEANINGS, *THRESHOLDS])
+    assert sorted(anchors) == sorted(MESSAGES)
+    assert len(MESSAGES) == sum(map(len, [*NOTES.values(), *CHECKS.values()]))  # none twice
+    listed = {
+        re.match(r"\[`([\w-]+)`\]", term)[1]: (term, words)
+        for name in reference.PIECES
+        for term, words in terms(reference.PIECES[name]())
+        if term.startswith("[`")
+    }
+    for code, message in MESSAGES.items():
+        term, words = listed[code]
+        assert message.meaning in words
+        assert words.endswith(message.remedy)
+        assert np.isnan(message.limit) or f" {message.limit:g}" in term
+        assert message.meaning.endswith(".")
+        assert message.remedy.endswith(".")
 
 
-@pytest.mark.parametrize(
-    ("module", "listed", "least"),
-    [("feasibility/unchecked.py", UNCHECKED, 5), ("recordings/new.py", NEW, 5)],
-)
-def test_every_line_about_what_is_left_open_is_told(module, listed, least):
-    texts = lines_of(SOURCES / "measure" / module)
-    if module.startswith("feasibility"):
-        texts["… of camera…: give …"] = "the comprehension"
-    begins = ".*: "
-    if module.endswith("new.py"):
-        texts |= lines_of(SOURCES / "measure" / "recordings" / "folder.py")
-        begins = "missing: |not given, |passed over: |… plays at "
+def test_every_line_about_a_new_manifest_is_explained():
+    folder = SOURCES / "measure" / "recordings"
+    texts = lines_of(folder / "new.py") | lines_of(folder / "folder.py")
+    begins = "missing: |not given, |passed over: |… plays at "
     said = [text for text in texts if re.match(begins, text)]
-    assert len(said) >= least
-    assert [text for text in said if not any(told in text for told in listed)] == []
-    assert [told for told in listed if not any(told in text for text in said)] == []
+    listed = [message.text for message in NEW.values()]
+    assert len(said) >= 5
+    assert [text for text in said if not any(one in text for one in listed)] == []
+    assert [one for one in listed if not any(one in text for text in said)] == []
 
 
 def test_the_page_explains_every_error():

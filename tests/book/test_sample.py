@@ -17,9 +17,9 @@ from browser import open_offline
 from thesis_lib import files
 from thesis_lib.book import sample
 from thesis_lib.figure_sets import sample as example
-from thesis_lib.measure.report import page as report
-from thesis_lib.measure.report.meanings import MEANINGS
-from thesis_lib.measure.report.notes import notes
+from thesis_lib.measure.messages import MESSAGES
+from thesis_lib.measure.report.build import summarise_shape
+from thesis_lib.measure.report.warnings import check_shape
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -73,7 +73,7 @@ def test_nothing_is_amiss_for_those_who_cannot_see_well(chromium: Browser, page:
 def test_every_note_unfolds_into_its_meaning(
     chromium: Browser, page: Path, data: xr.Dataset
 ) -> None:
-    said = notes(data)
+    said = check_shape(data)
     assert said
     with open_offline(chromium, page) as opened:
         items = opened.page.locator("aside > ul > li")
@@ -84,15 +84,15 @@ def test_every_note_unfolds_into_its_meaning(
             assert not words.is_visible()
             item.locator("summary").click()
             assert words.is_visible()
-            assert words.inner_text() == MEANINGS[note.code].means.replace("`", "")
+            assert words.inner_text() == MESSAGES[note.code].meaning.replace("`", "")
 
 
 def test_it_tells_what_was_measured(page: Path, data: xr.Dataset) -> None:
     text = page.read_text(encoding="utf-8")
-    for line in report.summary(data):
+    for line in summarise_shape(data):
         assert html.escape(line) in text
     block = (page.parent / "guide-summary.md").read_text(encoding="utf-8")
-    assert [*block.splitlines()][1 : 1 + len(report.summary(data))] == report.summary(data)
+    assert [*block.splitlines()][1 : 1 + len(summarise_shape(data))] == summarise_shape(data)
 
 
 def test_the_measured_tip_is_the_true_one(data: xr.Dataset) -> None:

@@ -15,8 +15,8 @@ from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.laboratory.tapped import RollingView, filmed, ringing, tapped
 from thesis_lib.measure.modes.identify import Asked, assurance, identify
 from thesis_lib.measure.pipeline import measure
+from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.markers import rows_on
-from thesis_lib.measure.response.report import complex_of
 
 POINT = (0.3 * BEAM.length, BEAM.width / 2)
 MARKERS = rows_on(replace(BEAM, n_markers=12, marker_spacing=0.05), diameter=0.008, hole=None)
@@ -129,6 +129,6 @@ def test_receptance_of_a_rendered_beam_from_video_files(tmp_path):
     assert not found["unknown"].any()
     f, k = found["frequency"].values, int(found["drive"]) - 1
     quiet = ((f > 2) & (f < 4.5)) | ((f > 8) & (f < 15))  # beside the resonance, above the noise
-    apart = complex_of(found)[0, k] / truth.receptance(f)[k] - 1
+    apart = complex_of(found, "receptance")[0, k] / truth.receptance(f)[k] - 1
     assert np.sqrt(np.mean(np.abs(apart[quiet]) ** 2)) < 0.08
     assert abs(np.mean(apart[quiet])) < 0.03

@@ -14,7 +14,7 @@ from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import CalibrationError, central, zhang
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import read_manifest
-from thesis_lib.measure.report import notes
+from thesis_lib.measure.report.warnings import check_board
 from thesis_lib.measure.steps import calibrated as calibrated_step
 from thesis_lib.vision import lens
 
@@ -235,7 +235,7 @@ def of_note(data):
     """What is noted of a calibration's residuals."""
     names = ("reprojection_rms", "single_rms")
     part = xr.Dataset({name: data[name] for name in names})
-    return [note.code for note in notes.of_board(part)]
+    return [note.code for note in check_board(part)]
 
 
 def test_a_board_at_rest_is_not_said_to_move(folder):

@@ -12,6 +12,7 @@ import pytest
 import pyuff
 import scipy.io
 import xarray as xr
+from markupsafe import Markup
 from PIL import Image
 from sdypy_sep005 import Sep005Data
 
@@ -23,12 +24,12 @@ from thesis_lib.measure.exchange.history import motion
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.markers import on_surface
-from thesis_lib.measure.report import moving
-from thesis_lib.measure.report.view import shape_view
+from thesis_lib.measure.report import animation
+from thesis_lib.measure.report.viewer import view_shape
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision.lens import project
-from thesis_lib.web.shell import shell
+from thesis_lib.web.html import render_html
 
 BEAM, FREQUENCY = setups.beam(), 4.25
 RIG = default_rig(BEAM, [(15, 30), (-10, 30), (170, 25)], components=(Component(),))
@@ -315,20 +316,20 @@ def test_markers_on_one_line_are_joined_along_it():
 
 def test_the_shape_is_a_film_of_one_period(measured, tmp_path):
     _, data, _ = measured
-    frames = moving.shape(data)
-    assert len(frames) == moving.PERIOD
-    half = moving.PERIOD // 2
+    frames = animation.draw_period(data)
+    assert len(frames) == animation.FRAMES_A_PERIOD
+    half = animation.FRAMES_A_PERIOD // 2
     assert not np.array_equal(frames[0], frames[half])
-    moving.write_gif(tmp_path / "shape.gif", frames, 12)
+    animation.write_gif(tmp_path / "shape.gif", frames, 12)
     with Image.open(tmp_path / "shape.gif") as picture:
-        assert (picture.n_frames, picture.info["loop"]) == (moving.PERIOD, 0)
-        assert picture.size == moving.SIZE
-    moving.write_mp4(tmp_path / "shape.mp4", frames, 12)
+        assert (picture.n_frames, picture.info["loop"]) == (animation.FRAMES_A_PERIOD, 0)
+        assert picture.size == animation.SHAPE_SIZE_PX
+    animation.write_mp4(tmp_path / "shape.mp4", frames, 12)
     with av.open(str(tmp_path / "shape.mp4")) as file:
         (stream,) = file.streams.video
         assert stream.codec_context.name == "h264"
         found = [frame.to_ndarray(format="rgb24") for frame in file.decode(stream)]
-    assert len(found) == moving.PERIOD
+    assert len(found) == animation.FRAMES_A_PERIOD
     assert np.abs(found[3].astype(int) - frames[3]).mean() < 3
 
 
@@ -342,7 +343,7 @@ def test_rings_are_drawn_where_the_markers_are_and_crosses_where_they_were(tmp_p
     media.write_video(tmp_path / "a.mkv", frames, 30.0, np.zeros(48000))
     camera = replace(RIG.stations[0].camera, size=(400, 240))
     own = Recording(camera, 30.0, 0.0, 1e-6, 0.0, tmp_path / "0.npy")
-    shown = list(moving.overlay(own, tmp_path / "a.mkv", 0.2))
+    shown = list(animation.draw_tracks(own, tmp_path / "a.mkv", 0.2))
     assert len(shown) == count - 6
     coloured = [np.argwhere(np.ptp(frame.astype(int), axis=2) > 60) for frame in shown]
     for k, found in enumerate(coloured):
@@ -362,7 +363,8 @@ def test_the_report_s_shape_moves_with_two_standard_errors(conforms, measured, c
     page = chromium.new_page(viewport={"width": 700, "height": 700}, reduced_motion="reduce")
     said = []
     page.on("pageerror", lambda error: said.append(str(error)))
-    page.set_content(shell("a beam", shape_view(wide, BEAM.extent)))
+    body = Markup(view_shape(wide, BEAM.extent))
+    page.set_content(render_html("web/templates/page.html.j2", title="a beam", body=body))
     page.wait_for_selector(".tl-dot")
     dots = page.locator(".tl-dot")
     assert dots.count() == known

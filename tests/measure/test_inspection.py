@@ -12,7 +12,7 @@ from thesis_lib.measure.recordings.inspection import (
 )
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError, frame_clock
-from thesis_lib.measure.report.notes import note_pace
+from thesis_lib.measure.report.warnings import note_pace
 
 KINDS = {  # which frame is stored at k, and what is said
     "as they are": (lambda k: k, ""),

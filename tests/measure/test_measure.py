@@ -42,7 +42,7 @@ from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media_info import frame_times
 from thesis_lib.measure.recordings.sound import read_audio
-from thesis_lib.measure.report.notes import notes
+from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.tracking.tracks import Recording, _state
 from thesis_lib.outputs import CACHE_TAG, RECORD, put_files
 from thesis_lib.studies import storage
@@ -181,7 +181,7 @@ def test_rendered_and_measured_now_it_is_what_is_kept_for_the_book(measured):
         one, other = now[name].values, data[name].values
         assert np.array_equal(np.isnan(one), np.isnan(other)), name
         assert np.nanquantile(np.abs(one - other), 0.99) < 20 * sample.STEP, name
-    assert [note.code for note in notes(now)] == [note.code for note in notes(data)]
+    assert [one.code for one in check_shape(now)] == [one.code for one in check_shape(data)]
 
 
 # What is written.

@@ -13,6 +13,7 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.measure.calibration.reprojection import Network, stepped
 from thesis_lib.measure.fitting.calibration_error import common_errors
+from thesis_lib.measure.measured import Recorded
 from thesis_lib.measure.modes.identify import Asked, ModalError, _disagreeing, assurance, identify
 from thesis_lib.measure.modes.poles import (
     Poles,
@@ -23,11 +24,11 @@ from thesis_lib.measure.modes.poles import (
     scatter,
     seen_fit,
 )
-from thesis_lib.measure.modes.report import notes
 from thesis_lib.measure.modes.result import result
-from thesis_lib.measure.modes.write import several
+from thesis_lib.measure.pipeline import measure_modes
 from thesis_lib.measure.recordings.force_fields import Excitation
 from thesis_lib.measure.recordings.radiation_fields import Radiation
+from thesis_lib.measure.report.warnings import check_modes
 from thesis_lib.vibration.motion import Component
 
 RIG = rig()
@@ -411,10 +412,8 @@ def test_the_sound_of_modes_is_that_of_the_true_ones(tmp_path, conforms, told):
     sound = xr.Dataset({"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "none"})
     calibration = calibration_of(recordings)
     said = []
-    several(
-        manifest, sound, known(calibration) if told else calibration, recordings,
-        tmp_path / "out", said.append,
-    )  # fmt: skip
+    inputs = Recorded(sound, known(calibration) if told else calibration, recordings)
+    measure_modes(manifest, inputs, tmp_path / "out", said.append)
     out = tmp_path / "out"
     assert {"radiated.nc", "radiated.csv", "heard-1.wav"} <= {p.name for p in out.iterdir()}
     page = (out / "report.html").read_text(encoding="utf-8")
@@ -455,7 +454,9 @@ def test_modes_go_to_a_report_and_files(tmp_path):
     )
     calibration = calibration_of(recordings)
     said = []
-    page = several(manifest, sound, calibration, recordings, tmp_path / "out", said.append)
+    page = measure_modes(
+        manifest, Recorded(sound, calibration, recordings), tmp_path / "out", said.append
+    )
     text = page.read_text(encoding="utf-8")
     assert text.count("data-tl-fragment=") >= 2
     assert "stabilisation diagram" in text or "stays when another one is added" in text
@@ -485,11 +486,13 @@ def test_modes_go_to_a_report_and_files(tmp_path):
         "The shapes at 6.31[0-9]* and 39.5[0-9]* Hz look alike": {
             "assurance": (("mode", "other"), np.ones((2, 2)))
         },
-        "3.0% of camera A's marker images move unlike those beside": {
+        "3.0% of the marker images of camera A move unlike": {
             "left_out": data["left_out"].where(data["camera"] != "A", 0.03)
         },
         "Camera A lost 50%": {"missing": data["missing"].where(data["camera"] != "A", 0.5)},
     }  # fmt: skip
     for told, changed in changes.items():
-        assert not [one for _, one in notes(data, manifest) if re.match(told, one)]
-        assert [one for _, one in notes(data.assign(changed), manifest) if re.match(told, one)]
+        assert not [one for _, one in check_modes(data, manifest) if re.match(told, one)]
+        assert [
+            one for _, one in check_modes(data.assign(changed), manifest) if re.match(told, one)
+        ]

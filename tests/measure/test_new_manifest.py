@@ -13,10 +13,10 @@ from thesis_lib.book.pieces import guide
 from thesis_lib.files import project_root
 from thesis_lib.laboratory.example import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.feasibility.drawing import drawings
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
-from thesis_lib.measure.report.moving import write_mp4
+from thesis_lib.measure.report.animation import write_mp4
+from thesis_lib.measure.report.figures import draw_prediction
 
 
 @pytest.fixture
@@ -224,7 +224,7 @@ def test_the_check_draws_where_cameras_stand_and_what_they_reach(tmp_path):
     for name in ("cameras", "errors"):
         assert f"Wrote {tmp_path / 'drawn' / name}.png" in done.out
         assert cv2.imread(str(tmp_path / "drawn" / f"{name}.png")).shape[1] > 900
-    above = drawings(manifest)["cameras"].axes[0]
+    above = draw_prediction(manifest)["cameras"].axes[0]
     named = {text.get_text(): text.xy for text in above.texts}
     for camera in manifest.cameras:
         flat = camera.distance_mm * np.cos(np.radians(camera.elevation_deg))
@@ -232,7 +232,7 @@ def test_the_check_draws_where_cameras_stand_and_what_they_reach(tmp_path):
         np.testing.assert_allclose(
             named[camera.name], [flat * np.sin(azimuth), flat * np.cos(azimuth)], rtol=1e-9
         )
-    shown = drawings(manifest)["errors"].axes[0].collections[0].get_array()
+    shown = draw_prediction(manifest)["errors"].axes[0].collections[0].get_array()
     assert np.sqrt(np.mean(shown**2)) == pytest.approx(assess(manifest).rig.fit[0])
 
 

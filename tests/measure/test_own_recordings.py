@@ -16,7 +16,7 @@ from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.recordings.pictures import write_png
-from thesis_lib.measure.report import notes
+from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.steps import calibrated
 from thesis_lib.vibration.motion import Component
 
@@ -122,7 +122,7 @@ def test_a_steady_vibration_needs_no_sound(conforms, silent):
     conforms.sampled(compare(conforms, data, rig, 0.01), below=3)
     assert abs(float(data["lag"][1])) > 0.01
     assert "No sound was used" in report.read_text()
-    assert "started" not in " ".join(note.text for note in notes.notes(data))
+    assert "start of camera" not in " ".join(note.text for note in check_shape(data))
 
 
 def test_a_pose_that_no_camera_can_use_is_left_out(silent):

@@ -19,7 +19,6 @@ from thesis_lib.measure.radiation import (
     files,
     of_measurement,
     radiated,
-    report,
     without_wall,
 )
 from thesis_lib.measure.radiation.bands import octaves
@@ -27,6 +26,7 @@ from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.check import ChainError
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.report.build import build_sound, summarise_sound
 from thesis_lib.vibration.structure import deflection_shape, resonance
 
 PLATE = setups.plate((9, 6))
@@ -221,7 +221,7 @@ def test_markers_tell_waves_of_two_spacings_and_no_shorter_ones(made, conforms):
     conforms.closed_form(made.attrs["highest"], hertz, rtol=1e-9)
     for factor, told in ((0.99, False), (1.01, True)):
         high = made.assign_coords(frequency=("tone", [factor * hertz]))
-        assert ("shorter than two spacings" in report.sound_section(high, manifest())) is told
+        assert ("shorter than two spacings" in build_sound(high, manifest()).page) is told
 
 
 def test_what_a_plate_without_a_wall_radiates_is_estimated_from_its_markers(made, conforms):
@@ -256,13 +256,13 @@ def test_more_half_waves_need_a_wall_up_to_higher_frequencies(between, conforms)
 def test_power_is_called_that_in_a_wall_and_warned_of_without_one(wall, told):
     own = manifest({} if wall is None else {"wall": wall})
     low = sound_of(measurement(), own)
-    powers = [line for line in report.summary(low) if "sound power" in line]
+    powers = [line for line in summarise_sound(low) if "sound power" in line]
     assert all("a wall" in line or "a rigid wall" in line for line in powers)
     assert ("without a wall: an estimated 134." in powers[0]) is (wall is False)
-    page = report.sound_section(low, own)
+    page = build_sound(low, own).page
     assert ("Without a wall the structure radiates less" in page) is told
     high = sound_of(measurement().assign(frequency=800.0), own)
-    assert "Without a wall the structure radiates less" not in report.sound_section(high, own)
+    assert "Without a wall the structure radiates less" not in build_sound(high, own).page
 
 
 def test_a_spline_comes_near_the_model_and_tells_what_it_does_not_know(conforms):
@@ -270,8 +270,8 @@ def test_a_spline_comes_near_the_model_and_tells_what_it_does_not_know(conforms)
     assert spline.attrs["between"] == "spline"
     conforms.closed_form(float(spline["power"][0]) / exact(), 1, atol=0.02)
     assert float(spline["left"][0]) > 3 * float(spline["left_by_noise"][0])
-    said = report.sound_section(spline, manifest())
-    assert "others miss" in said
+    said = build_sound(spline, manifest()).page
+    assert "interpolated surface misses" in said
     assert "thin plate spline" in said
 
 
@@ -415,12 +415,12 @@ def test_a_mode_that_does_not_seem_to_die_away_has_no_energy():
     made = sound_of(odd, manifest())
     assert np.isfinite(made["energy"].values).tolist() == [True, False]
     assert np.isfinite(made["power"].values).all()
-    assert "unknown J in all" in report.summary(made)[1]
+    assert "unknown J in all" in summarise_sound(made)[1]
     assert np.abs(files.heard(made, 0)).max() < 2 * np.abs(complex_of(made, "pressure")).sum()
 
 
 def test_a_report_of_several_modes_tells_each_and_all(decaying, tmp_path):
-    lines = report.summary(decaying)
+    lines = summarise_sound(decaying)
     assert [line.split(":")[0] for line in lines] == [
         "sound power of the mode at 305.4 Hz",
         "sound power of the mode at 600 Hz",
@@ -428,8 +428,8 @@ def test_a_report_of_several_modes_tells_each_and_all(decaying, tmp_path):
         "the sound powers are those of one moment, 0.250 s on the first camera's clock, from which "
         "on each mode dies away",
     ]
-    page = report.sound_section(decaying, manifest())
-    for said in ("energy in J", "<td>all</td>", "By octave", lines[-1].replace("'", "&#x27;")):
+    page = build_sound(decaying, manifest()).page
+    for said in ("energy in J", "<td>all</td>", "By octave", lines[-1].replace("'", "&#39;")):
         assert said in page
     files.write(tmp_path, decaying)
     rows = (tmp_path / "radiated.csv").read_text().splitlines()

@@ -5,7 +5,7 @@ import pytest
 from command import thesis
 
 from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.feasibility.planned import FIRST, PHONE, planned
+from thesis_lib.measure.feasibility.draft import FIRST_AZIMUTH_DEG, PHONE, draft_manifest
 from thesis_lib.measure.recordings.manifest import read_manifest
 
 PLATE = {
@@ -38,20 +38,22 @@ def test_one_command_in_an_empty_place_makes_what_the_check_reads(tmp_path):
 
 
 def test_phones_stand_around_and_as_near_as_the_structure_fits_into_their_pictures():
-    manifest = planned(PLATE)
+    manifest = draft_manifest(PLATE)
     azimuths = np.array([c.azimuth_deg for c in manifest.cameras])
-    np.testing.assert_allclose(azimuths % 360, FIRST + 90 * np.arange(4), atol=0.1)
+    np.testing.assert_allclose(azimuths % 360, FIRST_AZIMUTH_DEG + 90 * np.arange(4), atol=0.1)
     (distance,) = {c.distance_mm for c in manifest.cameras}
 
     def lost(of):
-        return {w.code for w in assess(planned(PLATE | {"cameras.distance_mm": of})).warnings}
+        return {
+            w.code for w in assess(draft_manifest(PLATE | {"cameras.distance_mm": of})).warnings
+        }
 
     assert "out-of-view" not in lost(distance)
     assert "out-of-view" in lost(0.92 * distance)
 
 
 def test_a_slender_structure_is_seen_from_its_two_sides():
-    for camera in planned({"cameras": 4}).cameras:  # the thesis's beam, along x
+    for camera in draft_manifest({"cameras": 4}).cameras:  # the thesis's beam, along x
         assert abs(np.cos(np.radians(camera.azimuth_deg))) > 0.9
 
 
@@ -59,7 +61,7 @@ def test_what_is_given_stands_and_the_rest_is_a_phones():
     given = PLATE | {"cameras.width_px": 3840, "cameras.height_px": 2160, "cameras": 2,
                      "structure.markers.rows": 3, "structure.markers.columns": 5,
                      "excitation.steady_s": [1, 3]}  # fmt: skip
-    manifest = planned(given)
+    manifest = draft_manifest(given)
     assert [c.size for c in manifest.cameras] == [(3840, 2160)] * 2
     assert {c.frame_rate_hz for c in manifest.cameras} == {PHONE["frame_rate_hz"]}
     assert (manifest.structure.markers.rows, manifest.structure.markers.columns) == (3, 5)
@@ -90,4 +92,4 @@ def test_where_there_are_no_videos_it_is_told_how_to_ask(tmp_path):
 
 def test_the_example_of_a_plan_is_read_back(tmp_path):
     thesis("measure", "--new", tmp_path, *options(PLATE))
-    assert read_manifest(tmp_path / "planned.yaml", check_files=False) == planned(PLATE)
+    assert read_manifest(tmp_path / "planned.yaml", check_files=False) == draft_manifest(PLATE)

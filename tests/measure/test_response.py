@@ -26,7 +26,8 @@ from sdypy import EMA
 from thesis_lib.measure.measured import Recorded
 from thesis_lib.measure.modes.identify import assurance
 from thesis_lib.measure.modes.result import rest_of
-from thesis_lib.measure.pipeline import _not_one_tone
+from thesis_lib.measure.pipeline import measure_motion
+from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.check import check_recordings
 from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError
@@ -34,10 +35,10 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.sought import Sought
+from thesis_lib.measure.report.warnings import check_response
 from thesis_lib.measure.response.band import at_times
 from thesis_lib.measure.response.motion import deflections, noise_of
 from thesis_lib.measure.response.recorded import recorded_force
-from thesis_lib.measure.response.report import complex_of, warnings
 from thesis_lib.measure.response.result import REPEATED_AFTER, responded
 from thesis_lib.measure.response.spectra import blurred, cut_of, response, segments
 from thesis_lib.measure.response.sweep import dwell, found_sweep, settling
@@ -106,7 +107,7 @@ def off(data, truth, marker):
     """H1 over what is true, less one, and its standard error."""
     true = truth.receptance(data["frequency"].values)[marker]
     error = data["standard_error"].values[0, marker] / np.abs(true)
-    return complex_of(data)[0, marker] / true - 1, error
+    return complex_of(data, "receptance")[0, marker] / true - 1, error
 
 
 # From one clock to another.
@@ -244,7 +245,9 @@ def test_receptance_is_that_of_the_structure_within_its_errors(driven):
         assert 0.8 < scatter < 1.2
     assert np.median(error) < 0.05
     mobility = complex_of(data, "mobility")
-    np.testing.assert_allclose(mobility, 2j * np.pi * f * complex_of(data), rtol=1e-12)
+    np.testing.assert_allclose(
+        mobility, 2j * np.pi * f * complex_of(data, "receptance"), rtol=1e-12
+    )
     assert int(data["drive"]) in (46, 21, 71)
 
 
@@ -257,7 +260,7 @@ def test_a_table_tells_the_same_as_a_sound_file(driven):
         driven.responded(driven.asked(segment_s=5.0, **how))
         for how in ({}, {"file": "force.csv", "full_scale_n": None})
     )
-    apart = complex_of(table)[0] / complex_of(sound)[0] - 1
+    apart = complex_of(table, "receptance")[0] / complex_of(sound, "receptance")[0] - 1
     assert np.median(np.abs(apart)) < 2e-3
 
 
@@ -271,7 +274,7 @@ def test_noise_on_both_channels_parts_h1_from_h2(tmp_path):
     f, k = data["frequency"].values, int(data["drive"]) - 1
     true = np.abs(own.truth.receptance(f)[k])
     low, high = ((f > 8) & (f < 13)), ((f > 20) & (f < 30))
-    first, second, middle = (np.abs(one[k]) / true for one in complex_of(data))
+    first, second, middle = (np.abs(one[k]) / true for one in complex_of(data, "receptance"))
     assert first[low].mean() == pytest.approx(1 / 1.2, abs=0.07)
     assert second[low].mean() == pytest.approx(1.0, abs=0.07)  # the motion is far above noise
     assert np.median(second[high]) > 1.2 > 1 > np.median(first[high])
@@ -291,7 +294,7 @@ def test_a_sweep_from_rest_to_rest_is_right_however_fast(swept):
     assert 0.7 < np.sqrt(np.mean(np.abs(apart / error)[inner] ** 2) / 2) < 1.4
     np.testing.assert_allclose(data["sweep"], [3, 44], atol=1.3)  # it fades in and out
     assert float(data["sweep_duration"]) == pytest.approx(8, rel=0.1)
-    codes = {one.code for one in warnings(data, manifest)}
+    codes = {one.code for one in check_response(data, manifest)}
     assert not codes & {"sweep-fast", "still-ringing"}
 
 
@@ -332,8 +335,8 @@ def test_a_sweep_that_is_too_fast_for_its_segments_is_told_with_what_would_do(sw
     k = int(data["drive"]) - 1
     f = data["frequency"].values
     true = np.abs(swept.truth.receptance(f)[k])
-    assert abs(np.max(np.abs(complex_of(data)[0, k])) / true.max() - 1) > 0.1
-    told = [one for one in warnings(data, manifest) if one.code == "sweep-fast"]
+    assert abs(np.max(np.abs(complex_of(data, "receptance")[0, k])) / true.max() - 1) > 0.1
+    told = [one for one in check_response(data, manifest) if one.code == "sweep-fast"]
     assert len(told) == 1
     assert "more slowly, or take force.segment_s: whole" in told[0].text
 
@@ -342,7 +345,7 @@ def test_a_sweep_that_still_rings_at_the_end_is_told(swept):
     manifest = swept.asked("sweep")
     early = manifest.excitation.model_copy(update={"steady_s": (0.5, 5.0)})
     cut = manifest.model_copy(update={"excitation": early})
-    assert [one for one in warnings(swept.responded(cut), cut) if one.code == "still-ringing"]
+    assert [one for one in check_response(swept.responded(cut), cut) if one.code == "still-ringing"]
 
 
 def test_a_slow_sweep_dwells_until_a_resonance_settles():
@@ -386,12 +389,14 @@ def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, fa
     assert not right["camera_lag"].any()
     f, whole = (data[name].values for name in ("frequency", "standard_error"))
     for marker in (10, 45, 74):
-        apart = complex_of(data)[0, marker] - complex_of(right)[0, marker]
+        apart = (
+            complex_of(data, "receptance")[0, marker] - complex_of(right, "receptance")[0, marker]
+        )
         apart = np.abs(apart) / whole[0, marker]
         assert np.sqrt(np.mean(apart[f > 4] ** 2)) < 0.5
-    told = [one.text for one in warnings(data, manifest) if one.code == "clock-drift"]
+    told = [one.text for one in check_response(data, manifest) if one.code == "clock-drift"]
     assert len(told) == 3
-    assert [one.code for one in warnings(data, manifest)].count("start-by-pictures") == 1
+    assert [one.code for one in check_response(data, manifest)].count("start-by-pictures") == 1
     assert re.match(r"Camera C's clock runs \d+ ppm (fast|slow) against that of A", told[1])
 
 
@@ -536,7 +541,7 @@ def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path, force, kind
 @pytest.mark.slow
 def test_curves_go_to_a_report_and_files(driven, tmp_path):
     of, said = Recorded(SILENT, calibration_of(driven.recordings), driven.recordings), []
-    page = _not_one_tone(driven.asked(), driven.folder, of, tmp_path, said.append)
+    page = measure_motion(driven.asked(), driven.folder, of, tmp_path, said.append)
     text = page.read_text(encoding="utf-8")
     assert text.count("<figure>") == 3
     assert "marker 46, nearest to the force" in text
@@ -548,7 +553,7 @@ def test_curves_go_to_a_report_and_files(driven, tmp_path):
     assert [one["rsp_node"] for one in curves] == list(range(1, 76))
     assert {(one["ref_node"], one["rsp_dir"], one["ref_dir"]) for one in curves} == {(76, 3, 3)}
     assert {one["ordinate_spec_data_type"] for one in curves} == {8}
-    np.testing.assert_allclose(curves[45]["data"], complex_of(data)[0, 45], rtol=1e-4)
+    np.testing.assert_allclose(curves[45]["data"], complex_of(data, "receptance")[0, 45], rtol=1e-4)
     np.testing.assert_allclose(curves[45]["x"], data["frequency"], rtol=1e-4)
     same = [one["data"] for one in sets if one["func_type"] == 6]
     np.testing.assert_allclose(same[45], data["coherence"][45], rtol=1e-4)
@@ -564,7 +569,7 @@ def tapped(tmp_path_factory):
     own = scene(folder, pulse, damping, 8.0, 0.002, rates=rates, place=(0.3, 0.015))
     sound = SILENT.assign(steady=("end", [0.52, 8.0]))
     of, out = Recorded(sound, calibration_of(own.recordings), own.recordings), folder / "out"
-    _not_one_tone(own.asked("decay", to_hz=60.0), folder, of, out, lambda _: None)
+    measure_motion(own.asked("decay", to_hz=60.0), folder, of, out, lambda _: None)
     return own.truth, out
 
 
@@ -616,21 +621,21 @@ def test_what_a_reader_should_know_is_told(driven):
         "The force acts 1[0-9]{2} mm": {"force_place": ("xy", [0.65, 0.015])},
         "The curves rest on 3.0 averages": {"averages": 0 * data["averages"] + 3},
         "Half of the lines of marker 46": {"coherence": 0.5 * data["coherence"]},
-        "The force's clock is known to 3 ms": {
+        "The clock of the force is known to 3 ms": {
             "phase_deviation": 0 * data["phase_deviation"] + 0.5, "delay_deviation": 0.003
         },
-        "The force's clock runs 40 ppm fast": {"pace": 4e-5},
-        "30% of the force's power": {"beyond": 0.3},
+        "The clock of the force runs 40 ppm fast": {"pace": 4e-5},
+        "30% of the power of the force": {"beyond": 0.3},
         "Segments of 5 s": {
             "blur": 2.5 * data["standard_error"], "standard_error": 3 * data["standard_error"]
         },
     }  # fmt: skip
     for told, changed in changes.items():
-        assert not [one for one in warnings(data, manifest) if re.match(told, one.text)]
-        noted = warnings(data.assign(changed), manifest)
+        assert not [one for one in check_response(data, manifest) if re.match(told, one.text)]
+        noted = check_response(data.assign(changed), manifest)
         there = [one for one in noted if re.match(told, one.text)]
         assert there, told
     short = driven.asked(segment_s=1.0)  # whatever damping the manifest has
     stiff = short.structure.model_copy(update={"damping": 0.5})
-    noted = warnings(driven.responded(short), short.model_copy(update={"structure": stiff}))
+    noted = check_response(driven.responded(short), short.model_copy(update={"structure": stiff}))
     assert "segment-short" in {one.code for one in noted}

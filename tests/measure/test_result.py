@@ -15,7 +15,7 @@ from thesis_lib.measure.fitting.frequency import FrequencyError
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings.check import ChainError
 from thesis_lib.measure.recordings.markers import on_surface
-from thesis_lib.measure.report import page as report
+from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision.lens import project
@@ -162,7 +162,7 @@ def test_standard_errors_are_the_scatter_of_repeated_recordings(conforms, tmp_pa
     # Without a camera the shape differs as its part in the whole says.
     ratio = np.array(without) / data["without_deviation"].values
     conforms.sampled(np.sqrt(np.nanmean(ratio**2)), 1, rtol=0.06)
-    assert all("lost" in line for _, line in report.notes(summed(data)))
+    assert all("lost" in line for _, line in check_shape(summed(data)))
 
 
 def summed(data):
@@ -199,14 +199,14 @@ def test_a_vibration_that_dies_down_is_told(conforms, tmp_path):
     dying = Dying(BEAM, (PART,), 1.0, 0.4)
     data = result(manifest(), heard(), recordings(tmp_path, noise=0.02, motion=dying))
     conforms.closed_form(float(data["growth"]), -0.2, atol=0.02)
-    assert any("amplitude changes by -" in line for _, line in report.notes(summed(data)))
+    assert any("amplitude changes by -" in line for _, line in check_shape(summed(data)))
 
 
 def test_a_camera_off_its_clock_is_told_and_mended(conforms, tmp_path):
     own = recordings(tmp_path, noise=0.02)
     own[2] = replace(own[2], delay=own[2].delay + 0.5 / 60)
     data = result(manifest(), heard(), own)
-    assert any("camera C started 8.3" in line for _, line in report.notes(summed(data)))
+    assert any("start of camera C 8.3" in line for _, line in check_shape(summed(data)))
     conforms.closed_form(data["lag"], [0, 0, -0.5 / 60, 0], atol=1e-4)
     conforms.sampled(np.nanmax(np.abs(data["deflection"] - TRUE)), below=0.005 * 0.004)
 
@@ -216,7 +216,7 @@ def test_two_cameras_are_enough(conforms, tmp_path):
     conforms.closed_form(data["deflection"][2:], TRUE[2:], atol=2e-5 * 0.004)
     assert np.isnan(data["deflection"][:2]).all()
     assert np.isnan(data["without_camera"]).all()
-    assert any("2 markers were seen by fewer" in line for _, line in report.notes(summed(data)))
+    assert any("2 markers were seen by fewer" in line for _, line in check_shape(summed(data)))
 
 
 def test_a_grid_that_does_not_fit_is_refused(tmp_path):
@@ -231,7 +231,7 @@ def test_a_grid_that_does_not_fit_is_refused(tmp_path):
 
 def shown(data):
     """All that the report warns of, as one text."""
-    return " ".join(note.text for note in report.notes(summed(data)))
+    return " ".join(note.text for note in check_shape(summed(data)))
 
 
 def edited(own, change):
@@ -252,7 +252,7 @@ def test_clocks_that_run_at_different_speeds_are_told_and_mended(conforms, tmp_p
     found, error = float(data["pace"][1]), float(data["pace_deviation"][1])
     conforms.sampled((found - fast) / error, 0, atol=4)
     assert error < 2e-6
-    assert "Camera B's clock runs 300" in shown(data).replace("299", "300").replace("301", "300")
+    assert "The clock of camera B runs 300" in shown(data).replace("299", "300").replace("301", "300")
     conforms.sampled(np.nanmax(np.abs(data["deflection"] - TRUE)), below=0.005 * 0.004)
 
 
@@ -267,7 +267,7 @@ def test_frames_at_any_times_count_at_their_own(conforms, tmp_path):
         np.save(one.path, uv + 0.02 * rng.standard_normal(uv.shape))
         own[k] = replace(one, stamps=stamps)
     data = result(manifest(), heard(), own)
-    assert "frames come unevenly" in shown(data)
+    assert "frames of camera B come unevenly" in shown(data)
     ratio = (data["deflection"] - TRUE) / data["standard_error"]
     conforms.sampled(np.sqrt(np.mean(ratio**2)), below=1.3)
 
@@ -298,7 +298,7 @@ def test_another_tone_is_told(conforms, tmp_path):
         edited(one, lambda t, uv: uv.__iadd__(1.0 * np.sin(2 * np.pi * 11 * t)[:, None, None]))
     data = result(manifest(), heard(), own)
     conforms.closed_form(data["other_frequency"], 11.0, atol=0.3)
-    assert "another tone, at 1" in shown(data)
+    assert "another vibration, at 1" in shown(data)
 
 
 def test_an_alias_is_named_by_the_cameras_starts(tmp_path):

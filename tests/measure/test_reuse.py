@@ -25,7 +25,7 @@ from thesis_lib.measure.exchange import cameras as written
 from thesis_lib.measure.exchange.reading import read_cameras
 from thesis_lib.measure.pipeline import measure
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
-from thesis_lib.measure.report import notes
+from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.steps import CALIBRATION
 from thesis_lib.studies import storage
 from thesis_lib.studies.variables import labelled
@@ -331,8 +331,8 @@ def test_a_reused_calibration_gives_the_same_shape(conforms, first, calibration)
     most = float(np.abs(before["deflection"]).max())
     conforms.independent(data["deflection"], before["deflection"], atol=1e-4 * most)
     exact = "cameras." not in str(calibration)
-    told = " ".join(note.text for note in notes.notes(data))
-    assert ("does not tell how exact" in told) == (not exact)
+    told = " ".join(note.text for note in check_shape(data))
+    assert ("does not state its uncertainty" in told) == (not exact)
     ratio = float(np.sqrt(np.mean(data["standard_error"] ** 2 / before["standard_error"] ** 2)))
     if exact:  # of the same pictures, twice, if places are found anew
         conforms.independent(ratio, 1, atol=1e-3 if placed else 0.3)

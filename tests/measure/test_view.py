@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 from browser import Opened, drag, open_offline
 
-from thesis_lib.measure.report.view import shape_view
+from thesis_lib.measure.report.viewer import view_shape
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -47,7 +47,7 @@ def show(chromium: Browser, plate: xr.Dataset, tmp_path: Path) -> Show:
     @contextmanager
     def opened(**how: Any) -> Iterator[Opened]:
         file = tmp_path / "view.html"
-        shown = f"{HEAD}<body>{shape_view(plate, (LENGTH, WIDTH))}"
+        shown = f"{HEAD}<body>{view_shape(plate, (LENGTH, WIDTH))}"
         file.write_text(shown, encoding="utf-8")
         with open_offline(chromium, file, **how) as seen:
             yield seen

@@ -22,12 +22,11 @@ from scipy.optimize import differential_evolution
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.planning import errors, optimum, places, search, structure_file
-from thesis_lib.planning import report as planning_report
 from thesis_lib.planning.bodies import Body, body_of
 from thesis_lib.planning.camera_table import COLUMNS
 from thesis_lib.planning.limits import ImpossibleError
 from thesis_lib.planning.planner import pareto, plan
-from thesis_lib.planning.report import FILES, write_plan
+from thesis_lib.planning.report import FILES, summarise_plan, write_plan
 from thesis_lib.planning.request import plan_request
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vision import rounding
@@ -102,13 +101,13 @@ def test_averaged_law_is_that_of_many_amplitudes_and_spares_narrow_pairs(
 
 
 def test_a_plan_below_the_bound_of_its_grid_says_why(made):
-    one = replace(made.options[0], bound=1.01 * made.options[0].expected)
-    said = planning_report._beside(one, "mean")
-    assert "less than the bound" in said
-    assert "moved off the grid" in said
-    assert "less than" not in planning_report._beside(
-        replace(one, bound=0.9 * one.expected), "mean"
-    )
+    def summary(ratio):
+        options = [replace(one, bound=ratio * one.expected) for one in made.options]
+        return " ".join(summarise_plan(replace(made, options=options)))
+
+    assert "less than the bound" in summary(1.01)
+    assert "moved off the grid" in summary(1.01)
+    assert "less than" not in summary(0.9)
 
 
 def test_cameras_of_a_layout_are_those_of_the_hemisphere_whatever_their_lens(conforms):
@@ -784,7 +783,7 @@ def test_a_plan_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
     def fail(*_):
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(report, "page", fail)
+    monkeypatch.setattr(report, "build_page", fail)
     with pytest.raises(OSError, match="no space"):
         write_plan(request, folder)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before

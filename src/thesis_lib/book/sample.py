@@ -17,22 +17,22 @@ SHAPE = "guide-shape.svg"
 
 
 def page(data: xr.Dataset) -> str:
-    """The report, written from what was measured."""
+    """Return the report, written from the measured data."""
     from thesis_lib.figure_sets import sample
     from thesis_lib.measure.feasibility.assess import assess
-    from thesis_lib.measure.report import page as report
+    from thesis_lib.measure.report.build import build_shape
 
     manifest = sample.manifest_of(data)
-    pictures = report.figures(data, data, manifest, sample.first_frames())
-    return report.page(data, manifest, assess(manifest), pictures)
+    return build_shape(data, data, manifest, assess(manifest), sample.first_frames()).page
 
 
 def summary(data: xr.Dataset) -> str:
     """The last lines that the measurement prints, as a block of text."""
-    from thesis_lib.measure.report import page as report
-    from thesis_lib.measure.report.notes import notes
+    from thesis_lib.measure.report.build import summarise_shape
+    from thesis_lib.measure.report.warnings import check_shape
 
-    lines = [*report.summary(data), *(f"note: {n.text} [{n.code}]" for n in notes(data))]
+    notes = [f"note: {note.text} [{note.code}]" for note in check_shape(data)]
+    lines = [*summarise_shape(data), *notes]
     return "\n".join(["```text", *lines, "```", ""])
 
 
@@ -45,11 +45,11 @@ def counted(data: xr.Dataset) -> str:
     foretold = assess(sample.manifest_of(data)).rig.smallest_mm
     measured = 3 * rms(1000 * data["standard_error"].values)
     return (
-        f"`--check` foretells {foretold:.2g} mm as the smallest deflection of the example, and its "
-        f"measurement tells {measured:.2g} mm from rest. The first counts the noise of the "
+        f"`--check` predicts {foretold:.2g} mm as the smallest deflection of the example, and its "
+        f"measurement distinguishes {measured:.2g} mm from rest. The first counts the noise of the "
         "centres alone. The second also holds what the compressed videos, the calibration and the "
         "clocks add, which nobody knows before. So take the first for a limit that only the best "
-        "films come near.\n"
+        "recordings come near.\n"
     )
 
 
@@ -68,6 +68,6 @@ def write(folder: Path) -> None:
 
     data = sample.sample()
     files.whole_text(folder / PAGE, page(data))
-    files.whole_text(folder / SHAPE, svg(draw.shape(data, sample.manifest_of(data))))
+    files.whole_text(folder / SHAPE, svg(draw.draw_shape(data, sample.manifest_of(data))))
     for name, piece in PIECES.items():
         files.whole_text(folder / f"{name}.md", piece(data))

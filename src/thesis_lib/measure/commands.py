@@ -49,11 +49,11 @@ def one_line(place: Path) -> Iterator[None]:
 
 def start(folder: Path, given: Mapping[str, Any]) -> None:
     """Write a manifest into a folder, of its recordings or of planned ones; say what is missing."""
-    from thesis_lib.measure.feasibility.planned import planned_manifest
+    from thesis_lib.measure.feasibility.draft import write_draft
     from thesis_lib.measure.recordings.new import new_manifest
 
     with one_line(folder):
-        write = planned_manifest if "cameras" in given else new_manifest
+        write = write_draft if "cameras" in given else new_manifest
         manifest, lines = write(folder, given)
     echo(*lines)
     name = shlex.quote(str(manifest))
@@ -77,11 +77,11 @@ def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
 def draw(manifest: Manifest, folder: Path) -> list[str]:
     """Draw where the cameras stand and what they will reach into a folder; return what it wrote."""
     from thesis_lib.files import staging
-    from thesis_lib.measure.feasibility.drawing import drawings
+    from thesis_lib.measure.report.figures import draw_prediction
     from thesis_lib.outputs import put_files
     from thesis_lib.plotting.style import saved
 
-    figures = drawings(manifest)
+    figures = draw_prediction(manifest)
     with staging(folder) as part:
         for name, figure in figures.items():
             (part / f"{name}.png").write_bytes(saved(figure, "png", dpi=140))

@@ -1,32 +1,34 @@
-"""The whole chain on a folder of recordings: check, calibrate, listen, track, fit, report."""
+"""The whole chain on a folder of recordings: check, calibrate, synchronise, track, fit, report."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
+import xarray as xr
+
+from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration import exactness
-from thesis_lib.measure.exchange import files, reading
+from thesis_lib.measure.exchange import cameras, files, history, uff, vtk
+from thesis_lib.measure.exchange.reading import OWN
 from thesis_lib.measure.exchange.tables import write_csv
-from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.feasibility.describe import describe
+from thesis_lib.measure.feasibility.assess import Assessment, assess, describe
 from thesis_lib.measure.measured import Recorded, deflection, recorded
-from thesis_lib.measure.modes.write import several
+from thesis_lib.measure.modes.result import result
 from thesis_lib.measure.radiation import files as radiation_files
-from thesis_lib.measure.radiation import report as radiation_report
 from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.force_fields import FORCED
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.report import html, moving
-from thesis_lib.measure.report import page as report
-from thesis_lib.measure.report.notes import notes
-from thesis_lib.measure.report.shown import shown
-from thesis_lib.measure.response.write import alone, over_force
+from thesis_lib.measure.report import animation, build
+from thesis_lib.measure.report.diagnostics import collect_diagnostics
+from thesis_lib.measure.response.result import responded
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
 from thesis_lib.studies.attributes import with_origin
@@ -38,6 +40,8 @@ OUTPUTS = (
     "mode-*.*", "response.*", "radiated.*", "heard-*.wav", "calibration.nc", "cameras.*", "shape.*",
     "tracked.mp4",
 )  # fmt: skip
+_SOURCE = f"measurement by thesis_lib {__version__}"
+_NEVER_S = 1e6  # after all recordings
 
 
 def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path:
@@ -49,10 +53,11 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
         The manifest.
     out : Path
         Folder for the results: ``report.html``, ``figures``, ``measured.nc``, ``shapes.csv`` and
-        what :mod:`~thesis_lib.measure.exchange.files` and :mod:`~thesis_lib.measure.report.moving`
-        write; beside them steps that a second run need not repeat.
+        the files of :mod:`~thesis_lib.measure.exchange.files` and
+        :mod:`~thesis_lib.measure.report.animation`; next to them steps that a second run need not
+        repeat.
     say : callable
-        Told, line by line, how far the measurement is.
+        Called, line by line, with the progress of the measurement.
 
     Returns
     -------
@@ -64,7 +69,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     ManifestError, MediaError
         If the manifest or a file cannot be used.
     CalibrationError, SynchronisationError, TrackingError, ChainError, FrequencyError, ModalError
-        If what was recorded does not suffice; one line that says what is missing.
+        If the recordings do not suffice; one line that says what is missing.
     """
     manifest, folder = read_manifest(path), path.parent
     read = [one.file for one in (manifest.calibration, manifest.force) if one is not None]
@@ -75,49 +80,168 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     assessment = assess(manifest)
     for line in describe(assessment):
         say(line)
-    of = recorded(manifest, folder, out / STEPS, say)
-    if manifest.excitation.kind != "tone":
-        return _not_one_tone(manifest, folder, of, out, say)
-    say("fitting the deflection")
-    data, moved = deflection(manifest, of)
-    videos = [folder / camera.video for camera in manifest.cameras]
+    inputs = recorded(manifest, folder, out / STEPS, say)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        radiated = None
-        if manifest.radiation is not None:
-            radiated = with_origin(sound_of(data, manifest), data.attrs["source"])
-        seen = shown(data, moved, manifest, of.recordings)
-        firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
-        pictures = report.figures(data, seen, manifest, firsts)
-        page = report.page(data, manifest, assessment, pictures, radiated)
+        if manifest.excitation.kind == "tone":
+            return measure_shape(manifest, folder, inputs, assessment, out, say)
+        return measure_motion(manifest, folder, inputs, out, say)
+
+
+def measure_shape(
+    manifest: Manifest,
+    folder: Path,
+    inputs: Recorded,
+    assessment: Assessment,
+    out: Path,
+    say: Callable[[str], object],
+) -> Path:
+    """Fit the shape of one frequency, and write report and files; return the report."""
+    say("fitting the deflection")
+    data, moved = deflection(manifest, inputs)
+    videos = [folder / camera.video for camera in manifest.cameras]
+    firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
+    seen = collect_diagnostics(data, moved, manifest, inputs.recordings)
+    radiated, sound = _radiate(data, manifest)
+    report = build.build_shape(data, seen, manifest, assessment, firsts, sound)
     with staging(out) as part:
         storage.write(data, part / "measured.nc")
-        storage.write(exactness.to_keep(of.calibration), part / reading.OWN)
-        html.write_pictures(part, pictures)
-        write_csv(report.table(data), part / "shapes.csv")
-        files.write(part, data, moved, of.recordings)
-        moving.write(part, data, of.recordings[0], videos[0])
+        storage.write(exactness.to_keep(inputs.calibration), part / OWN)
+        write_csv(build.tabulate_shape(data), part / "shapes.csv")
+        files.write(part, data, moved, inputs.recordings)
+        animation.write_animations(part, data, inputs.recordings[0], videos[0])
         if radiated is not None:
             radiation_files.write(part, radiated)
-        (part / "report.html").write_text(page, encoding="utf-8")
+        report.write(part)
         put_files(part, out)
-    for line in [*report.summary(data), *radiation_report.summary(radiated)]:
-        say(line)
-    for note in notes(data):
-        say(f"note: {note.text} [{note.code}]")
+    _print_report(report, sound, say)
     return out / "report.html"
 
 
-def _not_one_tone(
-    manifest: Manifest, folder: Path, of: Recorded, out: Path, say: Callable[[str], object]
+def measure_motion(
+    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
 ) -> Path:
-    """Modes, motion over a force, or both; returns the report."""
-    section, pictures = "", report.Pictures()
+    """Measure modes, motion over a force, or both; return the report.
+
+    Raises
+    ------
+    ForceError, ChainError, MediaError, ModalError
+        If force or tracks do not suffice; one line that says what would do.
+    """
+    response = None
     if manifest.force is not None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-            section, pictures = over_force(manifest, of.sound, of.recordings, folder, out, say)
-    if manifest.excitation.kind in FORCED[1:]:
-        left_out = str(of.calibration.attrs["notes"])
-        return alone(manifest, of.sound, left_out, section, pictures, out)
-    return several(manifest, of.sound, of.calibration, of.recordings, out, say, section, pictures)
+        response = _measure_response(manifest, folder, inputs, out, say)
+    if response is None or manifest.excitation.kind not in FORCED[1:]:
+        return measure_modes(manifest, inputs, out, say, response)
+    report = build.build_response_alone(
+        response,
+        manifest,
+        str(inputs.calibration.attrs["notes"]),
+        inputs.sound.attrs["synchronisation"],
+    )
+    with staging(out) as part:
+        report.write(part)
+        put_files(part, out)
+    return out / "report.html"
+
+
+def _measure_response(
+    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
+) -> build.Report:
+    """Write motion over force into a folder; return the part of the report on it."""
+    say("motion over force")
+    data = with_origin(responded(manifest, inputs.sound, inputs.recordings, folder), _SOURCE)
+    data.attrs.update(
+        title=f"Motion of a {manifest.structure.kind} over a force",
+        parameters=manifest.model_dump_json(),
+        synchronisation=inputs.sound.attrs["synchronisation"],
+    )
+    response = build.build_response(data, manifest)
+    with staging(out) as part:
+        storage.write(data, part / "response.nc")
+        uff.write_response(part / "response.uff", data)
+        put_files(part, out)
+    _print_report(response, None, say)
+    return response
+
+
+def measure_modes(
+    manifest: Manifest,
+    inputs: Recorded,
+    out: Path,
+    say: Callable[[str], object],
+    response: build.Report | None = None,
+) -> Path:
+    """Fit the modes, and write report and files into a folder; return the report."""
+    say("fitting the modes")
+    recordings, calibration = inputs.recordings, inputs.calibration
+    covariance = exactness.covariance_of(calibration)
+    data = with_origin(result(manifest, inputs.sound, recordings, covariance), _SOURCE)
+    kind = "Modes" if manifest.excitation.kind == "decay" else "Tones"
+    data.attrs.update(
+        title=f"{kind} of a {manifest.structure.kind}, measured with {len(recordings)} cameras",
+        parameters=manifest.model_dump_json(),
+        notes=calibration.attrs["notes"],
+        synchronisation=inputs.sound.attrs["synchronisation"],
+        repeats=inputs.sound.attrs.get("repeats", ""),
+    )
+    moved = _interpolate_motion(data, recordings, manifest.excitation.rest_s)
+    radiated, sound = _radiate(data, manifest)
+    report = build.build_modes(data, manifest, response, sound)
+    with staging(out) as part:
+        storage.write(data, part / "modes.nc")
+        write_csv(build.tabulate_modes(data), part / "modes.csv")
+        write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
+        uff.write_modes(part / "modes.uff", data)
+        for k in range(data.sizes["mode"]):
+            one, name = data.isel(mode=k), f"mode-{k + 1}"
+            (part / "vtk" / name).mkdir(parents=True)
+            vtk.write(part / "vtk" / name, one)
+            animation.write_shape(part / name, one)
+        cameras.write(part, [own.camera for own in recordings], data)
+        storage.write(exactness.to_keep(calibration), part / OWN)
+        if moved is not None:
+            storage.write(moved, part / "motion.nc")
+            history.write_csv(part / "motion.csv", moved)
+            uff.write_motion(part / "motion.uff", data, moved)
+        if radiated is not None:
+            radiation_files.write(part, radiated)
+        report.write(part)
+        put_files(part, out)
+    _print_report(report, sound, say)
+    return out / "report.html"
+
+
+def _radiate(
+    data: xr.Dataset, manifest: Manifest
+) -> tuple[xr.Dataset, build.Report] | tuple[None, None]:
+    """Return the radiated sound and the part of the report on it, if the manifest asks for it."""
+    if manifest.radiation is None:
+        return None, None
+    radiated = with_origin(sound_of(data, manifest), data.attrs["source"])
+    return radiated, build.build_sound(radiated, manifest)
+
+
+def _print_report(
+    report: build.Report, sound: build.Report | None, say: Callable[[str], object]
+) -> None:
+    """Print what was found, of the sound, too, and the notes on it."""
+    lines = [*report.summary, *(sound.summary if sound else []), *report.note_lines]
+    for line in lines:
+        say(line)
+
+
+def _interpolate_motion(
+    data: xr.Dataset, recordings: Sequence[Recording], rest_s: float
+) -> xr.Dataset | None:
+    """Return every marker from frame to frame; None where a mode is too fast to interpolate."""
+    highest = float(data["frequency"].max())
+    if highest > history.SLOW * min(own.rate for own in recordings):
+        return None
+    shape = data["lag"].size, data.sizes["marker"]
+    plain = data.isel(mode=0).assign(
+        centre_scatter=(("camera", "marker"), np.full(shape, float(data["noise"]))),
+        steady=("end", [_NEVER_S, _NEVER_S + 1]),
+        frequency=highest,
+    )
+    return with_origin(history.motion(plain, recordings, rest_s), data.attrs["source"])

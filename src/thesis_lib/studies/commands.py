@@ -1,16 +1,17 @@
-"""A study as the command that runs it."""
+"""Requests as the commands that run them."""
 
 from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Mapping
 from typing import Any
 
 from thesis_lib.studies.request import Study
 
 
 def given(study: Study) -> dict[str, Any]:
-    """The parameters that differ from the defaults.
+    """Return the parameters that differ from the defaults.
 
     Examples
     --------
@@ -23,7 +24,7 @@ def given(study: Study) -> dict[str, Any]:
 
 
 def command(study: Study) -> str:
-    """The command that runs a study.
+    """Return the command that runs a study.
 
     Examples
     --------
@@ -31,8 +32,19 @@ def command(study: Study) -> str:
     >>> command(camera_study("beam-distance", {"modes": [1]}))
     "thesis run beam-distance -p 'modes=[1]'"
     """
-    words = [
+    return join_command(["thesis", "run", study.folder or study.name], given(study))
+
+
+def join_command(words: list[str], parameters: Mapping[str, Any]) -> str:
+    """Return words and parameters as a line for a shell.
+
+    Examples
+    --------
+    >>> join_command(["thesis", "plan"], {"body": "plate", "counts": [2, 3]})
+    "thesis plan -p body=plate -p 'counts=[2, 3]'"
+    """
+    options = (
         f"-p {shlex.quote(f'{key}={value if isinstance(value, str) else json.dumps(value)}')}"
-        for key, value in given(study).items()
-    ]
-    return " ".join(["thesis run", shlex.quote(study.folder or study.name), *words])
+        for key, value in parameters.items()
+    )
+    return " ".join([shlex.join(words), *options])

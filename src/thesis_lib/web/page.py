@@ -15,6 +15,7 @@ from typing import Any
 
 import nbformat
 from markdown_it import MarkdownIt
+from markupsafe import Markup
 from mdit_py_plugins.amsmath import amsmath_plugin
 from mdit_py_plugins.colon_fence import colon_fence_plugin
 from mdit_py_plugins.deflist import deflist_plugin
@@ -26,7 +27,7 @@ from pygments.lexers import PythonLexer  # type: ignore[import-untyped, unused-i
 from thesis_lib import records
 from thesis_lib.asides import aside
 from thesis_lib.files import workplace
-from thesis_lib.web.shell import shell
+from thesis_lib.web.html import render_html
 
 MATHJAX = "mathjax/tex-svg-full.js"
 """Path of MathJax inside ``build/assets``: one file, drawing with SVG, without fonts to load."""
@@ -76,9 +77,14 @@ def page(notebook: Path, title: str) -> str:
     if 'class="math ' in body and mathjax.is_file():
         if damage := damaged_assets(mathjax.parents[1]):
             aside(f"{damage}; equations stay as TeX until `thesis book` installs it anew")
-            return shell(title, body)
+            return _frame(title, body)
         script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
-    return shell(title, body, script)
+    return _frame(title, body, script)
+
+
+def _frame(title: str, body: str, mathjax: str = "") -> str:
+    page = "web/templates/page.html.j2"
+    return render_html(page, title=title, body=Markup(body), mathjax=Markup(mathjax))
 
 
 def mathjax_path() -> Path:
@@ -96,7 +102,7 @@ def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
     items = "".join(
         f'<li><a href="{escape(href)}">{escape(label)}</a></li>\n' for label, href in entries
     )
-    return shell(title, f"<h1>{escape(title)}</h1>\n<ul>\n{items}</ul>\n")
+    return _frame(title, f"<h1>{escape(title)}</h1>\n<ul>\n{items}</ul>\n")
 
 
 class _Text:

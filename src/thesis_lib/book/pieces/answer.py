@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.book.pieces import benchmarks
-from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.feasibility.describe import describe
-from thesis_lib.measure.feasibility.limits import LIMIT, Assessment
-from thesis_lib.measure.feasibility.planned import planned
+from thesis_lib.measure.feasibility.assess import Assessment, assess, describe
+from thesis_lib.measure.feasibility.draft import draft_manifest
+from thesis_lib.measure.messages import LIMIT
 from thesis_lib.vision import cone_law
 from thesis_lib.web.markdown import columns
 
@@ -70,7 +69,7 @@ def rule() -> str:
 
 def answer() -> str:
     """The plate: what to type, what comes out, and whether it will do."""
-    told = {name: assess(planned(PLATE | phone)) for name, phone in PHONES.items()}
+    told = {name: assess(draft_manifest(PLATE | phone)) for name, phone in PHONES.items()}
     asked = f"```console\n$ {command(PLATE)}\n$ thesis measure --check plate/planned.yaml\n```\n"
     more = " ".join(f"-p {name}={value}" for name, value in PHONES["4K"].items())
     said = "\n".join(["```text", *describe(told["full HD"]), "```"])

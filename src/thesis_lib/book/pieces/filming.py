@@ -7,10 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from thesis_lib.laboratory.example import example_manifest, example_rig
-from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, assess
-from thesis_lib.measure.feasibility.describe import describe
-from thesis_lib.measure.feasibility.limits import LIMIT, Assessment
-from thesis_lib.measure.feasibility.predictions import alias
+from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, Assessment, assess, describe
+from thesis_lib.measure.feasibility.prediction import alias
+from thesis_lib.measure.messages import LIMIT
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 from thesis_lib.vision.optics import depth_of_field
 from thesis_lib.web.markdown import columns, table

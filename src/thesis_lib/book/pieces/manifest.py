@@ -13,8 +13,7 @@ from pydantic import BaseModel
 from thesis_lib.book.pieces import answer
 from thesis_lib.book.pieces import filming as guidance
 from thesis_lib.files import whole_text
-from thesis_lib.measure.feasibility.limits import THRESHOLDS
-from thesis_lib.measure.feasibility.remedies import NEW, REMEDIES, UNCHECKED, reason_of
+from thesis_lib.measure.messages import CHECKS, NEW, NOTES, UNCHECKED, Message
 from thesis_lib.measure.recordings.board_fields import BoardSpec
 from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
 from thesis_lib.measure.recordings.manifest_model import (
@@ -26,7 +25,6 @@ from thesis_lib.measure.recordings.manifest_model import (
 from thesis_lib.measure.recordings.radiation_fields import Radiation
 from thesis_lib.measure.recordings.reuse import Reuse
 from thesis_lib.measure.recordings.sought import Sought
-from thesis_lib.measure.report.meanings import OF_A_SHAPE, OF_FORCE, OF_MODES, OF_SOUND, Meaning
 from thesis_lib.studies.vocabulary import allowed_text, unit
 
 PARTS: dict[str, type[BaseModel]] = {
@@ -88,30 +86,29 @@ def _shown(value: Any) -> str:
 
 
 def warnings() -> str:
-    """Every warning of the assessment, its limit, its reason, and what to do about it."""
+    """Return every check of a manifest, its limit, the reason, and what to do."""
     parts = []
-    for title, remedies in REMEDIES.items():
+    for title, checks in CHECKS.items():
         entries = []
-        for code, remedy in remedies.items():
-            limit = THRESHOLDS[code]
-            space = "" if limit.unit == "°" else " "
-            term = f"{_named(code)} · {limit.value:g}{space}{limit.unit}"
-            entries.append((term, f"{reason_of(code)} {remedy}"))
+        for code, one in checks.items():
+            space = "" if one.unit == "°" else " "
+            term = f"{_named(code)} · {one.limit:g}{space}{one.unit}"
+            entries.append((term, f"{one.meaning} {one.remedy}"))
         parts.append(f"*{title}*\n\n{_definitions(entries)}")
     return "\n".join(parts)
 
 
-def meanings(of: Mapping[str, Meaning]) -> str:
-    """Notes, what each means, and what to do, as a Markdown definition list."""
+def notes(group: str) -> str:
+    """Return a group of notes, what each means, and what to do, as a definition list."""
     return _definitions(
-        (f"{_named(code)} · {one.says.rstrip('… ')} …", f"{one.means} _What to do._ {one.do}")
-        for code, one in of.items()
+        (f"{_named(code)} · {one.pattern}", f"{one.meaning} _What to do._ {one.remedy}")
+        for code, one in NOTES[group].items()
     )
 
 
-def said(of: Mapping[str, str]) -> str:
-    """Lines by how they begin, and what to do about each, as a Markdown definition list."""
-    return _definitions(of.items())
+def lines(of: Mapping[str, Message]) -> str:
+    """Return lines of the command, and what to do about each, as a definition list."""
+    return _definitions((one.pattern, one.remedy) for one in of.values())
 
 
 def _named(code: str) -> str:
@@ -132,12 +129,12 @@ def _definitions(entries: Iterable[tuple[str, str]]) -> str:
 PIECES: dict[str, Callable[[], str]] = {
     **{f"record-{part}": partial(fields, part) for part in PARTS},
     "record-warnings": warnings,
-    "record-unchecked": partial(said, UNCHECKED),
-    "record-new": partial(said, NEW),
-    "record-notes": partial(meanings, OF_A_SHAPE),
-    "record-notes-modes": partial(meanings, OF_MODES),
-    "record-notes-sound": partial(meanings, OF_SOUND),
-    "record-notes-force": partial(meanings, OF_FORCE),
+    "record-unchecked": partial(lines, UNCHECKED),
+    "record-new": partial(lines, NEW),
+    "record-notes": partial(notes, "shape"),
+    "record-notes-modes": partial(notes, "modes"),
+    "record-notes-sound": partial(notes, "sound"),
+    "record-notes-force": partial(notes, "force"),
     **guidance.PIECES,
     **answer.PIECES,
 }

@@ -13,20 +13,6 @@ from thesis_lib.measure.exchange import cameras, history, uff, vtk
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 
-MEANINGS = (
-    "measured.nc, shapes.csv: the result, marker by marker, and all that it rests on (xarray, "
-    "any spreadsheet)",
-    "motion.nc, motion.csv: every marker from frame to frame in mm, with time, ± and flags",
-    "shapes.uff, motion.uff: the shape, and the measured motion, in the universal file format "
-    "(modal software)",
-    "measured.mat: both for MATLAB and Octave",
-    "vtk/period.pvd: one period for ParaView",
-    "cameras.yaml, cameras.toml: the calibrated cameras for OpenCV, and for aniposelib",
-    "calibration.nc: the same with their errors, as calibration of another manifest can reuse it",
-    "shape.mp4, shape.gif: the shape in motion",
-    "tracked.mp4: frames of the first camera, slowed, with the markers as they were followed",
-)
-
 
 def write(
     folder: Path, data: xr.Dataset, moved: xr.Dataset, recordings: Sequence[Recording]

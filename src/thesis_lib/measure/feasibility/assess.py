@@ -1,40 +1,65 @@
-"""What a manifest's recordings can reach, and what they cannot, before anything is measured.
+"""Check a manifest before anything is measured: what its recordings can reach, and what not.
 
-What the manifest does not say is NaN; no warning follows from it.
+What the manifest does not say is NaN; no warning follows from it. Limits and texts of the warnings
+are in ``messages.toml``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.feasibility.limits import DEVIATIONS, LIMIT, Assessment, Warning
-from thesis_lib.measure.feasibility.outlook import (
-    CameraOutlook,
-    RigOutlook,
-    Sight,
-    errors_of,
-    outlook,
+from thesis_lib.measure.feasibility.prediction import (
+    DEFAULT_STEADY_S,
+    OPTICS,
+    CameraPrediction,
+    RigPrediction,
+    View,
+    alias,
+    predict_camera,
+    predict_errors,
     rms_and_worst,
-    sight_of,
     steady_seconds,
+    view_markers,
 )
-from thesis_lib.measure.feasibility.predictions import alias
-from thesis_lib.measure.feasibility.unchecked import unchecked
 from thesis_lib.measure.fitting.models import model_of
+from thesis_lib.measure.messages import LIMIT, MESSAGES, UNCHECKED, format_message
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 
 CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 px in H.264
-MODES = 3  # natural frequencies above the driven one that are looked at: what rings longest
-MANY = 100  # natural frequencies among which these are sought
-OTHER_MODE = 1.2  # of the driven frequency, from which a natural one is that of another mode
+MAX_HIGHER_MODES = 3  # natural frequencies above the driven one: those that ring longest
+MAX_MODES = 100  # natural frequencies among which these are searched
+MIN_MODE_RATIO = 1.2  # of the driven frequency, from which a natural one is that of another mode
+TEXT_COLUMNS = 100
+HEADER = "camera,mm/px,size px,gap px,motion px,blur px,lost,sharp mm,depths mm,view,spacings"
+
+
+@dataclass(frozen=True)
+class Warning:
+    """A limit that is not kept: a stable code, the field it is about, one line."""
+
+    code: str
+    where: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Warnings, checks that could not be made, numbers of each camera, and of all together."""
+
+    warnings: tuple[Warning, ...]
+    unknown: tuple[str, ...]
+    table: tuple[CameraPrediction, ...]
+    rig: RigPrediction
 
 
 def assess(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
-    """What the manifest's recordings can reach, what they cannot, and what it does not tell.
+    """Return what the manifest's recordings can reach, what they cannot, and what is unknown.
 
     Parameters
     ----------
@@ -46,241 +71,299 @@ def assess(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
     steady, slowest = steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
     with np.errstate(all="ignore"):  # what is not given is NaN
-        sight = sight_of(manifest, float(np.nan_to_num(amplitude)))
-        table = [outlook(manifest, sight, i, amplitude) for i in range(len(manifest.cameras))]
-        errors = errors_of(manifest, sight, amplitude, noise_px)
+        view = view_markers(manifest, float(np.nan_to_num(amplitude)))
+        table = [predict_camera(manifest, view, i, amplitude) for i in range(len(view.optics))]
+        errors = predict_errors(manifest, view, amplitude, noise_px)
         one, fit, rounding = map(rms_and_worst, errors)
-        rig = RigOutlook(
-            int(sight.located.sum()),
-            noise_px,
-            steady,
-            int(steady * slowest + 1e-9),
-            one,
-            fit,
-            rounding,
-            DEVIATIONS * fit[1],
+        rig = RigPrediction(
+            located=int(view.located.sum()),
+            noise_px=noise_px,
+            steady_s=steady,
+            frames=int(steady * slowest + 1e-9),
+            one_frame=one,
+            fit=fit,
+            rounding=rounding,
+            smallest_mm=LIMIT["below-noise"] * fit[1],
         )
-        warnings = _of_times(manifest)
+        warnings = list(_check_times(manifest))
         for i, (camera, row) in enumerate(zip(manifest.cameras, table, strict=True)):
             where = f"cameras[{i}]"
-            warnings += _of_rate(manifest, camera.rate_hz, f"{where}.frame_rate_hz")
-            warnings += _of_camera(manifest, camera, row, where)
-            warnings += _of_view(manifest, camera, row, where, sight.corners[i])
-        warnings += _of_rig(manifest, sight, rig, errors[0])
-    return Assessment(tuple(warnings), tuple(unchecked(manifest)), tuple(table), rig)
+            warnings += _check_rate(manifest, camera.rate_hz, f"{where}.frame_rate_hz")
+            warnings += _check_exposure(manifest, camera, row, where)
+            warnings += _check_view(manifest, camera, row, where, view.corners[i])
+        warnings += _check_rig(manifest, view, rig, errors[0])
+    return Assessment(tuple(warnings), tuple(list_unknowns(manifest)), tuple(table), rig)
 
 
-def _those(where: str, texts: Mapping[str, object]) -> list[Warning]:
-    """Warnings by code, or by field and code; those without a text do not hold."""
-    found = []
-    for key, text in texts.items():
-        *field, code = key.split()
-        if text:
-            found.append(Warning(code, ".".join(filter(None, [where, *field])), str(text)))
-    return found
+def _warn(code: str, where: str, variant: str = "", **values: object) -> Warning:
+    return Warning(code, where, format_message(MESSAGES[code], variant, **values))
 
 
-def _of_times(manifest: Manifest) -> list[Warning]:
-    """Rest and steady part, for the slowest camera."""
-    e, steady = manifest.excitation, steady_seconds(manifest)
+def _check_times(manifest: Manifest) -> Iterator[Warning]:
+    """Check rest and steady-state intervals, for the slowest camera."""
     rate = min(c.rate_hz for c in manifest.cameras)
-    rest, given, f = e.rest_s, e.steady_s, np.float64(e.frequency_hz or np.nan)
-    least, few, turns = (LIMIT[c] for c in ("few-rest-frames", "few-frames", "few-periods"))
-    begin = given[0] if given else np.inf
-    rest_given, part = f"given {rest:g} s, ", f"given {steady:g} s, "
-    texts = {
-        "rest_s short-rest": rest < LIMIT["short-rest"]
-        and f"{rest_given}allowed: {LIMIT['short-rest']:g} s or more",
-        "rest_s few-rest-frames": rest * rate < least
-        and (
-            f"{rest_given}{rest * rate:.3g} frames at {rate:g} Hz, allowed: {least / rate:.3g} s "
-            "or more"
-        ),
-        "steady_s few-frames": given
-        and steady * rate < few
-        and f"{part}{steady * rate:.3g} frames at {rate:g} Hz, allowed: {few / rate:.3g} s or more",
-        "steady_s few-periods": given
-        and steady * f < turns
-        and f"{part}{steady * f:.2g} periods, allowed: {turns / f:.3g} s or more",
-        "steady_s steady-at-rest": rest - begin > LIMIT["steady-at-rest"]
-        and f"given from {begin:g} s, allowed: not before the rest's end, {rest:g} s",
-    }
-    return _those("excitation", texts)
+    rest, given = manifest.excitation.rest_s, manifest.excitation.steady_s
+    where = "excitation.rest_s"
+    if rest < LIMIT["short-rest"]:
+        yield _warn("short-rest", where, rest=rest)
+    if rest * rate < (least := LIMIT["few-rest-frames"]):
+        yield _warn(
+            "few-rest-frames", where, rest=rest, frames=rest * rate, rate=rate, seconds=least / rate
+        )
+    if not given:
+        return
+    where, steady = "excitation.steady_s", steady_seconds(manifest)
+    if steady * rate < (least := LIMIT["few-frames"]):
+        yield _warn(
+            "few-frames",
+            where,
+            steady=steady,
+            frames=steady * rate,
+            rate=rate,
+            seconds=least / rate,
+        )
+    f = np.float64(manifest.excitation.frequency_hz or np.nan)
+    if (periods := steady * f) < (least := LIMIT["few-periods"]):
+        yield _warn("few-periods", where, steady=steady, periods=periods, seconds=least / f)
+    if rest - given[0] > LIMIT["steady-at-rest"]:
+        yield _warn("steady-at-rest", where, begin=given[0], rest=rest)
 
 
-def _of_rate(manifest: Manifest, rate: float, where: str) -> list[Warning]:
-    """One frame rate against the vibration and the structure's own frequencies."""
-    s, steady, f = manifest.structure, steady_seconds(manifest), manifest.excitation.frequency_hz
+def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning]:
+    """Check one frame rate against the vibration and the structure's own frequencies."""
+    steady, f = steady_seconds(manifest), manifest.excitation.frequency_hz
     if f is None:
-        return []
-    seen, known = alias(f, rate), manifest.excitation.undersampled
-    given = f"given {rate:g} Hz, {rate / f:.3g} frames a period of {f:.6g} Hz"
-    folded = f >= LIMIT["undersampled"] * rate
-    near = f > LIMIT["near-nyquist"] * rate
-    edge, off, turns = min(seen, rate / 2 - seen), LIMIT["alias"] / steady, LIMIT["alias-edge"]
-    texts = {
-        "undersampled": folded
-        and not known
-        and (
-            f"{given}, seen at {seen:.4g} Hz; allowed: above {2 * f:.6g} Hz, or "
-            "excitation.undersampled: true for a frequency that is known well"
-        ),
-        "alias": folded
-        and known
-        and (
-            f"{given}, seen at {seen:.4g} Hz; in {steady:g} s the frequency must be known to "
-            f"{off:.2g} Hz and the camera's clock to {off / f:.1g} of the time"
-        ),
-        "alias-edge": folded
-        and known
-        and edge * steady < turns
-        and (
-            f"{given}, seen {edge:.3g} Hz from 0 or half the rate; allowed: {turns / steady:.3g} "
-            "Hz or more, by another rate or a longer steady part"
-        ),
-        "near-nyquist": near
-        and not folded
-        and f"{given}; allowed: {f / LIMIT['near-nyquist']:.6g} Hz or more",
-        "few-samples": rate < LIMIT["few-samples"] * f
-        and not near
-        and f"{given}; allowed: {LIMIT['few-samples'] * f:.6g} Hz or more",
-    }
-    found = _those(where, texts)
-    model = model_of(s)
+        return
+    seen = alias(f, rate)
+    given = f"the frame rate is {rate:g} Hz, {rate / f:.3g} frames a period of {f:.6g} Hz"
+    if f >= LIMIT["undersampled"] * rate:
+        if not manifest.excitation.undersampled:
+            yield _warn("undersampled", where, given=given, seen=seen, least=2 * f)
+        else:
+            off = LIMIT["alias"] / steady
+            yield _warn(
+                "alias", where, given=given, seen=seen, steady=steady, off=off, share=off / f
+            )
+            edge, least = min(seen, rate / 2 - seen), LIMIT["alias-edge"] / steady
+            if edge < least:
+                yield _warn("alias-edge", where, given=given, edge=edge, least=least)
+    elif f > LIMIT["near-nyquist"] * rate:
+        yield _warn("near-nyquist", where, given=given, least=f / LIMIT["near-nyquist"])
+    elif rate < LIMIT["few-samples"] * f:
+        yield _warn("few-samples", where, given=given, least=LIMIT["few-samples"] * f)
+    model = model_of(manifest.structure)
     if model is None:
-        return found
-    many = model.angular_frequencies(MANY) / (2 * np.pi)
-    others = many[many > OTHER_MODE * f][:MODES]
+        return
+    many = model.angular_frequencies(MAX_MODES) / (2 * np.pi)
+    others = many[many > MIN_MODE_RATIO * f][:MAX_HIGHER_MODES]
     for k, own in enumerate(others):
         rings = alias(own, rate)
         if own >= rate / 2 and (k == 0 or abs(rings - seen) * steady < LIMIT["higher-modes"]):
-            text = (
-                f"given {rate:g} Hz; what rings at the structure's {own:.4g} Hz is seen at "
-                f"{rings:.3g} Hz, the vibration at {seen:.3g} Hz; to see it where it is: above "
-                f"{2 * own:.4g} Hz"
+            yield _warn(
+                "higher-modes", where, rate=rate, own=own, rings=rings, seen=seen, least=2 * own
             )
-            return [*found, Warning("higher-modes", where, text)]
-    return found
+            return
 
 
-def _of_camera(
-    manifest: Manifest, camera: CameraFiles, row: CameraOutlook, where: str
-) -> list[Warning]:
-    """Exposure and lens of one camera."""
+def _check_exposure(
+    manifest: Manifest, camera: CameraFiles, row: CameraPrediction, where: str
+) -> Iterator[Warning]:
+    """Check exposure and lens of one camera."""
     f, exposure = np.float64(manifest.excitation.frequency_hz or np.nan), camera.exposure_s
     focal, distance = camera.focal_length_mm or np.nan, camera.distance_mm or np.nan
-    stop, most = camera.f_number or np.nan, LIMIT["motion-blur"] * np.float64(row.across_px)
-    limit, sharp = LIMIT["long-exposure"], LIMIT["depth-of-field"]
-    given = f"given {exposure:.4g} s, which "
-    texts = {
-        "exposure_s long-exposure": f * exposure > limit
-        and f"{given}takes {row.lost:.1%} of the amplitude, allowed: {limit / f:.2g} s or less",
-        "exposure_s motion-blur": row.blur_px > most
-        and (
-            f"given {exposure:.4g} s, in which an image moves {row.blur_px:.3g} px, allowed: "
-            f"{most:.2g} px, so {exposure * most / row.blur_px:.2g} s or less"
-        ),
-        "distance_mm too-near": distance <= LIMIT["too-near"] * focal
-        and f"given {distance:g}, allowed: more than focal_length_mm, {focal:g}",
-        "f_number depth-of-field": row.defocus_px > sharp
-        and (
-            f"given {stop:g}, sharp from {row.near_mm:.0f} to {row.far_mm:.0f} mm; markers lie "
-            f"from {row.nearest_mm:.0f} to {row.farthest_mm:.0f} mm, spread by up to "
-            f"{row.defocus_px:.2g} px; allowed: {stop * row.defocus_px / sharp:.3g} or more, or a "
-            "greater distance"
-        ),
-    }
-    return _those(where, texts)
-
-
-def _of_view(
-    manifest: Manifest, camera: CameraFiles, row: CameraOutlook, where: str, corners: Mask
-) -> list[Warning]:
-    """Place of one camera, and how it sees markers and corners."""
-    elevation, distance = camera.elevation_deg or np.nan, camera.distance_mm or np.nan
-    low, high, coarse = LIMIT["shallow-view"], LIMIT["steep-view"], LIMIT["coarse"]
-    thin, free, gate = (LIMIT[c] for c in ("foreshortened", "crowded-markers", "large-move"))
-    still = LIMIT["small-motion"]
-    lost = camera.corners_px is None and not np.isnan(row.in_view) and not corners.all()
-    diameter, tilt = manifest.structure.markers.diameter_mm, f"given {elevation:g}, allowed: "
-    texts = {
-        "distance_mm coarse": row.along_px < coarse
-        and (
-            f"given {distance:g}, markers are {row.along_px:.2g} px wide, allowed: {coarse:g} px, "
-            f"from {distance * row.along_px / coarse:.3g} mm or with more pixels"
-        ),
-        "elevation_deg foreshortened": row.across_px < thin
-        and (
-            f"given {elevation:g}, markers are {row.across_px:.2g} px high, allowed: {thin:g} px; "
-            "raise the camera, come nearer, or take larger markers"
-        ),
-        "elevation_deg shallow-view": elevation < low and f"{tilt}{low:g} or more",
-        "elevation_deg steep-view": elevation > high
-        and f"{tilt}{high:g} or less; deflection hardly moves the images",
-        "elevation_deg crowded-markers": row.gap_px < free
-        and (
-            f"given {elevation:g}, images of neighbours are {row.gap_px:.2g} px apart, allowed: "
-            f"{free:g} px; raise the camera, come nearer, or use markers below {diameter:g} mm"
-        ),
-        "distance_mm small-motion": row.motion_px < still
-        and (
-            f"given {distance:g}, images move {row.motion_px:.2g} px, of which compressed films "
-            f"lose a tenth or more; allowed: {still:g} px, from "
-            f"{distance * row.motion_px / still:.3g} mm, with more pixels, or without loss"
-        ),
-        "distance_mm out-of-view": row.in_view < LIMIT["out-of-view"]
-        and (
-            f"given {distance:g}, {row.in_view:.0%} of the markers stay in the picture; go farther "
-            "or take a shorter lens"
-        ),
-        "corners_px out-of-view": lost
-        and (
-            f"given null, {4 - np.count_nonzero(corners)} of the structure's corners are not in "
-            "the picture; go farther, or give where they would be"
-        ),
-        "frame_rate_hz large-move": row.move_spacings > gate
-        and (
-            f"given {camera.rate_hz:g} Hz, markers move {row.move_spacings:.2g} of a spacing "
-            f"a frame, allowed: {gate:g} until the tracker knows the motion; begin gently or film "
-            "faster"
-        ),
-    }
-    return _those(where, texts)
-
-
-def _of_rig(manifest: Manifest, sight: Sight, rig: RigOutlook, errors: Array) -> list[Warning]:
-    """All cameras together."""
-    on, least = np.flatnonzero(sight.located), LIMIT["same-line"]
-    found = []
-    for i, j in combinations(on, 2):
-        angle = np.degrees(np.arccos(min(abs(sight.directions[i] @ sight.directions[j]), 1.0)))
-        found += _those(
-            f"cameras[{j}].azimuth_deg",
-            {
-                "same-line": angle < least
-                and (
-                    f"given {manifest.cameras[j].azimuth_deg:g}, {angle:.2g}° from the line "
-                    f"of sight of cameras[{i}], allowed: {least:g}° or more"
-                ),
-            },
+    if f * exposure > (limit := LIMIT["long-exposure"]):
+        yield _warn(
+            "long-exposure",
+            f"{where}.exposure_s",
+            exposure=exposure,
+            lost=row.lost,
+            most=limit / f,
         )
-    if len(on) < max(len(sight.located), 2):  # the others may see more
-        return found
-    amplitude, most = manifest.excitation.amplitude_mm or np.nan, LIMIT["weak-markers"]
-    lost, best = int(np.isnan(errors).sum()), np.fmin.reduce(errors)
-    weak = np.count_nonzero(errors > most * best)
-    texts = {
-        "cameras lost-markers": lost
-        and f"{lost} of {len(errors)} markers stay in the picture of fewer than two cameras",
-        "cameras weak-markers": weak
-        and (
-            f"{weak} of {len(errors)} markers err up to {rig.one_frame[1] / best:.3g} times as "
-            f"much as the best, allowed: {most:g} times; see them from more sides"
-        ),
-        "excitation.amplitude_mm below-noise": amplitude < rig.smallest_mm < np.inf
-        and (
-            f"given {amplitude:g}, allowed: {rig.smallest_mm:.2g} or more at {rig.steady_s:g} s of "
-            "steady recording; come nearer or record longer"
-        ),
+    if row.blur_px > (most := LIMIT["motion-blur"] * np.float64(row.across_px)):
+        yield _warn(
+            "motion-blur",
+            f"{where}.exposure_s",
+            exposure=exposure,
+            blur=row.blur_px,
+            most=most,
+            seconds=exposure * most / row.blur_px,
+        )
+    if distance <= LIMIT["too-near"] * focal:
+        yield _warn("too-near", f"{where}.distance_mm", distance=distance, focal=focal)
+    if row.defocus_px > (sharp := LIMIT["depth-of-field"]):
+        stop = camera.f_number or np.nan
+        yield _warn(
+            "depth-of-field",
+            f"{where}.f_number",
+            stop=stop,
+            near=row.near_mm,
+            far=row.far_mm,
+            nearest=row.nearest_mm,
+            farthest=row.farthest_mm,
+            defocus=row.defocus_px,
+            least=stop * row.defocus_px / sharp,
+        )
+
+
+def _check_view(
+    manifest: Manifest, camera: CameraFiles, row: CameraPrediction, where: str, corners: Mask
+) -> Iterator[Warning]:
+    """Check the place of one camera, and how it sees markers and corners."""
+    elevation, distance = camera.elevation_deg or np.nan, camera.distance_mm or np.nan
+    away, tilt = f"{where}.distance_mm", f"{where}.elevation_deg"
+    if row.along_px < (limit := LIMIT["coarse"]):
+        most = distance * row.along_px / limit
+        yield _warn("coarse", away, size=row.along_px, distance=distance, most=most)
+    if row.across_px < LIMIT["foreshortened"]:
+        yield _warn("foreshortened", tilt, size=row.across_px, elevation=elevation)
+    if elevation < LIMIT["shallow-view"]:
+        yield _warn("shallow-view", tilt, elevation=elevation)
+    if elevation > LIMIT["steep-view"]:
+        yield _warn("steep-view", tilt, elevation=elevation)
+    if row.gap_px < LIMIT["crowded-markers"]:
+        diameter = manifest.structure.markers.diameter_mm
+        yield _warn("crowded-markers", tilt, gap=row.gap_px, elevation=elevation, diameter=diameter)
+    if row.motion_px < (limit := LIMIT["small-motion"]):
+        most = distance * row.motion_px / limit
+        yield _warn("small-motion", away, motion=row.motion_px, distance=distance, most=most)
+    if row.in_view < LIMIT["out-of-view"]:
+        yield _warn("out-of-view", away, fraction=row.in_view, distance=distance)
+    if camera.corners_px is None and not np.isnan(row.in_view) and not corners.all():
+        count = 4 - np.count_nonzero(corners)
+        yield _warn("out-of-view", f"{where}.corners_px", "corners", count=count)
+    if row.move_spacings > LIMIT["large-move"]:
+        yield _warn(
+            "large-move", f"{where}.frame_rate_hz", rate=camera.rate_hz, moves=row.move_spacings
+        )
+
+
+def _check_rig(
+    manifest: Manifest, view: View, rig: RigPrediction, errors: Array
+) -> Iterator[Warning]:
+    """Check all cameras together."""
+    on = np.flatnonzero(view.located)
+    for i, j in combinations(on, 2):
+        angle = np.degrees(np.arccos(min(abs(view.directions[i] @ view.directions[j]), 1.0)))
+        if angle < LIMIT["same-line"]:
+            azimuth = manifest.cameras[j].azimuth_deg
+            where = f"cameras[{j}].azimuth_deg"
+            yield _warn("same-line", where, azimuth=azimuth, angle=angle, other=i)
+    if len(on) < max(len(view.located), 2):  # the others may see more
+        return
+    if lost := int(np.isnan(errors).sum()):
+        yield _warn("lost-markers", "cameras", lost=lost, count=len(errors))
+    best = np.fmin.reduce(errors)
+    if weak := np.count_nonzero(errors > LIMIT["weak-markers"] * best):
+        ratio = rig.one_frame[1] / best
+        yield _warn("weak-markers", "cameras", weak=weak, count=len(errors), ratio=ratio)
+    amplitude = manifest.excitation.amplitude_mm or np.nan
+    if amplitude < rig.smallest_mm < np.inf:
+        yield _warn(
+            "below-noise",
+            "excitation.amplitude_mm",
+            amplitude=amplitude,
+            least=rig.smallest_mm,
+            steady=rig.steady_s,
+        )
+
+
+def list_unknowns(manifest: Manifest) -> Iterator[str]:
+    """Yield the checks that could not be made, and the fields that they need."""
+    needs = {
+        "ground sample distance": OPTICS[:3],
+        "view": OPTICS,
+        "errors": OPTICS,
+        "depth of field": (*OPTICS, "f_number"),
     }
-    return found + _those("", texts)
+    groups: dict[tuple[str, str], list[str]] = {}
+    for camera in manifest.cameras:
+        lacks: dict[str, list[str]] = {}
+        for what, fields in needs.items():
+            missing = [name for name in fields if getattr(camera, name) is None]
+            lacks.setdefault(_join(missing), []).append(what)
+        for fields_text, whats in lacks.items():
+            groups.setdefault((fields_text, _join(whats)), []).append(camera.name)
+    for (fields_text, what), names in groups.items():
+        if fields_text:
+            of = f"{'s' * (len(names) > 1)} {_join(names)}"
+            yield format_message(UNCHECKED["cameras"], what=what, names=of, fields=fields_text)
+    excitation = manifest.excitation
+    open_fields = {
+        "frequency": excitation.frequency_hz is None and excitation.kind == "tone",
+        "amplitude": excitation.amplitude_mm is None,
+        "steady": excitation.steady_s is None,
+        "clap": excitation.sound == "room",
+        "model": manifest.structure.kind == "flat",
+    }
+    for code, is_open in open_fields.items():
+        if is_open:
+            yield format_message(UNCHECKED[code], steady=DEFAULT_STEADY_S)
+
+
+def _join(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def describe(assessment: Assessment) -> list[str]:
+    """Return lines to print: tables, then warnings, then what was not checked; 100 columns."""
+    rows = [tuple(HEADER.split(","))] + [_format_row(one) for one in assessment.table]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    widths[0] = min(widths[0], max(6, TEXT_COLUMNS - sum(widths[1:]) - 2 * len(widths[1:])))
+    lines = [
+        "  ".join([_cut(row[0], widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
+    ]
+    rig = assessment.rig
+    lines += ["", f"{'standard error of the deflection, mm':<52}{'rms':>10}{'worst':>10}"]
+    for what, values in (
+        (f"one frame, centres that scatter {rig.noise_px:g} px", rig.one_frame),
+        (f"harmonic fit of {rig.steady_s:g} s, {rig.frames} frames", rig.fit),
+        ("whole-pixel centres, one frame near a maximum", rig.rounding),
+    ):
+        lines.append(f"  {what:<50}{_number(values[0]):>10}{_number(values[1]):>10}")
+    lines.append(
+        f"{'smallest deflection, noise of centres alone, mm':<62}{_number(rig.smallest_mm):>10}"
+    )
+    same: dict[tuple[str, ...], list[str]] = {}
+    for one in assessment.warnings:
+        same.setdefault((one.code, one.text, one.where.split("]")[-1]), []).append(one.where)
+    notes = []
+    for (code, text, _), where in same.items():
+        more = f" and {len(where) - 1} more" if len(where) > 1 else ""
+        notes.append(f"warning: {where[0]}{more}: {text} [{code}]")
+    notes += [f"not checked: {line}" for line in assessment.unknown]
+    for note in notes:
+        lines += textwrap.wrap(note, TEXT_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
+    return lines
+
+
+def _cut(text: str, width: int) -> str:
+    return text.ljust(width) if len(text) <= width else text[: width - 1] + "…"
+
+
+def _format_row(one: CameraPrediction) -> tuple[str, ...]:
+    return (
+        one.name,
+        _number(one.ground_sample_mm),
+        _pair(one.along_px, one.across_px, "x", 1),
+        _number(one.gap_px),
+        _number(one.motion_px),
+        _number(one.blur_px),
+        _share(one.lost, 1),
+        _pair(one.near_mm, one.far_mm),
+        _pair(one.nearest_mm, one.farthest_mm),
+        _share(one.in_view),
+        _number(one.move_spacings),
+    )
+
+
+def _number(value: float) -> str:
+    return "-" if np.isnan(value) else f"{value:.3g}"
+
+
+def _pair(low: float, high: float, between: str = "-", digits: int = 0) -> str:
+    known = [f"{v:.{digits}f}" for v in (low, high) if not np.isnan(v)]
+    return between.join(known) or "-"
+
+
+def _share(value: float, digits: int = 0) -> str:
+    return "-" if np.isnan(value) else f"{value:.{digits}%}"

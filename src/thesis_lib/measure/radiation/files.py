@@ -16,13 +16,6 @@ from thesis_lib.studies import storage
 
 RATE, SECONDS = 48000, 4.0  # samples per second; length of a sound file, s
 FADE, RISE = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
-MEANINGS = (
-    "radiated.nc, radiated.csv: sound power, pressures and fields in a rigid wall, with their "
-    "standard errors, and the change of the power without one",
-    "heard-1.wav …: what would be heard at each point before a rigid wall, one sound file for "
-    "each, with all tones; samples are pressures in Pa (32-bit floating point), so that players "
-    "may have to be turned up",
-)
 
 
 def write(folder: Path, data: xr.Dataset) -> None:

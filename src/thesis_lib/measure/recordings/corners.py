@@ -6,11 +6,12 @@ import base64
 from pathlib import Path
 
 import cv2
+from markupsafe import Markup
 
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.web.fragment import asset, joined, static_html
-from thesis_lib.web.shell import shell
+from thesis_lib.web.html import render_html
 
 PAGE_NAME = "corners.html"
 JPEG_QUALITY = 92  # leaves edges where they are, and a page of 16 cameras below 10 MB
@@ -55,4 +56,5 @@ def corners_page(manifest: Manifest, folder: Path) -> str:
         )
     state = {"cameras": cameras}
     fragment = static_html(joined("corners"), asset("corners.css"), state, WITHOUT)
-    return shell(TITLE, INTRODUCTION + fragment)
+    body = Markup(INTRODUCTION + fragment)
+    return render_html("web/templates/page.html.j2", title=TITLE, body=body)

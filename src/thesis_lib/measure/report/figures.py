@@ -1,4 +1,4 @@
-"""Pictures of a measurement: the shape, the cameras, what they saw, how well the fit is."""
+"""Figures of a measurement: shape, cameras, residuals, modes, response."""
 
 from __future__ import annotations
 
@@ -10,12 +10,18 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import Array, Image
+from thesis_lib.arrays import Array, Image, Mask
+from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX
+from thesis_lib.measure.feasibility.prediction import predict_errors, view_markers
+from thesis_lib.measure.modes.search import STANDS_OUT
+from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.plotting.style import (
     COLORS,
     HIGHLIGHT,
+    POWERS,
     REFERENCE,
     color,
     drawable,
@@ -23,22 +29,25 @@ from thesis_lib.plotting.style import (
     subplots,
 )
 
-WIDE = 7.6  # inches
-SHOWN = 1000  # px of the width at which photographs are kept
-SIGMAS = 2  # standard errors that bars show
+WIDTH_IN = 7.6
+NARROW_WIDTH_IN = 5.6  # letters can be read on a phone, too
+MAX_PHOTOGRAPH_PX = 1000  # width at which photographs are stored
+BAR_SIGMAS = 2  # standard errors that bars show
+# Relative changes within which a pole is the same from one fit to the next
+MAX_POLE_SHIFT, MAX_POLE_DAMPING_CHANGE = 0.01, 0.05
 
 
-def shape(data: xr.Dataset, manifest: Manifest) -> Figure:
-    """The deflection of every marker with its standard error, and the most similar mode."""
+def draw_shape(data: xr.Dataset, manifest: Manifest) -> Figure:
+    """Draw the deflection of every marker with its standard error, and the most similar mode."""
     rows = markers_of(manifest).rows
     with in_style():
         if len(rows) <= 6 and max(row.stop - row.start for row in rows) >= 4:
-            return _rows(data, rows)
-        return _map(data, manifest)
+            return _draw_rows(data, rows)
+        return _draw_map(data, manifest)
 
 
-def _rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
-    figure, axes = subplots(figsize=(WIDE, 3.6), layout="constrained")
+def _draw_rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
+    figure, axes = subplots(figsize=(WIDTH_IN, 3.6), layout="constrained")
     x, y = 1e3 * data["x"].values, 1e3 * data["y"].values
     w, error = 1e3 * data["deflection"].values, 1e3 * data["standard_error"].values
     reference = 1e3 * data["reference_deflection"].values
@@ -49,7 +58,7 @@ def _rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
         axes.errorbar(
             x[row],
             w[row],
-            SIGMAS * error[row],
+            BAR_SIGMAS * error[row],
             fmt=".-",
             color=color(k),
             linewidth=0.9,
@@ -59,13 +68,13 @@ def _rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
     axes.set(
         xlabel="x in mm",
         ylabel="deflection in mm",
-        title=f"deflection at its maximum; bars are {SIGMAS} standard errors",
+        title=f"deflection at its maximum; bars are {BAR_SIGMAS} standard errors",
     )
     axes.legend()
     return figure
 
 
-def _map(data: xr.Dataset, manifest: Manifest) -> Figure:
+def _draw_map(data: xr.Dataset, manifest: Manifest) -> Figure:
     length, width = manifest.structure.length_mm, manifest.structure.width_mm
     panels = {
         "deflection in mm": 1e3 * data["deflection"].values,
@@ -74,11 +83,11 @@ def _map(data: xr.Dataset, manifest: Manifest) -> Figure:
     if np.isfinite(data["reference_deflection"].values).any():
         panels[f"{data.attrs['most_similar']} in mm"] = 1e3 * data["reference_deflection"].values
     count = len(panels)
-    side = WIDE / count
+    side = WIDTH_IN / count
     figure, axes = subplots(
         1,
         count,
-        figsize=(WIDE, min(side * width / length + 0.9, 6)),
+        figsize=(WIDTH_IN, min(side * width / length + 0.9, 6)),
         layout="constrained",
         squeeze=False,
     )
@@ -95,10 +104,10 @@ def _map(data: xr.Dataset, manifest: Manifest) -> Figure:
     return figure
 
 
-def cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
-    """Where the cameras stood, from above and from the side."""
+def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
+    """Draw the positions of the cameras from above and from the side."""
     with in_style():
-        figure, axes = subplots(1, 2, figsize=(WIDE, 3.4), layout="constrained")
+        figure, axes = subplots(1, 2, figsize=(WIDTH_IN, 3.4), layout="constrained")
         length, width = manifest.structure.length_mm, manifest.structure.width_mm
         centre = 1e3 * data["camera_centre"].values
         rest = 1e3 * data["rest_position"].values
@@ -125,8 +134,8 @@ def cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
     return figure
 
 
-def corners(data: xr.Dataset) -> Figure:
-    """What is left of the board's corners after the adjustment, camera by camera."""
+def draw_corners(data: xr.Dataset) -> Figure:
+    """Draw the residuals of the board's corners after the adjustment, camera by camera."""
     residuals = data["residuals"].values
     with in_style():
         figure, axes = subplots(figsize=(4.2, 3.8), layout="constrained")
@@ -146,8 +155,8 @@ def corners(data: xr.Dataset) -> Figure:
     return figure
 
 
-def motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
-    """The marker that moves most, folded into one period, as each camera saw it."""
+def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
+    """Draw the marker that moves most, folded into one period, as each camera saw it."""
     period, count = 1 / float(data["frequency"]), seen.sizes["camera"]
     rows = -(-count // 2)
     names = drawable([f"camera {name}" for name in seen["camera"].values], "camera")
@@ -155,7 +164,7 @@ def motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
         figure, axes = subplots(
             rows,
             2,
-            figsize=(WIDE, 0.5 + 1.5 * rows),
+            figsize=(WIDTH_IN, 0.5 + 1.5 * rows),
             sharex=True,
             layout="constrained",
             squeeze=False,
@@ -172,10 +181,10 @@ def motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
     return figure
 
 
-def residuals(seen: xr.Dataset) -> Figure:
-    """How far each camera's centres are, frame by frame, from what all cameras agree on."""
+def draw_residuals(seen: xr.Dataset) -> Figure:
+    """Draw the rms distance of each camera's centres from the fit to all, frame by frame."""
     with in_style():
-        figure, axes = subplots(figsize=(WIDE, 2.8), layout="constrained")
+        figure, axes = subplots(figsize=(WIDTH_IN, 2.8), layout="constrained")
         for k, name in enumerate(drawable(seen["camera"].values, "camera")):
             axes.plot(seen["time"], seen["residual"][k], color=color(k), label=name)
         axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
@@ -183,16 +192,16 @@ def residuals(seen: xr.Dataset) -> Figure:
     return figure
 
 
-def photograph(image: Image, found: Array, outline: Array) -> Figure:
-    """The first frame of a camera, with the markers found in it and the structure's outline."""
+def draw_photograph(image: Image, found: Array, outline: Array) -> Figure:
+    """Draw the first frame of a camera, with the markers found and the structure's outline."""
     height, width = image.shape
     around = np.column_stack([found[:, np.isfinite(found[0])], outline])
     margin = 0.04 * width
     left, top = np.clip(np.min(around, axis=1) - margin, 0, None)
     right, bottom = np.minimum(np.max(around, axis=1) + margin, (width, height))
-    step = max(int(right - left) // SHOWN, 1)
+    step = max(int(right - left) // MAX_PHOTOGRAPH_PX, 1)
     with in_style():
-        figure = Figure(figsize=(WIDE, WIDE * (bottom - top) / (right - left)))
+        figure = Figure(figsize=(WIDTH_IN, WIDTH_IN * (bottom - top) / (right - left)))
         axes: Axes = figure.add_axes((0, 0, 1, 1))
         axes.imshow(
             image[::step, ::step], cmap="gray", vmin=0, vmax=255, extent=(0, width, height, 0)
@@ -202,4 +211,164 @@ def photograph(image: Image, found: Array, outline: Array) -> Figure:
         axes.set_xlim(left, right)
         axes.set_ylim(bottom, top)
         axes.set_axis_off()
+    return figure
+
+
+def _stable_poles(data: xr.Dataset) -> Mask:
+    """Return which poles stay as they were in the fit with one mode less, (orders, places)."""
+    f, zeta = data["order_frequency"].values, data["order_damping"].values
+    stable = np.zeros(f.shape, bool)
+    for n in range(1, len(f)):
+        most = MAX_POLE_DAMPING_CHANGE * np.abs(zeta[n - 1])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            near = np.abs(f[n][:, None] / f[n - 1] - 1) < MAX_POLE_SHIFT
+            near &= np.abs(zeta[n][:, None] - zeta[n - 1]) <= most
+        stable[n] = near.any(axis=1)
+    return stable
+
+
+def draw_stabilisation(data: xr.Dataset) -> Figure:
+    """Draw the spectrum, and the poles of the fits with one mode, two modes and so on."""
+    with in_style():
+        figure, (top, low) = subplots(
+            2, 1, figsize=(WIDTH_IN, 5.0), layout="constrained", sharex=True
+        )
+        for name, ink in (("before", color(0)), ("after", REFERENCE)):
+            label = "tracks" if name == "before" else "residual of the modes"
+            top.semilogy(data["line"], data[name], color=ink, linewidth=0.8, label=label)
+        top.axhline(STANDS_OUT, color=HIGHLIGHT, linewidth=0.6, label="threshold of a mode")
+        top.set(ylabel="power over noise")
+        top.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        top.legend(ncols=3)
+        f, kept = data["order_frequency"].values, _stable_poles(data)
+        orders = np.broadcast_to(np.arange(1, len(f) + 1)[:, None], f.shape)
+        known = np.isfinite(f)
+        low.plot(f[known & kept], orders[known & kept], "o", color=color(0), label="stable")
+        low.plot(
+            f[known & ~kept], orders[known & ~kept], "x", color=HIGHLIGHT, label="new, or moved"
+        )
+        for value in data["frequency"].values:
+            low.axvline(value, color=REFERENCE, linewidth=0.6, zorder=0)
+        low.set(xlabel="frequency in Hz", ylabel="modes fitted", yticks=np.arange(1, len(f) + 1))
+        low.legend()
+    return figure
+
+
+def draw_assurance(data: xr.Dataset) -> Figure:
+    """Draw the MAC matrix of the modes among each other."""
+    mac = data["assurance"].values
+    names = [f"{f:.4g}" for f in data["frequency"].values]
+    with in_style():
+        figure, axes = subplots(figsize=(4.2, 3.6), layout="constrained")
+        drawn = axes.imshow(mac, cmap="viridis", vmin=0, vmax=1)
+        for (i, j), value in np.ndenumerate(mac):
+            ink = "black" if value > 0.6 else "white"
+            axes.text(j, i, f"{value:.3f}", ha="center", va="center", color=ink, fontsize=7)
+        axes.set(
+            xticks=range(len(names)), yticks=range(len(names)), xticklabels=names,
+            yticklabels=names, xlabel="frequency in Hz", ylabel="frequency in Hz",
+        )  # fmt: skip
+        axes.grid(visible=False)
+        figure.colorbar(drawn, ax=axes, label="MAC")
+    return figure
+
+
+def draw_response(data: xr.Dataset, marker: int) -> Figure:
+    """Draw a marker's receptance, and its coherence where there are averages."""
+    f, whole = data["frequency"].values, complex_of(data, "receptance")[:, marker]
+    error, averaged = data["standard_error"].values[0, marker], int(data["segments"]) > 1
+    heights = [3, 1.3, 1.3] if averaged else [3, 1.3]
+    with in_style(POWERS):
+        figure, (top, middle, *low) = subplots(
+            len(heights),
+            1,
+            figsize=(NARROW_WIDTH_IN, sum(heights)),
+            layout="constrained",
+            sharex=True,
+            height_ratios=heights,
+        )
+        size = np.abs(whole[0])
+        under = np.maximum(size - 2 * error, size / 10)
+        top.fill_between(
+            f,
+            under,
+            size + 2 * error,
+            color=REFERENCE,
+            alpha=0.4,
+            lw=0,
+            label="H1 ± 2 standard errors",
+        )
+        if averaged:
+            top.plot(f, np.abs(whole[1]), color=HIGHLIGHT, linewidth=0.7, label="H2")
+        top.plot(f, size, color=color(0), linewidth=0.9, label="H1")
+        top.set(xscale="log", yscale="log", ylabel="receptance in m/N")
+        top.legend(ncols=3)
+        middle.plot(f, np.degrees(np.angle(whole[0])), ".", color=color(0), markersize=3)
+        middle.set(ylabel="phase in °", ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180])
+        for axes in low:
+            axes.plot(f, data["coherence"].values[marker], color=color(0), linewidth=0.8)
+            axes.set(ylabel="coherence", ylim=(0, 1.05))
+        last = [top, middle, *low][-1]
+        last.set(xlabel="frequency in Hz", xlim=(f[0], f[-1]))
+        last.set_xticks(_ticks(f[0], f[-1]), minor=False)
+        last.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        last.xaxis.set_minor_formatter(lambda value, _: "")
+    return figure
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Return round numbers between two, four or more where there are so many."""
+    for digits in ((1, 2, 5), range(1, 10)):
+        found = [n * 10.0**k for k in range(-2, 5) for n in digits if low <= n * 10.0**k <= high]
+        if len(found) >= 4:
+            break
+    return found
+
+
+def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
+    """Draw the cameras of a manifest, and a map of the standard errors they would reach, by name.
+
+    Raises
+    ------
+    ManifestError
+        If fewer than two cameras have a lens and a place.
+    """
+    with np.errstate(all="ignore"):  # what is not given is NaN
+        view = view_markers(manifest, 0.0)
+        _, fit, _ = predict_errors(manifest, view, np.nan, CENTRE_NOISE_PX)
+    there = view.located
+    if there.sum() < 2:
+        raise ManifestError(
+            f"--out: given {int(there.sum())} cameras with focal_length_mm, sensor_width_mm, "
+            "distance_mm, azimuth_deg and elevation_deg, allowed: two or more, to draw them"
+        )
+    centres = view.optics[there, 2:3] / 1000 * view.directions[there]
+    placed = xr.Dataset(
+        {
+            "camera_centre": (("camera", "axis"), centres),
+            "rest_position": (("axis", "marker"), view.points),
+        },
+        {"camera": [c.name for c, known in zip(manifest.cameras, there, strict=True) if known]},
+    )
+    return {"cameras": draw_cameras(placed, manifest), "errors": _draw_errors(manifest, fit)}
+
+
+def _draw_errors(manifest: Manifest, error: Array) -> Figure:
+    """Draw the standard errors of the harmonic fit over the structure, mm."""
+    length, width = manifest.structure.length_mm, manifest.structure.width_mm
+    x, y = 1000 * manifest.structure.marker_points
+    with in_style():
+        figure, axes = subplots(
+            figsize=(WIDTH_IN, min(WIDTH_IN * width / length + 1.5, 6)), layout="constrained"
+        )
+        drawn = axes.scatter(x, y, c=error, s=24, cmap="viridis")
+        axes.set(
+            xlim=(0, length),
+            ylim=(0, width),
+            aspect="equal",
+            xlabel="x in mm",
+            ylabel="y in mm",
+            title="standard error of the deflection by the harmonic fit",
+        )
+        figure.colorbar(drawn, ax=axes, label="mm", orientation="horizontal", fraction=0.1)
     return figure

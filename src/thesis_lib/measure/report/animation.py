@@ -1,4 +1,4 @@
-"""The measured shape and the tracked markers as moving pictures."""
+"""Animations of the measured shape and of the tracked markers."""
 
 from __future__ import annotations
 
@@ -30,40 +30,45 @@ from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import in_style
 
 Frame = NDArray[np.uint8]  # (height, width, 3), RGB
-PERIOD, RATE = 24, 12  # frames of a period of the shape, and frames per second that show it
+FRAMES_A_PERIOD, FRAME_RATE_HZ = 24, 12
 PERIODS = 3  # in the video
-SIZE = 720, 480  # px of the shape's pictures
-RISE = 0.12  # of the structure's length as which the largest deflection is drawn
+SHAPE_SIZE_PX = 720, 480
+DRAWN_DEFLECTION = 0.12  # of the structure's length as which the largest deflection is drawn
 COLORMAP = "PuOr"
-SECONDS, WIDTH = 4.0, 960  # of the video with markers at most: its length, and its width in px
+MAX_OVERLAY_S, MAX_OVERLAY_WIDTH_PX = 4.0, 960  # of the video with markers
 FOUND, LOST = (255, 92, 0), (255, 0, 190)  # colours of a marker that was found, that was lost
 
 
-def write(folder: Path, data: xr.Dataset, own: Recording, video: Path) -> None:
+def write_animations(folder: Path, data: xr.Dataset, own: Recording, video: Path) -> None:
     """Write ``shape.mp4``, ``shape.gif`` and, of one camera's video, ``tracked.mp4``.
 
     The last is slowed so that a period of the vibration takes two seconds at least.
     """
-    frames = shape(data)
-    write_gif(folder / "shape.gif", frames, RATE)
-    write_mp4(folder / "shape.mp4", PERIODS * frames, RATE)
+    write_shape(folder / "shape", data)
     slow = min(1.0, 1 / (2 * float(data["frequency"])))
-    rings = overlay(own, video, float(data["steady"][0]))
+    rings = draw_tracks(own, video, float(data["steady"][0]))
     write_mp4(folder / "tracked.mp4", rings, max(slow * own.rate, 1.0))
 
 
-def shape(data: xr.Dataset) -> list[Frame]:
-    """One period of the fitted motion, seen obliquely, in colours by deflection."""
+def write_shape(path: Path, data: xr.Dataset) -> None:
+    """Write a shape in motion, as ``.gif`` and ``.mp4`` of a path without ending."""
+    frames = draw_period(data)
+    write_gif(path.with_name(f"{path.name}.gif"), frames, FRAME_RATE_HZ)
+    write_mp4(path.with_name(f"{path.name}.mp4"), PERIODS * frames, FRAME_RATE_HZ)
+
+
+def draw_period(data: xr.Dataset) -> list[Frame]:
+    """Draw one period of the fitted motion, seen obliquely, in colours by deflection."""
     amplitude = 1e3 * (data["amplitude_real"].values + 1j * data["amplitude_imag"].values)
     known = np.isfinite(amplitude)
     amplitude, x, y = amplitude[known], data["x"].values[known], data["y"].values[known]
     x, y = 1e3 * (x - x.mean()), 1e3 * (y - y.mean())
     most, length = float(np.abs(amplitude).max()), float(max(np.ptp(x), np.ptp(y)))
-    scale = RISE * length / most
+    scale = DRAWN_DEFLECTION * length / most
     corners, lines = faces(x / 1e3, y / 1e3), edges(x / 1e3, y / 1e3)
     norm = Normalize(-most, most)
     with in_style():
-        figure = Figure(figsize=(SIZE[0] / 100, SIZE[1] / 100), dpi=100)
+        figure = Figure(figsize=(SHAPE_SIZE_PX[0] / 100, SHAPE_SIZE_PX[1] / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
         axes: Any = figure.add_axes((0, -0.2, 1, 1.5), projection="3d")
         sides = [max(np.ptp(values), length / 20) for values in (x, y)]
@@ -80,8 +85,8 @@ def shape(data: xr.Dataset) -> list[Frame]:
         )
         painted = ScalarMappable(norm, COLORMAP)
         frames = []
-        for k in range(PERIOD):
-            w = np.real(amplitude * np.exp(2j * np.pi * k / PERIOD))
+        for k in range(FRAMES_A_PERIOD):
+            w = np.real(amplitude * np.exp(2j * np.pi * k / FRAMES_A_PERIOD))
             points = np.column_stack([x, y, scale * w])
             tints = painted.to_rgba(w)
             drawn = [
@@ -103,21 +108,21 @@ def shape(data: xr.Dataset) -> list[Frame]:
 
 
 def _around(values: Array) -> tuple[float, float]:
-    """Ends of an axis, which some programs cannot draw without length."""
+    """Return the ends of an axis, which some programs cannot draw without length."""
     half = max(float(np.ptp(values)), 1e-9) / 2
     middle = (values.min() + values.max()) / 2
     return float(middle - half), float(middle + half)
 
 
-def overlay(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
-    """Frames of a camera from a time on, with a ring around each tracked marker.
+def draw_tracks(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
+    """Draw the frames of a camera from a time on, with a ring around each tracked marker.
 
     A marker that was lost has its last place crossed out.
     """
     first, _ = own.between(begin, begin)
-    count = min(len(own.centres) - first, int(SECONDS * own.rate) + 1)
+    count = min(len(own.centres) - first, int(MAX_OVERLAY_S * own.rate) + 1)
     last = np.array(own.centres[first])
-    scale = min(1.0, WIDTH / own.camera.size[0])
+    scale = min(1.0, MAX_OVERLAY_WIDTH_PX / own.camera.size[0])
     size = [2 * round(scale * side / 2) for side in own.camera.size]
     pictures = media.read_frames(video, first, clock=own.stamps)
     for image, centres in zip(islice(pictures, count), own.centres[first:], strict=False):

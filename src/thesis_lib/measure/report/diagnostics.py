@@ -1,4 +1,4 @@
-"""What a report draws beside the result itself: some tracks, outlines, what each frame leaves."""
+"""Diagnostic data that a report draws: some tracks, outlines, residuals of each frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.variables import declared, labelled
 from thesis_lib.vision.lens import project
 
-FRAMES = 2000  # of a camera at most, the last ones, that show the motion
+MAX_FRAMES = 2000  # of a camera, the last ones, that show the motion
 VARIABLES = declared("""
     found(camera, side, marker) [px] centres in the camera's first frame
     outline(camera, side, vertex) [px] the structure's corners there, by the calibration
@@ -27,10 +27,10 @@ VARIABLES = declared("""
 """)
 
 
-def shown(
+def collect_diagnostics(
     data: xr.Dataset, moved: xr.Dataset, manifest: Manifest, recordings: Sequence[Recording]
 ) -> xr.Dataset:
-    """What :func:`~thesis_lib.measure.report.page.figures` draws.
+    """Collect what the figures of a report draw besides the result.
 
     Parameters
     ----------
@@ -69,15 +69,17 @@ def shown(
 
 
 def _track(own: Recording, marker: int, begin: float, end: float) -> tuple[int, Array, Array]:
-    """Where a marker moves most, along u (0) or v (1); times; what it moves, about its mean."""
-    parts = [(t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - FRAMES / own.rate), end)]
+    """Return the side along which a marker moves most, u (0) or v (1), times, and its motion."""
+    parts = [
+        (t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - MAX_FRAMES / own.rate), end)
+    ]
     t, uv = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     side = int(np.nanargmax(np.nan_to_num(np.nanstd(uv, axis=0))))
     return side, t, uv[:, side] - np.nanmean(uv[:, side])
 
 
 def _outline(data: xr.Dataset, manifest: Manifest, own: Recording) -> Array:
-    """The structure's corners in a camera's picture, (2, 4), px."""
+    """Return the structure's corners in a camera's image, (2, 4), px."""
     markers = markers_of(manifest)
     corners = on_surface(markers.extent, markers.corners)
     R, origin = data["frame_rotation"].values, data["frame_origin"].values

@@ -1,18 +1,16 @@
-"""What cameras and rig can reach, from the manifest alone; NaN where it does not tell.
-
-Cameras are ideal pinholes on the hemisphere of :mod:`thesis_lib.vision.pinhole` that look at the
-structure's centre, and every marker is taken to move by `amplitude_mm`.
-"""
+"""Predicted performance: what cameras can show of a structure, in closed forms."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.feasibility.predictions import alias, noise_errors, rounding_errors
+from thesis_lib.measure.messages import LIMIT
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.vision.optics import blur_circle, depth_of_field
 from thesis_lib.vision.pinhole import (
@@ -23,16 +21,16 @@ from thesis_lib.vision.pinhole import (
     on_sensor,
     project,
 )
-from thesis_lib.vision.triangulation import jacobian
+from thesis_lib.vision.rounding import deflection_variance
+from thesis_lib.vision.triangulation import gain, jacobian
 
-CIRCLE_PX = 1.0  # circle of confusion: a pixel spreads as much by itself
-STEADY_S = 1.0  # s of steady recording that errors stand for where the manifest gives none
+DEFAULT_STEADY_S = 1.0  # of steady recording that errors stand for where the manifest gives none
 OPTICS = ("focal_length_mm", "sensor_width_mm", "distance_mm", "azimuth_deg", "elevation_deg")
 
 
 @dataclass(frozen=True)
-class CameraOutlook:
-    """What one camera can do; NaN where the manifest does not tell."""
+class CameraPrediction:
+    """Predicted performance of one camera; NaN where the manifest does not say enough."""
 
     name: str  #: The camera
     #: Length d/f that a pixel spans at the structure's centre across the axis, mm
@@ -61,8 +59,8 @@ class CameraOutlook:
 
 
 @dataclass(frozen=True)
-class RigOutlook:
-    """Standard errors of the deflection: root mean square over the markers, and worst, in mm."""
+class RigPrediction:
+    """Predicted standard errors of the deflection: rms over the markers, and worst, in mm."""
 
     located: int  #: Cameras whose lens and place are given; only they count
     noise_px: float  #: Scatter of the centres that is assumed, px
@@ -77,8 +75,8 @@ class RigOutlook:
 
 
 @dataclass(frozen=True)
-class Sight:
-    """What the cameras see, as far as the manifest tells where they are; cameras first.
+class View:
+    """Markers as the cameras see them, as far as the manifest gives their places; cameras first.
 
     Values of OPTICS; matrices; directions; world points (3, n); depths (cameras, 3, n) at −A, 0
     and A; images at rest; whether markers stay in the picture, and corners at rest; Jacobian
@@ -98,12 +96,12 @@ class Sight:
 
     @property
     def located(self) -> Mask:
-        """Which cameras have lens and place."""
+        """Return which cameras have a lens and a place."""
         return np.asarray(np.isfinite(self.optics).all(axis=1))
 
 
-def sight_of(manifest: Manifest, amplitude: float) -> Sight:
-    """What the cameras see while the markers swing by an amplitude in m."""
+def view_markers(manifest: Manifest, amplitude: float) -> View:
+    """Return the view of the cameras while the markers swing by an amplitude in m."""
     cameras, s = manifest.cameras, manifest.structure
     optics = np.array([[getattr(c, name) for name in OPTICS] for c in cameras], float)
     azimuth, elevation = np.radians(optics[:, 3:].T)
@@ -132,11 +130,11 @@ def sight_of(manifest: Manifest, amplitude: float) -> Sight:
     J = np.where(ahead[:, None, None], jacobian(P, X), np.nan)
     rest, stay = np.where(ahead[:, None], uv[:, :, 1], np.nan), np.asarray(seen.all(axis=1))
     inside, slide = images(corners)[2], np.where(ahead, slide, np.nan)
-    return Sight(optics, P, directions, X, depths, rest, stay, inside, J, slide)
+    return View(optics, P, directions, X, depths, rest, stay, inside, J, slide)
 
 
-def _gap(uv: Array, J: Array, diameter: float) -> float:
-    """Least distance in px between the edges of two markers' images, of centres (2, n).
+def _least_gap(uv: Array, J: Array, diameter: float) -> float:
+    """Return the least distance in px between the edges of two markers' images, of centres (2, n).
 
     Convex sets are apart by the most that their projections on any direction n are; those of discs
     with the Jacobian J = ∂(u, v)/∂(X, Y), shape (2, 2, n), reach D/2 |Jᵀn| from their centres.
@@ -151,22 +149,22 @@ def _gap(uv: Array, J: Array, diameter: float) -> float:
     return float((apart - wide[:, None]).max(axis=2).min())
 
 
-def outlook(manifest: Manifest, sight: Sight, i: int, amplitude: float) -> CameraOutlook:
-    """The numbers of camera i, for an amplitude in m."""
+def predict_camera(manifest: Manifest, view: View, i: int, amplitude: float) -> CameraPrediction:
+    """Return the predicted performance of camera i, for an amplitude in m."""
     camera, markers = manifest.cameras[i], manifest.structure.markers
     f, exposure = manifest.excitation.frequency_hz or np.nan, camera.exposure_s
-    focal, sensor, distance, _, elevation = sight.optics[i]
+    focal, sensor, distance, _, elevation = view.optics[i]
     pitch, stop = sensor / camera.width_px, float(camera.f_number or np.nan)
     sample = distance * pitch / focal
-    ends = 1000 * np.array([sight.depths[i].min(), sight.depths[i].max()])
+    ends = 1000 * np.array([view.depths[i].min(), view.depths[i].max()])
     circle = blur_circle(focal, stop, distance, ends).max() / pitch
     swept = min(2 * np.pi * f * exposure, 2.0) * amplitude
     step = 2 * amplitude * abs(np.sin(np.pi * f / camera.rate_hz))
-    lift = np.fmax.reduce(np.linalg.norm(sight.J[i, :, 2], axis=0))
+    lift = np.fmax.reduce(np.linalg.norm(view.J[i, :, 2], axis=0))
     places = manifest.structure.marker_points
-    near, far = map(float, depth_of_field(focal, stop, distance, CIRCLE_PX * pitch))
+    near, far = map(float, depth_of_field(focal, stop, distance, LIMIT["depth-of-field"] * pitch))
     spacing = cKDTree(places.T).query(places.T, k=2)[0][:, 1].min()  # infinite for one marker
-    return CameraOutlook(
+    return CameraPrediction(
         camera.name,
         sample,
         markers.diameter_mm / sample,
@@ -178,25 +176,25 @@ def outlook(manifest: Manifest, sight: Sight, i: int, amplitude: float) -> Camer
         ends[0],
         ends[1],
         circle if ends[0] > 0 and distance > focal else np.nan,
-        sight.seen[i].mean() if sight.located[i] else np.nan,
-        _gap(sight.uv[i], sight.J[i, :, :2], markers.diameter_mm / 1000),
+        view.seen[i].mean() if view.located[i] else np.nan,
+        _least_gap(view.uv[i], view.J[i, :, :2], markers.diameter_mm / 1000),
         amplitude * lift,
-        step * np.fmax.reduce(sight.slide[i]) / spacing,
+        step * np.fmax.reduce(view.slide[i]) / spacing,
     )
 
 
 def steady_seconds(manifest: Manifest) -> float:
-    """Length of the steady recording in s."""
+    """Return the length of the steady recording in s."""
     given = manifest.excitation.steady_s
-    return STEADY_S if given is None else given[1] - given[0]
+    return DEFAULT_STEADY_S if given is None else given[1] - given[0]
 
 
-def errors_of(manifest: Manifest, sight: Sight, amplitude: float, noise: float) -> list[Array]:
-    """Errors in mm of each marker: of one frame, of the fit, of whole pixels."""
-    on = sight.located
+def predict_errors(manifest: Manifest, view: View, amplitude: float, noise: float) -> list[Array]:
+    """Return the errors in mm of each marker: of one frame, of the fit, of whole pixels."""
+    on = view.located
     if np.count_nonzero(on) < 2:
-        return [np.full(sight.points.shape[1], np.nan)] * 3
-    P, X, seen = sight.P[on], sight.points, sight.seen[on]
+        return [np.full(view.points.shape[1], np.nan)] * 3
+    P, X, seen = view.P[on], view.points, view.seen[on]
     rates = np.array([c.rate_hz for c in manifest.cameras])[on]
     exposures = np.array([c.exposure_s for c in manifest.cameras])[on]
     f = manifest.excitation.frequency_hz or 0.0
@@ -210,8 +208,85 @@ def errors_of(manifest: Manifest, sight: Sight, amplitude: float, noise: float) 
 
 
 def rms_and_worst(errors: Array) -> tuple[float, float]:
-    """Root mean square and largest of the errors that are known; NaN if none is."""
+    """Return root mean square and largest of the errors that are known; NaN if none is."""
     known = errors[~np.isnan(errors)]
     if len(known) == 0:
         return np.nan, np.nan
     return float(np.sqrt(np.mean(known**2))), float(known.max())
+
+
+def alias(frequency: float, rate: float) -> float:
+    """Return the frequency |f − r round(f/r)| in Hz at which frames of rate r show f."""
+    return float(abs(frequency - rate * np.rint(frequency / rate)))
+
+
+def noise_errors(
+    P: ArrayLike, points: ArrayLike, sigma: ArrayLike, seen: Mask | None = None
+) -> Array:
+    """Return the standard errors √Σ (∂Z/∂m σ)² of heights for centre noise, shape (n,), m.
+
+    For the amplitude of a harmonic fit to N frames, σ is √(2/N) times that of one.
+
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    points : array_like, shape (3, n)
+        World points, m.
+    sigma : array_like, shape (cameras,)
+        Noise of each camera's coordinates, px.
+    seen : ndarray of bool, shape (cameras, n), optional
+        Which camera sees which point; NaN where fewer than two do.
+    """
+
+    def errors(P: Array, X: Array, which: Mask) -> Array:
+        each = gain(P, X)[2] * np.asarray(sigma, float)[which, None, None]
+        return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))))
+
+    return _by_view(P, points, seen, errors)
+
+
+def rounding_errors(
+    P: ArrayLike, points: ArrayLike, amplitude: float, turn: float = 0.0, seen: Mask | None = None
+) -> Array:
+    """Return the rms errors of whole-pixel centres by the law of rounding, shape (n,), m.
+
+    The frame nearest to a maximum shows A cos ψ, with ψ uniform in ±turn/2.
+
+    Parameters
+    ----------
+    P, points, seen
+        As in :func:`noise_errors`.
+    amplitude : float
+        A, m.
+    turn : float
+        Angle of the vibration from frame to frame, rad.
+    """
+    up = np.zeros((3, 16, 1))
+    up[2, :, 0] = amplitude * np.cos((np.arange(16) + 0.5) / 16 * turn / 2)
+
+    def errors(P: Array, X: Array, which: Mask) -> Array:
+        variance = deflection_variance(P, X[:, None], X[:, None] + up).mean(axis=0)
+        return np.asarray(np.sqrt(np.maximum(variance, 0)))
+
+    return _by_view(P, points, seen, errors)
+
+
+def _by_view(
+    P: ArrayLike,
+    points: ArrayLike,
+    seen: Mask | None,
+    errors: Callable[[Array, Array, Mask], Array],
+) -> Array:
+    """Return errors by the cameras that see a point; infinite where these stand in line."""
+    P, X = np.asarray(P, float), np.asarray(points, float)
+    visible = np.ones((len(P), X.shape[1]), bool) if seen is None else seen
+    result = np.full(X.shape[1], np.nan)
+    for pattern in np.unique(visible, axis=1).T:
+        if np.count_nonzero(pattern) >= 2:
+            where = (visible == pattern[:, None]).all(axis=0)
+            try:
+                result[where] = errors(P[pattern], X[:, where], pattern)
+            except np.linalg.LinAlgError:
+                result[where] = np.inf
+    return result

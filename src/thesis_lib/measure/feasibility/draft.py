@@ -1,4 +1,4 @@
-"""A manifest before anything is filmed: phones around a structure, for ``--check`` to judge."""
+"""Draft manifests before anything is recorded: telephones around a structure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.files import whole_text
-from thesis_lib.measure.feasibility.outlook import sight_of
+from thesis_lib.measure.feasibility.prediction import view_markers
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.new import (
@@ -30,19 +30,19 @@ PHONE: dict[str, Any] = {  # its main camera, as if on a sensor of 36 mm
     "sensor_width_mm": 36.0,
     "f_number": 7.0,
 }
-FIRST, ELEVATION = 20.0, 30.0  # azimuth of the first, elevation of all, °
-ROOM = 1.05  # of the distance from which the structure just fits into every picture
+FIRST_AZIMUTH_DEG, ELEVATION_DEG = 20.0, 30.0  # of the first camera, of all
+DISTANCE_MARGIN = 1.05  # over the distance from which the structure just fits into every image
 COLUMNS, ROWS = 6, 4  # of a plate's markers, unless they are given
-LARGEST = 12.0  # diameter of a marker, mm
-STEADY = [5.0, 35.0]  # half a minute, s
-SAID = (
+MAX_DIAMETER_MM = 12.0  # of a marker
+STEADY_INTERVAL_S = [5.0, 35.0]  # half a minute
+REPORTED_FIELDS = (
     *(name for name in ASKED if name != "cameras.exposure_s"),
     "excitation.amplitude_mm",
     *(f"cameras.{name}" for name in (*PHONE, "distance_mm", "elevation_deg")),
 )
 
 
-def planned_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:
+def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:
     """Write ``planned.yaml`` into a folder, which is made if there is none.
 
     Parameters
@@ -67,8 +67,8 @@ def planned_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list
     path = folder / "planned.yaml"
     if path.exists():
         raise ManifestError(f"{path}: is there already, allowed: none; edit it, or remove it")
-    manifest, own = planned(given), {k: v for k, v in given.items() if k != "cameras"}
-    asked = asked_of(manifest, SAID)
+    manifest, own = draft_manifest(given), {k: v for k, v in given.items() if k != "cameras"}
+    asked = asked_of(manifest, REPORTED_FIELDS)
     folder.mkdir(parents=True, exist_ok=True)
     whole_text(path, text_of(manifest, own, asked))
     places = ", ".join(f"{c.azimuth_deg:g}°" for c in manifest.cameras)
@@ -80,8 +80,8 @@ def planned_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list
     return path, [where, *assumed(manifest, own, asked)]
 
 
-def planned(given: Mapping[str, Any]) -> Manifest:
-    """The manifest of phones on all sides, as near as the structure fits into their pictures.
+def draft_manifest(given: Mapping[str, Any]) -> Manifest:
+    """Return the manifest of telephones on all sides, as near as the structure fits in view.
 
     Azimuths are even; for a structure that is more than twice as long as wide, two sides are
     favoured, since from its ends it is seen foreshortened.
@@ -101,28 +101,28 @@ def planned(given: Mapping[str, Any]) -> Manifest:
             "shots": f"board/phone-{i + 1}",
             **PHONE,
             "distance_mm": 1000.0,
-            "elevation_deg": ELEVATION,
+            "elevation_deg": ELEVATION_DEG,
         }
         for i in range(count)
     ]
-    filled = {"excitation.steady_s": STEADY} | _markers(rest) | rest
+    filled = {"excitation.steady_s": STEADY_INTERVAL_S} | _default_markers(rest) | rest
     manifest = validated(with_given(cameras, filled))
     size = manifest.structure.width_mm, manifest.structure.length_mm
-    turn = np.radians(FIRST) + 2 * np.pi * np.arange(count) / count
+    turn = np.radians(FIRST_AZIMUTH_DEG) + 2 * np.pi * np.arange(count) / count
     slender = min(1.0, 2 * size[0] / size[1])
     azimuths = np.degrees(np.arctan2(slender * np.sin(turn), np.cos(turn)))
     for camera, azimuth in zip(cameras, azimuths, strict=True):
         camera.setdefault("azimuth_deg", round(float(azimuth), 1))
     values = with_given(cameras, filled)
     if "cameras.distance_mm" not in rest:
-        distance = _distance(validated(values))
+        distance = _nearest_distance(validated(values))
         for camera in cameras:
             camera["distance_mm"] = distance
     return validated(values)
 
 
-def _markers(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Markers all over a plate, unless any of theirs is given."""
+def _default_markers(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return markers all over a plate, unless any of theirs is given."""
     size: list[Any] = [given.get(f"structure.{side}_mm") for side in ("length", "width")]
     known = all(isinstance(one, (int, float)) and one > 0 for one in size)
     own = any(name.startswith("structure.markers") for name in given)
@@ -132,23 +132,25 @@ def _markers(given: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "structure.markers.columns": COLUMNS,
         "structure.markers.rows": ROWS,
-        "structure.markers.spacing_mm": _digits(along),
-        "structure.markers.row_spacing_mm": _digits(across),
-        "structure.markers.diameter_mm": min(LARGEST, _digits(min(along, across) / 3)),
+        "structure.markers.spacing_mm": _round_digits(along),
+        "structure.markers.row_spacing_mm": _round_digits(across),
+        "structure.markers.diameter_mm": min(
+            MAX_DIAMETER_MM, _round_digits(min(along, across) / 3)
+        ),
     }
 
 
-def _digits(value: float) -> float:
+def _round_digits(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _distance(manifest: Manifest) -> float:
-    """From how far all cameras have all of the structure in their pictures, with room, mm."""
+def _nearest_distance(manifest: Manifest) -> float:
+    """Return the distance in mm from which all cameras have all of the structure in view."""
     low, high = 1.0, 1e5
     while high > 1.001 * low:
         middle = float(np.sqrt(low * high))
         cameras = tuple(c.model_copy(update={"distance_mm": middle}) for c in manifest.cameras)
-        sight = sight_of(manifest.model_copy(update={"cameras": cameras}), 0.0)
-        inside = bool(sight.corners.all() and sight.seen.all())
+        view = view_markers(manifest.model_copy(update={"cameras": cameras}), 0.0)
+        inside = bool(view.corners.all() and view.seen.all())
         low, high = (low, middle) if inside else (middle, high)
-    return float(10 * np.ceil(ROOM * high / 10))
+    return float(10 * np.ceil(DISTANCE_MARGIN * high / 10))

@@ -1,0 +1,79 @@
+"""Messages for users: notes on a result and checks of a manifest, from ``messages.toml``."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+_FILE = Path(__file__).with_name("messages.toml")
+
+
+class Note(NamedTuple):
+    """A message that a reader should know before trusting a result."""
+
+    code: str  #: Its name, under which the book explains it
+    text: str  #: One line
+
+
+@dataclass(frozen=True)
+class Message:
+    """A message as ``messages.toml`` has it."""
+
+    text: str
+    remedy: str
+    meaning: str = ""
+    #: Limit that a check of the manifest compares with, and its unit
+    limit: float = float("nan")
+    unit: str = ""
+    #: Other texts of the same message, by name
+    variants: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def pattern(self) -> str:
+        """The text with dots for what is put in."""
+        return re.sub(r"\{[^}]*\}", "…", self.text)
+
+
+def _read_message(fields: Mapping[str, Any]) -> Message:
+    """Return a message from its table, with line breaks as blanks."""
+    plain = {k: " ".join(v.split()) if isinstance(v, str) else v for k, v in fields.items()}
+    variants = {k.removeprefix("text_"): v for k, v in plain.items() if k.startswith("text_")}
+    own: dict[str, Any] = {k: v for k, v in plain.items() if not k.startswith("text_")}
+    return Message(**own, variants=variants)
+
+
+def _read_groups(tables: Mapping[str, Any]) -> dict[str, dict[str, Message]]:
+    """Return messages by group and code."""
+    return {
+        group: {code: _read_message(fields) for code, fields in of.items()}
+        for group, of in tables.items()
+    }
+
+
+_TABLES = tomllib.loads(_FILE.read_text(encoding="utf-8"))
+#: Notes on a result by what they are about, and checks of a manifest, likewise; by code
+NOTES = _read_groups(_TABLES["notes"])
+CHECKS = _read_groups(_TABLES["checks"])
+#: What cannot be checked, and lines of ``thesis measure --new``
+UNCHECKED = _read_groups({"unchecked": _TABLES["unchecked"]})["unchecked"]
+NEW = _read_groups({"new": _TABLES["new"]})["new"]
+#: Notes and checks by code
+MESSAGES = {
+    code: one for of in (NOTES, CHECKS) for group in of.values() for code, one in group.items()
+}
+LIMIT = {code: one.limit for group in CHECKS.values() for code, one in group.items()}
+
+
+def make_note(code: str, variant: str = "", /, **values: object) -> Note:
+    """Return a note with its values put in."""
+    return Note(code, format_message(MESSAGES[code], variant, **values))
+
+
+def format_message(message: Message, variant: str = "", /, **values: object) -> str:
+    """Return the text of a message, or of one of its variants, with values put in."""
+    text = message.variants[variant] if variant else message.text
+    return text.format(limit=message.limit, **values)

@@ -1,0 +1,423 @@
+"""Reports of measurements: pages that load nothing, their figures, and lines for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from markupsafe import Markup
+
+from thesis_lib.arrays import Array, Image
+from thesis_lib.measure.feasibility.assess import Assessment, describe
+from thesis_lib.measure.fitting.models import rms
+from thesis_lib.measure.messages import MESSAGES, Note
+from thesis_lib.measure.radiation.bands import ALL
+from thesis_lib.measure.radiation.files import absolute, place
+from thesis_lib.measure.radiation.radiated import complex_of
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.report import figures as draw
+from thesis_lib.measure.report.viewer import view_shape, view_sound
+from thesis_lib.measure.report.warnings import (
+    check_modes,
+    check_response,
+    check_shape,
+    check_sound,
+    no_wall_change,
+)
+from thesis_lib.plotting.style import POWERS, saved
+from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
+
+_TEMPLATES = "measure/report/templates/"
+_WALL = ", in a rigid wall"
+_ROLES = {"drive": "nearest to the force", "surest": "surest", "least": "least sure"}
+_MM = {
+    "x_mm": "x",
+    "y_mm": "y",
+    "deflection_mm": "deflection",
+    "standard_error_mm": "standard_error",
+    "quadrature_mm": "quadrature",
+    "model_mm": "reference_deflection",
+}
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report, or a part of one."""
+
+    page: Markup
+    summary: list[str]  #: What was found, in a few lines
+    notes: list[Note]  #: What a reader should know before trusting it
+    pictures: Mapping[str, Picture]
+
+    @property
+    def note_lines(self) -> list[str]:
+        """Notes, as a command prints them."""
+        return [f"note: {text} [{code}]" for code, text in self.notes]
+
+    def write(self, folder: Path) -> None:
+        """Write ``report.html`` and the folder ``figures`` into a folder."""
+        write_pictures(folder, self.pictures.items())
+        (folder / "report.html").write_text(self.page, encoding="utf-8")
+
+
+def build_shape(
+    data: xr.Dataset,
+    seen: xr.Dataset,
+    manifest: Manifest,
+    assessment: Assessment,
+    firsts: Sequence[Image],
+    sound: Report | None = None,
+) -> Report:
+    """Return the report on the shape of one frequency.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        The result.
+    seen : xarray.Dataset
+        What :func:`~thesis_lib.measure.report.diagnostics.diagnostics` returns.
+    manifest : Manifest
+        The manifest.
+    assessment : Assessment
+        What the manifest alone let expect.
+    firsts : sequence of ndarray, shape (height, width)
+        The first frame of each camera.
+    sound : Report, optional
+        The part on radiated sound.
+    """
+    summary, notes = summarise_shape(data), check_shape(data)
+    pictures = _draw_shape(data, seen, manifest, firsts)
+    centre = data["camera_centre"]
+    distance = np.sqrt((centre**2).sum(str(centre.dims[1])))
+    placed = data.assign(
+        distance=distance,
+        azimuth=np.degrees(np.arctan2(centre[:, 0], centre[:, 1])),
+        elevation=np.degrees(np.arcsin(centre[:, 2] / distance)),
+        scatter=("camera", [rms(one) for one in data["centre_scatter"].values]),
+    )
+    order = np.argsort(-np.nan_to_num(data["mac"].values))[:6]
+    page = render_html(
+        _TEMPLATES + "shape.html.j2",
+        title=data.attrs["title"],
+        data=data,
+        manifest=manifest,
+        summary=summary,
+        notes=notes,
+        messages=MESSAGES,
+        pictures=pictures,
+        viewer=Markup(view_shape(data, _extent(manifest))),
+        numbers=tabulate_shape(data),
+        sound=sound.page if sound else "",
+        candidates=[data.isel(candidate=k) for k in order],
+        cameras=[placed.isel(camera=k) for k in range(data.sizes["camera"])],
+        feasibility="\n".join(describe(assessment)),
+        warned=list(dict.fromkeys(warning.code for warning in assessment.warnings)),
+        source_of_size=_source_of_size(manifest),
+        grid_excess=float(data["grid_scale"]) - 1,
+        excess=max(float(np.nan_to_num(data["in_plane_excess"])), 1.0),
+    )
+    return Report(page, summary, notes, pictures)
+
+
+def _draw_shape(
+    data: xr.Dataset, seen: xr.Dataset, manifest: Manifest, firsts: Sequence[Image]
+) -> dict[str, Picture]:
+    """Return all figures of the report, by name."""
+    figures = {
+        "shape": draw.draw_shape(data, manifest),
+        "cameras": draw.draw_cameras(data, manifest),
+        "motion": draw.draw_motion(data, seen),
+        "residuals": draw.draw_residuals(seen),
+    }
+    if data["shots_used"].any():
+        figures["corners"] = draw.draw_corners(data)
+    pictures = {name: ("svg", saved(figure, "svg")) for name, figure in figures.items()}
+    for i, first in enumerate(firsts):
+        one = seen.isel(camera=i)
+        photo = draw.draw_photograph(first, one["found"].values, one["outline"].values)
+        pictures[f"camera-{i:02d}"] = ("png", saved(photo, "png", dpi=140))
+    return pictures
+
+
+def tabulate_shape(data: xr.Dataset) -> pd.DataFrame:
+    """Return the result marker by marker, in mm and degrees."""
+    frame = pd.DataFrame({name: np.round(1e3 * data[key].values, 6) for name, key in _MM.items()})
+    frame.insert(0, "marker", np.arange(1, len(frame) + 1))
+    frame["phase_deg"] = np.round(data["phase"].values, 3)
+    frame["cameras"] = data["cameras_seen"].values
+    return frame
+
+
+def summarise_shape(data: xr.Dataset) -> list[str]:
+    """Return what was found, in a few lines."""
+    w, error = data["deflection"].values, data["standard_error"].values
+    most = int(np.nanargmax(np.abs(np.where(np.isfinite(error), w, np.nan))))
+    return render_lines(
+        _TEMPLATES + "shape.txt.j2",
+        data=data,
+        largest=data.isel(marker=most),
+        measured=np.count_nonzero(np.isfinite(w)),
+        error=rms(error),
+    )
+
+
+def _extent(manifest: Manifest) -> tuple[float, float]:
+    return manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
+
+
+def _source_of_size(manifest: Manifest) -> str:
+    """Return what sizes are measured by."""
+    if manifest.calibration is not None and manifest.calibration.poses == "kept":
+        return f"the calibration that was reused, {manifest.calibration.file}"
+    return f"the board's tiles of {manifest.board.tile_mm:g} mm"
+
+
+def build_modes(
+    data: xr.Dataset,
+    manifest: Manifest,
+    response: Report | None = None,
+    sound: Report | None = None,
+) -> Report:
+    """Return the report on several modes, with parts on force and sound where there are any."""
+    figures = {
+        "stabilisation": draw.draw_stabilisation(data),
+        "assurance": draw.draw_assurance(data),
+    }
+    pictures: dict[str, Picture] = {k: ("svg", saved(one, "svg")) for k, one in figures.items()}
+    summary, notes = summarise_modes(data), list(check_modes(data, manifest))
+    viewers = [view_shape(data.isel(mode=k), _extent(manifest)) for k in range(data.sizes["mode"])]
+    page = render_html(
+        _TEMPLATES + "modes.html.j2",
+        title=data.attrs["title"],
+        data=data,
+        manifest=manifest,
+        summary=summary,
+        notes=notes,
+        messages=MESSAGES,
+        pictures=pictures,
+        modes=tabulate_modes(data),
+        shapes=tabulate_mode_shapes(data),
+        viewers=map(Markup, viewers),
+        sound=sound.page if sound else "",
+        response=response.page if response else "",
+        source_of_size=_source_of_size(manifest),
+        grid_excess=float(data["grid_scale"]) - 1,
+    )
+    return Report(page, summary, notes, pictures | dict(response.pictures if response else {}))
+
+
+def tabulate_modes(data: xr.Dataset) -> pd.DataFrame:
+    """Return the modes as a table of texts."""
+    size = 1e3 * np.nanmax(np.abs(complex_of(data, "amplitude")), axis=1)
+    damped = data["damping"].values != 0
+    table = {
+        "mode": np.arange(1, len(size) + 1),
+        "frequency in Hz": _texts(data["frequency"].values, "#.6g"),
+        "± Hz": _texts(data["frequency_deviation"].values, ".1g"),
+        "damping in %": _texts(np.where(damped, 100 * data["damping"].values, np.nan), "#.4g"),
+        "± %": _texts(np.where(damped, 100 * data["damping_deviation"].values, np.nan), ".1g"),
+        "largest amplitude in mm": _texts(size, "#.4g"),
+        "± mm, a marker": _texts(
+            1e3 * np.sqrt((data["standard_error"] ** 2).mean("marker").values), ".2g"
+        ),
+    }
+    if data.sizes["candidate"]:
+        best = np.argmax(np.nan_to_num(data["mac"].values), axis=1)
+        table["most similar"] = data["candidate"].values[best]
+        table["MAC"] = _texts(data["mac"].values[np.arange(len(best)), best], ".5f")
+    return pd.DataFrame(table)
+
+
+def _texts(values: Array, form: str) -> list[str]:
+    return [format_number(value, form) for value in values]
+
+
+def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
+    """Return every marker's complex amplitudes and their errors, in mm."""
+    table = pd.DataFrame({f"{k}_mm": np.round(1e3 * data[k].values, 6) for k in ("x", "y")})
+    table.insert(0, "marker", np.arange(1, len(table) + 1))
+    for k in range(data.sizes["mode"]):
+        for part in ("amplitude_real", "amplitude_imag", "standard_error"):
+            name = f"mode_{k + 1}_{part.removeprefix('amplitude_')}_mm"
+            table[name] = np.round(1e3 * data[part].isel(mode=k).values, 7)
+    return table
+
+
+def summarise_modes(data: xr.Dataset) -> list[str]:
+    """Return what was found, in a few lines."""
+    rows = tabulate_modes(data).to_dict("records")
+    return render_lines(_TEMPLATES + "modes.txt.j2", rows=rows, data=data)
+
+
+def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
+    """Return the part of a report on motion over a force."""
+    markers = _select_markers(data)
+    pictures: dict[str, Picture] = {
+        f"response-{role}": ("svg", saved(draw.draw_response(data, marker), "svg", POWERS))
+        for role, marker in markers.items()
+    }
+    summary, notes = summarise_response(data), list(check_response(data, manifest))
+    page = render_html(
+        _TEMPLATES + "response_section.html.j2",
+        data=data,
+        summary=summary,
+        notes=notes,
+        messages=MESSAGES,
+        pictures=pictures,
+        markers=markers,
+        roles=_ROLES,
+    )
+    return Report(page, summary, notes, pictures)
+
+
+def build_response_alone(
+    response: Report, manifest: Manifest, calibration: str, synchronisation: str
+) -> Report:
+    """Return a report on motion over a force alone."""
+    page = render_html(
+        _TEMPLATES + "response.html.j2",
+        title=f"Motion of a {manifest.structure.kind} over a force",
+        response=response.page,
+        manifest=manifest,
+        calibration=calibration,
+        synchronisation=synchronisation,
+    )
+    return Report(page, response.summary, response.notes, response.pictures)
+
+
+def _select_markers(data: xr.Dataset) -> dict[str, int]:
+    """Return the markers to draw by role: the drive point, the surest, the least sure."""
+    size = np.abs(complex_of(data, "receptance")[0])
+    error = np.nanmedian(data["standard_error"].values[0] / size, axis=1)
+    markers = {"drive": int(data["drive"]) - 1}
+    if np.isfinite(error).any():
+        markers |= {"surest": int(np.nanargmin(error)), "least": int(np.nanargmax(error))}
+    return markers
+
+
+def summarise_response(data: xr.Dataset) -> list[str]:
+    """Return what was found, in a few lines."""
+    drive = int(data["drive"]) - 1
+    size = np.abs(complex_of(data, "receptance")[0, drive])
+    top = int(np.nanargmax(size))
+    return render_lines(
+        _TEMPLATES + "response.txt.j2",
+        data=data,
+        peak=size[top],
+        error=data["standard_error"].values[0, drive, top],
+        hertz=data["frequency"].values[top],
+    )
+
+
+def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
+    """Return the part of a report on radiated sound: levels, fields, modes, assumptions."""
+    summary, notes = summarise_sound(data), list(check_sound(data))
+    way = float(np.linalg.norm(data["place"].values, axis=1).max())
+    decay = data.get("decay", xr.zeros_like(data["frequency"]))
+    page = render_html(
+        _TEMPLATES + "sound.html.j2",
+        data=data,
+        manifest=manifest,
+        summary=summary,
+        notes=notes,
+        messages=MESSAGES,
+        columns=_power_columns(data),
+        no_wall_change=no_wall_change,
+        tones=_tones(data),
+        whole=data.sel(band=ALL),
+        viewers=[Markup(view_sound(one, manifest)) for one in _tones(data)],
+        points=_tabulate_points(data),
+        bands=_tabulate_bands(data),
+        modes=_tabulate_radiation_modes(data),
+        way=way,
+        lost=float(decay.max()) * way / float(data.attrs["speed_of_sound"]),
+    )
+    return Report(page, summary, notes, {})
+
+
+def summarise_sound(data: xr.Dataset) -> list[str]:
+    """Return what was found, in a few lines."""
+    return render_lines(
+        _TEMPLATES + "sound.txt.j2",
+        data=data,
+        tones=_tones(data),
+        whole=data.sel(band=ALL),
+        wall=data.attrs["wall"],
+        bare=[_level_without_wall(one) for one in _tones(data)],
+    )
+
+
+def _tones(data: xr.Dataset) -> list[xr.Dataset]:
+    return [data.isel(tone=tone) for tone in range(data.sizes["tone"])]
+
+
+def _level_without_wall(one: xr.Dataset) -> tuple[float, float] | None:
+    """Return the estimated level without a wall and its standard error; None where unknown."""
+    level = float(one["power_level"]) + float(one["no_wall_change"])
+    std = float(np.hypot(one["no_wall_change_std"], one["power_level_error"]))
+    return (level, std) if np.isfinite(level) else None
+
+
+def _power_columns(data: xr.Dataset) -> list[str]:
+    return [
+        "frequency in Hz",
+        f"sound power in dB re 1 pW{_WALL}",
+        "in W",
+        *([f"energy in J{_WALL}"] if "energy" in data else []),
+        f"radiation efficiency{_WALL}",
+        *(["without a wall, dB"] if data.attrs["wall"] != "yes" else []),
+        "without a wall less below about, Hz",
+    ]
+
+
+def _with_error(one: xr.Dataset, name: str, form: str) -> str:
+    """Return a number with its standard error."""
+    value, error = float(one[name]), float(one[f"{name}_error"])
+    return f"{value:{form}} ± {error:.2g}" if np.isfinite(value) else "unknown"
+
+
+def _tabulate_points(data: xr.Dataset) -> pd.DataFrame:
+    """Return pressures and levels at the points."""
+    return pd.DataFrame(
+        {
+            "X, Y, Z in mm": place(one),
+            "frequency in Hz": f"{float(one['frequency']):.4g}",
+            f"pressure in Pa{_WALL}": _with_error(
+                one.assign(pressure=absolute(one)), "pressure", ".3g"
+            ),
+            f"level in dB re 20 µPa{_WALL}": _with_error(one, "level", ".1f"),
+        }
+        for tone in _tones(data)
+        for one in (tone.isel(point=point) for point in range(data.sizes["point"]))
+    )
+
+
+def _tabulate_bands(data: xr.Dataset) -> pd.DataFrame:
+    """Return sound power, and levels at the points, by octave."""
+    rows = []
+    for band in data["band"].values:
+        one = data.sel(band=band)
+        power = _with_error(one, "band_power_level", ".1f")
+        row = {"octave in Hz": band, f"sound power in dB re 1 pW{_WALL}": power}
+        for point in range(one.sizes["point"]):
+            here = one.isel(point=point)
+            level = _with_error(here, "band_level", ".1f")
+            row[f"dB re 20 µPa at {place(here)} mm{_WALL}"] = level
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _tabulate_radiation_modes(data: xr.Dataset) -> pd.DataFrame:
+    """Return the power by radiation mode, in % of all."""
+    frame = pd.DataFrame({"mode": np.arange(1, data.sizes["mode"] + 1)})
+    for one in _tones(data):
+        whole = float(one["power"])
+        powers = zip(one["mode_power"].values, one["mode_power_error"].values, strict=True)
+        frame[f"share at {float(one['frequency']):.4g} Hz in %"] = [
+            f"{100 * value / whole:.2f} ± {100 * error / whole:.2g}" for value, error in powers
+        ]
+    return frame

@@ -1,0 +1,370 @@
+"""Conditions of the notes that a report begins with; their texts are in ``messages.toml``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib.arrays import Array
+from thesis_lib.measure.calibration.jackknife import FEWEST
+from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION
+from thesis_lib.measure.fitting.models import rms
+from thesis_lib.measure.fitting.result import SCALE
+from thesis_lib.measure.messages import Note, make_note
+from thesis_lib.measure.radiation.radiated import complex_of
+from thesis_lib.measure.recordings.force_fields import Sweep
+from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.response.sweep import dwell, settling
+
+MAX_LOST_FRACTION = 0.05  # of the marker images of a camera
+MAX_STRAY_FRACTION = 0.01  # of the centres that are left out
+MAX_AMPLITUDE_CHANGE = 0.05  # up to which a vibration is called steady
+MAX_IN_PLANE_EXCESS = 1.5  # motion in the plane over what scatter explains
+MIN_EXPLAINED_FRACTION = 0.7  # of the motion, by the frequency that was fitted
+MAX_OTHER_AMPLITUDE = 0.05  # of another frequency, over that of the vibration
+MAX_FREQUENCY_SLIP = 0.1  # periods over the recording by which a replaced frequency may differ
+MAX_REST_MISFIT_PX = 0.3  # of markers at rest from where all cameras put them
+MAX_RATE_CHANGE = 1e-5  # relative, of a file's rate from the manifest's
+# Rms residual of the board's corners in all cameras together over that in each alone:
+# 1.1 on photographs of a paper board at rest, 10 on a board held by hand.
+MAX_CORNER_RATIO = 2.0
+# Frames by which a shift of whole frames may be off: 1.7 ms at 60 Hz, 0.6 m of sound's way
+MAX_FRAME_FRACTION = 0.1
+MAX_CLOCK_DRIFT = 5e-4  # relative, of cameras' clocks: quartz 1e-5 to 1e-4, ceramics up to 5e-4
+MAX_UNEVEN_FRAMES = 0.05  # frames by which they may come early or late
+MAX_OUT_OF_STEP_DEG = 10.0  # of cameras, up to which a frequency is no alias
+MAX_QUADRATURE = 0.05  # of the deflection, a quarter of a period after the maximum
+MAX_CAMERA_SPREAD = 3.0  # of shapes without a camera, over what scatter explains
+MAX_RESIDUAL_POWER = 10.0  # near a mode, over noise
+MAX_SHAPE_MAC = 0.9  # up to which two shapes are told apart
+MAX_DAMPING_ERROR = 0.2  # relative
+MIN_AUDIBLE_HZ = 20.0
+MAX_SURFACE_RATIO = 3.0  # residual of a surface over what noise explains
+MAX_BLUR = 0.15  # share by which a peak is estimated to be lower, up to which that is reliable
+MAX_UNKNOWN_FRACTION = 0.002  # of the deflections
+MIN_AVERAGES = 6  # below which a coherence tells little
+MIN_COHERENCE = 0.9  # of the drive point
+MAX_CLOCK_PHASE_DEG = 5.0  # by which the force's clock may be off
+MAX_ALIASED_POWER = 0.05  # share of the force's power above half of the frame rate
+MAX_UNUSED_FRACTION = 0.05  # of the recording without a force
+MAX_RINGING = 0.05  # of the largest motion, left at the end of a whole recording
+MIN_FORCE_DRIFT = 1e-6  # by which clocks differ before it is reported
+
+
+def check_shape(data: xr.Dataset) -> list[Note]:
+    """Return the notes on the shape of one frequency."""
+    return [
+        *_check_frequency(data),
+        *_check_cameras(data),
+        *_check_markers(data),
+        *_check_fit(data),
+    ]
+
+
+def _check_frequency(data: xr.Dataset) -> Iterator[Note]:
+    used, given = float(data["frequency"]), float(data["frequency_given"])
+    seconds = float((data["frames"] / data["frame_rate"]).max())
+    if abs(used - given) * seconds > MAX_FREQUENCY_SLIP:
+        std = float(data["frequency_deviation"])
+        yield make_note("frequency-replaced", given=given, used=used, std=std)
+    other, ratio = float(data["other_frequency"]), float(data["other_amplitude"])
+    explained = float(data["explained"])
+    motion: dict[str, object] = {
+        "used": used,
+        "explained": explained,
+        "other": other,
+        "ratio": ratio,
+    }
+    if ratio > 1:
+        yield make_note("frequency-wrong", **motion)
+    elif ratio > MAX_OTHER_AMPLITUDE:
+        yield make_note("other-tone", **motion)
+    elif explained < MIN_EXPLAINED_FRACTION:
+        yield make_note("little-explained", **motion)
+    lags = dict(zip(data["alias"].values, data["alias_lag"].values, strict=True))
+    own = lags.pop(data["alias"].values[0])
+    better = {f: lag for f, lag in lags.items() if lag < own / 3}
+    rivals = ", ".join(f"{f:.6g} Hz ({lag:.0f}°)" for f, lag in sorted(lags.items()))
+    if own > MAX_OUT_OF_STEP_DEG and better:
+        best = min(better, key=lambda f: better[f])
+        yield make_note(
+            "maybe-alias", used=used, best=best, own=own, lag=better[best], rivals=rivals
+        )
+    elif used > 0.5 * float(data["frame_rate"].min()) and lags:
+        if np.isnan(own):
+            plain = ", ".join(f"{f:.6g} Hz" for f in lags)
+            yield make_note("alike", "unchecked", used=used, rivals=plain)
+        else:
+            yield make_note("alike", used=used, own=own, rivals=rivals)
+
+
+def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
+    yield from _check_repeats(data)
+    names = [str(name) for name in data["camera"].values]
+    for k, name in enumerate(names):
+        yield from _check_camera(data.isel(camera=k), name, names[0])
+    if not np.isfinite(data.get("focal_deviation", 0.0)).all():
+        yield make_note("calibration-untold")
+    yield from check_board(data)
+    if 0 < (poses := int(data.get("board_poses", 0))) < FEWEST:
+        yield make_note("few-poses", poses=poses, enough=FEWEST)
+    off = float(data["grid_scale"]) - 1
+    if abs(off) > SCALE:
+        yield make_note("grid-scale", off=off)
+
+
+def _check_camera(one: xr.Dataset, name: str, first: str) -> Iterator[Note]:
+    rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
+    if abs(rate / given - 1) > MAX_RATE_CHANGE:
+        yield make_note("file-rate", name=name, rate=rate, given=given)
+    if (uneven := float(one["uneven"])) > MAX_UNEVEN_FRAMES / rate:
+        yield make_note("uneven-frames", name=name, uneven_ms=1e3 * uneven)
+    yield from _check_lost(name, float(one["missing"].mean()))
+    if jump := float(one["jump"]):
+        yield make_note("camera-jumped", name=name, jump=jump, time=float(one["jump_time"]))
+    if float(one["corrected"]):
+        error = float(f"{1e6 * float(one['pace_deviation']):.1g}")
+        yield note_pace(name, first, float(one["pace"]), f" ± {error:,g}")
+    if (late := 1e3 * float(one["lag"])) and one.attrs.get("sound") != "none":
+        yield make_note(
+            "start-by-pictures",
+            name=name,
+            late_ms=abs(late),
+            std_ms=1e3 * float(one["lag_deviation"]),
+            way="later" if late > 0 else "earlier",
+            frames=_describe_whole_frames(1e-3 * late * rate),
+        )
+    if (misfit := float(one["rest_misfit"])) > MAX_REST_MISFIT_PX:
+        yield make_note("rest-misfit", name=name, misfit=misfit)
+
+
+def _check_repeats(data: xr.Dataset) -> Iterator[Note]:
+    for line in data.attrs.get("repeats", "").splitlines():
+        yield make_note("repeated-frames", line=line)
+
+
+def _check_lost(name: str, lost: float) -> Iterator[Note]:
+    if lost > MAX_LOST_FRACTION:
+        yield make_note("markers-lost", name=name, lost=lost)
+
+
+def _check_clock(name: str, first: str, late: float, pace: float) -> Iterator[Note]:
+    """Report corrections of a camera's clock: of its start in s, and of its relative pace."""
+    if late:
+        way = "later" if late > 0 else "earlier"
+        yield make_note("start-by-pictures", "modes", name=name, late_ms=1e3 * abs(late), way=way)
+    if pace:
+        yield note_pace(name, first, pace)
+
+
+def note_pace(name: str, first: str, pace: float, error: str = "") -> Note:
+    """Return the note on a clock that runs faster than the first camera's by a relative pace."""
+    way = "fast" if pace > 0 else "slow"
+    how = f"{float(f'{1e6 * abs(pace):.3g}'):,g}{error} ppm {way} compared with that of {first}"
+    code = "frames-lost" if abs(pace) > MAX_CLOCK_DRIFT else "clock-drift"
+    return make_note(code, name=name, how=how)
+
+
+def _describe_whole_frames(frames: float) -> str:
+    """Return what a shift by whole frames suggests, empty of any other."""
+    count = round(abs(frames))
+    if not count or abs(abs(frames) - count) > MAX_FRAME_FRACTION:
+        return ""
+    lost = f"{count} frames were" if count > 1 else "a frame was"
+    return f", or {lost} lost without its time stamps showing it: so long does that take"
+
+
+def check_board(data: xr.Dataset) -> Iterator[Note]:
+    """Compare the residuals of the board's corners in all cameras with those of each alone."""
+    if "single_rms" not in data:  # a calibration that was reused
+        return
+    together = float(data.get("reprojection_rms", np.nan))
+    if together > MAX_CORNER_RATIO * (alone := rms(data["single_rms"].values)):
+        kept = together > MAX_CONTRADICTION * alone
+        lenses = "Lenses are those of each camera alone. " if kept else ""
+        yield make_note("board-moved", together=together, alone=alone, lenses=lenses)
+
+
+def _check_markers(data: xr.Dataset) -> Iterator[Note]:
+    still = data["frozen"].values.astype(bool)
+    if still.any():
+        held = zip(data["camera"].values, data["held_back"].values, strict=True)
+        yield make_note(
+            "held-still",
+            count=still.any(axis=0).sum(),
+            held=", ".join(f"{name} {size:.2g} px" for name, size in held if size),
+            most_mm=1e3 * float(np.nanmax(data["standard_error"].values[still.any(axis=0)])),
+        )
+    if unknown := int(np.isnan(data["deflection"].values).sum()):
+        yield make_note("unseen-markers", count=unknown)
+
+
+def _check_fit(data: xr.Dataset) -> Iterator[Note]:
+    if (excess := float(data["in_plane_excess"])) > MAX_IN_PLANE_EXCESS:
+        yield make_note("in-plane", excess=excess)
+    if abs(growth := float(data["growth"])) > MAX_AMPLITUDE_CHANGE:
+        yield make_note("growth", growth=growth)
+    if int(data["ambiguous"]):
+        yield make_note("whole-periods")
+    off = rms(data["quadrature"].values) / rms(data["deflection"].values)
+    if off > MAX_QUADRATURE:
+        yield make_note("quadrature", off=off)
+    change: Array = data["without_camera"].values - data["deflection"].values
+    with np.errstate(invalid="ignore", divide="ignore"):
+        spread = rms(change / data["without_deviation"].values)
+    if spread > MAX_CAMERA_SPREAD:
+        yield make_note("cameras-contradict", spread=spread)
+
+
+def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
+    """Yield the notes on several modes."""
+    yield from _check_repeats(data)
+    hertz, asked = data["frequency"].values, manifest.excitation.modes.count
+    seconds = float(np.diff(data["window"].values)[0])
+    if asked and len(hertz) < asked:
+        yield make_note("fewer-modes", found=len(hertz), asked=asked)
+    for k, f in enumerate(hertz):
+        one = data.isel(mode=k)
+        own, other = float(one["out_of_step"]), float(one["rival_out_of_step"])
+        if other < 3 * own:
+            yield make_note("mode-alias", hertz=f, rival=float(one["rival"]), own=own, other=other)
+        if (ratio := float(one["beside"])) > MAX_RESIDUAL_POWER:
+            yield make_note(
+                "left-near-mode", hertz=f, ratio=ratio, resolution=1 / seconds, seconds=seconds
+            )
+        error, zeta = float(one["damping_deviation"]), float(one["damping"])
+        if zeta and error > MAX_DAMPING_ERROR * abs(zeta):
+            yield make_note("damping-unsure", hertz=f, share=error / abs(zeta))
+    mac = np.triu(data["assurance"].values, 1)
+    for i, j in np.argwhere(mac > MAX_SHAPE_MAC):
+        yield make_note("shapes-alike", first=hertz[i], second=hertz[j], mac=mac[i, j])
+    first = str(data["camera"].values[0])
+    for k, name in enumerate(map(str, data["camera"].values)):
+        yield from _check_lost(name, float(data["missing"][k].mean()))
+        if (strays := float(data["left_out"][k])) > MAX_STRAY_FRACTION:
+            yield make_note("markers-strayed", name=name, strays=strays)
+        yield from _check_clock(name, first, float(data["lag"][k]), float(data["pace"][k]))
+
+
+def check_sound(data: xr.Dataset) -> Iterator[Note]:
+    """Yield the notes on the radiated sound."""
+    is_low = data["frequency"].values < data["no_wall_below"].values
+    low = data.isel(tone=is_low & ~(data["no_wall_change"].values > 0))
+    if data.attrs["wall"] != "yes" and low.sizes["tone"]:
+        tones = [low.isel(tone=tone) for tone in range(low.sizes["tone"])]
+        changes = [f"at {float(one['frequency']):.4g} Hz {no_wall_change(one)} dB" for one in tones]
+        yield make_note("no-wall", changes="; ".join(changes))
+    highest, step = float(data.attrs["highest"]), 1000 * float(data.attrs["spacing"])
+    for tone in range(data.sizes["tone"]):
+        one = data.isel(tone=tone)
+        hertz = float(one["frequency"])
+        if hertz > highest:
+            yield make_note("waves-too-short", hertz=hertz, step_mm=step, highest=highest)
+        left, noise = float(one["left"]), float(one["left_by_noise"])
+        if left > MAX_SURFACE_RATIO * noise:
+            variant = "model" if data.attrs["between"] == "model" else ""
+            yield make_note("surface-unknown", variant, hertz=hertz, left=left, noise=noise)
+        if hertz < MIN_AUDIBLE_HZ:
+            yield make_note("not-heard", hertz=hertz)
+
+
+def no_wall_change(one: xr.Dataset) -> str:
+    """Return the change of the power of a tone without a wall in dB, with its standard error."""
+    change, std = float(one["no_wall_change"]), float(one["no_wall_change_std"])
+    return f"{change:+.1f} ± {std:.2g}" if np.isfinite(change) else "not estimated"
+
+
+def check_response(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
+    """Yield the notes on motion over a force."""
+    times, (first, last) = data["time"].values, data["filmed"].values
+    f, drive, many = data["frequency"].values, int(data["drive"]) - 1, int(data["segments"])
+    if (covered := times[-1] - times[0]) < (1 - MAX_UNUSED_FRACTION) * (last - first):
+        yield make_note("force-short", covered=covered, recorded=last - first)
+    at = np.array([data["x"].values[drive], data["y"].values[drive]])
+    apart = 1e3 * float(np.linalg.norm(at - data["force_place"].values))
+    if apart > manifest.structure.markers.diameter_mm:
+        yield make_note("force-apart", apart_mm=apart, marker=drive + 1)
+    if many > 1 and (averages := float(data["averages"].max())) < MIN_AVERAGES:
+        yield make_note("few-averages", averages=averages)
+    usual = float(np.nanmedian(data["coherence"].values[drive]))
+    if usual < MIN_COHERENCE:
+        yield make_note("incoherent", marker=drive + 1, coherence=usual)
+    if (share := float(data["unknown"].mean())) > MAX_UNKNOWN_FRACTION:
+        yield make_note("deflections-lost", share=share)
+    names = [str(name) for name in data["camera"].values]
+    for k, name in enumerate(names):
+        late, pace = float(data["camera_lag"][k]), float(data["camera_pace"][k])
+        yield from _check_clock(name, names[0], late, pace)
+    if (degrees := np.degrees(float(data["phase_deviation"].values[-1]))) > MAX_CLOCK_PHASE_DEG:
+        std = 1e3 * float(data["delay_deviation"])
+        yield make_note("force-clock-unsure", std_ms=std, degrees=degrees, hertz=f[-1])
+    if abs(fast := float(data["pace"])) > MIN_FORCE_DRIFT:
+        way = "fast" if fast > 0 else "slow"
+        yield make_note("force-clock-drift", ppm=1e6 * abs(fast), way=way)
+    if (share := float(data["beyond"])) > MAX_ALIASED_POWER:
+        yield make_note("force-too-fast", share=share)
+    if many == 1:
+        yield from _check_ringing(data, manifest)
+    else:
+        yield from _check_segments(data)
+        yield from _check_sweep(data, manifest)
+
+
+def _peak(data: xr.Dataset) -> tuple[float, float]:
+    """Frequency in Hz at which the markers together move most for a force, and that in m/N."""
+    size = np.sqrt(np.nanmean(np.abs(complex_of(data, "receptance")[0]) ** 2, axis=0))
+    top = int(np.argmax(size))
+    return float(data["frequency"].values[top]), float(size[top])
+
+
+def _check_ringing(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
+    """Report a single segment that ends before the structure is at rest, unless that is noise."""
+    top, _ = _peak(data)
+    zeta = manifest.structure.damping
+    last = data["displacement"].values[-(data.sizes["time"] // 8) :]
+    noisy = np.nanstd(last) < 2 * np.sqrt(np.nanmean(data["noise"].values ** 2))
+    if (left := float(data["ringing"])) > MAX_RINGING and not noisy:
+        seconds = settling(top, zeta)
+        yield make_note("still-ringing", left=left, seconds=seconds, hertz=top, damping=100 * zeta)
+
+
+def _check_sweep(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
+    """Report a sweep that passes the resonance faster than that settles."""
+    begin, end = data["sweep"].values
+    if not np.isfinite(begin):
+        return
+    (top, _), zeta = _peak(data), manifest.structure.damping
+    duration = float(data["sweep_duration"])
+    stays = dwell(Sweep(from_hz=begin, to_hz=end, duration_s=duration), top, zeta)
+    needs = settling(top, zeta)
+    if stays < needs:
+        yield make_note(
+            "sweep-fast",
+            begin=begin,
+            end=end,
+            duration=duration,
+            stays=stays,
+            hertz=top,
+            needs=needs,
+            factor=needs / stays,
+        )
+
+
+def _check_segments(data: xr.Dataset) -> Iterator[Note]:
+    """Report a peak that segments blur by more than it is uncertain by noise."""
+    top, size = _peak(data)
+    own = data.sel(estimator="H1", frequency=top)
+    blur, error = (np.sqrt(np.nanmean(own[k].values ** 2)) for k in ("blur", "standard_error"))
+    noise = np.sqrt(error**2 - blur**2)
+    if blur > noise:
+        seconds, share = float(data["segment"]), blur / (size + blur)
+        yield make_note(
+            "segment-short",
+            segment=seconds,
+            hertz=top,
+            how="much" if share > MAX_BLUR else f"by about {share:.1%}",
+            noise=noise / size,
+            longer=seconds * (blur / max(noise, 1e-3 * size)) ** 0.4,  # as T⁻² and, of noise, √T
+        )
