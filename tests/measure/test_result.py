@@ -252,7 +252,9 @@ def test_clocks_that_run_at_different_speeds_are_told_and_mended(conforms, tmp_p
     found, error = float(data["pace"][1]), float(data["pace_deviation"][1])
     conforms.sampled((found - fast) / error, 0, atol=4)
     assert error < 2e-6
-    assert "The clock of camera B runs 300" in shown(data).replace("299", "300").replace("301", "300")
+    assert "The clock of camera B runs 300" in shown(data).replace("299", "300").replace(
+        "301", "300"
+    )
     conforms.sampled(np.nanmax(np.abs(data["deflection"] - TRUE)), below=0.005 * 0.004)
 
 
