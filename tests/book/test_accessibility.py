@@ -50,7 +50,7 @@ def test_nothing_serious_on_a_page_of_a_run(
     notebook: Path,  # noqa: F811
 ) -> None:
     html = notebook.with_suffix(".html")
-    html.write_text(web_page.page(notebook, "Run"), encoding="utf-8")
+    html.write_text(web_page.export_notebook(notebook, "Run"), encoding="utf-8")
     assert axe.light_and_dark(opened(page, html)) == []
     html.write_text(index_page("Runs", [("A", "a.html")]), encoding="utf-8")
     assert axe.light_and_dark(opened(page, html)) == []

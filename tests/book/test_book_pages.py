@@ -432,7 +432,7 @@ def notebook(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("width", [1280, 390])
 def test_self_contained_page_works_alone(running: Browser, notebook: Path, width: int) -> None:
     html = notebook.with_suffix(".html")
-    html.write_text(web_page.page(notebook, "<i>R</i> & co"), encoding="utf-8")
+    html.write_text(web_page.export_notebook(notebook, "<i>R</i> & co"), encoding="utf-8")
     with open_offline(running, html, width=width) as opened:
         page = opened.page
         assert page.title() == "<i>R</i> & co"
@@ -449,7 +449,7 @@ def test_self_contained_page_works_alone(running: Browser, notebook: Path, width
 
 
 def test_self_contained_page_keeps_the_picture_and_drops_the_rest(notebook: Path) -> None:
-    text = web_page.page(notebook, "run")
+    text = web_page.export_notebook(notebook, "run")
     assert base64.b64encode(SVG.encode()).decode() in text
     assert "hidden_word" not in text
     assert "secret" not in text
@@ -458,7 +458,7 @@ def test_self_contained_page_keeps_the_picture_and_drops_the_rest(notebook: Path
 def test_page_without_equations_is_small(tmp_path: Path) -> None:
     path = tmp_path / "plain.ipynb"
     nbformat.write(new_notebook(cells=[new_markdown_cell("# Plain, costs 5 $")]), path)
-    assert len(web_page.page(path, "plain")) < 20_000
+    assert len(web_page.export_notebook(path, "plain")) < 20_000
 
 
 def test_index_page_escapes_and_links(running: Browser, tmp_path: Path) -> None:
@@ -476,7 +476,7 @@ def test_unreadable_notebook_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "bad.ipynb").write_text("{")
     for name in ("bad.ipynb", "none.ipynb"):
         with pytest.raises(BookError, match=name) as caught:
-            web_page.page(tmp_path / name, "x")
+            web_page.export_notebook(tmp_path / name, "x")
         assert "\n" not in str(caught.value)
 
 

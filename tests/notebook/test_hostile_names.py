@@ -92,7 +92,7 @@ def page_of(name: str) -> str:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "n.ipynb"
         nbformat.write(page, path)
-        return pages.page(path, name)
+        return pages.export_notebook(path, name)
 
 
 @pytest.mark.parametrize(

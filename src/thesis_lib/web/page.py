@@ -5,7 +5,6 @@ It is for a single run; the book is rendered by :mod:`thesis_lib.book.site`.
 
 from __future__ import annotations
 
-import base64
 import re
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -20,9 +19,6 @@ from mdit_py_plugins.amsmath import amsmath_plugin
 from mdit_py_plugins.colon_fence import colon_fence_plugin
 from mdit_py_plugins.deflist import deflist_plugin
 from mdit_py_plugins.dollarmath import dollarmath_plugin
-from pygments import highlight  # type: ignore[import-untyped, unused-ignore]
-from pygments.formatters import HtmlFormatter  # type: ignore[import-untyped, unused-ignore]
-from pygments.lexers import PythonLexer  # type: ignore[import-untyped, unused-ignore]
 
 from thesis_lib import records
 from thesis_lib.asides import aside
@@ -39,21 +35,23 @@ PACKAGES = {
 INSTALLED = ".installed.json"
 """Record of what was installed there."""
 
-_SUMMARY = {"parameters": "Default parameters", "injected-parameters": "Parameters of this run"}
-_IMAGES = ("image/svg+xml", "image/png", "image/jpeg", "image/gif")
+_MIMETYPES = [
+    "text/html", "image/svg+xml", "image/png", "image/jpeg", "image/gif", "text/markdown",
+    "text/latex", "text/plain",
+]  # fmt: skip
+_TEMPLATES = Path(__file__).with_name("templates")
 _ROLE = re.compile(r"\{([\w:]+)\}`([^`]+)`")
 _TARGET = re.compile(r"(.+?)\s*<([^<>]+)>", re.DOTALL)
 _BOOK_LINK = re.compile(r'<a href="(?![\w+.-]+:|#|[^"]*\.html)[^"]*">(.*?)</a>', re.DOTALL)
 _LABELLED = re.compile(r"\$\$\s*\(([\w:.-]+)\)")
-_ANSI = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class BookError(RuntimeError):
     """The book or a page could not be made; the message says what a person can do about it."""
 
 
-def page(notebook: Path, title: str) -> str:
-    """Turn an executed notebook into one self-contained HTML page.
+def export_notebook(notebook: Path, title: str) -> str:
+    """Return an executed notebook as one self-contained HTML page.
 
     Its cells may carry the tags ``hide-input``, ``remove-input``, ``remove-output`` and
     ``remove-cell``, and ``mystnb`` metadata: ``figure.name``, ``figure.caption`` and ``image.alt``.
@@ -65,21 +63,29 @@ def page(notebook: Path, title: str) -> str:
     BookError
         If the notebook cannot be read.
     """
+    from nbconvert import HTMLExporter  # takes a second to import
+
     try:
-        cells = nbformat.read(notebook, as_version=4).cells
+        executed = nbformat.read(notebook, as_version=4)
+        prose = [cell.source for cell in executed.cells if cell.cell_type == "markdown"]
     except (OSError, ValueError, AttributeError) as error:
         reason = str(error).splitlines() or [type(error).__name__]
         raise BookError(f"cannot read the notebook {notebook}: {reason[0]}") from error
-    text = _Text(cells)
-    body = "\n".join(_cell(cell, text) for cell in cells)
+    text = _Text("\n".join(prose))
+    exporter = HTMLExporter(
+        template_name="notebook",
+        extra_template_basedirs=[str(_TEMPLATES)],
+        filters={"markdown": text.html, "output_markdown": partial(text.html, own=False)},
+        display_data_priority=_MIMETYPES,
+    )
+    body, _ = exporter.from_notebook_node(executed)
     mathjax = mathjax_path()
-    script = ""
     if 'class="math ' in body and mathjax.is_file():
-        if damage := damaged_assets(mathjax.parents[1]):
-            aside(f"{damage}; equations stay as TeX until `thesis book` installs it anew")
-            return _frame(title, body)
-        script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
-    return _frame(title, body, script)
+        if not (damage := damaged_assets(mathjax.parents[1])):
+            script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
+            return _frame(title, body, script)
+        aside(f"{damage}; equations stay as TeX until `thesis book` installs it anew")
+    return _frame(title, body)
 
 
 def _frame(title: str, body: str, mathjax: str = "") -> str:
@@ -108,8 +114,7 @@ def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
 class _Text:
     """Markdown of one notebook: the part of MyST that makes sense on a page of its own."""
 
-    def __init__(self, cells: Sequence[Mapping[str, Any]]) -> None:
-        prose = "\n".join(cell["source"] for cell in cells if cell["cell_type"] == "markdown")
+    def __init__(self, prose: str) -> None:
         self.equations = {name: i for i, name in enumerate(_LABELLED.findall(prose), 1)}
         self.parser = self._parser(html=True)
         self.of_outputs = self._parser(html=False)
@@ -172,74 +177,3 @@ def _math(tex: str, options: Mapping[str, Any], number: int = 0) -> str:
         return f'<span class="math inline">\\({escape(tex.strip())}\\)</span>'
     tag = f"\\tag{{{number}}}" if number else ""
     return f'<div class="math block">\\[{escape(tex.strip())}{tag}\\]</div>\n'
-
-
-def _cell(cell: Mapping[str, Any], text: _Text) -> str:
-    """One cell of a notebook."""
-    tags = set(cell["metadata"].get("tags", ()))
-    if "remove-cell" in tags or cell["cell_type"] == "raw":
-        return ""
-    if cell["cell_type"] == "markdown":
-        return text.html(cell["source"])
-    parts = []
-    if cell["source"].strip() and not tags & {"remove-input", "remove_input"}:
-        summary = next((_SUMMARY[tag] for tag in sorted(tags) if tag in _SUMMARY), "Program")
-        folded = tags & {"hide-input", "hide_input", "hide-cell", "hide_cell"}
-        state = "" if folded and "injected-parameters" not in tags else " open"
-        code = highlight(cell["source"], PythonLexer(), HtmlFormatter())
-        parts.append(f"<details{state}><summary>{summary}</summary>{code}</details>")
-    if not tags & {"remove-output", "remove_output"}:
-        shown = "\n".join(_output(output, cell, text) for output in cell["outputs"])
-        if tags & {"hide-output", "hide_output", "hide-cell", "hide_cell"} and shown:
-            shown = f"<details><summary>Output</summary>{shown}</details>"
-        parts.append(shown)
-    return "\n".join(parts)
-
-
-def _output(output: Mapping[str, Any], cell: Mapping[str, Any], text: _Text) -> str:
-    """One output of a code cell, in a figure if the cell says so."""
-    if output["output_type"] == "stream":
-        return "" if output["name"] == "stderr" else _pre(output["text"])
-    if output["output_type"] == "error":
-        return _pre("\n".join(output["traceback"]))
-    html = _data(output["data"], str(_myst(cell, "image").get("alt", "")), text)
-    if not html:
-        return ""
-    kind = "output html" if "text/html" in output["data"] else "output"
-    html = f'<div class="{kind}">{html}</div>'
-    figure = _myst(cell, "figure")
-    if not figure:
-        return html
-    name = f' id="{escape(str(figure["name"]))}"' if figure.get("name") else ""
-    caption = text.html(str(figure.get("caption", "")))
-    caption = f"<figcaption>{caption}</figcaption>" if caption else ""
-    return f"<figure{name}>{html}{caption}</figure>"
-
-
-def _data(data: Mapping[str, Any], alt: str, text: _Text) -> str:
-    """Choose the richest form of an output that needs neither a kernel nor a network."""
-    if "text/html" in data:
-        return str(data["text/html"])
-    for mime in _IMAGES:
-        if mime in data:
-            svg = mime == "image/svg+xml"
-            content = base64.b64encode(data[mime].encode()).decode() if svg else data[mime]
-            content = "".join(content.split())
-            return f'<img src="data:{mime};base64,{content}" alt="{escape(alt)}">'
-    if "text/markdown" in data:
-        return text.html(data["text/markdown"], own=False)
-    if "text/latex" in data:
-        return f'<div class="math block">{escape(data["text/latex"])}</div>'
-    return _pre(data["text/plain"]) if "text/plain" in data else ""
-
-
-def _pre(text: str) -> str:
-    """Text as it was printed."""
-    return f"<pre>{escape(_ANSI.sub('', text))}</pre>"
-
-
-def _myst(cell: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Read ``mystnb`` options of a cell; empty where they are missing or malformed."""
-    options = cell["metadata"].get("mystnb", {})
-    found = options.get(key, {}) if isinstance(options, dict) else {}
-    return dict(found) if isinstance(found, dict) else {}
