@@ -1,5 +1,6 @@
 """From tracks to the shape: made-up tracks of known cameras, whose truth is exact."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -252,9 +253,7 @@ def test_clocks_that_run_at_different_speeds_are_told_and_mended(conforms, tmp_p
     found, error = float(data["pace"][1]), float(data["pace_deviation"][1])
     conforms.sampled((found - fast) / error, 0, atol=4)
     assert error < 2e-6
-    assert "The clock of camera B runs 300" in shown(data).replace("299", "300").replace(
-        "301", "300"
-    )
+    assert re.search("The clock of camera B runs (299|300|301)", shown(data))
     conforms.sampled(np.nanmax(np.abs(data["deflection"] - TRUE)), below=0.005 * 0.004)
 
 
@@ -352,7 +351,7 @@ def test_motion_in_the_plane_widens_standard_errors(conforms, tmp_path):
     edited(own[1], lambda t, uv: uv.__isub__(0.1 * (uv - uv[:20].mean(axis=0))))
     data = result(manifest(), heard(), own)
     assert float(data["in_plane_excess"]) > 5
-    assert "in the structure's plane" in shown(data)
+    assert "in the plane of the structure" in shown(data)
     off = (data["deflection"] - TRUE) / data["standard_error"]
     conforms.sampled(np.sqrt(np.nanmean(off**2)), below=4)
     off = (data["deflection"] - TRUE) / data["error_of_scatter"]
@@ -381,5 +380,5 @@ def test_standard_errors_hold_what_drawn_calibrations_do(conforms, tmp_path):
 
 def test_few_poses_of_the_board_are_told(tmp_path):
     data = result(manifest(), heard(), recordings(tmp_path))
-    assert "4 poses" in shown(data.assign(board_poses=4))
-    assert "poses" not in shown(data.assign(board_poses=5))
+    assert "Only 4 board poses" in shown(data.assign(board_poses=4))
+    assert "board poses" not in shown(data.assign(board_poses=5))

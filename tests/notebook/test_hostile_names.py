@@ -15,7 +15,7 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.parametric.tables import claims_table, error_table
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.notebook import show as notebook
-from thesis_lib.runs import edits
+from thesis_lib.runs import postprocess
 from thesis_lib.web import page as pages
 
 NAMES = {
@@ -88,7 +88,7 @@ def page_of(name: str) -> str:
     page.cells.append(nbformat.v4.new_code_cell("notebook.figures(result)"))
     data, about = figure._repr_mimebundle_()
     page.cells[-1].outputs = [nbformat.v4.new_output("display_data", data, metadata=about)]
-    edits.place_figures(page)  # as text of a caption, beside that of a front end
+    postprocess.place_figures(page)  # as text of a caption, beside that of a front end
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "n.ipynb"
         nbformat.write(page, path)
@@ -109,7 +109,7 @@ def test_a_name_adds_no_tag_to_a_page(kind):
 
 def test_what_a_program_puts_out_is_no_markup():
     said = "\n\n".join(["**bold**", *NAMES.values()])
-    found = Tags(pages._Text([]).html(said, own=False)).tags
+    found = Tags(pages._Text("").html(said, own=False)).tags
     assert ("strong",) in found
     assert not {"script", "img", "form", "input", "a", "b"} & {tag[0] for tag in found}
 

@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.planner import compute as planned
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
 from thesis_lib.notebook import show as notebook
 from thesis_lib.notebook.show import cube_of
-from thesis_lib.runs import edits
+from thesis_lib.runs import postprocess
 from thesis_lib.studies.request import Study
 
 PROJECT = Path(__file__).parents[2]
@@ -261,7 +261,7 @@ def test_each_figure_gets_a_cell_with_its_words():
         assert 'alt="Panels: (a) setups: cameras varied; (b) ' in data["text/html"]
         cell.outputs.append(nbformat.v4.new_output("display_data", data, metadata=about))
     page = nbformat.v4.new_notebook(cells=[cell])
-    edits.place_figures(page)
+    postprocess.place_figures(page)
     nbformat.validate(page)
     words = [cell.metadata.mystnb.figure for cell in page.cells]
     assert [one.name for one in words] == [

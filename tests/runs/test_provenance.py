@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting import selection as plotted
-from thesis_lib.runs import edits, provenance
+from thesis_lib.runs import postprocess
 from thesis_lib.studies import cache, commands, effort, storage
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.cache import cached
@@ -76,14 +76,14 @@ def executed(cube, modes=(1,)):
     for data, about in (one._repr_mimebundle_() for one in shown):
         cell.outputs.append(nbformat.v4.new_output("display_data", data, metadata=about))
     page = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Page"), cell])
-    edits.place_figures(page)
+    postprocess.place_figures(page)
     return page
 
 
 def record(request, cube, tmp_path):
     file = tmp_path / "cube.nc"
     storage.write(cube, file, compact=True)
-    return provenance.record(request, cube, file, COST)
+    return postprocess.record(request, cube, file, COST)
 
 
 # Tables.
@@ -146,7 +146,7 @@ def test_every_figure_has_a_plain_file_name_of_its_own(evil):
 def test_strings_of_the_reader_are_text(evil, tmp_path, in_book):
     request, cube = evil
     page = executed(cube)
-    provenance.add(page, record(request, cube, tmp_path), cube, in_book)
+    postprocess.add_provenance(page, record(request, cube, tmp_path), cube, in_book)
     added = [cell for cell in page.cells if "tl-" in cell.source]
     assert len(added) == 3
     for cell in added:
@@ -163,7 +163,7 @@ def test_strings_of_the_reader_are_text(evil, tmp_path, in_book):
 def test_fold_out_tells_all_and_is_closed(beam, tmp_path):
     request, cube = beam
     about = record(request, cube, tmp_path)
-    parsed = Parsed(provenance.fold_out(about, "../data/x.nc", "../data/x.csv"))
+    parsed = Parsed(postprocess.fold_out(about, "../data/x.nc", "../data/x.csv"))
     for words in (
         "beam-distance", request.digest, about.sha256, cube.attrs["commit"].strip(),
         "thesis run beam-distance -p trials=4", "trials = 4", "7 s", "310 MB",
@@ -173,14 +173,14 @@ def test_fold_out_tells_all_and_is_closed(beam, tmp_path):
     assert [link["href"] for link in parsed.links] == ["../data/x.nc", "../data/x.csv"]
     assert all("download" in link for link in parsed.links)
     standard = validate("beam-distance", {})
-    about = provenance.record(standard, cube, tmp_path / "cube.nc", COST)
-    assert "defaults" in provenance.fold_out(about, "", "")
+    about = postprocess.record(standard, cube, tmp_path / "cube.nc", COST)
+    assert "defaults" in postprocess.fold_out(about, "", "")
 
 
 def test_downloads_of_a_page_of_its_own_are_in_it(beam, tmp_path):
     request, cube = beam
     page = executed(cube, (1, 2))
-    provenance.add(page, record(request, cube, tmp_path), cube, in_book=False)
+    postprocess.add_provenance(page, record(request, cube, tmp_path), cube, in_book=False)
     links = [link for cell in page.cells for link in Parsed(cell.source).links]
     inside = [link for link in links if link["href"].startswith("data:text/csv")]
     assert len(inside) == 3
@@ -194,7 +194,7 @@ def test_downloads_of_a_page_of_its_own_are_in_it(beam, tmp_path):
 def test_links_of_a_page_of_the_book_name_the_files_of_its_folder(beam, tmp_path):
     request, cube = beam
     page = executed(cube, (1, 3))
-    provenance.add(page, record(request, cube, tmp_path), cube, in_book=True)
+    postprocess.add_provenance(page, record(request, cube, tmp_path), cube, in_book=True)
     links = [link["href"] for cell in page.cells for link in Parsed(cell.source).links]
     files = [urllib.parse.unquote(link) for link in links if not link.startswith("#")]
     assert files == [

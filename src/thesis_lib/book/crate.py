@@ -15,7 +15,7 @@ from rocrate.rocrate import ROCrate
 
 from thesis_lib import __version__
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.runs.provenance import FOLDER
+from thesis_lib.runs.postprocess import FOLDER
 from thesis_lib.studies.commands import command
 from thesis_lib.studies.storage import attributes
 

@@ -11,7 +11,7 @@ from thesis_lib.book.site import swap
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.files import staging, whole_file, whole_text
 from thesis_lib.plotting import selection as plotted
-from thesis_lib.runs.provenance import FOLDER
+from thesis_lib.runs.postprocess import FOLDER
 
 ARCHIVE = "vibration-by-many-cameras"
 _DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip can hold

@@ -10,7 +10,7 @@ from typing import Any
 from thesis_lib.figure_sets.display import promised
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import whole_file, whole_text
-from thesis_lib.runs.edits import figure_cell, mystnb
+from thesis_lib.runs.postprocess import figure_cell, mystnb
 from thesis_lib.web.markdown import escape
 
 _PICTURE = (

@@ -20,12 +20,12 @@ Picture = tuple[str, bytes]  # kind of file and content
 _ROOT = Path(__file__).parents[1]
 
 
-def render_html(template: str, **values: object) -> Markup:
-    """Render a template, named by its path in the package; texts that are put in are escaped.
+def render_html(template: str, **values: object) -> str:
+    """Render a template, named by its path in the package; plain texts put in are escaped.
 
     Pages extend ``web/templates/page.html.j2`` and are given a `title`.
     """
-    return Markup(_environment().get_template(template).render(values))
+    return _environment().get_template(template).render(values)
 
 
 def render_lines(template: str, **values: object) -> list[str]:

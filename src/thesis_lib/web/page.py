@@ -64,6 +64,7 @@ def export_notebook(notebook: Path, title: str) -> str:
         If the notebook cannot be read.
     """
     from nbconvert import HTMLExporter  # takes a second to import
+    from traitlets.config import Config
 
     try:
         executed = nbformat.read(notebook, as_version=4)
@@ -76,7 +77,7 @@ def export_notebook(notebook: Path, title: str) -> str:
         template_name="notebook",
         extra_template_basedirs=[str(_TEMPLATES)],
         filters={"markdown": text.html, "output_markdown": partial(text.html, own=False)},
-        display_data_priority=_MIMETYPES,
+        config=Config({"NbConvertBase": {"display_data_priority": _MIMETYPES}}),
     )
     body, _ = exporter.from_notebook_node(executed)
     mathjax = mathjax_path()

@@ -32,7 +32,6 @@ from thesis_lib.plotting.style import POWERS, saved
 from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
 
 _TEMPLATES = "measure/report/templates/"
-_WALL = ", in a rigid wall"
 _ROLES = {"drive": "nearest to the force", "surest": "surest", "least": "least sure"}
 _MM = {
     "x_mm": "x",
@@ -48,7 +47,7 @@ _MM = {
 class Report:
     """A report, or a part of one."""
 
-    page: Markup
+    page: str
     summary: list[str]  #: What was found, in a few lines
     notes: list[Note]  #: What a reader should know before trusting it
     pictures: Mapping[str, Picture]
@@ -62,6 +61,11 @@ class Report:
         """Write ``report.html`` and the folder ``figures`` into a folder."""
         write_pictures(folder, self.pictures.items())
         (folder / "report.html").write_text(self.page, encoding="utf-8")
+
+
+def _embed(part: Report | None) -> Markup:
+    """Return a part of a report for its page; empty where there is none."""
+    return Markup(part.page if part else "")
 
 
 def build_shape(
@@ -111,7 +115,7 @@ def build_shape(
         pictures=pictures,
         viewer=Markup(view_shape(data, _extent(manifest))),
         numbers=tabulate_shape(data),
-        sound=sound.page if sound else "",
+        sound=_embed(sound),
         candidates=[data.isel(candidate=k) for k in order],
         cameras=[placed.isel(camera=k) for k in range(data.sizes["camera"])],
         feasibility="\n".join(describe(assessment)),
@@ -202,8 +206,8 @@ def build_modes(
         modes=tabulate_modes(data),
         shapes=tabulate_mode_shapes(data),
         viewers=map(Markup, viewers),
-        sound=sound.page if sound else "",
-        response=response.page if response else "",
+        sound=_embed(sound),
+        response=_embed(response),
         source_of_size=_source_of_size(manifest),
         grid_excess=float(data["grid_scale"]) - 1,
     )
@@ -281,7 +285,7 @@ def build_response_alone(
     page = render_html(
         _TEMPLATES + "response.html.j2",
         title=f"Motion of a {manifest.structure.kind} over a force",
-        response=response.page,
+        response=_embed(response),
         manifest=manifest,
         calibration=calibration,
         synchronisation=synchronisation,
@@ -316,6 +320,8 @@ def summarise_response(data: xr.Dataset) -> list[str]:
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
     """Return the part of a report on radiated sound: levels, fields, modes, assumptions."""
     summary, notes = summarise_sound(data), list(check_sound(data))
+    places = [one for tone in _tones(data) for one in _points(tone)]
+    bands = [data.sel(band=band) for band in data["band"].values]
     way = float(np.linalg.norm(data["place"].values, axis=1).max())
     decay = data.get("decay", xr.zeros_like(data["frequency"]))
     page = render_html(
@@ -325,14 +331,13 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
         summary=summary,
         notes=notes,
         messages=MESSAGES,
-        columns=_power_columns(data),
         no_wall_change=no_wall_change,
         tones=_tones(data),
         whole=data.sel(band=ALL),
         viewers=[Markup(view_sound(one, manifest)) for one in _tones(data)],
-        points=_tabulate_points(data),
-        bands=_tabulate_bands(data),
-        modes=_tabulate_radiation_modes(data),
+        place=place,
+        points=[one.assign(pressure=absolute(one)) for one in places],
+        bands=[{"data": one, "points": _points(one)} for one in bands],
         way=way,
         lost=float(decay.max()) * way / float(data.attrs["speed_of_sound"]),
     )
@@ -362,62 +367,5 @@ def _level_without_wall(one: xr.Dataset) -> tuple[float, float] | None:
     return (level, std) if np.isfinite(level) else None
 
 
-def _power_columns(data: xr.Dataset) -> list[str]:
-    return [
-        "frequency in Hz",
-        f"sound power in dB re 1 pW{_WALL}",
-        "in W",
-        *([f"energy in J{_WALL}"] if "energy" in data else []),
-        f"radiation efficiency{_WALL}",
-        *(["without a wall, dB"] if data.attrs["wall"] != "yes" else []),
-        "without a wall less below about, Hz",
-    ]
-
-
-def _with_error(one: xr.Dataset, name: str, form: str) -> str:
-    """Return a number with its standard error."""
-    value, error = float(one[name]), float(one[f"{name}_error"])
-    return f"{value:{form}} ± {error:.2g}" if np.isfinite(value) else "unknown"
-
-
-def _tabulate_points(data: xr.Dataset) -> pd.DataFrame:
-    """Return pressures and levels at the points."""
-    return pd.DataFrame(
-        {
-            "X, Y, Z in mm": place(one),
-            "frequency in Hz": f"{float(one['frequency']):.4g}",
-            f"pressure in Pa{_WALL}": _with_error(
-                one.assign(pressure=absolute(one)), "pressure", ".3g"
-            ),
-            f"level in dB re 20 µPa{_WALL}": _with_error(one, "level", ".1f"),
-        }
-        for tone in _tones(data)
-        for one in (tone.isel(point=point) for point in range(data.sizes["point"]))
-    )
-
-
-def _tabulate_bands(data: xr.Dataset) -> pd.DataFrame:
-    """Return sound power, and levels at the points, by octave."""
-    rows = []
-    for band in data["band"].values:
-        one = data.sel(band=band)
-        power = _with_error(one, "band_power_level", ".1f")
-        row = {"octave in Hz": band, f"sound power in dB re 1 pW{_WALL}": power}
-        for point in range(one.sizes["point"]):
-            here = one.isel(point=point)
-            level = _with_error(here, "band_level", ".1f")
-            row[f"dB re 20 µPa at {place(here)} mm{_WALL}"] = level
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def _tabulate_radiation_modes(data: xr.Dataset) -> pd.DataFrame:
-    """Return the power by radiation mode, in % of all."""
-    frame = pd.DataFrame({"mode": np.arange(1, data.sizes["mode"] + 1)})
-    for one in _tones(data):
-        whole = float(one["power"])
-        powers = zip(one["mode_power"].values, one["mode_power_error"].values, strict=True)
-        frame[f"share at {float(one['frequency']):.4g} Hz in %"] = [
-            f"{100 * value / whole:.2f} ± {100 * error / whole:.2g}" for value, error in powers
-        ]
-    return frame
+def _points(data: xr.Dataset) -> list[xr.Dataset]:
+    return [data.isel(point=point) for point in range(data.sizes["point"])]
