@@ -9,9 +9,9 @@ import pytest
 
 from thesis_lib import files
 from thesis_lib.book import sample
-from thesis_lib.book.pieces import illustrations, schematics, sketches
+from thesis_lib.book.pieces import fact_figures, illustrations
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.plotting.style import in_style
 from thesis_lib.vibration.structure import peak_deflection
@@ -27,7 +27,7 @@ def test_every_figure_stands_in_a_chapter_and_the_other_way_round() -> None:
     pages = "".join(map(page, (*CHAPTERS, "equal-pixels")))
     shown = re.findall(r"\{figure\} executed/([\w.-]+)", pages)
     assert len(shown) == len(set(shown))
-    assert set(shown) - {*sketches.NAMES, *sample.NAMES} == set(illustrations.NAMES)
+    assert set(shown) - {*sample.NAMES} == set(illustrations.NAMES)
 
 
 @pytest.mark.parametrize("name", CHAPTERS)
@@ -38,7 +38,7 @@ def test_a_chapter_has_a_figure_for_every_250_words(name: str) -> None:
     assert words / text.count("```{figure}") <= 250
 
 
-@pytest.mark.parametrize("name", [*illustrations.OF_FACTS])
+@pytest.mark.parametrize("name", [*illustrations.FACT_FIGURES])
 def test_figures_of_facts_are_the_same_each_time(tmp_path, name) -> None:
     made = []
     for folder in (tmp_path / "a", tmp_path / "b"):
@@ -58,7 +58,7 @@ def test_curves_are_the_rms_of_the_trials_and_the_law(of) -> None:
     cases = {"cases": ["4a"]} if of == "arrays" else {"cases": ["2b"]} if of == "aperture" else {}
     cube = cube_of(camera_study(f"beam-{of}", {"trials": 9, "modes": [3], **cases}))
     with in_style():
-        axes = illustrations.varied(of, cube).axes[0]
+        axes = illustrations.draw_varied(of, cube).axes[0]
     part = cube.sel(mode=3).sortby("value")
     rms = ((part["mean_error"].isel(trial=slice(1, None)) ** 2).mean("trial")) ** 0.5
     dots, law = axes.lines
@@ -74,6 +74,24 @@ def test_curves_are_the_rms_of_the_trials_and_the_law(of) -> None:
 
 def test_what_a_newton_moves_is_drawn() -> None:
     with in_style():
-        beam = schematics.rarer().axes[0].lines[0].get_ydata()
+        beam = fact_figures.draw_deflections().axes[0].lines[0].get_ydata()
     assert beam[0] == pytest.approx(1000 * peak_deflection(setups.beam(), 1))
     assert list(beam) == sorted(beam, reverse=True)
+
+
+def test_every_case_of_the_beam_is_drawn_with_all_its_cameras() -> None:
+    studies = [one() for one in CAMERA_STUDIES.values() if one.subject == "beam"]
+    places: dict[str, set[tuple[float, ...]]] = {}
+    for study in studies:
+        for setting in study.settings():
+            at = {(*direction, setting.distance_mm) for direction in setting.directions_deg}
+            places.setdefault(setting.case, set()).update(at)
+    with in_style():
+        figure = fact_figures.draw_cases()
+    drawn = {axes.get_title("left").partition(":")[0]: axes for axes in figure.axes}
+    assert set(drawn) == set(places)
+    for case, axes in drawn.items():
+        dots = [line for line in axes.lines if line.get_marker() == "o"]
+        assert len(dots) == len(places[case]), case
+        for dot in dots:
+            assert float(dot.get_xdata()[0]) ** 2 + float(dot.get_ydata()[0]) ** 2 <= 1 + 1e-9

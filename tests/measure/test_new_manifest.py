@@ -9,7 +9,6 @@ import pytest
 import yaml
 from command import thesis
 
-from thesis_lib.book.pieces import guide
 from thesis_lib.files import project_root
 from thesis_lib.laboratory.example import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import assess
@@ -208,12 +207,20 @@ def test_the_guides_commands_lead_to_a_manifest_that_passes_the_check(tmp_path, 
     assert (tmp_path / commands[-1][2]).is_file()
     manifest = read_manifest(tmp_path / commands[-1][2], check_files=False)
     structure = manifest.structure
-    assert (structure.length_mm, structure.width_mm) == (guide.LENGTH, guide.WIDTH)
+    drawn = (project_root() / "book" / "figures" / "guide-plate.svg").read_text(encoding="utf-8")
+    places = np.array(re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="7"', drawn), float)
+    x, y = (np.unique(axis) for axis in places.T)
     markers = structure.markers
-    drawn = guide.COLUMNS, guide.ROWS, guide.SPACING, guide.SPACING, guide.DIAMETER
-    assert drawn == (markers.columns, markers.rows, markers.spacing_mm, markers.row_spacing_mm,
-                     markers.diameter_mm)  # fmt: skip
-    assert (manifest.board.columns, manifest.board.rows) == (guide.BOARD.columns, guide.BOARD.rows)
+    assert (x.size, y.size, len(places)) == (markers.columns, markers.rows, x.size * y.size)
+    assert f"{markers.spacing_mm:g} mm" in drawn
+    assert markers.row_spacing_mm == markers.spacing_mm
+    px_per_mm = np.diff(x).mean() / markers.spacing_mm
+    np.testing.assert_allclose(np.diff(y).mean() / markers.spacing_mm, px_per_mm, rtol=1e-2)
+    assert markers.diameter_mm == round(2 * 7 / px_per_mm)
+    (rim,) = re.findall(r'<polygon points="([\d., ]+)"', drawn)
+    sides = np.ptp(np.array([corner.split(",") for corner in rim.split()], float), axis=0)
+    assert (structure.length_mm, structure.width_mm) == tuple(np.round(sides / px_per_mm))
+    assert (manifest.board.columns, manifest.board.rows) == (7, 5)
 
 
 def test_the_check_draws_where_cameras_stand_and_what_they_reach(tmp_path):

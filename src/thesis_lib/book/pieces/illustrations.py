@@ -1,4 +1,7 @@
-"""Figures that stand in chapters, one to a step of the argument: of cubes or of facts."""
+"""Figures of chapters, one for each step of the argument, drawn from cubes or from facts.
+
+Figures that need neither stand in ``book/figures``.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from matplotlib.lines import Line2D
 from thesis_lib import files
 from thesis_lib.arrays import Array
 from thesis_lib.book import missing
-from thesis_lib.book.pieces import guide, schematics
+from thesis_lib.book.pieces.fact_figures import FACT_FIGURES
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.parameters import camera_study
@@ -55,7 +58,7 @@ def _rms(part: xr.Dataset) -> Array:
     return np.asarray(np.sqrt(np.mean(error[:, 1:] ** 2, axis=1)))
 
 
-def law_between(of: str, cube: xr.Dataset) -> xr.Dataset | None:
+def densify_law(of: str, cube: xr.Dataset) -> xr.Dataset | None:
     """Return the study of a cube with many settings from its first to its last, without trials.
 
     None where the settings are numbers of cameras, between which there are none.
@@ -69,10 +72,10 @@ def law_between(of: str, cube: xr.Dataset) -> xr.Dataset | None:
     return compute.run(camera_study(cube.attrs["figure_set"], asked | {"trials": 0, "cube": ""}))
 
 
-def varied(of: str, cube: xr.Dataset) -> Figure:
+def draw_varied(of: str, cube: xr.Dataset) -> Figure:
     """Draw the mean error over what is varied: rms and band of the trials, and the law."""
     drawing, axes = subplots(figsize=(5.2, 3.2), layout="constrained")  # to be read on a phone
-    cases, fine = list(dict.fromkeys(cube["case"].values.tolist())), law_between(of, cube)
+    cases, fine = list(dict.fromkeys(cube["case"].values.tolist())), densify_law(of, cube)
     for i, case in enumerate(cases):
         part = select(cube, case, MODE)
         bars, order = error_bars(cube, case, MODE), np.argsort(part["value"].values)
@@ -96,7 +99,7 @@ def varied(of: str, cube: xr.Dataset) -> Figure:
     return drawing
 
 
-def leaps(cube: xr.Dataset) -> Figure:
+def draw_elevations(cube: xr.Dataset) -> Figure:
     """Draw the error over elevation: median and band of the trials, by case."""
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
     for i, case in enumerate(dict.fromkeys(cube["case"].values.tolist())):
@@ -118,7 +121,7 @@ def leaps(cube: xr.Dataset) -> Figure:
     return drawing
 
 
-def far_and_wide(cube: xr.Dataset) -> Figure:
+def draw_distances(cube: xr.Dataset) -> Figure:
     """Draw the error over distance and over aperture: rms and band of the trials, and the law."""
     drawing, panels = subplots(1, 2, figsize=(7.2, 2.8), layout="constrained", sharey=True)
     for axes, case, unit in zip(panels, ("distance", "aperture"), ("mm", "°"), strict=True):
@@ -136,8 +139,8 @@ def far_and_wide(cube: xr.Dataset) -> Figure:
     return drawing
 
 
-def ways(cube: xr.Dataset) -> Figure:
-    """Error over the frame rate of the ways to read too few frames, by mode."""
+def draw_few_frames(cube: xr.Dataset) -> Figure:
+    """Draw the error over the frame rate of the ways to read too few frames, by mode."""
     modes = cube["mode"].values.tolist()
     drawing, panels = subplots(
         1, len(modes), figsize=(7.2, 2.8), layout="constrained", sharey=True, squeeze=False
@@ -157,7 +160,7 @@ def ways(cube: xr.Dataset) -> Figure:
     return drawing
 
 
-def own_errors(cube: xr.Dataset) -> Figure:
+def draw_plate_errors(cube: xr.Dataset) -> Figure:
     """Draw the deflection's error in mode 1 of fitted centres and of whole pixels."""
     cases = list(dict.fromkeys(cube["case"].values.tolist()))
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
@@ -178,8 +181,8 @@ def own_errors(cube: xr.Dataset) -> Figure:
     return drawing
 
 
-def _picture(*of: Any) -> Figure:
-    """A figure set's own picture by its name, and what else it is given, of its cube."""
+def _draw_own(*of: Any) -> Figure:
+    """Draw a figure set's own figure by its name, and what else it is given, of its cube."""
     *which, cube = of
     drawing = display.picture(cube, *which)
     assert drawing is not None
@@ -189,30 +192,28 @@ def _picture(*of: Any) -> Figure:
 Draw = Callable[[xr.Dataset], Figure]
 OF_CUBES: dict[str, tuple[str, Draw]] = {
     **{
-        f"{body}-{what}.svg": (f"{body}-{what}", partial(varied, what))
+        f"{body}-{what}.svg": (f"{body}-{what}", partial(draw_varied, what))
         for body in ("beam", "plate")
         for what in LABELS
     },
     **{
-        f"cameras-{name}.svg": ("cameras", partial(_picture, name))
+        f"cameras-{name}.svg": ("cameras", partial(_draw_own, name))
         for name in ("view", "projection", "pixels", "mosaic")
     },
-    "layouts-elevation.svg": ("lab-elevation", leaps),
-    "layouts-far.svg": ("lab-layout", far_and_wide),
+    "layouts-elevation.svg": ("lab-elevation", draw_elevations),
+    "layouts-far.svg": ("lab-layout", draw_distances),
     "layouts-sets.svg": ("lab-layout", partial(display.figure, case="subsets", mode=1)),
-    "equal-pixels.svg": ("lab-equal-pixels", partial(_picture, "claim")),
-    "motions-ways.svg": ("lab-modes", ways),
-    "motions-aliases.svg": ("lab-modes", partial(_picture, "aliases", 2)),
-    "motions-plate.svg": ("lab-plate", own_errors),
+    "equal-pixels.svg": ("lab-equal-pixels", partial(_draw_own, "claim")),
+    "motions-ways.svg": ("lab-modes", draw_few_frames),
+    "motions-aliases.svg": ("lab-modes", partial(_draw_own, "aliases", 2)),
+    "motions-plate.svg": ("lab-plate", draw_plate_errors),
 }
 """By file: the figure set whose cube is drawn, and what draws it."""
-OF_FACTS = schematics.OF_FACTS | guide.DRAWINGS
-"""By file: what draws it of the thesis's facts, or of nothing."""
-NAMES = (*OF_CUBES, *OF_FACTS)
+NAMES = (*OF_CUBES, *FACT_FIGURES)
 
 
 def cube_of(name: str) -> str:
-    """The figure set that a figure is drawn of, or that it is of facts."""
+    """Return the figure set that a figure is drawn of, or that it is of facts."""
     return OF_CUBES[name][0] if name in OF_CUBES else "facts"
 
 
@@ -221,9 +222,9 @@ def write(made: Sequence[Path], folder: Path, names: Iterable[str] = NAMES) -> N
     cubes = {path.stem: path for path in made}
     for name in names:
         file = folder / name
-        if name in OF_FACTS:
+        if name in FACT_FIGURES:
             with in_style():
-                text = svg(OF_FACTS[name]())
+                text = svg(FACT_FIGURES[name]())
         elif OF_CUBES[name][0] in cubes:
             of, draw = OF_CUBES[name]
             style = display.picture_style(of)

@@ -1,15 +1,18 @@
-"""Figures of chapters that need no cube: what the facts of the thesis say by themselves."""
+"""Figures of chapters that need no cube: the facts of the thesis by themselves."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
+from matplotlib.patches import Circle
 
 from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.optics.tables import flows
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES
 from thesis_lib.plotting.style import (
     COLORS,
     HIGHLIGHT,
@@ -31,8 +34,8 @@ from thesis_lib.vibration.structure import (
 WIDTHS = (320, 640, 1280, 1920)
 
 
-def one_point() -> Figure:
-    """The response of two points of the beam over frequency, and the shapes behind its peaks."""
+def draw_response() -> Figure:
+    """Draw the response of two points of the beam, and the shapes behind its peaks."""
     beam = setups.beam()
     drawing, (left, right) = subplots(1, 2, figsize=(7.2, 2.6), layout="constrained")
     hertz = np.geomspace(3, 200, 900)
@@ -55,31 +58,8 @@ def one_point() -> Figure:
     return drawing
 
 
-def two_views() -> Figure:
-    """What one camera leaves open, and what a second one adds, seen from the side."""
-    drawing, axes = subplots(1, 2, figsize=(6.4, 2.4))
-    drawing.subplots_adjust(0.01, 0.01, 0.99, 0.9, wspace=0.05)
-    point, eyes = np.array([0.0, 0.35]), [np.array([-1.0, 1.0]), np.array([1.0, 1.0])]
-    titles = "(a) one camera: anywhere on a line", "(b) two cameras: one point"
-    for axis, title, seen in zip(axes, titles, (eyes[:1], eyes), strict=True):
-        axis.plot([-1.2, 1.2], [0, 0], color=REFERENCE, linewidth=3)
-        for i, eye in enumerate(seen):
-            end = eye + 1.45 * (point - eye)
-            axis.plot(*np.stack([eye, end], axis=1), color=color(i), linewidth=1.2)
-            axis.plot(*eye, "s", color=color(i), markersize=9)
-        if len(seen) == 1:
-            for step in (0.7, 1.0, 1.3):
-                place = eyes[0] + step * (point - eyes[0])
-                axis.plot(*place, "o", color=HIGHLIGHT, markerfacecolor="white", markersize=7)
-        else:
-            axis.plot(*point, "o", color=HIGHLIGHT, markersize=7)
-        axis.set(title=title, xlim=(-1.3, 1.3), ylim=(-0.15, 1.15), aspect="equal")
-        axis.set_axis_off()
-    return drawing
-
-
-def rarer() -> Figure:
-    """How far 1 N moves beam and plate at their resonances, beside what a pixel spans."""
+def draw_deflections() -> Figure:
+    """Draw how far 1 N moves beam and plate at their resonances, and what a pixel spans."""
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
     bodies: dict[str, Structure] = {"beam": setups.beam(), "plate": setups.plate()}
     for i, (word, body) in enumerate(bodies.items()):
@@ -99,8 +79,8 @@ def rarer() -> Figure:
     return drawing
 
 
-def rates() -> Figure:
-    """Frames per second against pixels of a frame, at the same pixels per second."""
+def draw_rates() -> Figure:
+    """Draw frames per second against pixels of a frame, at the same pixels per second."""
     drawing, axes = subplots(figsize=(6.4, 2.6), layout="constrained")
     widths, fps = np.array([(width, rate) for width, _, rate in flows()]).T
     axes.plot(widths, fps, "o-", color=COLORS[0], label="frames per second")
@@ -112,50 +92,22 @@ def rates() -> Figure:
     return drawing
 
 
-def pinhole() -> Figure:
-    """A point and its image behind the hole, and before it."""
-    drawing, axes = subplots(figsize=(6.4, 2.3))
-    drawing.subplots_adjust(0.01, 0.01, 0.99, 0.99)
-    f, depth, height = 1.0, 3.0, 1.2
-    image = f * height / depth
-    axes.plot([depth, -f], [height, -image], color=COLORS[0], linewidth=1.2)
-    axes.plot([depth, -f], [0, 0], color=INK, linewidth=0.8, linestyle=":")
-    for z, words in ((-f, "image behind,\nupside down"), (f, "image plane\nof the model")):
-        axes.plot([z, z], [-0.75, 0.75], color=REFERENCE, linewidth=2)
-        axes.text(z, -0.85, words, ha="center", va="top", fontsize=8, color=INK)
-    for z, x, tone in ((depth, height, HIGHLIGHT), (-f, -image, COLORS[4]), (f, image, COLORS[4])):
-        axes.annotate("", (z, x), (z, 0), arrowprops={"arrowstyle": "->", "color": tone, "lw": 2})
-    axes.plot([0, 0], [0.06, 0.75], color=INK, linewidth=2)
-    axes.plot([0, 0], [-0.06, -0.75], color=INK, linewidth=2)
-    axes.text(0, -0.85, "hole", ha="center", va="top", fontsize=8, color=INK)
-    axes.text(depth + 0.08, height / 2, "X", color=HIGHLIGHT, va="center")
-    axes.text(f + 0.06, image / 2, "u = f X / Z", color=COLORS[4], va="center")
-    axes.text(-f - 0.06, -image / 2, "−f X / Z", color=COLORS[4], va="center", ha="right")
-    for start, end, name in ((0, f, "f"), (-f, 0, "f"), (0, depth, "Z")):
-        up = 0.95 if name == "f" else 1.35
-        axes.annotate("", (end, up), (start, up), arrowprops={"arrowstyle": "<->", "color": INK})
-        axes.text((start + end) / 2, up + 0.05, name, ha="center", color=INK)
-    axes.set(xlim=(-2.0, 3.6), ylim=(-1.3, 1.6))
-    axes.set_axis_off()
-    return drawing
-
-
-def beam_modes() -> Figure:
-    """The three shapes of the beam that are measured, each marker a dot."""
+def draw_beam_modes() -> Figure:
+    """Draw the three shapes of the beam that are measured, each marker a dot."""
     beam = setups.beam()
     drawing, axes = subplots(figsize=(6.4, 2.4), layout="constrained")
     for i, mode in enumerate((1, 2, 3)):
         w = deflection_shape(beam, mode, beam.markers, peak=1.0)
         hertz = beam.angular_frequencies(mode)[-1] / (2 * np.pi)
-        axes.plot(1000 * beam.markers[0], w, ".-", color=color(i), label=_mode(mode, hertz))
+        axes.plot(1000 * beam.markers[0], w, ".-", color=color(i), label=_mode_label(mode, hertz))
     axes.axhline(0, color=REFERENCE, linewidth=1)
     axes.set(xlabel="x in mm, from the clamp", ylabel="deflection, of its peak")
     axes.legend()
     return drawing
 
 
-def plate_modes() -> Figure:
-    """The three shapes of the plate that are measured, a cell for each marker."""
+def draw_plate_modes() -> Figure:
+    """Draw the three shapes of the plate that are measured, a cell for each marker."""
     plate = setups.plate()
     x, y = (np.unique(np.round(each, 9)) * 1000 for each in plate.markers)
     drawing, axes = subplots(1, 3, figsize=(7.2, 2.0), layout="constrained", sharey=True)
@@ -163,27 +115,14 @@ def plate_modes() -> Figure:
         w = deflection_shape(plate, mode, plate.markers, peak=1.0)
         picture = draw_map(axis, w.reshape(y.size, x.size), x, y, 1.0)
         hertz = plate.angular_frequencies(mode)[-1] / (2 * np.pi)
-        axis.set(title=_mode(mode, hertz), xlabel="x in mm")
+        axis.set(title=_mode_label(mode, hertz), xlabel="x in mm")
     axes[0].set_ylabel("y in mm")
     drawing.colorbar(picture, ax=axes, label="of the peak", shrink=0.9)
     return drawing
 
 
-def discs() -> Figure:
-    """A row of round markers, seen lower and lower."""
-    drawing, axes = subplots(1, 3, figsize=(6.4, 1.3))
-    drawing.subplots_adjust(0.01, 0.02, 0.99, 0.85)
-    for axis, elevation in zip(axes, (60, 22, 7), strict=True):
-        for x in range(4):
-            height = np.sin(np.radians(elevation))
-            axis.add_patch(Ellipse((2 * x, 0), 1.2, 1.2 * height, color=INK))
-        axis.set(title=f"from {elevation}°", xlim=(-1, 7), ylim=(-0.8, 0.8), aspect="equal")
-        axis.set_axis_off()
-    return drawing
-
-
-def frames() -> Figure:
-    """A vibration, seen by a camera with fewer frames than it needs, and what it looks like."""
+def draw_alias() -> Figure:
+    """Draw a vibration, and what a camera with fewer frames than it needs makes of it."""
     drawing, axes = subplots(figsize=(6.4, 2.2), layout="constrained")
     hertz, rate = resonance(setups.beam(), 2) / (2 * np.pi), 60.0
     t, seen = np.linspace(0, 0.2, 800), np.arange(0, 0.2, 1 / rate)
@@ -199,18 +138,64 @@ def frames() -> Figure:
     return drawing
 
 
-def _mode(mode: int, hertz: float) -> str:
+def draw_cases() -> Figure:
+    """Draw every case of Tables 3.3 and 3.4 from above, each setting in a colour of its own."""
+    found: dict[str, list[Setting]] = {}
+    for study in CAMERA_STUDIES.values():
+        one = study()
+        if one.subject == "beam":
+            for setting in one.settings():
+                found.setdefault(setting.case, []).append(setting)
+    figure, grid = subplots(3, 4, figsize=(7, 5.2))
+    figure.subplots_adjust(0.02, 0.01, 0.98, 0.95, hspace=0.15)
+    for axes, (case, settings) in zip(grid.flat, sorted(found.items()), strict=True):
+        axes.set_title(f"{case}: {_range_words(settings)}", fontsize=8)
+        axes.set_aspect("equal")
+        axes.set_axis_off()
+        _draw_from_above(axes, settings)
+    return figure
+
+
+def _draw_from_above(axes: Axes, settings: list[Setting]) -> None:
+    """Draw the cameras of a case around the beam; in a growing set each where it comes in."""
+    far = max(setting.distance_mm for setting in settings)
+    for elevation in (0, 30, 60):
+        rim = Circle((0, 0), np.cos(np.radians(elevation)), fill=False, ec="#d4d4d4", lw=0.6)
+        axes.add_patch(rim)
+    length = setups.beam().length * 500 / far
+    axes.plot([-length, length], [0, 0], color=REFERENCE, lw=3, solid_capstyle="butt")
+    seen: set[object] = set()
+    for i, setting in enumerate(settings):
+        for direction in setting.directions_deg:
+            place = (*direction, setting.distance_mm)
+            if place in seen:
+                continue
+            seen.add(place)
+            azimuth, elevation = np.radians(direction)
+            radius = np.cos(elevation) * setting.distance_mm / far
+            axes.plot(radius * np.sin(azimuth), radius * np.cos(azimuth), "o", ms=4, color=color(i))
+    axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
+
+
+def _range_words(settings: list[Setting]) -> str:
+    """Return the first and the last setting, the unit once."""
+    widths = [setting.resolution_px[0] for setting in (settings[0], settings[-1])]
+    if widths[0] != widths[1]:
+        return f"{widths[0]} … {widths[1]} px across"
+    first, last = (setting.label.split(" ") for setting in (settings[0], settings[-1]))
+    return f"{' '.join(first if first[1:] != last[1:] else first[:1])} … {' '.join(last)}"
+
+
+def _mode_label(mode: int, hertz: float) -> str:
     return f"mode {mode}: {hertz:.4g} Hz"
 
 
-OF_FACTS: dict[str, Callable[[], Figure]] = {
-    "beam-modes.svg": beam_modes,
-    "plate-modes.svg": plate_modes,
-    "introduction-point.svg": one_point,
-    "introduction-rarer.svg": rarer,
-    "introduction-views.svg": two_views,
-    "introduction-rates.svg": rates,
-    "cameras-pinhole.svg": pinhole,
-    "layouts-discs.svg": discs,
-    "motions-frames.svg": frames,
+FACT_FIGURES: dict[str, Callable[[], Figure]] = {
+    "beam-modes.svg": draw_beam_modes,
+    "plate-modes.svg": draw_plate_modes,
+    "introduction-point.svg": draw_response,
+    "introduction-rarer.svg": draw_deflections,
+    "introduction-rates.svg": draw_rates,
+    "motions-frames.svg": draw_alias,
+    "setup-cases.svg": draw_cases,
 }
