@@ -9,12 +9,12 @@ OTHER_READINGS = Product(module=f"{__package__}.readings", kept=True)
 
 
 def needs(asked: Claims) -> Inputs:
-    """The ledger's own runs; the cubes of the figure sets it opens one by one."""
+    """Return the ledger's own runs and interpretations; it opens cubes of figure sets itself."""
     return {"own": (OWN_RUNS, asked.own_runs), "other": (OTHER_READINGS, asked.other_readings)}
 
 
 def reads() -> list[Study]:
-    """The cubes that it judges: of all other figure sets, with the thesis's parameters."""
+    """Return the requests whose cubes it judges: all other figure sets, as in the thesis."""
     from thesis_lib.figure_sets.registry import STUDIES
 
     return [request() for name, request in STUDIES.items() if name != Claims.name]

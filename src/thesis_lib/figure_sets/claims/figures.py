@@ -1,4 +1,4 @@
-"""Pictures of the ledger: what is stated against what we get, chapter by chapter."""
+"""Figures of the ledger: claimed against computed values, chapter by chapter."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MARKS = {  # verdict: colour and shape, so that neither says it alone
 
 
 def chapter(cube: xr.Dataset, number: int) -> Figure:
-    """Stated against reproduced errors of a chapter, and how many times too large they are."""
+    """Plot claimed against reproduced errors of a chapter, and their ratios."""
     every = [e for e in from_cube(cube) if e.kind == "figure" and e.chapter == number]
     part = [e for e in every if np.isfinite([e.least, e.most, e.median]).all()]
     drawing, (left, right) = subplots(1, 2, figsize=(7.6, 3.6), layout="constrained")
@@ -106,7 +106,7 @@ def _plain_ticks(axes: Axes) -> None:
 
 
 def readings(cube: xr.Dataset) -> Figure:
-    """How many stated values each reading meets, as bars by chapter; the adopted one is first."""
+    """Draw the number of claimed values that each interpretation meets, by chapter."""
     names, inside = cube["reading"].values.tolist(), cube["reading_inside"].values
     total = int(cube["reading_claims"].isel(reading=0).sum())
     drawing, axes = subplots(figsize=(7.6, 0.5 + 0.22 * len(names)), layout="constrained")

@@ -1,7 +1,7 @@
-"""What trends are judged by: the figure sets, and runs of layouts that the thesis only speaks of.
+"""Evidence on trends: the figure sets, and runs of layouts that the thesis only mentions.
 
-A *source* is one or more studies whose errors are read as :class:`thesis_lib.ledger.series.Series`.
-Beside the figure sets there are, for beam and plate: pairs added in the other order, arcs tilted to
+A *source* is one or more studies whose errors become :class:`thesis_lib.ledger.series.Series`.
+Besides the figure sets there are, for beam and plate: pairs added in the other order, arcs tilted to
 the side, cameras added one by one, the aperture at other distances and elevations, and layouts that
 are near or far, low or high, wide or narrow, of few or many cameras.
 """
@@ -57,7 +57,7 @@ class Source:
 
     @property
     def commands(self) -> list[str]:
-        """What makes the same cubes by hand."""
+        """Commands that build the same cubes."""
         return [command(study) for study in self.requests]
 
 
@@ -66,7 +66,7 @@ def _read_one(name: Callable[[str], str], made: Sequence[xr.Dataset]) -> list[Se
 
 
 def _across(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[Series]:
-    """One series for each setting, over the studies that differ in one value."""
+    """Return one series for each setting, over the studies that differ in one value."""
     runs = [series_of(cube) for cube in made]
     return [
         Series(
@@ -82,7 +82,7 @@ def _across(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[Series]
 
 
 def _at_each(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[Series]:
-    """The series of studies that differ in one value, each named after it."""
+    """Return the series of studies that differ in one value, each named after it."""
     return [
         replace(series, case=f"{series.case} at {value:g}")
         for value, cube in zip(values, made, strict=True)
@@ -91,7 +91,7 @@ def _at_each(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[Series
 
 
 def _by_layout(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[Series]:
-    """One series over the layouts of one study, each of which has one set of cameras."""
+    """Return one series over the layouts of one study, each of which has one set of cameras."""
     by: dict[tuple[str, int], list[Array]] = {}
     for series in series_of(made[0]):
         by.setdefault((series.quantity, series.mode), []).append(series.errors[0])
@@ -102,7 +102,7 @@ def _by_layout(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[Seri
 
 
 def tilted(directions_deg: Iterable[tuple[float, float]], tilt_deg: float) -> list[list[float]]:
-    """Directions of an arc after a turn about the X axis, as [azimuth, elevation] in degrees.
+    """Turn the directions of an arc about the X axis, as [azimuth, elevation] in degrees.
 
     Examples
     --------
@@ -125,7 +125,7 @@ def _layouts(structure: str, layouts: dict[str, Any], **more: Any) -> CameraStud
 
 
 def _corners(structure: str) -> Source:
-    """Sixteen layouts: few or many, low or high, wide or narrow, near or far."""
+    """Return sixteen layouts: few or many, low or high, wide or narrow, near or far."""
     near = setups.table(structure, "arrays")["distance_mm"]
     layouts: dict[str, Any] = {}
     for n, phi, half in product(("few", "many"), ("low", "high"), ("wide", "narrow")):
@@ -146,7 +146,7 @@ def _corners(structure: str) -> Source:
 
 
 def _own(structure: str) -> dict[str, Source]:
-    """The ledger's own runs for beam or plate."""
+    """Return the ledger's own runs for beam or plate."""
     order = camera_study(
         f"{structure}-arrays",
         {"cases": ["4b", "4d"], "pair_order": {"4b": "reversed", "4d": "printed"}},
@@ -175,7 +175,7 @@ def _own(structure: str) -> dict[str, Source]:
 
 
 def _askew(study: CameraStudy) -> list[Series]:
-    """A plate's first mode, and a sum of modes without a plane of symmetry, by cameras of 4a."""
+    """Measure a plate's first mode, and a sum of modes without symmetry, by cameras of 4a."""
     plate, peak = study.structure, study.peaks_m[0]
     plain = deflection_shape(plate, 1, plate.markers, peak)
     askew = np.sum([deflection_shape(plate, mode, plate.markers, peak) for mode in ASKEW], axis=0)
@@ -199,12 +199,12 @@ def _askew(study: CameraStudy) -> list[Series]:
 
 
 def own() -> dict[str, Source]:
-    """The ledger's own runs, by name, beside ``ASKEW_PLATE``."""
+    """Return the ledger's own runs, by name, without ``ASKEW_PLATE``."""
     return {**_own("beam"), **_own("plate"), "beam-corners": _corners("beam")}
 
 
 def run(study: OwnRuns) -> xr.Dataset:
-    """All own runs as one dataset: ``errors(series, setting, trial)``, padded with NaN."""
+    """Compute all own runs as one dataset: ``errors(series, setting, trial)``, padded with NaN."""
     draws = {"trials": study.trials, "seed": study.seed}
     found: list[tuple[str, Series]] = []
     for name, source in own().items():
@@ -230,7 +230,7 @@ def run(study: OwnRuns) -> xr.Dataset:
 
 
 def read_own(made: xr.Dataset) -> dict[str, list[Series]]:
-    """The series of :func:`run` again, by the name of the run."""
+    """Read the series back from a dataset of :func:`run`, by the name of the run."""
     by: dict[str, list[Series]] = {}
     columns = (made[name].values for name in ("source", "quantity", "case", "mode"))
     kept = np.isfinite(made["values"].values)

@@ -1,4 +1,4 @@
-"""How much the reading matters: the claims of chapters 3, 4 and 6 under other readings.
+"""Effect of the interpretation: the claims of chapters 3, 4 and 6 under other interpretations.
 
 What the thesis leaves open (``data/thesis/assumptions.toml``) can be taken otherwise. A *reading*
 changes one such parameter, or a few, in all studies that have it; everything else, the rule for the
@@ -51,19 +51,19 @@ VARIABLES = declared("""
 
 
 def request(reading: Reading, figure_set: str) -> dict[str, Any]:
-    """The parameters that a figure set takes of a reading."""
+    """Return the parameters that a figure set takes of an interpretation."""
     fields = CAMERA_STUDIES[figure_set].model_fields
     return {key: value for key, value in reading.values.items() if key in fields}
 
 
 def run_it(reading: Reading) -> str:
-    """The command that runs chapter 3 under a reading."""
+    """Return the command that runs chapter 3 under an interpretation."""
     study = camera_study("beam-arrays", request(reading, "beam-arrays"))
     return command(study).replace("beam-arrays", "ch3", 1)
 
 
 def measured(study: CameraStudy) -> xr.Dataset:
-    """The cube of beam or plate, of settings alone that claims of it or its sound speak of."""
+    """Return the cube of beam or plate, only of settings that claims on it or its sound name."""
     names = {study.name, study.name.replace("plate", "sound")}
     spoken = [claim for name in names for claim in claims_of(name)]
     only = [
@@ -75,7 +75,7 @@ def measured(study: CameraStudy) -> xr.Dataset:
 
 
 def heard(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
-    """The errors on the planes, as in the cube of a plate's sound, and nothing else of it."""
+    """Return only the errors on the planes, as in the cube of a plate's sound."""
     deflections = plate_cube["measured_deflection"]
     errors = []
     for mode, peak in zip(study.modes, study.peaks_m, strict=True):
@@ -88,13 +88,13 @@ def heard(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
 
 @lru_cache(maxsize=12)
 def _sound(plate: Plate, planes: Any, medium: Medium, mode: int, peak: float) -> PlateSound:
-    """The sound of a mode, which many readings share."""
+    """Return the sound of a mode, which many interpretations share."""
     shape = deflection_shape(plate, mode, plate.markers, peak)
     return PlateSound.of(plate, planes, medium, resonance(plate, mode), shape)
 
 
 def checks(reading: Reading, seed: int, trials: int, same: dict[str, Any]) -> list[Check]:
-    """Hold all claims of the simulated chapters against one reading.
+    """Judge all claims of the simulated chapters under one interpretation.
 
     Parameters
     ----------

@@ -167,7 +167,7 @@ COORDINATES = declared("""
 
 
 def run(study: DesignLaw) -> xr.Dataset:
-    """The cube of the figure set ``design-law``.
+    """Compute the cube of the figure set ``design-law``.
 
     (a) along ``motion`` and ``setting``, (b) along ``angle``, (c) along ``finding`` and for pairs
     along ``tilt`` and ``opening``, (d) along ``count`` and ``rate``, (e) estimators along
@@ -273,7 +273,7 @@ def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
 
 
 def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Closed form, Jacobian, and random motions with whole pixels."""
+    """Compute the cone by closed form, Jacobian, and random motions with whole pixels."""
     distance, n = study.cone_distance_mm / 1000, study.cone_cameras
     focal = study.focal_length_mm / study.sensor_width_mm * study.resolution_px[0]
     random = np.random.default_rng(study.seed)
@@ -300,7 +300,7 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
 
 
 def summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
-    """What is published and compared, one number and unit to a row."""
+    """Return the published and compared quantities, one number and unit to a row."""
     rows: list[tuple[str, float, str]] = []
 
     def of(words: str, value: Any, unit: str = "1") -> None:

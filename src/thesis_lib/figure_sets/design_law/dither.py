@@ -1,4 +1,4 @@
-"""Parts (e) and (f) of ``design-law``: what estimators get out of pixels, and what dither does."""
+"""Parts (e) and (f) of ``design-law``: estimators for whole pixels, and dither."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = Non
 
 
 def dithered(study: DesignLaw) -> dict[str, ArrayLike]:
-    """What is left of the rounding error by motion, shake and size: closed forms, and drawn."""
+    """Compute the residual rounding error by motion, shake and size: closed forms, and drawn."""
     random = np.random.default_rng([study.seed, 1])
     draws = DRAWS * study.trials
     theta = 2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES

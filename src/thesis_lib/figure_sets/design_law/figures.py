@@ -33,7 +33,7 @@ PERCENT = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 
 
 def motion(cube: xr.Dataset) -> Figure:
-    """Rounding error of one coordinate against its motion, and relative to it."""
+    """Plot the rounding error of one coordinate against its motion, and relative to it."""
     drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
     delta, drawn = cube["motion"].values, cube["drawn_motion_error"].values
     every = _arched(delta[0], delta[-1])
@@ -80,7 +80,7 @@ def _arched(first: float, last: float) -> Array:
 
 
 def settings(cube: xr.Dataset) -> Figure:
-    """Predicted against simulated errors of all settings of the thesis."""
+    """Plot predicted against simulated errors of all settings of the thesis."""
     drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
     simulated = cube["simulated_error"].values
     ends = np.array([simulated.min() / 1.3, simulated.max() * 1.3])
@@ -120,7 +120,7 @@ def settings(cube: xr.Dataset) -> Figure:
 
 
 def cone(cube: xr.Dataset) -> Figure:
-    """Errors along and across the normal against the angle of the cone."""
+    """Plot errors along and across the normal against the angle of the cone."""
     drawing, axes = subplots(figsize=(6.0, 3.4), layout="constrained")
     angle = cube["angle"].values
     for number, (axis, words) in enumerate(
@@ -148,7 +148,7 @@ def cone(cube: xr.Dataset) -> Figure:
 
 
 def findings(cube: xr.Dataset) -> Figure:
-    """Distance, resolution, number, elevation, aperture; and the thesis's growing arrays."""
+    """Plot distance, resolution, number, elevation, aperture; and the thesis's growing arrays."""
     drawing, grid = subplots(2, 3, figsize=(7.6, 5.0), layout="constrained")
     axes = dict(zip(cube["finding"].values, grid.flat, strict=False))
     labels = {
@@ -193,7 +193,7 @@ def findings(cube: xr.Dataset) -> Figure:
 
 
 def _arrays(axes: Axes, cube: xr.Dataset) -> None:
-    """Exponents in N of the thesis's growing arrays."""
+    """Draw exponents in N of the thesis's growing arrays."""
     names = cube["array"].values
     for s, one in enumerate(cube["structure"].values):
         place = np.arange(len(names)) + 0.36 * (s - 0.5)
@@ -205,7 +205,7 @@ def _arrays(axes: Axes, cube: xr.Dataset) -> None:
 
 
 def shares(cube: xr.Dataset) -> Figure:
-    """Equal pixels per second in two to many cameras: one frame, a fit to all, the sensors."""
+    """Plot equal pixels per second in two to many cameras: one frame, a fit to all, the sensors."""
     drawing, grid = subplots(1, 3, figsize=(7.6, 3.5), layout="constrained")
     n = cube["count"].values
     order = np.argsort(n)
@@ -268,7 +268,7 @@ def shares(cube: xr.Dataset) -> Figure:
 
 
 def estimators(cube: xr.Dataset) -> Figure:
-    """Errors of the estimators against the number of cameras and the noise of pixels."""
+    """Plot errors of the estimators against the number of cameras and the noise of pixels."""
     drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
     n = cube["crowd"].values
     for k, name in enumerate(cube["rule"].values):
@@ -293,7 +293,7 @@ def estimators(cube: xr.Dataset) -> Figure:
 
 
 def noisy(cube: xr.Dataset) -> Figure:
-    """Errors at equal pixels per second against the number of cameras and the noise."""
+    """Plot errors at equal pixels per second against the number of cameras and the noise."""
     drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
     drawn, least = 1e6 * cube["noisy_share_error"], 1e6 * cube["least_share_error"]
     counts, noises = np.sort(cube["count"].values), cube["image_noise"].values
@@ -334,7 +334,7 @@ def noisy(cube: xr.Dataset) -> Figure:
 
 
 def dithering(cube: xr.Dataset) -> Figure:
-    """What is left of the rounding error by motion, shake, and size of the markers."""
+    """Plot the residual rounding error by motion, shake, and size of the markers."""
     drawing, grid = subplots(1, 3, figsize=(7.6, 3.1), layout="constrained")
     panels = (
         ("swing", "(a) fitted amplitude, px", "amplitude of the image, px"),

@@ -103,7 +103,7 @@ def one_frame(rig: CameraArray, points: Array, study: DesignLaw, estimate: Estim
 
 @dataclass(frozen=True)
 class Film:
-    """A point at the centre that vibrates along Z, in every frame of every trial."""
+    """Vibration of a point at the centre along Z, in every frame of every trial."""
 
     points: Array  #: Where it is, in m, shape (3, trials, frames)
     #: Amplitudes in m, shape (trials,). They differ, so that what depends on their fraction of a
@@ -119,7 +119,7 @@ def spread(n: int) -> Array:
 
 
 def film(frame_rate: float, study: DesignLaw) -> Film:
-    """The vibration as a camera samples it, with random phases."""
+    """Sample the vibration as a camera does, with random phases."""
     trials, n_frames = min(study.trials, FITTED), round(frame_rate * study.duration_s)
     random = np.random.default_rng(study.seed)
     peaks = study.amplitude_mm / 1000 * spread(trials)
@@ -132,7 +132,7 @@ def film(frame_rate: float, study: DesignLaw) -> Film:
 
 
 def seen(rig: CameraArray, filmed: Film, seed: int) -> tuple[Array, IntArray]:
-    """Rounded images (cameras, 2, m) of a film, those alike once, and which of them is whose.
+    """Round the images (cameras, 2, m) of a film, equal ones once, and return their indices.
 
     The latter has the shape (trials, frames). All frames of a camera share one pixel grid, so that
     those of a trial show the same pixels wherever the point moves less than it takes to tell. In

@@ -45,7 +45,7 @@ class Rig:
     angle: float = 0.0
 
     def cameras(self) -> CameraArray:
-        """The cameras."""
+        """Return the cameras."""
         focal_px = self.focal * self.size[0]
         if self.count:
             return cone_law.cone_cameras(self.distance, self.angle, self.count, focal_px, self.size)
@@ -68,7 +68,7 @@ class Rig:
 
 
 def swept(structure: str, finding: str) -> Array:
-    """The values of a sweep over the range of the thesis: mm, px, cameras or degrees."""
+    """Return the values of a sweep over the range of the thesis: mm, px, cameras or degrees."""
     if finding == "number":
         return np.arange(3.0, STEPS + 3.0)
     printed = setups.table(structure, "aperture" if finding == "elevation" else finding)
@@ -82,7 +82,7 @@ def swept(structure: str, finding: str) -> Array:
 
 
 def rig(study: DesignLaw, structure: str, finding: str, value: float) -> Rig:
-    """The cameras of one step: what is not swept is as in the thesis's study of it."""
+    """Return the cameras of one step; all else is as in the thesis's study of it."""
     focal, size = study.focal_length_mm / study.sensor_width_mm, study.resolution_px
     if finding == "number":
         angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
@@ -201,7 +201,7 @@ def thesis_study(study: DesignLaw, structure: str, part: str) -> Any:
 
 
 def arrays(study: DesignLaw) -> dict[str, ArrayLike]:
-    """The exponent in the number of cameras of the thesis's growing arrays."""
+    """Fit the exponent in the number of cameras of the thesis's growing arrays."""
     found = np.empty((len(setups.pairs()), len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
         points = shapes(make(), float(reading(name)["amplitude_mm"]) / 1000)

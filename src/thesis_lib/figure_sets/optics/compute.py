@@ -91,7 +91,7 @@ COORDINATES = declared("""
 
 
 def run(study: Cameras) -> xr.Dataset:
-    """The cube of the figure set ``cameras``: lengths in m, angles in degrees, images in px.
+    """Compute the cube of ``cameras``: lengths in m, angles in degrees, images in px.
 
     ``distance`` holds those asked for among others; ``quantity``, ``value`` and ``unit`` are what
     runs are compared by.
@@ -103,7 +103,7 @@ def run(study: Cameras) -> xr.Dataset:
 
 
 def focal_px(study: Cameras) -> float:
-    """Focal length in px of the pictures that are not drawn."""
+    """Return the focal length in px of the images that are not drawn."""
     return study.focal_length_mm * study.resolution_px[0] / study.sensor_width_mm
 
 
@@ -132,7 +132,7 @@ def _coordinates(study: Cameras) -> dict[str, Any]:
 
 
 def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """Angles of view, crop factors, heights of formats (2.2.3, 2.4)."""
+    """Compute angles of view, crop factors, heights of formats (2.2.3, 2.4)."""
     sensors = np.array(list(study.sensors_mm.values())) / 1000
     sides = np.concatenate([sensors, np.linalg.norm(sensors, axis=1, keepdims=True)], axis=1)
     angles = optics.angle_of_view(sides[:, :, None], cube["focal_length"].values)
@@ -148,7 +148,7 @@ def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
 
 def _projections(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """The markers by a pinhole and with one depth for all of them (2.1)."""
+    """Image the markers by a pinhole and with one depth for all of them (2.1)."""
     beam = setups.beam()
     points = world_points(beam, np.zeros(beam.n_markers))
     theta, phi = np.radians([[study.azimuth_deg], [study.elevation_deg]])
@@ -172,7 +172,7 @@ def _projections(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
 
 def _horizons(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """Where parallel edges meet in the picture, by homogeneous coordinates (Appendix C)."""
+    """Find the vanishing point of parallel edges by homogeneous coordinates (Appendix C)."""
     length, width = setups.beam().extent
     corners = np.array([[[-1, 1], [-1, 1]], [[-1, -1], [1, 1]], [[0, 0], [0, 0]]]) / 2
     corners = corners * np.array([length, width, 0])[:, None, None]  # coordinate, edge, end
@@ -189,7 +189,7 @@ def _horizons(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
 
 def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """The beam drawn with coarser and coarser pixels, and through colour filters (2.2)."""
+    """Draw the beam with coarser and coarser pixels, and through colour filters (2.2)."""
     nearest, focal = min(study.distances_mm) / 1000, study.focal_length_mm / study.sensor_width_mm
     theta, phi = np.radians([study.azimuth_deg, study.elevation_deg])
     picture = optics_pictures.draw(
@@ -217,7 +217,7 @@ def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
 
 def _sharpness(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """Depth of field of a lens (Appendix A)."""
+    """Compute the depth of field of a lens (Appendix A)."""
     focal, circle = study.focal_length_mm / 1000, study.circle_mm / 1000
     d, N = cube["distance"].values, cube["f_number"].values
     near, far = optics.depth_of_field(focal, N[:, None], d, circle)
@@ -231,7 +231,7 @@ def _sharpness(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
 
 def _stereo(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """Depth error of two parallel cameras (Appendix B)."""
+    """Compute the depth error of two parallel cameras (Appendix B)."""
     z, b, f = cube["distance"].values, cube["baseline"].values[:, None], focal_px(study)
     shifts = rounding.grid_shifts(study.seed, study.trials, 2)[1:, :, 0]
     found = optics.rounded_depth(z, b, f, shifts)
@@ -244,7 +244,7 @@ def _stereo(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
 
 def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """What is published and compared: one number and unit for every entry of the tables."""
+    """Return the published quantities: one number and unit for every entry of the tables."""
     rows: list[tuple[str, float, str]] = []
 
     def of(words: str, values: xr.DataArray, unit: str, scale: float = 1.0) -> None:

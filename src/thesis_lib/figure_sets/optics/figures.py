@@ -15,7 +15,7 @@ EVERY = 6  # of the drawn depths, so that dots stand apart
 
 
 def view(cube: xr.Dataset) -> Figure:
-    """Angle of view against focal length, and against focal length times crop factor."""
+    """Plot the angle of view against focal length, and against that times the crop factor."""
     drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained", sharey=True)
     f = cube["focal_length"].values * 1000
     order = np.argsort(f)
@@ -41,7 +41,7 @@ def view(cube: xr.Dataset) -> Figure:
 
 
 def projection(cube: xr.Dataset) -> Figure:
-    """The markers by a pinhole and with one depth, and how far they are apart."""
+    """Plot the markers by a pinhole and with one depth, and their distance."""
     drawing, (left, right) = subplots(
         1, 2, figsize=SIZE, layout="constrained", width_ratios=[1.25, 1]
     )
@@ -83,7 +83,7 @@ def projection(cube: xr.Dataset) -> Figure:
 
 
 def pixels(cube: xr.Dataset) -> Figure:
-    """The same picture with coarser and coarser pixels."""
+    """Show an image with coarser and coarser pixels."""
     number = cube.sizes["width"]
     rows, columns = cube["pixelated"].shape[1:]
     height = 6.6 * rows / columns + 0.3
@@ -102,7 +102,7 @@ def pixels(cube: xr.Dataset) -> Figure:
 
 
 def mosaic(cube: xr.Dataset) -> Figure:
-    """A marker in colours, through the filters, interpolated, and the error."""
+    """Show a marker in colours, through the filters, interpolated, and the error."""
     true, raw, found = cube["colour_picture"].values
     drawing, axes = subplots(2, 2, figsize=(6.4, 4.6), layout="constrained")
     shown = (
@@ -124,7 +124,7 @@ def mosaic(cube: xr.Dataset) -> Figure:
 
 
 def sharpness(cube: xr.Dataset) -> Figure:
-    """Nearest and farthest sharp depth against the focused distance."""
+    """Plot the nearest and farthest sharp depth against the focused distance."""
     drawing, axes = subplots(figsize=(6.0, 3.6), layout="constrained")
     d = cube["distance"].values * 1000
     top = 2 * d.max()
@@ -147,7 +147,7 @@ def sharpness(cube: xr.Dataset) -> Figure:
 
 
 def stereo(cube: xr.Dataset) -> Figure:
-    """Depth error of two parallel cameras against distance."""
+    """Plot the depth error of two parallel cameras against distance."""
     drawing, axes = subplots(figsize=(6.0, 3.8), layout="constrained")
     d = cube["distance"].values * 1000
     for i, baseline in enumerate(cube["baseline"].values):

@@ -1,4 +1,4 @@
-"""A drawn picture of the beam: what coarse pixels and colour filters leave of its markers.
+"""Drawn image of the beam: the effect of coarse pixels and colour filters on its markers.
 
 Only the strip of the picture that holds the beam is drawn. Pictures are ``(rows, columns)`` or
 ``(rows, columns, 3)`` with values from 0 to 1.
@@ -26,7 +26,7 @@ CROP = (24, 36)  # rows and columns of the part that is shown
 
 @dataclass(frozen=True)
 class BeamPicture:
-    """What a camera sees of a beam, pixel by pixel."""
+    """Image of a beam in a camera, pixel by pixel."""
 
     #: Share of each pixel that the beam and its markers cover, shape (rows, columns)
     beam: Array
@@ -36,20 +36,20 @@ class BeamPicture:
     top: int  #: Row of the camera's picture at which the strip begins
 
     def colours(self, block: int) -> Array:
-        """The picture with pixels of `block` by `block` finest ones, shape (rows, columns, 3)."""
+        """Return the image with `block` by `block` finest pixels in one, shape (rows, columns, 3)."""
         beam, markers = (
             optics.block_means(part, block)[..., None] for part in (self.beam, self.markers)
         )
         return (1 - beam) * TABLE + (beam - markers) * BEAM + markers * MARKER
 
     def images(self, x: Array, block: int) -> Array:
-        """Coordinates (u, v) in the strip of points (n,) along the beam's axis, shape (2, n)."""
+        """Return coordinates (u, v) in the strip of points (n,) on the axis, shape (2, n)."""
         middle = np.array([self.structure.length / 2, 0.0])
         axis = np.stack([x - middle[0], np.zeros_like(x), np.zeros_like(x)])
         return np.asarray((project(self.camera.P, axis)[0] - [[0], [self.top]]) / block)
 
     def contrast(self, block: int) -> float:
-        """How much darker a pixel on a marker's centre is than one midway, 1 for large markers.
+        """Return how much darker a pixel on a marker is than one midway, 1 for large markers.
 
         The mean over the markers and gaps that are in the picture.
         """
@@ -61,7 +61,7 @@ class BeamPicture:
         return float(on.mean() - off.mean()) if len(on) and len(off) else np.nan
 
     def cells(self, block: int) -> NDArray[np.int_]:
-        """Number of the marker in whose cell each pixel's centre lies, -1 for none."""
+        """Return the index of the marker in whose cell each pixel's centre lies, -1 for none."""
         shape = (self.beam.shape[0] // block, self.beam.shape[1] // block)
         x, y = _seen_points(self.camera, self.top, shape, block)
         markers = self.structure.markers[0] - self.structure.length / 2
@@ -71,7 +71,7 @@ class BeamPicture:
         return np.where(inside, nearest, -1)
 
     def centroids(self, picture: Array, block: int) -> Array:
-        """Centres of the dark spots of a picture (rows, columns, 3), shape (markers, 2), px."""
+        """Return the centres of the dark spots of an image (rows, columns, 3), (markers, 2), px."""
         dark = (BEAM - picture).mean(axis=-1)
         cells, n = self.cells(block), self.structure.n_markers
         v, u = np.indices(dark.shape) + 0.5
@@ -86,7 +86,7 @@ class BeamPicture:
 def draw(
     structure: Beam, distance: float, azimuth: float, elevation: float, focal: float, marker: float
 ) -> BeamPicture:
-    """A beam at rest as a camera on the hemisphere sees it.
+    """Draw a beam at rest as a camera on the hemisphere sees it.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def draw(
 def _seen_points(
     camera: CameraArray, top: int, shape: tuple[int, int], size: float
 ) -> tuple[Array, Array]:
-    """X and Y in m where the rays through pixels of a size meet the plane Z = 0, NaN if behind."""
+    """Return X and Y in m where rays through pixels meet the plane Z = 0, NaN if behind."""
     v, u = (np.indices(shape) + 0.5) * size
     to_image = camera.P[0][:, [0, 1, 3]]
     flat = np.linalg.inv(to_image) @ np.stack([u.ravel(), v.ravel() + top, np.ones(u.size)])
@@ -131,7 +131,7 @@ def _seen_points(
 
 
 def _values_at(picture: Array, places: Array) -> Array:
-    """Values of the pixels that hold places (2, n), of those in the picture."""
+    """Return the values of the pixels that hold places (2, n), of those in the image."""
     column, row = np.floor(places).astype(int)
     inside = (row >= 0) & (row < picture.shape[0]) & (column >= 0) & (column < picture.shape[1])
     return np.asarray(picture[row[inside], column[inside]])
@@ -139,7 +139,7 @@ def _values_at(picture: Array, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class ColourLoss:
-    """What colour filters cost a picture."""
+    """Loss of an image by colour filters."""
 
     #: Rms and largest difference of the interpolated colours from the true ones, on the beam, as a
     #: share of full scale
@@ -154,7 +154,7 @@ class ColourLoss:
 
 
 def colour_loss(picture: BeamPicture, block: int, pattern: str) -> ColourLoss:
-    """A picture through colour filters and back by bilinear interpolation.
+    """Pass an image through colour filters and interpolate it back bilinearly.
 
     Parameters
     ----------

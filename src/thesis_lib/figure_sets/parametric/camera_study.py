@@ -1,4 +1,4 @@
-"""What all camera studies ask: the lens, the vibration, and cameras in different places."""
+"""Parameters of all camera studies: the lens, the vibration, and places of the cameras."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ class CameraStudy(Study):
     modes: Several[Mode] = field(lambda: [1, 2, 3], "modes to measure")
 
     def printed(self) -> list[Setting]:
-        """The study's settings with azimuths as they are given."""
+        """Return the study's settings with azimuths as they are given."""
         raise NotImplementedError
 
     def settings(self) -> list[Setting]:
-        """The study's settings in the order of the thesis's tables, azimuths measured from +Y."""
+        """Return the study's settings in the order of the thesis's tables, azimuths from +Y."""
         return [s.turned() if self.azimuth_zero == "X" else s for s in self.printed()]
 
     @property
@@ -75,7 +75,7 @@ class CameraStudy(Study):
 
     @property
     def predicted_by(self) -> str:
-        """What `predicted_error` stands for, as legends say it."""
+        """Meaning of `predicted_error`, for legends."""
         least = self.estimator == LEAST_SQUARES
         return self._cause if least else f"{self._cause} of least squares"
 

@@ -47,7 +47,7 @@ def block_results(
     estimator: str,
     noise_px: float,
 ) -> dict[str, Any]:
-    """What some trials of a setting give: a value for each of ``VARIABLES``.
+    """Compute some trials of a setting: a value for each of ``VARIABLES``.
 
     Those without trials are there where the block has the literal run.
     """
@@ -87,7 +87,7 @@ def block_results(
 
 
 def run(study: CameraStudy, scheduler: str = "") -> xr.Dataset:
-    """The cube of a camera study, in memory: that of :func:`outline`, filled in."""
+    """Compute the cube of a camera study in memory: that of :func:`outline`, filled in."""
     return outline(study, scheduler).in_memory()
 
 
@@ -97,7 +97,7 @@ def outline(
     piece_bytes: int = PIECE_BYTES,
     only: Sequence[Setting] | None = None,
 ) -> Outline:
-    """The cube of a camera study, or of some of its settings, to be filled in block by block."""
+    """Outline the cube of a camera study, or of some settings, to be filled in by blocks."""
     structure, settings = study.structure, list(study.settings() if only is None else only)
     shapes = [
         deflection_shape(structure, mode, structure.markers, peak)

@@ -15,13 +15,13 @@ FIGURES = {
 
 
 def deflections(asked: Any) -> Inputs:
-    """What sound is made of: the plate's study with the same cameras."""
+    """Return the input of sound: the plate's study with the same cameras."""
     plate = camera_study(f"plate-{asked.study}", asked.plate_request)
     return {"plate_cube": (SIMULATED[plate.name], plate)}
 
 
 def turned_too(asked: Any) -> Inputs:
-    """Of the aperture's study, pairs that are turned by a few degrees, too."""
+    """Return the inputs of the aperture's study: also pairs turned by a few degrees."""
     from thesis_lib.figure_sets.parametric.sound_turn import turned
 
     return {**deflections(asked), "turned": (RADIATED["sound-arrays"], turned(asked))}

@@ -16,7 +16,7 @@ from thesis_lib.studies import outlines
 
 
 def turn(cube: xr.Dataset) -> Figure:
-    """Field errors against the turn: lines by the law, dots simulated."""
+    """Plot field errors against the turn: lines by the law, dots simulated."""
     pairs = audible(cube)
     drawing, axes = subplots(
         1,
@@ -40,7 +40,7 @@ def turn(cube: xr.Dataset) -> Figure:
 
 
 def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """Setup, ideal shape, best and worst measured shape, bars."""
+    """Draw the setup, ideal shape, best and worst measured shape, and bars."""
     part = select(cube, case, mode)
     chosen = best_and_worst(part)
     drawing, axes = placed("abb;cde", (8.2, 5.6), (0.6, 0.85, 0.5, 0.3), (0.75, 0.75), (1.5, 1))
@@ -70,7 +70,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 
 def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """Setup, bars of both planes; on both the ideal field, the best error and the worst."""
+    """Draw the setup, bars of both planes, and on both the ideal field, best and worst error."""
     part = select(cube, case, mode)
     drawing, axes = placed(
         "abb;cde;fgh", (8.2, 8.0), (0.6, 0.75, 0.5, 0.3), (0.95, 0.8), (1.6, 1, 1)

@@ -1,4 +1,4 @@
-"""What a page needs to compute a study of chapter 3 or 4 by itself, as plain JSON values.
+"""Data with which a page computes a study of chapter 3 or 4, as plain JSON values.
 
 The model stands in ``web/assets/explorer_model.js``; structures, camera setups, and the published
 errors that a new run is held against come from here.
@@ -29,7 +29,7 @@ MODES = 30  # the highest mode that a request may have
 
 
 def model(structure: Structure, modes: int) -> dict[str, Any]:
-    """What markers, mode shapes and frequencies of a structure are made from, up to a mode."""
+    """Return the data of a structure's markers, mode shapes and frequencies, up to a mode."""
     length, width = structure.extent
     hertz = structure.angular_frequencies(modes) / (2 * np.pi)
     common = {"length": length, "width": width, "hertz": hertz.tolist()}

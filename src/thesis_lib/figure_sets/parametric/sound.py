@@ -95,7 +95,7 @@ def _runs(values: xr.DataArray) -> Iterator[xr.DataArray]:
 
 @dataclass(frozen=True)
 class _Sound:
-    """What the blocks of a study share: of each mode, ω, the deflections, the planes' factors."""
+    """Data that the blocks of a study share: of each mode ω, deflections, factors of the planes."""
 
     study: tuple[float, float, bool, float]  # focal length, sensor width in mm, rest known, noise
     omegas: list[float]
@@ -116,7 +116,7 @@ class _Sound:
         return {"rms": rms} | (self.predicted(setting) if block.trials.start == 0 else {})
 
     def predicted(self, setting: Setting) -> dict[str, Array]:
-        """What the law of rounding says of a setting: (modes, planes, ...)."""
+        """Predict the errors of a setting by the law of rounding: (modes, planes, ...)."""
         focal_length_mm, sensor_width_mm, known, noise_px = self.study
         P = setting.cameras(focal_length_mm, sensor_width_mm).P
         found: dict[str, list[list[Any]]] = {"predicted": [], "coherence": [], "share": []}
@@ -137,7 +137,7 @@ class _Sound:
 
 
 def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.Dataset:
-    """The cube of a sound study, in memory, from that of the plate's same settings and trials.
+    """Compute the cube of a sound study in memory, from that of the plate's settings.
 
     Errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8, with
     the modulus of the complex difference), NaN where a plane is nodal, and of the larger of the
@@ -150,7 +150,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
 def outline(
     study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "", piece_bytes: int = PIECE_BYTES
 ) -> Outline:
-    """The cube of a sound study, to be filled in block by block."""
+    """Outline the cube of a sound study, to be filled in block by block."""
     plate = study.structure
     assert isinstance(plate, Plate)
     planes: tuple[Plane, ...] = study.planes  # type: ignore[attr-defined]
@@ -262,7 +262,7 @@ def outline(
 
 
 def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:
-    """A cube with power and levels, which mean something only for a force in newtons."""
+    """Add power and levels, which have a meaning only for a force in newtons."""
     values = {
         "sound_power": power,
         "sound_power_level": radiation.power_level(power),

@@ -1,4 +1,4 @@
-"""What a turn by a few degrees does to the sound that two opposed cameras measure.
+"""Effect of a turn by a few degrees on the sound that two opposed cameras measure.
 
 A pair that stands square to the plate images whole rows of markers on one line of pixels, and
 rounds them alike; turned about the plate's normal, it does not. The pairs of case 2d are turned,

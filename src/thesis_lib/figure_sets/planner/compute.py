@@ -1,4 +1,4 @@
-"""The cube of ``planner``: plans for standard questions, and the thesis's layouts beside them."""
+"""The cube of ``planner``: plans for standard questions, and the thesis's layouts."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ FOR_SOUND = declared("""
 
 
 def run(study: Planner) -> xr.Dataset:
-    """The cube of the figure set ``planner``.
+    """Compute the cube of the figure set ``planner``.
 
     Variables of a plan's cube along ``question``; of the thesis's layouts, at the first of the
     resolutions, along ``thesis_case`` and ``count``; ``quantity``, ``value`` and ``unit`` are what
@@ -88,7 +88,7 @@ def run(study: Planner) -> xr.Dataset:
 
 
 def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
-    """A plan's cube with a row for every option that was asked for, NaN where none was found."""
+    """Return a plan's cube with a row for every option asked for, NaN where none was found."""
     wanted = [(w, n) for w, _ in study.resolutions_px for n in sorted(study.counts)]
     have = {(one.resolution[0], len(one.layout)): i for i, one in enumerate(made.options)}
     ratios = [
@@ -165,7 +165,7 @@ def _for_sound(study: Planner, made: Plan) -> dict[str, Any]:
 
 
 def cheapest(one: xr.Dataset, target: float) -> int | None:
-    """The cheapest option of a question that reaches a target, predicted and simulated."""
+    """Return the cheapest option of a question that reaches a target, predicted and simulated."""
     kinds = [one[name].max("mode").values for name in ("predicted_error", "simulated_error")]
     worst, cost = np.max(kinds, axis=0), one["cost"].values
     good = [i for i in range(len(worst)) if worst[i] <= target]
@@ -173,7 +173,7 @@ def cheapest(one: xr.Dataset, target: float) -> int | None:
 
 
 def _summary(cube: xr.Dataset, study: Planner) -> dict[str, Any]:
-    """What is published and compared."""
+    """Return the published and compared quantities."""
     rows: list[tuple[str, float, str]] = []
     width = study.resolutions_px[0][0]
     for name in cube["question"].values.tolist():

@@ -14,7 +14,7 @@ from thesis_lib.plotting.style import BELOW, REFERENCE, color, logarithmic, subp
 
 
 def gain(cube: xr.Dataset) -> Figure:
-    """Errors of the thesis's layouts and of planned ones against the number of cameras."""
+    """Plot errors of the thesis's layouts and of planned ones against the number of cameras."""
     drawing, axes = subplots(1, 2, figsize=(7.4, 3.8), layout="constrained")
     n = cube["count"].values
     for panel, (body, question) in zip(axes, THESIS.items(), strict=True):
@@ -58,7 +58,7 @@ def gain(cube: xr.Dataset) -> Figure:
 
 
 def layouts(cube: xr.Dataset) -> Figure:
-    """Planned layouts of some questions from a corner and from above."""
+    """Draw planned layouts of some questions from a corner and from above."""
     shown = [q for q in cube["question"].values.tolist() if "read" not in str(q)]
     across = 3
     rows = -(-len(shown) // across)
@@ -79,7 +79,7 @@ def layouts(cube: xr.Dataset) -> Figure:
 
 
 def front(cube: xr.Dataset) -> Figure:
-    """Error against cost for one question."""
+    """Plot the error against cost for one question."""
     drawing, panel = subplots(figsize=(7.2, 3.8), layout="constrained")
     one = cube.sel(question=FRONT)
     best = cheapest(one, asked(cube, "target_percent"))
