@@ -1,9 +1,9 @@
 """Evidence on trends: the figure sets, and runs of layouts that the thesis only mentions.
 
 A *source* is one or more studies whose errors become :class:`thesis_lib.ledger.series.Series`.
-Besides the figure sets there are, for beam and plate: pairs added in the other order, arcs tilted to
-the side, cameras added one by one, the aperture at other distances and elevations, and layouts that
-are near or far, low or high, wide or narrow, of few or many cameras.
+Besides the figure sets there are, for beam and plate: pairs added in the other order, arcs tilted
+to the side, cameras added one by one, the aperture at other distances and elevations, and layouts
+that are near or far, low or high, wide or narrow, of few or many cameras.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class BeamPicture:
     top: int  #: Row of the camera's picture at which the strip begins
 
     def colours(self, block: int) -> Array:
-        """Return the image with `block` by `block` finest pixels in one, shape (rows, columns, 3)."""
+        """Return the image with pixels of `block` by `block` finest ones, (rows, columns, 3)."""
         beam, markers = (
             optics.block_means(part, block)[..., None] for part in (self.beam, self.markers)
         )
