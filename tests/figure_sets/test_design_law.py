@@ -609,12 +609,6 @@ def test_a_further_estimator_is_drawn_beside_least_squares(monkeypatch):
 # The cube, its figures and tables.
 
 
-def test_cube_says_what_everything_is(cube):
-    assert set(design_study.VARIABLES) == {*cube.data_vars, "quantity"}
-    assert {variable.dtype.kind for variable in cube.variables.values()} <= set("fiU")
-    assert not {"case", "mode"} & set(cube.variables)
-
-
 def test_cube_reads_back_and_is_compared_by_its_quantities(cube, tmp_path):
     path = tmp_path / "design-law.nc"
     storage.write(cube, path, compact=True)

@@ -14,14 +14,13 @@ from refused import refusal
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import read_toml
-from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
 from thesis_lib.figure_sets.optics import tables as optics_tables
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.plotting.style import svg
-from thesis_lib.studies import comparison, cubes, published, storage
+from thesis_lib.studies import comparison, cubes, published
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics
@@ -347,16 +346,6 @@ def test_without_edges_colour_filters_cost_nothing(conforms, picture):
 def cube():
     request = validate("cameras", {})
     return with_provenance(optics_study.run(request), request, 0.0)
-
-
-def test_variables_have_units_and_names_and_come_back_from_a_file(cube, tmp_path):
-    assert set(cube.data_vars) | {"quantity"} == set(optics_study.VARIABLES)
-    for name, variable in cube.variables.items():
-        assert variable.attrs["units"], name
-        assert variable.attrs["long_name"], name
-    path = tmp_path / "cameras.nc"
-    storage.write(cube, path)
-    assert cube_file.read(path).identical(cube)
 
 
 def test_the_asked_distances_are_among_those_of_the_curves(cube):

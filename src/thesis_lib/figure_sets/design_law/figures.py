@@ -19,6 +19,7 @@ from thesis_lib.plotting.style import (
     INK,
     REFERENCE,
     color,
+    log_axes,
     logarithmic,
     subplots,
 )
@@ -62,8 +63,7 @@ def motion(cube: xr.Dataset) -> Figure:
     right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=INK, lw=1.2)
     right.annotate("1/√δ", (0.013, 480), color=INK)
     right.annotate("1/δ", (0.04, 1300), color=COLORS[4])
-    logarithmic(right.xaxis, [0.01, 0.1, 1, 5])
-    logarithmic(right.yaxis, [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
+    log_axes(right, [0.01, 0.1, 1, 5], [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
     right.set(title="(b) in % of the motion", xlabel="motion of the image in px", ylim=(4, 3000))
     return drawing
 
@@ -102,8 +102,7 @@ def settings(cube: xr.Dataset) -> Figure:
             **style,
         )
         right.plot(x, law / x, color=color(2 * number), label=f"{one}, the law", **style)
-    logarithmic(left.xaxis, PERCENT)
-    logarithmic(left.yaxis, PERCENT)
+    log_axes(left, PERCENT, PERCENT)
     logarithmic(right.xaxis, PERCENT)
     words = "rms error over the trials in %"
     left.set(
@@ -280,8 +279,7 @@ def estimators(cube: xr.Dataset) -> Figure:
         line = first * (n / n[0]) ** power
         left.plot(n, line, ":", color=INK, lw=1)
         left.annotate(words, (n[-1], line[-1]), color=INK, ha="right", va="top")
-    logarithmic(left.xaxis, [4, 8, 16, 32, 64])
-    logarithmic(left.yaxis, [50, 100, 200, 500, 1000])
+    log_axes(left, [4, 8, 16, 32, 64], [50, 100, 200, 500, 1000])
     left.set(title="(a) error of a deflection, µm", xlabel="number of cameras N")
     left.legend(loc="lower left", fontsize=7)
     right.set(

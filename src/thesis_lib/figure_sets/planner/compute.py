@@ -20,20 +20,32 @@ from thesis_lib.planning.planner import Plan, for_sound, plan
 from thesis_lib.studies.variables import declared, labelled
 
 _DROPPED = ("chosen", "point_error", "marker", "normal", "reference_deflection")
-_THESIS = {  # of what is said of the thesis's own layouts
-    "thesis_expected": "the averaged error of the thesis's layout",
-    "thesis_predicted": "error of the worst mode of the thesis's layout by the law",
-    "thesis_simulated": "rms error of the worst mode of the thesis's layout over the trials",
-}
-_OF_LAYOUTS = {  # [1], of planned layouts and of the thesis's own
-    "averaged_law_ratio": "error of the worst mode by the law of rounding, averaged over half to "
-    "one and a half of the amplitudes asked for, over the error with 1/6 px2 in every coordinate",
-    "thesis_averaged_law_ratio": "error of the worst mode of the thesis's layout by the law of "
-    "rounding, averaged over half to one and a half of the amplitudes asked for, over the error "
-    "with 1/6 px2 in every coordinate",
-    "thesis_read_fraction": "fraction of the markers that a camera of the thesis's layout reads, "
-    "where a marker is read up to tilt_deg from the normal, mean over the cameras",
-}
+VARIABLES = declared("""
+    question(question) [1] what was asked
+    count(count) [1] number of cameras
+    structure(structure) [1] structure
+    thesis_case(thesis_case) [1] case of the thesis
+    averaged_law_ratio(question, option) [1] error of the worst mode by the law of rounding,
+        averaged over half to one and a half of the amplitudes asked for, over the error with 1/6
+        px2 in every coordinate
+    quantity(quantity) [1] what a value is
+    value(quantity) [1] value to compare, in the unit that the variable unit names
+    unit(quantity) [1] unit of the value
+""")
+OF_THESIS = declared("""
+    thesis_expected(structure, thesis_case, count) [percent] the averaged error of the thesis's
+        layout
+    thesis_predicted(structure, thesis_case, count) [percent] error of the worst mode of the
+        thesis's layout by the law
+    thesis_simulated(structure, thesis_case, count) [percent] rms error of the worst mode of the
+        thesis's layout over the trials
+    thesis_averaged_law_ratio(structure, thesis_case, count) [1] error of the worst mode of the
+        thesis's layout by the law of rounding, averaged over half to one and a half of the
+        amplitudes asked for, over the error with 1/6 px2 in every coordinate
+    thesis_read_fraction(structure, thesis_case, count) [1] fraction of the markers that a camera
+        of the thesis's layout reads, where a marker is read up to tilt_deg from the normal, mean
+        over the cameras
+""")
 FOR_SOUND = declared("""
     sound_error(count, plan, mode) [percent] field error of the plate by the law, of layouts planned
         for shape and for sound
@@ -67,23 +79,20 @@ def run(study: Planner) -> xr.Dataset:
         compat="override",
         combine_attrs="drop_conflicts",
     )
-    cube = cube.assign_coords(
-        question=("question", list(plans), {"units": "1", "long_name": "what was asked"}),
-        count=("count", sorted(study.counts), {"units": "1", "long_name": "number of cameras"}),
-    )
+    coords = {
+        "question": list(plans),
+        "count": sorted(study.counts),
+        "structure": list(THESIS),
+        "thesis_case": list(setups.pairs()),
+    }
+    cube = cube.assign_coords(labelled(coords, VARIABLES))
     cube.attrs = {"cost_is": "pixels per second"}
-    own = [_of_thesis(study, plans[name], body) for body, name in THESIS.items()]
+    cube["averaged_law_ratio"].attrs = VARIABLES["averaged_law_ratio"].attributes
+    own = np.array([_of_thesis(study, plans[name], body) for body, name in THESIS.items()])
     cube = cube.assign(
-        xr.concat(
-            own, xr.Variable("structure", list(THESIS), {"units": "1", "long_name": "structure"})
-        ).data_vars
+        labelled(dict(zip(OF_THESIS, np.moveaxis(own, 1, 0), strict=True)), OF_THESIS)
     )
-    cube["structure"].attrs = {"units": "1", "long_name": "structure"}
-    cube["thesis_case"].attrs = {"units": "1", "long_name": "case of the thesis"}
-    for names, unit in ((_THESIS, "percent"), (_OF_LAYOUTS, "1")):
-        for name, words in names.items():
-            cube[name].attrs = {"units": unit, "long_name": words}
-    cube = cube.assign(_summary(cube, study))
+    cube = cube.assign(labelled(_summary(cube, study), VARIABLES))
     return cube.assign(_for_sound(study, plans[READABLE]))
 
 
@@ -113,11 +122,11 @@ def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
     return cube
 
 
-def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
-    """Errors of the thesis's layouts of as many cameras, at the first of the resolutions."""
+def _of_thesis(study: Planner, made: Plan, body: str) -> Array:
+    """Return ``OF_THESIS`` (variables, cases, counts) of a structure, at the first resolution."""
     scene, width = made.options[0].scene, study.resolutions_px[0][0]
     cases, counts = list(setups.pairs()), sorted(study.counts)
-    found: Array = np.full((5, len(cases), len(counts)), np.nan)
+    found: Array = np.full((len(OF_THESIS), len(cases), len(counts)), np.nan)
     factor = errors.averaged(scene) / width
     readable = replace(scene, rules=replace(scene.rules, tilt=float(np.radians(study.tilt_deg))))
     for (case, number), layout in study.thesis_layouts(body).items():
@@ -136,9 +145,7 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> xr.Dataset:
             errors.averaged_by_law(scene, layout, width) / expected,
             np.mean(visible(readable, layout)),
         )
-    names = [*_THESIS, *list(_OF_LAYOUTS)[1:]]
-    values = {name: (("thesis_case", "count"), row) for name, row in zip(names, found, strict=True)}
-    return xr.Dataset(values, coords={"thesis_case": cases})
+    return found
 
 
 def _for_sound(study: Planner, made: Plan) -> dict[str, Any]:
@@ -190,12 +197,4 @@ def _summary(cube: xr.Dataset, study: Planner) -> dict[str, Any]:
         ("simulated over predicted, least", float(ratio.min()), "1"),
         ("simulated over predicted, largest", float(ratio.max()), "1"),
     ]
-    words = {
-        "quantity": "what a value is",
-        "value": "value to compare, in the unit that the variable unit names",
-        "unit": "unit of the value",
-    }
-    return {
-        name: ("quantity", list(column), {"units": "1", "long_name": text})
-        for (name, text), column in zip(words.items(), zip(*rows, strict=True), strict=True)
-    }
+    return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))

@@ -10,7 +10,7 @@ from thesis_lib.figure_sets.planner.compute import cheapest
 from thesis_lib.figure_sets.planner.parameters import THESIS
 from thesis_lib.figure_sets.planner.tables import FRONT, SHOWN_CAMERAS, asked, coarse, near
 from thesis_lib.planning.figures import VIEWS, front_panel, layout_panel
-from thesis_lib.plotting.style import BELOW, REFERENCE, color, logarithmic, subplots
+from thesis_lib.plotting.style import BELOW, REFERENCE, color, log_axes, subplots
 
 
 def gain(cube: xr.Dataset) -> Figure:
@@ -49,8 +49,7 @@ def gain(cube: xr.Dataset) -> Figure:
             ms=4,
             label=f"planned, read up to {asked(cube, 'tilt_deg'):g}°",
         )
-        logarithmic(panel.xaxis, n.tolist())
-        logarithmic(panel.yaxis, [2, 5, 10, 20, 50])
+        log_axes(panel, n.tolist(), [2, 5, 10, 20, 50])
         panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
     once = axes[1].get_legend_handles_labels()
     drawing.legend(*once, loc="outside lower center", ncols=5, fontsize=7)
