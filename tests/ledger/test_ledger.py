@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
 from thesis_lib.figure_sets.claims.compute import judged
 from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
-from thesis_lib.figure_sets.claims.widget import LedgerTable
+from thesis_lib.figure_sets.claims.tables import LedgerTable
 from thesis_lib.figure_sets.display import promised
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.parameters import camera_study

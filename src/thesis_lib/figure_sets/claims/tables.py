@@ -2,27 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from itertools import product
 from typing import Any
 
+import anywidget
 import numpy as np
+import traitlets
 import xarray as xr
 from IPython.display import Markdown
 from scipy.stats import binomtest
 
 from thesis_lib.facts.readings import READINGS
 from thesis_lib.figure_sets.claims import readings
-from thesis_lib.figure_sets.claims.widget import LedgerTable
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import trends
 from thesis_lib.ledger.entries import Entry, from_cube
 from thesis_lib.ledger.series import RESAMPLES
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, WIDER, WIDER_BELOW_10
 from thesis_lib.templates import render
+from thesis_lib.web.fragment import asset, joined, plain, static_html
 
+_ESM = joined("ledger")
+_CSS = asset("ledger.css")
+WITHOUT = "This table needs JavaScript; `thesis claims` prints the same."
 KINDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
 _IMPORTANCE = ("differs", "undefined", UNCHANGED, "within scatter", "agrees")
+
+
+class LedgerTable(anywidget.AnyWidget):
+    """A table of claims with their verdicts.
+
+    The reader filters by chapter, case, mode, verdict and kind, searches and sorts. On a page
+    without a kernel the filters stand in the address, as in ``claims.html?chapter=3&mode=1``, and
+    ``claims.html#claim-ID`` shows and marks one claim whatever the filters.
+
+    Parameters
+    ----------
+    data : dict
+        ``{"rows": [row, …], "folded": n}``: one :attr:`thesis_lib.ledger.entries.Entry.row` per
+        claim in the order to show; the last n, 0 by default, are shown only if asked for.
+    """
+
+    _esm = _ESM
+    _css = _CSS
+    data = traitlets.Dict().tag(sync=True)
+
+    @traitlets.validate("data")
+    def _plain(self, proposal: Mapping[str, Any]) -> Any:
+        return plain(proposal["value"])
+
+    def __repr__(self) -> str:
+        rows = self.data.get("rows", [])
+        found = Counter(row["verdict"] for row in rows if row["counted"])
+        counts = ", ".join(f"{found[one]} {one}" for one in VERDICTS)
+        return f"LedgerTable({len(rows)} claims, {found.total()} counted: {counts})"
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
+        page = static_html(_ESM, _CSS, {"data": self.data, "page": True}, WITHOUT, prints=True)
+        return {**data, "text/plain": repr(self), "text/html": page}, metadata
 
 
 def _fill(template: str, **values: Any) -> Markdown:

@@ -1,5 +1,5 @@
 // The ledger: the claims of the thesis with their verdicts, as a table to filter, search and sort.
-// Front end of thesis_lib.figure_sets.claims.widget.LedgerTable in the form anywidget expects; static_html runs it without a
+// Front end of thesis_lib.figure_sets.claims.tables.LedgerTable in the form anywidget expects; static_html runs it without a
 // kernel. One expression, so that its names stay apart from the viewer's, whose parts share this folder.
 import { asked, keep } from "./address.js";
 import { copyButton, linkButton } from "./copy.js";
