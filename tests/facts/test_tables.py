@@ -14,6 +14,7 @@ READ = {
     "trends.csv": claims.read_trends,
     "numbers.csv": read_numbers,
     "reasons.csv": claims.read_reasons,
+    "index.csv": claims.read_index,
 }
 BAD = {  # texts that a field does not take
     "claims.csv": {
@@ -32,6 +33,14 @@ BAD = {  # texts that a field does not take
         "stated": ["", "some", "nan", "1e999999", "1/0", "1/2/3", "1.5×2"], "value_of": ["top"],
     },
     "reasons.csv": {"id": [""], "reason": ["No stop", ""], "page": ["not a page", ""]},
+    "index.csv": {
+        "item": ["fig 3.4", "figure 3.4c", "equation 3.20 a", ""], "what": ["", " "],
+        "page": ["beam.md", "beam#", "the beam"],
+        "function": ["structures.beam", "thesis_lib", "thesis_lib.a;thesis_lib.b"],
+        "cube": ["mean_error", "beam-distance:mean_error", "beam-distance: "],
+        "test": ["test_x.py::test_x", "tests/test_x.py", "tests/test_x.py::test_x; "],
+        "reason": [" "], "errata": ["b2", "errata#errata-b"],
+    },
 }  # fmt: skip
 
 
@@ -74,9 +83,9 @@ def test_malformed_field_is_named_with_its_line(refused, name, field, text):
 
 
 @pytest.mark.parametrize("name", READ)
-def test_second_row_with_one_id_is_refused(refused, name):
+def test_second_row_with_one_name_is_refused(refused, name):
     header, first, _ = real_rows(name)
-    expected = f"{name}, line 3: id: given {first[0]!r} a second time"
+    expected = f"{name}, line 3: {header[0]}: given {first[0]!r} a second time"
     assert refused(name, header, first, first) == expected
 
 

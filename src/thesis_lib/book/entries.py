@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from html import unescape
 from html.parser import HTMLParser
 
-from thesis_lib.facts.index import read_index
+from thesis_lib.facts.claims import read_index
 
 FILE = "_static/entries.js"
 _ARTICLE = re.compile(r'<article class="bd-article">(.*?)</article>', re.DOTALL)

@@ -21,8 +21,8 @@ Kind = Callable[[str], object]
 """What a field's text means; it raises an error for what means nothing."""
 
 
-def read_rows(name: str, kinds: Mapping[str, Kind]) -> Iterator[dict[str, Any]]:
-    """Read the rows of a table whose field `id` no two rows share.
+def read_rows(name: str, kinds: Mapping[str, Kind], key: str = "id") -> Iterator[dict[str, Any]]:
+    """Read the rows of a table of which no two share a key.
 
     Parameters
     ----------
@@ -30,6 +30,8 @@ def read_rows(name: str, kinds: Mapping[str, Kind]) -> Iterator[dict[str, Any]]:
         The file.
     kinds : mapping
         Kind of each of its columns, in their order.
+    key : str
+        Column whose fields all differ.
 
     Raises
     ------
@@ -49,9 +51,9 @@ def read_rows(name: str, kinds: Mapping[str, Kind]) -> Iterator[dict[str, Any]]:
                     values[field] = kinds[field](_text(text))
                 except (ArithmeticError, LookupError, TypeError, ValueError):
                     raise ValueError(given) from None
-            if values["id"] in seen:
-                raise ValueError(f"{name}, line {line}: id: given {row['id']!r} a second time")
-            seen.add(values["id"])
+            if values[key] in seen:
+                raise ValueError(f"{name}, line {line}: {key}: given {row[key]!r} a second time")
+            seen.add(values[key])
             yield values
 
 
@@ -89,6 +91,23 @@ def one_of(allowed: Collection[str]) -> Callable[[str], str]:
         return text
 
     return checked
+
+
+def matching(pattern: str) -> Callable[[str], str]:
+    """Return a reader of texts that match a regular expression."""
+
+    def checked(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            raise ValueError
+        return text
+
+    return checked
+
+
+def listed(pattern: str) -> Callable[[str], tuple[str, ...]]:
+    """Return a reader of texts with ``; `` between them that all match a regular expression."""
+    one = matching(pattern)
+    return lambda text: tuple(map(one, text.split("; "))) if text else ()
 
 
 RELATIONS = ("about", "range", "max", "less_than", "min")
@@ -276,7 +295,7 @@ def _known(text: str) -> str:
     return text
 
 
-_PAGE = re.compile(r"[\w/-]+(#[\w-]+)?")
+_PAGE = r"[\w/-]+(#[\w-]+)?"  # a document of the book, perhaps with an anchor
 
 
 @dataclass(frozen=True)
@@ -296,17 +315,41 @@ def read_reasons() -> dict[str, Reason]:
     ValueError
         Naming the line and the field of a malformed row.
     """
-    kinds: dict[str, Kind] = {"id": some, "reason": _sentence, "page": _page}
+    kinds: dict[str, Kind] = {"id": some, "reason": matching(r"\S.*\."), "page": matching(_PAGE)}
     return {row["id"]: Reason(**row) for row in read_rows("reasons.csv", kinds)}
 
 
-def _sentence(text: str) -> str:
-    if not re.fullmatch(r"\S.*\.", text):
-        raise ValueError
-    return text
+@dataclass(frozen=True)
+class IndexEntry:
+    """One figure, table or equation of the thesis: its place here, or why it has none."""
+
+    item: str  #: Name in the thesis, such as ``figure 3.4``
+    what: str  #: Subject, in our words
+    page: str  #: Document of the book, such as ``beam#eq-modal``
+    function: tuple[str, ...]  #: Names in the library
+    cube: tuple[str, ...]  #: Variables of figure sets, such as ``beam-distance: mean_error``
+    test: tuple[str, ...]  #: Names of tests
+    reason: str  #: Why nothing here is about it
+    errata: tuple[str, ...]  #: Errata on it
 
 
-def _page(text: str) -> str:
-    if not _PAGE.fullmatch(text):
-        raise ValueError
-    return text
+def read_index() -> list[IndexEntry]:
+    """Read the index, from ``data/thesis/index.csv``, refused line by line."""
+    kinds: dict[str, Kind] = {
+        "item": matching(r"(figure|table|equation) \w\.\d+[ab]?"),
+        "what": matching(r"\S.*"),
+        "page": matching(rf"({_PAGE})?"),
+        "function": listed(r"thesis_lib(\.\w+)+"),
+        "cube": listed(r"[\w-]+: \w+(, \w+)*"),
+        "test": listed(r"tests/(\w+/)*test_\w+\.py::test_\w+"),
+        "reason": matching(r"(\S.*)?"),
+        "errata": listed(r"errata#errata-[a-e]\d+"),
+    }
+    entries = [IndexEntry(**row) for row in read_rows("index.csv", kinds, "item")]
+    for one in entries:
+        if bool(one.reason) == any((one.page, one.function, one.cube, one.test)):
+            allowed = "one if there is no page, function, cube or test, else none"
+            raise ValueError(
+                f"index.csv, {one.item}: reason: given {one.reason!r}, allowed: {allowed}"
+            )
+    return entries

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from thesis_lib.facts.index import Entry, read_index
+from thesis_lib.facts.claims import IndexEntry, read_index
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import project_root, whole_text
 from thesis_lib.web.markdown import table
@@ -27,13 +27,13 @@ def chapter(name: str) -> str:
     return "\n".join(table([kind, *words], of_kind) for kind, of_kind in rows.items() if of_kind)
 
 
-def _what(entry: Entry) -> str:
+def _what(entry: IndexEntry) -> str:
     ids = [anchor.removeprefix("errata#errata-") for anchor in entry.errata]
     links = ", ".join(f"[{one.upper()}](errata-{one})" for one in ids)
     return f"{entry.what} (errata {links})" if ids else entry.what
 
 
-def _where(entry: Entry) -> str:
+def _where(entry: IndexEntry) -> str:
     page = _link(entry.page) if entry.page else entry.reason
     lines = [page, *map(_reference, entry.function), *map(_code, entry.cube)]
     return "<br>".join(filter(None, lines))
