@@ -60,8 +60,9 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         law[at] = exact(rig, points)
         fit[at] = fitted_by_law(rig, filmed)
         view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), rig.size))
+        frames = one_frame(rig, points, study)
         for e, estimate in enumerate(ESTIMATORS.values()):
-            drawn[:, e, *at] = rms_with_std(one_frame(rig, points, study, estimate))
+            drawn[:, e, *at] = rms_with_std(frames[e])
             wrong = amplitude_errors(filmed, estimate(rig.P, images)[2][number])
             drawn_fit[:, e, *at] = rms_with_std(wrong)
     percent = 100 / peak
@@ -90,15 +91,15 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
     }
 
 
-def one_frame(rig: CameraArray, points: Array, study: DesignLaw, estimate: Estimator) -> Array:
-    """Return rms deflection errors (at most `FRAMES` trials,) in m of markers (3, 1 + modes, m)."""
+def one_frame(rig: CameraArray, points: Array, study: DesignLaw) -> Array:
+    """Return rms deflection errors (estimators, trials) in m of markers (3, 1 + modes, m)."""
     trials = min(study.trials, FRAMES)
     shifts = np.moveaxis(rounding.grid_shifts(study.seed, trials, len(rig))[1:], 0, 2)
     shift = shifts[:, :, None, :, None]
-    images = project(rig.P, points)[:, :, :, None]
-    height = estimate(rig.P, pixelate(images + shift) - shift)[2]
-    error = height[1:] - height[0] - points[2, 1:, None]
-    return np.asarray(np.sqrt(np.mean(error**2, axis=(0, 1))))
+    pixels = pixelate(project(rig.P, points)[:, :, :, None] + shift) - shift
+    height = np.stack([estimate(rig.P, pixels)[2] for estimate in ESTIMATORS.values()])
+    error = height[:, 1:] - height[:, :1] - points[2, 1:, None]
+    return np.asarray(np.sqrt(np.mean(error**2, axis=(1, 2))))
 
 
 @dataclass(frozen=True)
