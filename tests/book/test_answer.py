@@ -35,7 +35,7 @@ def test_the_rule_is_the_limit_that_the_check_warns_of():
 
 def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
     moved = min(row.motion_px for row in assess(draft_manifest(answer.PLATE)).table)
-    share = benchmarks.percent(answer.wrong_px(answer.COMPRESSED) / moved)
+    share = benchmarks.format_share(answer.wrong_px(answer.COMPRESSED) / moved)
     line = next(line for line in answer.answer().splitlines() if line.startswith("| full HD"))
     assert f"| {moved:.2f} | {share} |" in line
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 from times import pytest_collection_modifyitems as ordered
 
-from thesis_lib.book.pieces import times as page
+from thesis_lib.book.pieces import benchmarks as page
 from thesis_lib.studies import times
 
 
@@ -28,8 +28,8 @@ def test_what_ran_last_counts_and_the_rest_is_kept(monkeypatch):
     assert known == {"book": {"planner": (60.0, 0.01), "pages": (20.0, 0.02)}, "tests": {}}
     times.write(times.published_path(), known)
     assert times.read(times.published_path()) == known
-    assert "| `planner` | 60.0 | 6000 |" in page.piece()
-    assert "all of them take 1 min" in page.piece()
+    assert "| `planner` | 60.0 | 6000 |" in page.tabulate_times()
+    assert "all of them take 1 min" in page.tabulate_times()
 
 
 def test_files_that_take_longest_begin_first():
@@ -44,7 +44,7 @@ def test_files_that_take_longest_begin_first():
 def test_damaged_times_are_none(text):
     times.published_path().write_text(text)
     assert times.read(times.published_path()) == {"book": {}, "tests": {}}
-    assert page.piece() == page.NOT_YET
+    assert page.tabulate_times() == "Nothing was timed yet.\n"
 
 
 def test_examples():

@@ -87,7 +87,7 @@ def answer() -> str:
 
 
 def _percent(share: float) -> str:
-    return benchmarks.percent(share) if share < 1 else "all of it"
+    return benchmarks.format_share(share) if share < 1 else "all of it"
 
 
 def _shares(one: Assessment) -> tuple[float, float, float]:

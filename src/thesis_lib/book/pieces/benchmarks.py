@@ -1,279 +1,229 @@
-"""What the page of benchmarks says: one published run of ``python -m benchmarks --publish``."""
+"""Values of the page of benchmarks: one published run of ``python -m benchmarks --publish``."""
 
 from __future__ import annotations
 
 import json
 import statistics
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from thesis_lib.book.pieces import times
 from thesis_lib.files import project_root
-from thesis_lib.web.markdown import columns, table
+from thesis_lib.studies import times
+from thesis_lib.templates import render
 
 Row = Mapping[str, Any]
-Cells = dict[str, str]  # by the names of their columns
 
 NUMPY, COMPILED, CERES = (
     "thesis_lib, NumPy",
     "thesis_lib, compiled",
     "pycolmap, Ceres, points alone",
 )
-OWN = ("", "numba")  # what needs no peer's package
-RECONSTRUCTIONS = 10**9
-CHUNK = 2**20  # points that a worker holds at a time
+OWN_PACKAGES = ("", "numba")  # needed by no peer
+PLANNED_POINTS = 10**9
+CHUNK_POINTS = 2**20  # that a worker holds at a time
 WORKERS = (1, 2, 8, 32)
+MAX_TIMES = 20
 NOT_YET = "Nothing was measured yet; `python -m benchmarks --publish` does.\n"
+TIMES_WORDS = {"book": "step of `thesis book`", "tests": "file of tests, `make test-all`"}
 
 
 def published_path() -> Path:
-    """Where the published run is kept."""
+    """Return where the published run is kept."""
     return project_root() / "data" / "published" / "benchmarks.json"
 
 
 def read(path: Path | None = None) -> dict[str, Any]:
-    """The published run; empty if there is none."""
+    """Read the published run; empty if there is none."""
     path = path or published_path()
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
 
 def rate(row: Row) -> float:
-    """Median over the rounds, in million a second."""
+    """Return the median over the rounds, in million a second."""
     return statistics.median(row["rates"])
 
 
-def ratio(row: Row, other: Row) -> float:
-    """How many times as fast as another: median over the rounds, in each of which both ran."""
+def ratio(row: Row | None, other: Row | None) -> float | None:
+    """Return how many times as fast as another: median over the rounds, in each of which both ran.
+
+    None if one of them is missing.
+    """
+    if row is None or other is None:
+        return None
     return statistics.median(a / b for a, b in zip(row["rates"], other["rates"], strict=True))
 
 
 def find(rows: Sequence[Row], cameras: int, refined: bool, name: str) -> Row | None:
-    """A contender's row, if it took part."""
-    for row in rows:
-        if (row["cameras"], row["refined"], row["name"]) == (cameras, refined, name):
-            return row
-    return None
+    """Find a contender's row, if it took part."""
+    wanted = cameras, refined, name
+    return next((r for r in rows if (r["cameras"], r["refined"], r["name"]) == wanted), None)
 
 
 def fastest_peer(rows: Sequence[Row], cameras: int, refined: bool) -> Row | None:
-    """The fastest of those that are not of this project, nor written for its benchmarks."""
+    """Find the fastest that is neither of this project nor written for its benchmarks."""
     peers = [
         row
         for row in rows
-        if row["package"] not in OWN and (row["cameras"], row["refined"]) == (cameras, refined)
+        if row["package"] not in OWN_PACKAGES
+        and (row["cameras"], row["refined"]) == (cameras, refined)
     ]
     return max(peers, key=rate) if peers else None
 
 
-def _times(row: Row | None, other: Row | None) -> str:
-    if row is None or other is None:
-        return "–"
-    value = ratio(row, other)
-    return f"{value:.0f}" if value >= 20 else f"{value:.2g}"
+def _limit_share(row: Row | None) -> float | None:
+    """Return the part of one core's limit that the library reaches, None of others."""
+    own = row is not None and row["name"] in (NUMPY, COMPILED)
+    return rate(row) / row["limit"] if row is not None and own else None
 
 
-def comparison(data: Row) -> Iterator[Cells]:
-    """Every contender's rate, what it is beside the peers and the limit, and its error."""
-    rows = data["triangulation"]
-    for row in rows:
-        best = fastest_peer(rows, row["cameras"], row["refined"])
-        ceres = find(rows, row["cameras"], True, CERES) if row["refined"] else None
-        own = row["package"] in OWN and row["name"] in (NUMPY, COMPILED)
-        yield {
-            "cameras": str(row["cameras"]),
-            "estimate": "refined" if row["refined"] else "linear",
-            "by": row["name"],
-            "million points/s": f"{rate(row):.3g}",
-            "× fastest peer": _times(row, best),
-            "× pycolmap": _times(row, ceres),
-            "of the limit": f"{rate(row) / row['limit']:.0%}" if own else "–",
-            "rms error, µm": f"{row['error_um']:.0f}",
-            "first-order bound, µm": f"{row['bound_um']:.0f}",
-            "points": str(row["points"]),
-        }
-
-
-def targets(data: Row) -> Iterator[Cells]:
-    """What was aimed at, and what was measured, for each number of cameras."""
-    rows = data["triangulation"]
-    counts = sorted({row["cameras"] for row in rows})
-
-    def line(what: str, aim: str, value: Callable[[int], str]) -> Cells:
-        return {"": what, "aim": aim} | {f"{n} cameras": value(n) for n in counts}
-
-    def share(n: int) -> str:
-        row = find(rows, n, True, COMPILED)
-        return "–" if row is None else f"{rate(row) / row['limit']:.0%}"
-
-    def linear(n: int) -> str:
-        return _times(find(rows, n, False, NUMPY), fastest_peer(rows, n, False))
-
-    def refined(name: str, n: int) -> str:
-        return _times(find(rows, n, True, name), find(rows, n, True, CERES))
-
-    yield line("NumPy, linear, × the fastest peer", "≥ 20", linear)
-    yield line("NumPy, refined, × pycolmap", "≥ 50 for 12", partial(refined, NUMPY))
-    yield line("compiled, refined, × pycolmap", "≥ 200 for 12", partial(refined, COMPILED))
-    yield line("compiled, refined, of one core's limit", "≥ 40 %", share)
-
-
-def machine(data: Row) -> Cells:
-    """Where, when and with what was measured."""
-    place, limits = data["machine"], data["limits"]
+def compare_contenders(run: Row) -> dict[str, Any]:
+    """Compare every contender's rate with the peers and the limit."""
+    rows = run["triangulation"]
     return {
-        "date": data["date"],
-        "machine": f"{place['processor']}, {place['cores']} cores, {place['system']}",
-        "load over 1, 5 and 15 minutes": ", ".join(f"{x:.1f}" for x in place["load"]) or "unknown",
-        "Python": data["python"],
-        "packages": ", ".join(f"{name} {number}" for name, number in data["versions"].items()),
-        "not installed": ", ".join(data["missing"]) or "none",
-        "one core computes": f"{limits['peak']:.0f} Gflop/s: {limits['by']}",
-        "one core reads": f"{limits['bandwidth']:.0f} GB/s",
+        "rows": [
+            {
+                **row,
+                "rate": rate(row),
+                "to_peer": ratio(row, fastest_peer(rows, row["cameras"], row["refined"])),
+                "to_ceres": ratio(row, find(rows, row["cameras"], True, CERES))
+                if row["refined"]
+                else None,
+                "share": _limit_share(row),
+            }
+            for row in rows
+        ]
     }
 
 
-def needs(data: Row) -> Iterator[Cells]:
-    """Arithmetic and traffic per point, and the rates that either allows one core."""
-    limits = data["limits"]
-    for row in data["triangulation"]:
-        if row["name"] == NUMPY:
-            allowed = 1e3 * limits["bandwidth"] / row["bytes"]
-            yield {
-                "cameras": str(row["cameras"]),
-                "estimate": "refined" if row["refined"] else "linear",
-                "flops per point": str(row["flops"]),
-                "bytes per point": str(row["bytes"]),
-                "arithmetic allows, million points/s": f"{1e3 * limits['peak'] / row['flops']:.0f}",
-                "memory allows, million points/s": f"{allowed:.0f}",
-            }
-
-
-def rayleigh(data: Row) -> Iterator[Cells]:
-    """Rates of the transfer from pistons to points."""
-    rows = data["rayleigh"]
-    for row in rows:
-        yield {
-            "by": row["name"],
-            "million pairs/s": f"{rate(row):.3g}",
-            "× direct": f"{ratio(row, rows[0]):.2g}",
-            "apart from direct, of the largest": f"{row['difference']:.0e}",
+def compare_targets(run: Row) -> dict[str, Any]:
+    """Compare with what was aimed at, for each number of cameras."""
+    rows = run["triangulation"]
+    counts = []
+    for n in sorted({row["cameras"] for row in rows}):
+        ceres = find(rows, n, True, CERES)
+        compiled = find(rows, n, True, COMPILED)
+        values = {
+            "cameras": n,
+            "linear": ratio(find(rows, n, False, NUMPY), fastest_peer(rows, n, False)),
+            "refined": ratio(find(rows, n, True, NUMPY), ceres),
+            "compiled": ratio(compiled, ceres),
+            "share": _limit_share(compiled),
         }
+        counts.append(values)
+    return {"counts": counts}
 
 
-def plan(data: Row) -> Iterator[Cells]:
-    """Time and memory of a thousand million refined points, at the measured rates."""
-    rows = data["triangulation"]
-    bandwidth = 1e9 * data["limits"]["bandwidth"]
-    for row in rows:
+def estimate_limits(run: Row) -> dict[str, Any]:
+    """Estimate the rates that arithmetic and traffic per point allow one core."""
+    limits = run["limits"]
+    return {
+        "rows": [
+            {
+                **row,
+                "by_arithmetic": 1e3 * limits["peak"] / row["flops"],
+                "by_memory": 1e3 * limits["bandwidth"] / row["bytes"],
+            }
+            for row in run["triangulation"]
+            if row["name"] == NUMPY
+        ]
+    }
+
+
+def compare_transfers(run: Row) -> dict[str, Any]:
+    """Compare the rates of the transfer from pistons to points."""
+    rows = run["rayleigh"]
+    return {"rows": [{**r, "rate": rate(r), "ratio": ratio(r, rows[0])} for r in rows]}
+
+
+def plan_points(run: Row) -> dict[str, Any]:
+    """Plan time and memory of a thousand million refined points, at the measured rates."""
+    rows = []
+    for row in run["triangulation"]:
         if row["refined"] and row["name"] in (NUMPY, COMPILED):
-            seconds = RECONSTRUCTIONS / (1e6 * rate(row))
-            fed = bandwidth * seconds / (row["bytes"] * RECONSTRUCTIONS)
-            yield {
-                "cameras": str(row["cameras"]),
+            seconds = PLANNED_POINTS / (1e6 * rate(row))
+            read_bytes = 1e9 * run["limits"]["bandwidth"] * seconds
+            values = {
+                "cameras": row["cameras"],
                 "by": row["name"].split(", ")[1],
-                "images": f"{16e-9 * row['cameras'] * RECONSTRUCTIONS:.0f} GB",
-                "points": f"{24e-9 * RECONSTRUCTIONS:.0f} GB",
-                "a worker holds": f"{row['bytes'] * CHUNK / 2**20:.0f} MiB",
-                **{f"{n} worker{'s' * (n > 1)}": _duration(seconds / n) for n in WORKERS},
-                "workers that one core's memory rate feeds": f"{fed:.0f}",
+                "images_gb": 16e-9 * row["cameras"] * PLANNED_POINTS,
+                "points_gb": 24e-9 * PLANNED_POINTS,
+                "chunk_mib": row["bytes"] * CHUNK_POINTS / 2**20,
+                "seconds": seconds,
+                "fed": read_bytes / (row["bytes"] * PLANNED_POINTS),
             }
+            rows.append(values)
+    return {"rows": rows, "workers": WORKERS}
 
 
-def scale(data: Row) -> Iterator[Cells]:
-    """A large study in pieces: its rate, what 10⁹ points take at it, and memory."""
-    for row in data["scale"]["rows"]:
-        rate = row["points"] / row["seconds"]
-        yield {
-            "by": row["by"],
-            "processes": str(row["workers"]),
-            "trials": str(row["trials"]),
-            "million points": f"{row['points'] / 1e6:.1f}",
-            "until the first result": f"{row['start']:.1f} s",
-            "from then on": f"{row['seconds']:.1f} s",
-            "million points/s": f"{rate / 1e6:.2f}",
-            "10⁹ points": _duration(RECONSTRUCTIONS / rate),
-            "cube": f"{row['cube_mb']:.0f} MB",
-            "largest memory": f"{row['memory_mb']:.0f} MB",
-        }
-
-
-def tracking(data: Row) -> Iterator[Cells]:
-    """Trackers on the same frames: time, exactness, and what each loses."""
-    rows = data["tracking"]["rows"]
+def compare_trackers(run: Row) -> dict[str, Any]:
+    """Compare trackers on the same frames with the library's."""
+    rows = run["tracking"]["rows"]
     own = {row["film"]: row["milliseconds"] for row in rows if row["by"] == "thesis_lib"}
+    found = []
     for row in rows:
         pairs = zip(row["milliseconds"], own[row["film"]], strict=True)
-        yield {
-            "film": row["film"],
-            "by": row["by"],
-            "µs a marker and frame": f"{1e3 * statistics.median(row['milliseconds']):.1f}",
-            "× thesis_lib": f"{statistics.median(a / b for a, b in pairs):.2g}",
-            "rms amplitude error, px": f"{row['amplitude_error']:.4f}",
-            "missing, said": f"{row['told']:.0%}",
-            "lost, not said": f"{row['untold']:.0%}",
-        }
+        microseconds = 1e3 * statistics.median(row["milliseconds"])
+        slower = statistics.median(a / b for a, b in pairs)
+        found.append({**row, "microseconds": microseconds, "ratio": slower})
+    return {"rows": found}
 
 
-def compression(data: Row) -> Iterator[Cells]:
-    """What films leave of a motion, by the pixels that it moves an image."""
-    rows = data["compression"]["rows"]
-    for motion in sorted({row["motion_px"] for row in rows}):
-        yield {"motion, px": f"{motion:g}"} | {
-            row["film"]: percent(row["error"]) for row in rows if row["motion_px"] == motion
-        }
+def compare_films(run: Row) -> dict[str, Any]:
+    """Compare what films leave of a motion, by the pixels that it moves an image."""
+    rows = run["compression"]["rows"]
+    films = list(dict.fromkeys(row["film"] for row in rows))
+    by = {(row["motion_px"], row["film"]): format_share(row["error"]) for row in rows}
+    motions = sorted({row["motion_px"] for row in rows})
+    return {"films": films, "rows": [(px, [by[px, film] for film in films]) for px in motions]}
 
 
-def percent(share: float) -> str:
-    """A share in percent, to two digits or whole."""
+def format_share(share: float) -> str:
+    """Format a share in percent, to two digits or whole."""
     return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
 
 
-def scale_load(data: Row) -> str:
-    """What else the machine did while the large study was measured."""
-    load = ", ".join(f"{x:.1f}" for x in data["scale"]["load"]) or "unknown"
-    return f"Load of the machine at the end, over 1, 5 and 15 minutes: {load}.\n"
+def tabulate_times() -> str:
+    """Tabulate the longest of the published times of each kind, and the sum of all."""
+    known = times.read(times.published_path())
+    kinds = [
+        {
+            "words": words,
+            "longest": [(name, s, s / loop) for name, (s, loop) in known[kind].items()][:MAX_TIMES],
+            "count": len(known[kind]),
+            "total": sum(seconds for seconds, _ in known[kind].values()),
+        }
+        for kind, words in TIMES_WORDS.items()
+        if any(known.values())
+    ]
+    return render(__file__, "benchmarks-times", kinds=kinds)
 
 
-def _duration(seconds: float) -> str:
-    return f"{seconds / 60:.1f} min" if seconds >= 90 else f"{seconds:.2g} s"
+VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {
+    "machine": ("machine", lambda run: {}),
+    "targets": ("triangulation", compare_targets),
+    "comparison": ("triangulation", compare_contenders),
+    "needs": ("triangulation", estimate_limits),
+    "rayleigh": ("rayleigh", compare_transfers),
+    "plan": ("triangulation", plan_points),
+    "scale": ("scale", lambda run: {"rows": run["scale"]["rows"]}),
+    "tracking": ("tracking", compare_trackers),
+    "compression": ("compression", compare_films),
+}
+"""By part of the page: the measurement that it needs, and what computes its values."""
 
 
-def _piece(make: Callable[[Row], Iterator[Cells]]) -> str:
-    data = read()
-    return columns(make(data)) if data else NOT_YET
-
-
-def _machine() -> str:
-    data = read()
-    return table(["", ""], [list(pair) for pair in machine(data).items()]) if data else NOT_YET
-
-
-def _scale() -> str:
-    data = read()
-    return f"{columns(scale(data))}\n{scale_load(data)}" if "scale" in data else NOT_YET
-
-
-def _tracking() -> str:
-    data = read()
-    return columns(tracking(data)) if "tracking" in data else NOT_YET
-
-
-def _compression() -> str:
-    data = read()
-    return columns(compression(data)) if "compression" in data else NOT_YET
+def tabulate(part: str, run: Row | None = None) -> str:
+    """Fill in a part of the page from a run, by default the published one."""
+    run = read() if run is None else run
+    needs, values = VALUES[part]
+    if needs not in run:
+        return NOT_YET
+    return render(__file__, f"benchmarks-{part}", run=run, **values(run))
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    "benchmarks-machine": _machine,
-    "benchmarks-targets": partial(_piece, targets),
-    "benchmarks-comparison": partial(_piece, comparison),
-    "benchmarks-needs": partial(_piece, needs),
-    "benchmarks-rayleigh": partial(_piece, rayleigh),
-    "benchmarks-plan": partial(_piece, plan),
-    "benchmarks-scale": _scale,
-    "benchmarks-tracking": _tracking,
-    "benchmarks-compression": _compression,
-    "benchmarks-times": times.piece,
+    **{f"benchmarks-{part}": partial(tabulate, part) for part in VALUES},
+    "benchmarks-times": tabulate_times,
 }
