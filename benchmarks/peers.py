@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.limits import processor_seconds
-from benchmarks.measure import FOCAL_PX, SIZE
+from benchmarks.own import FOCAL_PX, SIZE
 from benchmarks.reference import svd_triangulate
 from thesis_lib.arrays import Array
 from thesis_lib.vision.pinhole import (
