@@ -17,9 +17,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-re
 	--nbval tests $(NOTEBOOKS)
 NOTEBOOKS := notebooks/beam-distance.ipynb notebooks/sound-distance.ipynb
 
-BROWSED = $(shell grep -rl --include='test_*.py' open_offline tests)
-
-.PHONY: book pdf test test-all test-nightly test-javascript test-cpus test-newest quick check bench photographs platforms lock clean
+.PHONY: book pdf test test-all test-nightly test-cpus test-newest quick check bench photographs platforms lock clean
 
 book: $(BOOK)  ## the executed book, in build/html
 	$(BIN)/thesis book
@@ -31,7 +29,7 @@ test: check  ## what a contributor needs, in minutes and without a book
 	$(PYTEST) -m "not (slow or book or nightly)"
 
 test-all: check book  ## all tests, those of the rendered book included
-	$(PYTEST) -m "not nightly" --conformance build/conformance.json --times
+	$(PYTEST) -m "not nightly" --times --hypothesis-seed 0 --junitxml build/conformance.xml
 
 quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the nearest first
 	$(BIN)/python tests/quick.py
@@ -41,10 +39,7 @@ test-nightly: book $(ALL)  ## what takes an hour: thousands of inputs, kills at 
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --nbval notebooks
 	$(BIN)/python -m pytest --hypothesis-profile night tests/runs/test_any_input.py
 
-test-javascript: book $(ALL)  ## whether tests execute 95 % of our JavaScript, as Chromium counts
-	$(BIN)/python -m pytest -n 2 --dist loadfile $(BROWSED) --javascript 95
-
-test-cpus: $(ALL)  ## tests, notebooks and all cubes as on other processors; takes hours
+test-cpus: $(ALL)  ## all cubes as on other processors; takes an hour
 	$(BIN)/python tests/cpus.py
 
 test-newest: $(BOOK)  ## the tests with the newest of every dependency, in an environment of its own

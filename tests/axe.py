@@ -11,7 +11,7 @@ from typing import Any
 
 from playwright.sync_api import Page
 
-from thesis_lib.book.site import npm_ci
+from thesis_lib.book.rendering import npm_ci
 from thesis_lib.web.page import BookError
 
 ROOT = Path(__file__).parents[1]

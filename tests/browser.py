@@ -175,10 +175,6 @@ def _window(running: Browser, touch: bool, server: str) -> Opened:
     if server:
         context.route(lambda url: not url.startswith(local), lambda route: route.abort())
     opened = Opened(context.new_page())
-    import javascript  # a plugin of pytest, which wants to import it first
-
-    for watcher in javascript.WATCHER:
-        watcher.watch(opened.page)
     opened.page.on(
         "request",
         lambda request: (

@@ -20,7 +20,7 @@ from command import hears_signals
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytest_plugins = ["conforms", "javascript", "quick", "small_book", "tiers", "times"]
+pytest_plugins = ["conforms", "quick", "small_book", "tiers", "times"]
 PROJECT = Path(__file__).parents[1]
 PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml"]
 

@@ -50,7 +50,8 @@ def small(tmp_path_factory):
         shutil.copy(PROJECT / name, root)
     shutil.copytree(assets, root / "build" / "assets")
     shutil.copytree(PROJECT / "book" / "assets", root / "book" / "assets")
-    shutil.copy(PROJECT / "book" / "references.bib", root / "book")
+    for name in ("conf.py", "references.bib"):
+        shutil.copy(PROJECT / "book" / name, root / "book")
     (root / "book" / "intro.md").write_text(INTRO, encoding="utf-8")
     (root / "book" / "misses.md").write_text("# Misses\n", encoding="utf-8")  # results link to it
     chapters = [{"file": file} for file in (f"executed/{BAD}", f"executed/{GOOD}", "misses")]

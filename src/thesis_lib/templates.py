@@ -40,7 +40,7 @@ def render(module_file: str | Path, name: str, **values: Any) -> str:
     str
         Markdown, or what else the template holds.
     """
-    file = name if Path(name).suffix in (".md", ".svg", ".html") else f"{name}.md"
+    file = name if Path(name).suffix in (".md", ".svg", ".html", ".json") else f"{name}.md"
     return _environment(Path(module_file).parent / FOLDER).get_template(file).render(**values)
 
 

@@ -17,8 +17,7 @@ from book.test_book_pages import notebook  # noqa: F401
 from browser import browser, find_browser
 from playwright.sync_api import Page
 
-from thesis_lib.book import rerun_form
-from thesis_lib.book.accessible import mend
+from thesis_lib.book import demos
 from thesis_lib.web import page as web_page
 from thesis_lib.web.page import index_page
 
@@ -60,7 +59,7 @@ def test_nothing_serious_in_the_form(page: Page, tmp_path: Path) -> None:
     """Filled, refused, and with every kind of control."""
     html = tmp_path / "form.html"
     head = "<!doctype html><html lang='en'><meta charset='utf-8'><title>Form</title>"
-    html.write_text(f"{head}<main><h1>Form</h1>{rerun_form.page()}</main>", encoding="utf-8")
+    html.write_text(f"{head}<main><h1>Form</h1>{demos.rerun_form_html()}</main>", encoding="utf-8")
     for dark in (False, True):
         page.emulate_media(color_scheme="dark" if dark else "light")
         for query in ("set=beam-arrays&modes=1", "set=lab-plate&frames=x", "set=ch3&seed=-1"):
@@ -81,19 +80,3 @@ def test_the_checker_sees_what_is_wrong(page: Page, tmp_path: Path) -> None:
     page.goto(html.as_uri())
     found = [line.split(":")[0] for line in axe.findings(page)]
     assert sorted(found) == ["button-name", "color-contrast", "image-alt", "label", "summary-name"]
-
-
-def test_mends_fit_the_markup_that_they_are_for() -> None:
-    """Written as theme and extensions write it today: a new version that differs is noticed."""
-    toc = '<a class="reference internal" href="b.html">The <em>b</em></a>'
-    assert mend(toc) == toc
-    toc = '<a class="current reference internal" href="#">\n A &amp; b\n </a>'
-    toc += '<details open="open"><summary><span class="toctree-toggle">'
-    assert '<summary aria-label="Pages below: A &amp; b"><span' in mend(toc)
-    assert mend('<i class="theme-switch fa-solid  fa-lg" data-mode="light" title="Light"></i>') == (
-        '<i class="theme-switch fa-solid  fa-lg" data-mode="light"></i>'
-    )
-    item = '<div class="citation" id="id3" role="doc-biblioentry">'
-    assert mend(item) == '<div class="citation" id="id3" role="listitem">'
-    same = '<button class="btn search-button" aria-label="Search"><summary>Show</summary>'
-    assert mend(same) == same

@@ -12,8 +12,7 @@ from scenes.motions import films
 from scenes.sounding import sounding
 
 from thesis_lib import files
-from thesis_lib.book import sample
-from thesis_lib.book.conformance import report as conformance
+from thesis_lib.book import conformance, sample
 from thesis_lib.book.pieces import assumptions, findings, shown, thesis_index
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write

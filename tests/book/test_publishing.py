@@ -20,7 +20,7 @@ from rocrate.rocrate import ROCrate
 from small_book import BAD, GOOD, make
 
 from thesis_lib import files
-from thesis_lib.book import crate, downloads, entries, missing
+from thesis_lib.book import crate, downloads, missing, search_index
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.files import sha256
@@ -101,7 +101,8 @@ def test_research_object_reads_back_and_tells_every_run(whole):
 @pytest.mark.book
 def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
     made = small.root / f"{downloads.ARCHIVE}.zip"
-    again = downloads.archive(whole, tmp_path / "again.zip")
+    again = tmp_path / "again.zip"
+    downloads.pack_book(whole, again)
     assert again.read_bytes() == made.read_bytes()
     with zipfile.ZipFile(made) as packed:
         names = packed.namelist()
@@ -170,7 +171,7 @@ def test_whatever_of_a_book_is_damaged_is_made_anew(whole, small):
     after = contents(small.root / "build" / "html")
     assert set(after) == set(before)
     anew = {name for name in after if after[name] != before[name]}
-    anew -= {crate.NAME, entries.FILE}  # hold the dates of the sets, which ran again
+    anew -= {crate.NAME, search_index.FILE}  # hold the dates of the sets, which ran again
     assert all(GOOD in name or BAD in name for name in anew), anew
     with zipfile.ZipFile(small.root / f"build/{downloads.ARCHIVE}.zip") as packed:
         assert packed.testzip() is None

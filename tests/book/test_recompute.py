@@ -14,7 +14,7 @@ import pytest
 from browser import Opened, open_offline
 from refused import refusal
 
-from thesis_lib.book import rerun_form
+from thesis_lib.book import demos
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.parametric import compute
@@ -65,7 +65,7 @@ def atlas(name: str, **values: Any) -> str:
 @pytest.fixture(scope="module")
 def form(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("recompute") / "a form.html"
-    file.write_text(HEAD + rerun_form.page(), encoding="utf-8")
+    file.write_text(HEAD + demos.rerun_form_html(), encoding="utf-8")
     return file
 
 
@@ -505,6 +505,6 @@ def test_the_settings_are_those_of_the_facts() -> None:
     """What the page's settings are made from, against what the library makes them from."""
     assert set(COMPUTED) == {f"{s}-{k}" for s in ("beam", "plate") for k in (
         "distance", "aperture", "resolution", "arrays")}  # fmt: skip
-    facts = rerun_form.form_data()["here"]
+    facts = demos.form_data()["here"]
     assert facts["pairs"] == setups.pairs()
     assert set(facts["sets"]) == set(COMPUTED)

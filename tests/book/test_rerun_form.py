@@ -15,7 +15,7 @@ import yaml
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES
 
-from thesis_lib.book import rerun_form
+from thesis_lib.book import demos
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
@@ -173,7 +173,7 @@ def test_a_chapter_offers_what_its_sets_agree_in() -> None:
 
 
 def test_the_piece_stands_alone_and_is_small() -> None:
-    text = rerun_form.page()
+    text = demos.rerun_form_html()
     assert text.count("<script") == 1
     assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
     assert len(text) < 230_000
@@ -200,7 +200,7 @@ def document(fragment: str) -> str:
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("rerun") / "a form.html"
-    file.write_text(document(rerun_form.page()), encoding="utf-8")
+    file.write_text(document(demos.rerun_form_html()), encoding="utf-8")
     return file
 
 

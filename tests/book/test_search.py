@@ -12,9 +12,10 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 import axe
 from book.test_book_pages import BOOK, needs_book
 from browser import browser, find_browser, open_offline
+from lxml.html import document_fromstring
 from playwright.sync_api import Browser, Page
 
-from thesis_lib.book import entries
+from thesis_lib.book.search_index import index_page
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="no Chromium or Chrome on this machine"
@@ -187,7 +188,10 @@ def test_entries_are_what_a_page_says() -> None:
     <dl class="field-list"><dt>Returns</dt><dd>All.</dd></dl></dd></dl>
     <dl><dt id="term-a">a</dt><dd>First.</dd><dt id="term-b">b</dt><dd>Second.</dd></dl>
     </section></article>"""
-    found = [(e.kind, e.places, e.title, e.text, e.picture) for e in entries.of_page(page)]
+    found = [
+        (e.kind, e.places, e.title, e.text, e.picture)
+        for e in index_page(document_fromstring(page))
+    ]
     assert found == [
         ("section", ["beam", "old"], "Beam: b", "It bends. E 70 GPa", ""),
         ("equation", ["equation-eq-a"], "Equation (3)", "\\[a\\]", ""),
@@ -196,5 +200,4 @@ def test_entries_are_what_a_page_says() -> None:
         ("term", ["term-a"], "a", "First.", ""),
         ("term", ["term-b"], "b", "Second.", ""),
     ]
-    assert entries.of_page("<p>no article</p>") == []
-    assert "<script>" not in entries.script({"a.html": entries.of_page(page)})
+    assert index_page(document_fromstring("<p>no article</p>")) == []

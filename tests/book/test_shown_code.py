@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from thesis_lib.book import shown_code
+from thesis_lib.book import extension
 from thesis_lib.files import project_root
 
 PAGES = {page.stem: page.read_text(encoding="utf-8") for page in project_root().glob("book/*.md")}
@@ -37,7 +37,7 @@ def steps(code: CodeType, description: str | None) -> tuple[object, ...]:
 @pytest.mark.parametrize("name", sorted({name for _, name in SHOWN}))
 def test_what_is_shown_is_what_runs(name: str) -> None:
     shown = function(name)
-    text = shown_code.text(shown)
+    text = extension.read_source(shown)
     assert shown.__doc__
     assert shown.__doc__.splitlines()[0] not in text
     assert len(text.splitlines()) <= 25  # beside a formula, not in place of the library's page
@@ -57,6 +57,6 @@ def half(x: float) -> float:
 
 
 def test_a_doctored_text_is_seen() -> None:
-    assert shown_code.text(half) == "def half(x: float) -> float:\n    return x / 2"
+    assert extension.read_source(half) == "def half(x: float) -> float:\n    return x / 2"
     other = half.__code__.replace(co_consts=(None, 3))
     assert steps(half.__code__, "Half.") != steps(other, None)

@@ -451,7 +451,7 @@ def test_nobody_listening_is_no_failure(tmp_path, monkeypatch):
 
 
 def test_a_damaged_library_of_the_pages_is_installed_anew(tmp_path, monkeypatch):
-    book = pytest.importorskip("thesis_lib.book.site")
+    book = pytest.importorskip("thesis_lib.book.rendering")
     installed = []
 
     def npm(work: Path, *_: str) -> None:

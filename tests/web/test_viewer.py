@@ -337,7 +337,7 @@ def test_a_page_carries_the_panels_of_its_kind_only(kind: str) -> None:
     data = {"structure": {"kind": kind}, "cases": []}
     text = Viewer(data=data)._repr_mimebundle_()[0]["text/html"]
     assert re.findall(r"^KINDS\.(\w+) = ", text, re.MULTILINE) == [kind]
-    assert len(text) < 68_000
+    assert len(text) < 70_000
     assert len(re.findall(r"^KINDS\.\w+ = ", Viewer._esm, re.MULTILINE)) == 3
 
 

@@ -10,12 +10,14 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from thesis_lib.book import rerun_form
 from thesis_lib.book.explorer import explorer_data, explorer_html
 from thesis_lib.files import whole_text
+from thesis_lib.notebook.form import form_data
 from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, static_html
+from thesis_lib.web.viewer import FORM_CSS, form_esm
 
-WITHOUT = "This experiment needs JavaScript; the text below tells what it shows."
+WITHOUT = "This experiment needs JavaScript; the text below describes what it shows."
+FORM_WITHOUT = "This form needs JavaScript; `thesis list NAME` lists the same of a figure set."
 NAMES = ("rounding_marker", "rounding_point", "rounding_beam")
 
 
@@ -29,10 +31,16 @@ def html(name: str) -> str:
     return static_html(joined(name), css, traits, WITHOUT, prints=True)
 
 
+def rerun_form_html() -> str:
+    """Write the form with every parameter of every figure set as a self-contained fragment."""
+    state = {"form": form_data(), "page": True}
+    return static_html(form_esm("beam", "plate"), FORM_CSS, state, FORM_WITHOUT)
+
+
 PAGES: dict[str, Callable[[], str]] = {
     "explorer": explorer_html,
     "explorer-home": partial(explorer_html, "s=beam&m=3&t=4a-8", compact=True),
-    "rerun-form": rerun_form.page,
+    "rerun-form": rerun_form_html,
     **{name.replace("_", "-"): partial(html, name) for name in NAMES},
 }
 """Pieces of pages that depend on the library, and what is published, alone."""

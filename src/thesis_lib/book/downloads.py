@@ -1,26 +1,27 @@
-"""What the rendered book offers to download, and the book itself as one file."""
+"""Files that the rendered book offers to download, and the book itself as one zip file."""
 
 from __future__ import annotations
 
 import shutil
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from thesis_lib.book.site import swap
+from thesis_lib.book.crate import describe_book
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.files import staging, whole_file, whole_text
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs.postprocess import FOLDER
 
 ARCHIVE = "vibration-by-many-cameras"
-_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip can hold
-_PACKED = {".nc", ".png", ".webp", ".woff2", ".gz"}  # compressed already
+SAMPLE_REPORT = "sample-report.html"
+_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold
+_COMPRESSED = {".nc", ".png", ".webp", ".woff2", ".gz"}
 
 
-def tables(folder: Path, made: Iterable[Path]) -> None:
-    """Write the numbers of cubes, and of their figures in a folder of each, as tables."""
-    for path in made:
+def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
+    """Write the numbers of cubes, and of their figures in a folder of each, as CSV files."""
+    for path in cubes:
         cube = cube_file.read(path)
         errors = plotted.errors_table(cube)
         whole_text(folder / f"{path.stem}.csv", plotted.as_csv(errors))
@@ -30,21 +31,25 @@ def tables(folder: Path, made: Iterable[Path]) -> None:
                 table = plotted.figure_table(cube, errors, case, mode)
                 whole_text(new / f"{name}.csv", plotted.as_csv(table))
             if new.is_dir():
-                swap(new, folder / path.stem)
+                replace_folder(new, folder / path.stem)
 
 
-def fill(book: Path, made: Iterable[Path], numbers: Path) -> None:
-    """Put cubes, and their numbers as :func:`tables` wrote them, into a rendered book."""
+def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> None:
+    """Put cubes, their tables, the sample report and a description into a rendered book."""
+    tables, report = root / "build" / "tables", root / "book" / "executed" / SAMPLE_REPORT
     (book / FOLDER).mkdir(exist_ok=True)
-    for path in made:
-        if (numbers / path.stem).is_dir():  # its figures have tables of their own
-            shutil.copytree(numbers / path.stem, book / FOLDER / path.stem)
-        for file in (numbers / f"{path.stem}.csv", path):
+    for _, cube in made:
+        if (tables / cube.stem).is_dir():  # its figures have tables of their own
+            shutil.copytree(tables / cube.stem, book / FOLDER / cube.stem)
+        for file in (tables / f"{cube.stem}.csv", cube):
             shutil.copyfile(file, book / FOLDER / file.name)
+    describe_book(book, made)
+    if report.is_file():
+        shutil.copyfile(report, book / SAMPLE_REPORT)
 
 
-def archive(book: Path, place: Path) -> Path:
-    """Pack a rendered book into one zip file `place`; the same book gives the same bytes."""
+def pack_book(book: Path, place: Path) -> None:
+    """Pack a rendered book into one zip file; the same book gives the same bytes."""
 
     def pack(part: Path) -> None:
         with zipfile.ZipFile(part, "w") as packed:
@@ -52,9 +57,21 @@ def archive(book: Path, place: Path) -> Path:
             for name, path in sorted(inside.items()):
                 entry = zipfile.ZipInfo(f"{ARCHIVE}/{name}", _DATE)
                 entry.create_system, entry.external_attr = 3, 0o100644 << 16  # everywhere alike
-                kept = path.suffix in _PACKED
-                entry.compress_type = zipfile.ZIP_STORED if kept else zipfile.ZIP_DEFLATED
+                stored = path.suffix in _COMPRESSED
+                entry.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
                 packed.writestr(entry, path.read_bytes(), compresslevel=6)
 
     whole_file(place, pack)
-    return place
+
+
+def replace_folder(new: Path, target: Path) -> None:
+    """Put the folder `new` in the place of `target`, by renaming within one file system."""
+    old = new.with_name("old")
+    if target.exists():
+        target.rename(old)
+    try:
+        new.rename(target)
+    except OSError:
+        if old.exists():
+            old.rename(target)
+        raise

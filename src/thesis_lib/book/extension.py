@@ -1,157 +1,154 @@
-"""What Sphinx does otherwise for this book; ``_config.yml`` names this module."""
+"""The Sphinx extension of the book: a directive, page titles and descriptions, two docstring fixes.
+
+``_config.yml`` names this module among the extensions.
+"""
 
 from __future__ import annotations
 
+import ast
+import gc
+import inspect
 import re
-from functools import partial
+from collections import Counter
+from collections.abc import Callable
+from html import escape, unescape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from docutils import nodes
-from sphinx.addnodes import toctree
+from sphinx.util.docutils import SphinxDirective
 
-from thesis_lib.book import writing
-from thesis_lib.book.shown_code import ShownCode
-from thesis_lib.files import digest_of
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.files import project_root
 
+MAX_DESCRIPTION_LENGTH = 200
+_BINDER = "https://mybinder.org/v2"
 _BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
-
-_NUMBERED = (
-    toctree, nodes.section, nodes.figure, nodes.table, nodes.container, nodes.literal_block,
-    nodes.math_block,
-)  # fmt: skip
+_NO_EXPRESSION = re.compile(r"<(?:[^<>]|<\w+>)*>")
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Connect all of it."""
-    app.add_directive("computed-by", ShownCode)
-    app.connect("env-get-outdated", _edited)
-    app.connect("env-before-read-docs", _two_at_a_time)
-    app.connect("doctree-read", _keep_bones)
-    app.connect("env-get-updated", partial(_number_by, whole=False), priority=0)
-    app.connect("env-get-updated", partial(_number_by, whole=True), priority=900)
-    app.connect("env-updated", _remember)
-    app.connect("write-started", _shorten_margin)
-    app.connect("html-page-context", _tell_apart)
-    app.connect("autodoc-process-docstring", _keep_bars)
-    app.connect("autodoc-process-signature", _keep_readable)
-    return writing.setup(app)
+    """Connect the directive and the event handlers to Sphinx."""
+    gc.set_threshold(1_000_000, 50, 1000)  # the trees of all pages stay: saves a third of the time
+    app.add_directive("computed-by", ComputedBy)
+    app.connect("builder-inited", _load_mathjax)
+    app.connect("html-page-context", _describe_page)
+    app.connect("html-page-context", _add_binder_button, priority=600)  # after the theme's buttons
+    app.connect("autodoc-process-docstring", _escape_bars)
+    app.connect("autodoc-process-signature", _shorten_defaults)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def _edited(_app: Any, env: Any, _added: Any, changed: set[str], removed: set[str]) -> list[str]:
-    """Pages that do not hold what they held when they were read: contents count, not dates."""
-    known: dict[str, str] = getattr(env, "thesis_contents", {})
-    there = known.keys() - removed
-    same = {page for page in there if known[page] == _contents(env, page)}
-    changed -= same - env.reread_always  # nor those of files that were written alike
-    return sorted(there - same)
+class ComputedBy(SphinxDirective):
+    """Show the source of a function, folded: ``{computed-by} vision.rounding.estimate``."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Parse the Markdown of the folded source text."""
+        full = f"thesis_lib.{self.arguments[0]}"
+        module, _, name = full.rpartition(".")
+        try:
+            function = getattr(import_module(module), name)
+        except (ImportError, AttributeError):
+            raise self.error(f"computed-by: the library has no {full}") from None
+        self.env.note_dependency(str(Path(inspect.getfile(function)).relative_to(project_root())))
+        return self.parse_text_to_nodes(
+            f"::::{{dropdown}} In code: `{name}`\n:class-container: tl-code\n\n"
+            f"{{py:func}}`{full}`, without its description:\n\n"
+            f"```python\n{read_source(function)}\n```\n::::\n"
+        )
 
 
-def _two_at_a_time(app: Any, _env: Any, _pages: list[str]) -> None:
-    """Let pages be read so: this extension does not say that it numbers sections afterwards."""
-    app.extensions["sphinx_multitoc_numbering"].parallel_read_safe = True
+def read_source(function: Callable[..., Any]) -> str:
+    """Return the source text of a function without its docstring."""
+    source = inspect.getsource(function)
+    first, *rest = ast.parse(source).body[0].body  # type: ignore[attr-defined]
+    lines = source.splitlines()
+    if rest and isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+        del lines[first.lineno - 1 : first.end_lineno]
+    return "\n".join(line for line in lines if line.strip()).strip()
 
 
-def _remember(_app: Any, env: Any) -> list[str]:
-    env.thesis_contents = {page: _contents(env, page) for page in env.all_docs}
-    return []
+def _load_mathjax(app: Any) -> None:
+    """Load MathJax in the single page, where Sphinx does not notice that it is needed."""
+    if app.builder.name == "singlehtml":
+        app.set_html_assets_policy("always")
 
 
-def _contents(env: Any, page: str) -> str:
-    """Digest of a page and of all files that went into it."""
-    into = [env.doc2path(page), *(Path(env.srcdir, one) for one in env.dependencies.get(page, ()))]
-    return digest_of(sorted(set(map(Path, into))))
+def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any) -> None:
+    """Give a page a unique title, a description and a card for where it is shared.
 
-
-def _keep_bones(app: Any, tree: nodes.document) -> None:
-    """Keep of a page what can be numbered in the book, which counts through all pages."""
-    app.env.metadata[app.env.docname]["thesis_bones"] = nodes.Element("", *_bones(tree))
-
-
-def _bones(node: nodes.Element) -> list[nodes.Element]:
-    """What in a node can be numbered; copies would hold the whole page."""
-    found: list[nodes.Element] = []
-    for part in node:
-        if isinstance(part, nodes.caption | nodes.title):
-            found.append(type(part)("", part.astext()))
-        elif isinstance(part, nodes.Element):
-            inside, own = _bones(part), isinstance(part, _NUMBERED)
-            if inside or own:
-                bone = type(part)(**part.attributes) if own else nodes.Element()
-                bone += inside
-                found.append(bone)
-    return found
-
-
-def _number_by(_app: Any, env: Any, *, whole: bool) -> list[str]:
-    """Let Sphinx number figures and equations by the bones of pages: reading all takes seconds."""
-    if whole:
-        del env.get_doctree
-    else:
-        env.get_doctree = lambda page: env.metadata[page]["thesis_bones"]
-    return []
-
-
-def _shorten_margin(app: Any, _builder: Any) -> None:
-    """Make the contents in the margin from titles alone.
-
-    The theme drops headings there, but only after each page has copied those of all pages.
+    Pages with the same title are named after the page above them: *The beam: distance*.
     """
     env = app.env
-    titles = {page: _without_headings(contents) for page, contents in env.tocs.items()}
+    if page not in env.titles:
+        return
+    titles = {name: title.astext() for name, title in env.titles.items()}
+    count = Counter(titles.values())
 
-    def shorten(_app: Any, _page: str, _template: str, context: Any, _tree: Any) -> None:
-        whole = context["toctree"]
-
-        def margin(**options: Any) -> str:
-            env.tocs, kept = titles, env.tocs
-            try:
-                return str(whole(**options))
-            finally:
-                env.tocs = kept
-
-        context["toctree"] = margin
-
-    app.connect("html-page-context", shorten, priority=0)
-
-
-def _tell_apart(app: Any, page: str, _template: str, context: Any, _tree: Any) -> None:
-    """Call a page whose title others have, too, after the page above it: *The beam: distance*."""
-    env = app.env
-
-    def title(name: str) -> str:
-        own = {one: env.titles[one].astext() for one in env.titles}
+    def name_page(name: str) -> str:
         above = next((one for one, below in env.toctree_includes.items() if name in below), "")
-        if list(own.values()).count(own[name]) < 2 or above in ("", env.config.root_doc):
-            return own[name]
-        return f"{own[above]}: {own[name][0].lower()}{own[name][1:]}"
+        title = titles[name]
+        if count[title] < 2 or above in ("", env.config.root_doc):
+            return title
+        return f"{titles[above]}: {title[0].lower()}{title[1:]}"
 
-    if page in env.titles:
-        context["title"] = title(page)
-        files = {app.builder.get_relative_uri(page, name): name for name in env.titles}
-        for way in ("prev", "next"):
-            if context.get(way):
-                context[way]["title"] = title(files[context[way]["link"]])
+    context["title"] = name_page(page)
+    files = {app.builder.get_relative_uri(page, name): name for name in titles}
+    for direction in ("prev", "next"):
+        if context.get(direction):
+            context[direction]["title"] = name_page(files[context[direction]["link"]])
+
+    paragraphs = tree.findall(nodes.paragraph) if tree else ()
+    first = next((one.astext() for one in paragraphs if one.astext().strip()), "")
+    description = " ".join(first.split()) or unescape(context["title"])
+    if len(description) > MAX_DESCRIPTION_LENGTH:
+        description = description[:MAX_DESCRIPTION_LENGTH].rpartition(" ")[0] + " …"
+    root = "../" * page.count("/")
+    tags = [
+        ("name", "description", description),
+        ("property", "og:type", "article"),
+        ("property", "og:title", unescape(context["title"])),
+        ("property", "og:description", description),
+        ("property", "og:image", f"{root}_static/card.png"),
+        ("name", "twitter:card", "summary_large_image"),
+    ]
+    for kind, name, text in tags:
+        context["metatags"] += f'\n<meta {kind}="{name}" content="{escape(text)}"/>'
 
 
-def _without_headings(contents: nodes.bullet_list) -> nodes.bullet_list:
-    """A page's own contents cut to its title and the pages below it."""
-    short = contents.copy()
-    for item in contents:
-        title = item.copy()
-        title += [part.deepcopy() for part in item if not isinstance(part, nodes.bullet_list)]
-        if pages := [tree.deepcopy() for tree in item.findall(toctree)]:
-            title += nodes.bullet_list("", *pages)
-        short += title
-    return short
+def _add_binder_button(app: Any, page: str, _template: str, context: Any, _tree: Any) -> None:
+    """Offer to run a figure set's notebook on Binder if ``_config.yml`` names a repository."""
+    name = page.rpartition("/")[2]
+    options = app.config.html_theme_options
+    address = str(options.get("repository_url") or "").rstrip("/").removesuffix(".git")
+    if not address or name not in STUDIES:
+        return
+    branch = options.get("repository_branch") or "main"
+    _, github, path = address.partition("https://github.com/")
+    place = f"gh/{path}" if github else f"git/{quote(address, safe='')}"
+    button = {
+        "type": "link",
+        "url": f"{_BINDER}/{place}/{branch}?urlpath=lab/tree/notebooks/{name}.ipynb",
+        "text": "",
+        "tooltip": "Run on Binder",
+        "icon": "fa-solid fa-rocket",
+        "label": "binder-button",
+    }
+    context.setdefault("header_buttons", []).append(button)
 
 
-def _keep_bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: Any) -> None:
-    """Read ``|w|`` in a docstring as an absolute value: substitutions are not used there."""
+def _escape_bars(
+    _app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]
+) -> None:
+    """Read ``|w|`` in a docstring as an absolute value, not as a substitution."""
     lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
 
 
-def _keep_readable(*event: Any) -> tuple[str, str]:
-    """Write a default that is no expression, like ``<function f>``, as dots."""
+def _shorten_defaults(*event: Any) -> tuple[str, str]:
+    """Write a default that is no expression, such as ``<function f>``, as dots."""
     *_, signature, returns = event
-    return re.sub(r"<(?:[^<>]|<\w+>)*>", "...", signature or ""), returns
+    return _NO_EXPRESSION.sub("...", signature or ""), returns

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from thesis_lib import files
-from thesis_lib.book.conformance import report as conformance
+from thesis_lib.book import conformance
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.registry import STUDIES

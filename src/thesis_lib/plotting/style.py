@@ -26,6 +26,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLo
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
+from thesis_lib.plotting.panel_boxes import find_panels
 
 # Okabe and Ito's palette: told apart with any colour vision, mid-tone on white and on black.
 COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
@@ -50,8 +51,6 @@ STYLE: Any = {
     "svg.hashsalt": "thesis",  # the same picture gives the same bytes
     "text.parse_math": False,  # a dollar in a reader's name is a dollar
 }
-BELOW = "below"
-"""What the name of a panel begins with that goes with the one above it, also on a phone."""
 POWERS = {"text.parse_math": True}
 """For figures with powers of ten at their axes, and without a reader's words."""
 
@@ -176,9 +175,13 @@ def saved(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
     without: Mapping[str, None] = {"svg": {"Date": None}, "png": {"Software": None}}[kind]
     content = io.BytesIO()
     with in_style(changed):
+        panels = ""
         if kind == "svg":
             _lay_out(figure)
+            panels = find_panels(figure)
         figure.savefig(content, format=kind, metadata=dict(without), **how)
+    if panels:  # the book shows them one below the other on a phone
+        return content.getvalue().replace(b"<svg ", f'<svg data-panels="{panels}" '.encode(), 1)
     return content.getvalue()
 
 

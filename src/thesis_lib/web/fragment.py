@@ -23,7 +23,8 @@ def asset(name: str) -> str:
     return (ASSETS / name).read_text(encoding="utf-8")
 
 
-VIEWER_CSS = asset("viewer.css")
+COLOURS_CSS = asset("colours.css")
+VIEWER_CSS = COLOURS_CSS + asset("viewer.css")
 _INDENT = re.compile(r"^[ \t]+(?://.*\n)?|^//.*\n", re.MULTILINE)  # and lines of comment
 WITHOUT = "This viewer needs JavaScript; the figures below show the same results."
 _FRAGMENT = """\

@@ -1,6 +1,6 @@
 """Self-contained pages: an executed notebook, or a list of links, as one HTML file.
 
-It is for a single run; the book is rendered by :mod:`thesis_lib.book.site`.
+It is for a single run; the book is rendered by :mod:`thesis_lib.book.rendering`.
 """
 
 from __future__ import annotations

@@ -22,10 +22,10 @@ from thesis_lib.ledger.entries import Entry, from_cube
 from thesis_lib.ledger.series import RESAMPLES
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, WIDER, WIDER_BELOW_10
 from thesis_lib.templates import render
-from thesis_lib.web.fragment import asset, joined, plain, static_html
+from thesis_lib.web.fragment import COLOURS_CSS, asset, joined, plain, static_html
 
 _ESM = joined("ledger")
-_CSS = asset("ledger.css")
+_CSS = COLOURS_CSS + asset("ledger.css")
 WITHOUT = "This table needs JavaScript; `thesis claims` prints the same."
 KINDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
 _IMPORTANCE = ("differs", "undefined", UNCHANGED, "within scatter", "agrees")

@@ -2,7 +2,7 @@
 import { asked, keep } from "./address.js";
 import { MARGIN, frame } from "./chart.js";
 import { linkButton } from "./copy.js";
-import { figure, fill, fixed, html, path, svg, text, ticks } from "./parts.js";
+import { button, figure, fill, fixed, html, path, svg, text, ticks } from "./parts.js";
 
 export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const rms = (values) => Math.sqrt(values.reduce((sum, value) => sum + value * value, 0) / values.length);
@@ -28,11 +28,7 @@ export function slider(words, [low, high], step, digits, unit, read, write) {
     fill(box, { "aria-valuetext": shown.textContent });
   } };
 }
-export function button(words, onClick) {
-  const node = html("button", { type: "button", class: "tl-play" }, words);
-  node.addEventListener("click", onClick);
-  return { node, refresh() {} };
-}
+export const action = (words, onClick) => ({ node: button(words, { class: "tl-play" }, onClick), refresh() {} });
 
 // An experiment in `el`: `controls` as above, figures by their letters, and `draw(figures, width)`, which returns what is said
 // below and may ask for one more frame by `request`.

@@ -8,7 +8,7 @@ import createShapes from "./explorer_shapes.js";
 import { keep } from "./address.js";
 import { copyButton, linkButton } from "./copy.js";
 import { createImage, createMotion } from "./motion.js";
-import { fill, html, isNumber, show } from "./parts.js";
+import { button, field, fill, html, isNumber, options, select, show } from "./parts.js";
 
 export default (() => {
   const { KEYS, MOST, TRIALS, apart, band, compute, fromAddress, isLayout, limits, refused, setupOf, sixteenToNine,
@@ -20,11 +20,6 @@ export default (() => {
   const percent = (value) => (isNumber(value) ? `${show(value)}\u00a0%` : "–");
   const bandText = ([median, low, high]) =>
     (isNumber(median) ? `${show(median)} (${show(low)}–${show(high)})\u00a0%` : "–");
-  const button = (words, label, onClick) => {
-    const node = html("button", { type: "button", "aria-label": label }, words);
-    node.addEventListener("click", onClick);
-    return node;
-  };
 
   function render({ model: traits, el }) {
     const { structures, colors, colormap, sensor_width_mm: sensorWidth } = traits.get("data");
@@ -72,8 +67,7 @@ export default (() => {
     } else if (onPage) bottom.append(...linkButton(settle));
 
     // --- controls
-    const field = (label, node, cls = "") =>
-      controls.append(html("label", { class: `tl-field ${cls}` }, html("span", {}, label), node));
+    const add = (label, node, cls = "") => controls.append(field(label, node, { class: `tl-field ${cls}` }));
     function choice(legend, key, options, write) { // one of a few, side by side
       const group = html("div", { class: "tl-modes" }, ...options.map(([value, words]) => {
         const input = html("input", { type: "radio", name: `${uid}-${key}`, value });
@@ -84,10 +78,9 @@ export default (() => {
       fields.push(() => { group.querySelector(`[value="${app.state[key]}"]`).checked = true; });
       return group;
     }
-    function select(label, options, read, write, cls) {
-      const box = html("select", {}, ...options.map(([value, words]) => html("option", { value }, words)));
-      box.addEventListener("change", () => write(box.value));
-      field(label, box, cls);
+    function choose(label, pairs, read, write, cls) {
+      const box = select(pairs, {}, write);
+      add(label, box, cls);
       fields.push(() => { box.value = read(); });
       return box;
     }
@@ -107,7 +100,7 @@ export default (() => {
     }
     function number(what, unit, read, key, write, cls) {
       const [box, refresh] = numeric(what, unit, read, () => limits(app.state, app.structure)[key], write, { min: 0 });
-      field(`${what} (${unit.trim()})`, box, cls);
+      add(`${what} (${unit.trim()})`, box, cls);
       fields.push(refresh);
     }
     choice("Structure", "s", [["beam", "Beam"], ["plate", "Plate"]], (s) => {
@@ -115,19 +108,19 @@ export default (() => {
       update({ s, d, w, c, ...(app.state.a === app.structure.reading.a ? { a: other.reading.a } : {}) });
     });
     const modes = choice("Mode", "m", [[1, "1"], [2, "2"], [3, "3"]], (m) => update({ m }));
-    const setupBox = select("Setup of the thesis", [], () => setup?.id ?? "", (t) => {
+    const setupBox = choose("Setup of the thesis", [], () => setup?.id ?? "", (t) => {
       const { d, w, c } = app.structure.setups.find(({ id }) => id === t) ?? app.state;
       update({ d, w, c, ...(t ? { t, ...app.structure.reading } : {}) });
     });
     const common = () => WIDTHS.find((width) => `${sixteenToNine(width)}` === `${app.state.w}`);
-    select("Pixels", [...WIDTHS.map((width) => [width, sixteenToNine(width).join(" × ")]), ["", "other"]],
+    choose("Pixels", [...WIDTHS.map((width) => [width, sixteenToNine(width).join(" × ")]), ["", "other"]],
       () => (!free && common()) || "",
       (width) => { free = !width; update(width ? { w: sixteenToNine(Number(width)) } : {}); });
     ["Width", "Height"].forEach((label, i) => number(label, " px", () => app.state.w[i], "w",
       (value) => update({ w: app.state.w.map((old, n) => (n === i ? Math.round(value) : old)) }), "tl-ex-size"));
     for (const [label, key] of [["Focal length", "f"], ["Distance", "d"], ["Amplitude", "a"]])
       number(label, " mm", () => app.state[key], key, (value) => update({ [key]: value }), "tl-ex-more");
-    select("Rest position", [["rebuilt", "rebuilt too"], ["known", "known"]], () => app.state.r, (r) => update({ r }), "tl-ex-more");
+    choose("Rest position", [["rebuilt", "rebuilt too"], ["known", "known"]], () => app.state.r, (r) => update({ r }), "tl-ex-more");
 
     // --- cameras by number
     function buildList() {
@@ -140,15 +133,15 @@ export default (() => {
         return box;
       };
       const rows = c.map((_, i) => html("div", { class: "tl-ex-camera", style: app.tint(i) }, html("b", {}, `${i + 1}`),
-        angle(i, 0), angle(i, 1), button("×", `Remove camera ${i + 1}`, () => remove(i))));
-      list.replaceChildren(...rows, button("+ camera", "Add a camera", add));
+        angle(i, 0), angle(i, 1), button("×", { "aria-label": `Remove camera ${i + 1}` }, () => remove(i))));
+      list.replaceChildren(...rows, button("+ camera", { "aria-label": "Add a camera" }, addCamera));
       list.querySelectorAll("button").forEach((node, i) => {
         node.disabled = i < c.length ? c.length <= 2 : c.length >= MOST;
       });
       if (here) list.lastChild.focus({ preventScroll: true });
       return () => refreshers.forEach((refresh) => refresh());
     }
-    function add() { // where there is most room
+    function addCamera() { // where there is most room
       const places = [10, 30, 55, 80].flatMap((e) => Array.from({ length: 24 }, (_, i) => [15 * i - 180, e]));
       const room = (one) => Math.min(...app.state.c.map((two) => apart(one, two)));
       update({ c: [...app.state.c, places.reduce((best, one) => (room(one) > room(best) + 1e-9 ? one : best))] });
@@ -161,7 +154,7 @@ export default (() => {
       setupBox.replaceChildren(html("option", { value: "" }, "own layout"), ...cases.map((name) => {
         const those = setups.filter((one) => one.case === name);
         return html("optgroup", { label: `${name} – ${those[0].title}` },
-          ...those.map(({ id, label }) => html("option", { value: id }, `${name}: ${label}`)));
+          ...options(those.map(({ id, label }) => [id, `${name}: ${label}`])));
       }));
       modes.querySelectorAll("small").forEach((note, i) => { note.textContent = ` ${show(hertz[i])} Hz`; });
       shapes.build();

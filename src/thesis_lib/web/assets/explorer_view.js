@@ -4,14 +4,12 @@ import model from "./explorer_model.js";
 import states from "./explorer_state.js";
 import { bent } from "./motion.js";
 import { fill, lines, path, svg, text } from "./parts.js";
+import { SQUARE, dot, plus, times, trace } from "./space.js";
 
 export default (app) => {
   const STEP = 0.5; // degrees, of a dragged camera, and its least elevation
-  const SQUARE = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
   const { toward, radians, within } = states, sight = { azimuth: 158, elevation: 33 };
-  const times = (v, k) => v.map((c) => c * k), plus = (v, k, u) => v.map((c, i) => c + k * u[i]);
-  const dot = (u, v) => u.reduce((sum, c, i) => sum + c * v[i], 0);
-  const trace = (point, steps) => Array.from({ length: steps + 1 }, (_, i) => point(i / steps));
+  const moved = (v, k, u) => plus(v, times(u, k));
   const scene = svg("g"), shape = path("tl-mesh"), cameras = svg("g");
   const node = svg("svg", { class: "tl-ex-view", role: "group", tabindex: 0,
     "aria-label": "The cameras around the structure; arrow keys turn the view" }, scene, shape, cameras);
@@ -51,7 +49,7 @@ export default (app) => {
     [...cameras.children].forEach((group, i) => {
       const tip = toward(state.c[i]), [x, y] = model.hemisphereRotation(...radians(state.c[i]));
       const base = SQUARE.map(([u, v]) =>
-        plus(plus(times(tip, 1 - depth), spread * u, x), (spread * v * state.w[1]) / state.w[0], y));
+        moved(moved(times(tip, 1 - depth), spread * u, x), (spread * v * state.w[1]) / state.w[0], y));
       const ray = [tip, [0, 0, 0]], stem = [tip, [tip[0], tip[1], 0]];
       const edges = base.map((corner) => lines([tip, corner].map(flat))).join("");
       [lines(ray.map(flat)), lines(stem.map(flat)), lines(base.map(flat), "Z"), edges].forEach((d, n) =>
@@ -92,7 +90,7 @@ export default (app) => {
     const off = Math.hypot(a, b), depth = Math.sqrt(Math.max(0, 1 - off * off));
     if (off > 1 && !drag.beyond) drag.side *= -1;
     drag.beyond = off > 1;
-    const v = plus(plus(times(right, a / Math.max(1, off)), b / Math.max(1, off), down), drag.side * depth, forward);
+    const v = moved(moved(times(right, a / Math.max(1, off)), b / Math.max(1, off), down), drag.side * depth, forward);
     const degrees = (angle) => Math.round((angle * 180) / Math.PI / STEP) * STEP;
     turn(drag.camera, degrees(Math.atan2(v[0], v[1])), degrees(Math.asin(within(v[2], [0, 1]))));
   }

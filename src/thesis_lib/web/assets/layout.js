@@ -2,8 +2,8 @@
 // Front end of thesis_lib.planning.layout_view in the form that static_html runs.
 import { asked, keep } from "./address.js";
 import { linkButton } from "./copy.js";
-import { figure, fill, followWidth, heightOf, html, lines, path, resize, svg, text } from "./parts.js";
-import { RAD, baseOf, cross, direction, dot, plus, sideways, times, trace, turnable } from "./space.js";
+import { field, figure, fill, followWidth, heightOf, html, lines, options, path, resize, select, svg, text } from "./parts.js";
+import { RAD, baseOf, direction, dot, orbit, plus, times, trace, turnable } from "./space.js";
 
 const SHOWN = ["azimuth", "elevation", "distance", "focal length", "pixels"];
 // Rows of a CSV with a header, as objects.
@@ -21,24 +21,18 @@ function render({ model, el }) {
     controls, words, panel.node, html("div", { class: "tl-scroll", tabindex: 0 }, table), link);
   let width = 480, plan, option;
 
-  function select(label, testid, onChange) {
-    const box = html("select", { "data-testid": testid });
-    box.addEventListener("change", () => {
-      onChange(Number(box.value));
-      remember();
-    });
-    const field = html("label", { class: "tl-field" }, html("span", {}, label), box);
-    controls.append(field);
-    const put = (names, value) => {
-      box.replaceChildren(...names.map((name, i) => html("option", { value: i }, name)));
-      box.value = value;
-    };
-    return { box, field, put };
+  const choice = (testid, choose) => select([], { "data-testid": testid }, (value) => {
+    choose(Number(value));
+    remember();
+  });
+  function put(box, names, value) {
+    box.replaceChildren(...options(Object.entries(names)));
+    box.value = value;
   }
-  const which = select("Plan", "plan", choosePlan), of = select("Cameras", "option", chooseOption);
-  which.put(plans.map(({ name }) => name), 0);
-  which.field.hidden = plans.length < 2;
-  controls.append(...linkButton(remember));
+  const which = choice("plan", choosePlan), of = choice("option", chooseOption);
+  put(which, plans.map(({ name }) => name), 0);
+  const known = plans.length > 1 ? [field("Plan", which)] : [];
+  controls.append(...known, field("Cameras", of), ...linkButton(remember));
 
   function remember() {
     keep(["plan", "option"], new URLSearchParams({ plan: plans.indexOf(plan) + 1, option: plan.options.indexOf(option) + 1 }));
@@ -46,7 +40,7 @@ function render({ model, el }) {
 
   function choosePlan(i, first = plans[i].chosen) {
     plan = plans[i];
-    of.put(plan.options.map(({ label }) => label), first);
+    put(of, plan.options.map(({ label }) => label), first);
     chooseOption(first);
   }
   function chooseOption(i) {
@@ -71,12 +65,11 @@ function render({ model, el }) {
     const every = plan.options.flatMap(placesOf);
     const all = [...every, ...outline.map(away)], heights = [0, ...all.map((v) => v[2])];
     const radius = Math.max(...all.map(([x, y]) => Math.hypot(x, y))), [low, high] = [Math.min(...heights), Math.max(...heights)];
-    const viewer = direction(view.azimuth, view.elevation), right = sideways(view.azimuth), up = cross(viewer, right);
     const sine = Math.abs(Math.sin(view.elevation * RAD)), cosine = Math.cos(view.elevation * RAD);
     const tall = 2 * radius * sine + (high - low) * cosine; // of the upright cylinder around all
     const unit = Math.min((width - 70) / (2 * radius), (height - 60) / tall);
     const middle = height / 2 + (unit * cosine * (high + low)) / 2;
-    const flat = (v) => [width / 2 + unit * dot(v, right), middle - unit * dot(v, up)];
+    const { viewer, flat } = orbit(view, unit, [width / 2, middle]);
     const line = (cls, points, end, style) => path(cls, lines(points.map(flat), end), { style });
 
     scene.push(...[0.5, 1].map((r) => line("tl-wire", trace((t) => times(direction(360 * t, 0), r * radius)))));
@@ -107,7 +100,7 @@ function render({ model, el }) {
   const given = (name, count) => [...Array(count).keys()].findIndex((i) => `${i + 1}` === asked(name));
   const first = Math.max(0, given("plan", plans.length)), chosen = given("option", plans[first].options.length);
   choosePlan(first, chosen < 0 ? undefined : chosen);
-  which.box.value = first;
+  which.value = first;
   return followWidth(root, panel.node, width, (now) => { width = now; draw(); });
 }
 

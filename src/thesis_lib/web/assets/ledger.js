@@ -3,7 +3,7 @@
 // kernel. One expression, so that its names stay apart from the viewer's, whose parts share this folder.
 import { asked, keep } from "./address.js";
 import { copyButton, linkButton } from "./copy.js";
-import { fill, html, svg } from "./parts.js";
+import { button, fill, html, options, svg } from "./parts.js";
 
 export default (() => {
   // A mark for each verdict, told apart by shape first; the order is that of sorting and of the count.
@@ -35,11 +35,6 @@ export default (() => {
     ratio: (a, b) => a.ratio - b.ratio,
   };
 
-  const button = (attributes, words, onClick) => {
-    const node = html("button", { type: "button", ...attributes }, words);
-    node.addEventListener("click", onClick);
-    return node;
-  };
   const plain = (words) => words.replace(/\s+/g, " ").trim().toLowerCase(); // also of no-break spaces
 
   function link(words, href) {
@@ -76,8 +71,8 @@ export default (() => {
   function claimOf(row, widest) {
     const body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
     const word = row.note_href ? "why" : row.note ? "note" : "more"; // in the name, too, for those who speak to the browser
-    const toggle = button({ "aria-expanded": false, "aria-label": `${word} about ${row.place}: ${row.what}` },
-      word, () => {
+    const toggle = button(word, { "aria-expanded": false, "aria-label": `${word} about ${row.place}: ${row.what}` },
+      () => {
         const open = toggle.getAttribute("aria-expanded") === "true";
         const second = body.rows[1] ?? body.appendChild(secondLine(row));
         second.hidden = open;
@@ -105,7 +100,7 @@ export default (() => {
     const count = html("p", { class: "tl-ledger-count", "aria-live": "polite" });
     const boxes = {}; // a select per filter, and the search
     const heads = {};
-    const more = button({ class: "tl-ledger-fold", "aria-expanded": false }, "", () => { unfolded = !unfolded; apply(); });
+    const more = button("", { class: "tl-ledger-fold", "aria-expanded": false }, () => { unfolded = !unfolded; apply(); });
     let claims = [], folded = new Set(), unfolded = false; // the last ones, and whether they are shown
     let table = null, linked = null, sorted = { column: null, sign: 1 };
 
@@ -185,15 +180,14 @@ export default (() => {
       boxes[name] = node;
       return html("label", { class: `tl-ledger-${name}` }, html("span", {}, label), node);
     }
-    function select([name, label], i) {
+    function filter([name, label], i) {
       const values = [...new Set(claims.flatMap((claim) => claim.values[i]))].filter(Boolean);
       values.sort(name === "verdict" ? (a, b) => rank(a) - rank(b) : compare);
-      const options = values.map((value) => html("option", { value }, value));
-      return control(name, label, html("select", {}, html("option", { value: "" }, "all"), ...options));
+      return control(name, label, html("select", {}, ...options([["", "all"], ...values.map((value) => [value, value])])));
     }
     function head([name, label]) {
       const node = html("th", { role: "columnheader", class: `tl-ledger-${name}`, "data-label": label });
-      node.append(SORTS[name] ? button({}, label, () => { sort(...nextSort(name)); writeAddress(); }) : html("span", {}, label));
+      node.append(SORTS[name] ? button(label, {}, () => { sort(...nextSort(name)); writeAddress(); }) : html("span", {}, label));
       if (SORTS[name]) fill(heads[name] = node, { "aria-sort": "none" }, []);
       return node;
     }
@@ -207,8 +201,8 @@ export default (() => {
       folded = new Set(claims.slice(claims.length - (model.get("data").folded ?? 0)));
       if (!claims.length) return root.replaceChildren("No claims to show.");
       const controls = html("div", { class: "tl-ledger-controls", role: "group", "aria-label": "Filters" },
-        ...FILTERS.map(select), control("search", "Search", html("input", { type: "search" })),
-        button({}, "Reset", () => {
+        ...FILTERS.map(filter), control("search", "Search", html("input", { type: "search" })),
+        button("Reset", {}, () => {
           for (const box of Object.values(boxes)) box.value = "";
           sort(null, 1);
           change();

@@ -1,8 +1,8 @@
 // A measured shape that moves in space, in colours by deflection, with the uncertainty of each marker as a whisker.
 // Front end of thesis_lib.measure.report.view in the form that static_html runs.
 import { createMotion } from "./motion.js";
-import { figure, fill, fixed, followWidth, html, lines, path, resize, svg, text } from "./parts.js";
-import { RAD, cross, direction, dot, sideways, times, turnable } from "./space.js";
+import { field, figure, fill, fixed, followWidth, html, lines, path, resize, svg, text } from "./parts.js";
+import { RAD, dot, orbit, times, turnable } from "./space.js";
 
 const RISE = 0.14, STRONGEST = 3; // of the extent, as which the largest deflection is drawn; and what that may be multiplied by
 
@@ -13,7 +13,6 @@ function render({ model, el }) {
   const panel = figure("a", svg("svg"), ""), words = html("p", { class: "tl-summary", "aria-live": "polite" });
   const strength = html("input", { type: "range", min: 0, max: STRONGEST, step: 0.05, value: 1, "data-testid": "strength" });
   const whiskers = html("input", { type: "checkbox", checked: "", "data-testid": "whiskers" });
-  const field = (label, ...inner) => html("label", { class: "tl-field" }, html("span", {}, label), ...inner);
   const motion = createMotion(move);
   const controls = html("div", { class: "tl-controls" }, field("Drawn larger", strength), field("Whiskers (2 ±)", whiskers));
   const root = html("section", { class: "tl-viewer tl-measured", "aria-label": "The measured shape", "data-testid": "measured" },
@@ -26,10 +25,9 @@ function render({ model, el }) {
   const tint = (w) => colormap[Math.max(0, Math.min(colormap.length - 1, Math.round(((w / most + 1) / 2) * (colormap.length - 1))))];
 
   function draw() { // what only turning and the width change
-    const height = Math.max(260, Math.round(width * 0.5)), out = direction(view.azimuth, view.elevation);
-    const right = sideways(view.azimuth), up = cross(out, right), unit = Math.min((width - 40) / (2 * extent),
+    const height = Math.max(260, Math.round(width * 0.5)), unit = Math.min((width - 40) / (2 * extent),
       (height - 90) / (2 * extent * Math.abs(Math.sin(view.elevation * RAD)) + 2 * RISE * extent + 1e-9));
-    const flat = (v) => [width / 2 + unit * dot(v, right), (height - 40) / 2 - unit * dot(v, up)];
+    const { viewer, flat } = orbit(view, unit, [width / 2, (height - 40) / 2]);
     rise = (RISE * extent) / most;
     at = (i, w) => flat([points[i][0], points[i][1], Number(strength.value) * rise * w]);
     const axes = [["X", [1, 0, 0]], ["Y", [0, 1, 0]], ["Z", [0, 0, 1]]].map(([name, axis]) => {
@@ -39,7 +37,7 @@ function render({ model, el }) {
         text(x0 + (x - x0) * 0.42, y0 + (y - y0) * 0.42 + 4, name, "tl-muted"));
     });
     scene.replaceChildren(path("tl-ex-rest", lines(outline.map(([x, y]) => flat([x, y, 0])), "Z")), ...axes);
-    const depth = (list) => mean(list, (i) => dot([points[i][0], points[i][1], 0], out));
+    const depth = (list) => mean(list, (i) => dot([points[i][0], points[i][1], 0], viewer));
     order = faces.map((_, k) => k).sort((a, b) => depth(faces[a]) - depth(faces[b]));
     shape.replaceChildren(...order.map((k) => polygons[k]), ...bars, ...errors, ...dots);
     drawScale(height);

@@ -22,6 +22,20 @@ export const lines = (points, end = "") =>
 export const icon = (width, ...parts) =>
   svg("svg", { width, height: 14, viewBox: `0 0 ${width} 14`, "aria-hidden": "true" }, ...parts);
 
+export function button(words, attributes, onClick) {
+  const node = html("button", { type: "button", ...attributes }, words);
+  node.addEventListener("click", onClick);
+  return node;
+}
+export const options = (pairs) => pairs.map(([value, words]) => html("option", { value }, words));
+export function select(pairs, attributes, onChange) { // of pairs of a value and its words
+  const node = html("select", attributes, ...options(pairs));
+  node.addEventListener("change", () => onChange(node.value));
+  return node;
+}
+export const field = (label, node, attributes = {}) =>
+  html("label", { class: "tl-field", ...attributes }, html("span", {}, label), node);
+
 // Numbers
 export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
 export const fixed = (value, digits) => value.toFixed(digits).replace("-", "−");

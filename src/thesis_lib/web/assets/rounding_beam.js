@@ -1,5 +1,5 @@
 // Many cameras and a beam: errors of its markers, drawn and by the law, and what one more camera is worth.
-import { axes, button, dice, headline, experiment, slider } from "./demo.js";
+import { action, axes, dice, headline, experiment, slider } from "./demo.js";
 import model from "./explorer_model.js";
 import { fixed, lines, path, svg } from "./parts.js";
 
@@ -36,7 +36,7 @@ function build(request, { a, b, c }, { structure, sensorWidth }) {
     slider("Mode", [1, 3], 1, 0, "", () => state.mode, (mode) => set({ mode })),
     slider("Amplitude", [0.5, 12], 0.5, 1, " mm", () => state.amplitude, (amplitude) => set({ amplitude })),
     slider("Elevation", [5, 80], 5, 0, "°", () => state.elevation, (elevation) => set({ elevation })),
-    button("Draw again", () => set({})),
+    action("Draw again", () => set({})),
   ];
   const across = [0, 1000 * structure.length], dots = (x, y, values, cls, r) =>
     values.map((value, i) => svg("circle", { cx: x(1000 * places[i]), cy: y(value), r, class: cls }));

@@ -1,5 +1,5 @@
 // One marker on one pixel grid: what rounding makes of its motion, and the law of rounding from draws.
-import { axes, button, clamp, dice, drag, headline, experiment, rms, slider } from "./demo.js";
+import { action, axes, clamp, dice, drag, headline, experiment, rms, slider } from "./demo.js";
 import model from "./explorer_model.js";
 import { fixed, lines, path, resize, svg, text } from "./parts.js";
 
@@ -25,9 +25,9 @@ function build(request, { a, b, c }) {
   const controls = [
     slider("Motion δ", [0, MOST], 0.01, 2, " px", () => state.motion, (motion) => set({ motion })),
     slider("Shift of the grid", [-0.5, 0.5], 0.01, 2, " px", () => state.shift, (shift) => set({ shift })),
-    button("One random grid", () => set({ shift: Math.round(100 * (random() - 0.5)) / 100 })),
-    button(`${DRAWS} random grids`, () => { draws(state.motion, DRAWS); request(); }),
-    button("… for every motion", () => { sweep = Array.from({ length: 60 }, (_, i) => (i + 1) / 20); request(); }),
+    action("One random grid", () => set({ shift: Math.round(100 * (random() - 0.5)) / 100 })),
+    action(`${DRAWS} random grids`, () => { draws(state.motion, DRAWS); request(); }),
+    action("… for every motion", () => { sweep = Array.from({ length: 60 }, (_, i) => (i + 1) / 20); request(); }),
   ];
 
   // (a) the grid: pixels as boxes around their centres, the marker at rest and moved

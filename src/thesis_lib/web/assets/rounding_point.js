@@ -1,5 +1,5 @@
 // Two cameras and a point, in the plane of both: pixels are strips, and two strips measure a height.
-import { axes, button, clamp, dice, drag, headline, experiment, rms, slider } from "./demo.js";
+import { action, axes, clamp, dice, drag, headline, experiment, rms, slider } from "./demo.js";
 import model from "./explorer_model.js";
 import { fixed, lines, path, resize, svg, text } from "./parts.js";
 
@@ -34,8 +34,8 @@ function build(request, { a, b }) {
   const controls = [
     slider("Deflection w", [0, MOST], 0.05, 2, " mm", () => state.w, (w) => set({ w })),
     slider("Elevation φ", [5, 80], 1, 0, "°", () => state.elevation, (elevation) => set({ elevation })),
-    button("One random pair of grids", () => { shifts = cast(); request(); }),
-    button(`${DRAWS} random pairs`, () => {
+    action("One random pair of grids", () => { shifts = cast(); request(); }),
+    action(`${DRAWS} random pairs`, () => {
       errors.push(...Array.from({ length: DRAWS }, () => measured(state, cast()).error));
       request();
     }),

@@ -1,7 +1,7 @@
 // Panel (a): the structure, which bends, and the cameras around it, to be turned.
 import { bent } from "./motion.js";
 import { entitle, fill, heightOf, isNumber, lines, path, resize, svg, text } from "./parts.js";
-import { RAD, SQUARE, baseOf, cross, direction, dot, plus, sideways, times, trace, turnable } from "./space.js";
+import { RAD, SQUARE, baseOf, direction, dot, orbit, plus, times, trace, turnable } from "./space.js";
 
 const LARGEST = 0.06; // deflection as it is drawn, of the structure's length
 
@@ -34,11 +34,9 @@ export function createSketch(panel, study) { // returns what draws it
     const distances = [...new Set(every.flatMap((one) => one.cameras.map((camera) => camera[0])))];
     const half = length / 2, across = (data.structure.width_mm ?? 30) / 2;
     const radius = Math.max(...distances, half * 1.1), scene = [];
-    const viewer = direction(view.azimuth, view.elevation), right = sideways(view.azimuth);
-    const up = cross(viewer, right), sine = Math.sin(view.elevation * RAD);
+    const sine = Math.sin(view.elevation * RAD);
     const unit = Math.min((width - 70) / 2, (height - 44) / (1 + sine)) / radius;
-    const flat = (v) => [width / 2 + unit * dot(v, right),
-      height / 2 + unit * ((radius * (1 - sine)) / 2 - dot(v, up))];
+    const { viewer, flat } = orbit(view, unit, [width / 2, (height + unit * radius * (1 - sine)) / 2]);
     const line = (cls, points, end, style) => path(cls, lines(points.map(flat), end), { style });
 
     const ring = (r, elevation) => line("tl-wire", trace((t) => times(direction(360 * t, elevation), r)));

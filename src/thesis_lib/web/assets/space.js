@@ -13,6 +13,12 @@ export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * 
 export const trace = (point, steps = 72) => Array.from({ length: steps + 1 }, (_, i) => point(i / steps));
 export const SQUARE = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
 
+// How a view shows space: the direction to the viewer, and where a place is on the screen.
+export function orbit(view, unit, [x, y]) {
+  const viewer = direction(view.azimuth, view.elevation), right = sideways(view.azimuth), up = cross(viewer, right);
+  return { viewer, flat: (v) => [x + unit * dot(v, right), y - unit * dot(v, up)] };
+}
+
 // The base of a camera's pyramid, before the tip and towards what it looks at; its long sides are level.
 export function baseOf(tip, azimuth, elevation, size) {
   const out = direction(azimuth, elevation), side = times(sideways(azimuth), size * 0.5);

@@ -4,7 +4,7 @@ import { asked, keep } from "./address.js";
 import { createBars } from "./bars.js";
 import { linkButton } from "./copy.js";
 import { createImage, createMotion } from "./motion.js";
-import { KINDS, figure, fill, html, icon, isNumber, mark, path, show, svg, swatch } from "./parts.js";
+import { KINDS, field, figure, fill, html, icon, isNumber, mark, path, select, show, svg, swatch } from "./parts.js";
 import pinhole from "./pinhole.js";
 import { RAD } from "./space.js";
 import { createSketch } from "./sketch.js";
@@ -34,17 +34,15 @@ function render({ model, el }) {
 
   // --- controls
   const choose = (name, value) => { model.set(name, value); model.save_changes(); remember(); };
-  function select(label, options, value, testid, onChange) {
-    const box = html("select", { "data-testid": testid },
-      ...options.map(([id, words]) => html("option", { value: id }, words)));
+  function add(label, pairs, value, testid, onChange) {
+    const box = select(pairs, { "data-testid": testid }, onChange);
     box.value = value;
-    box.addEventListener("change", () => onChange(box.value));
-    controls.append(html("label", { class: "tl-field" }, html("span", {}, label), box));
+    controls.append(field(label, box));
   }
   function buildControls() {
     const { cases, modes } = study.data, names = cases.map((one) => [one.name, `${one.name} – ${one.title}`]);
     controls.replaceChildren();
-    if (names.length > 1) select("Case", names, study.case().name, "case", (value) => choose("case", value));
+    if (names.length > 1) add("Case", names, study.case().name, "case", (value) => choose("case", value));
     const buttons = modes.map(({ mode, frequency_hz: frequency }) => {
       const hertz = isNumber(frequency) ? ` ${show(frequency)} Hz` : "";
       const attributes = { "data-testid": `mode-${mode}`, "aria-label": `Mode ${mode}${hertz}` };
@@ -54,7 +52,7 @@ function render({ model, el }) {
     });
     const group = html("div", { class: "tl-modes" }, ...buttons);
     controls.append(html("fieldset", { class: "tl-field" }, html("legend", {}, "Mode"), group));
-    select("Compare", [["extremes", "best and worst by median"], ["all", "all settings"]], study.compare, "compare",
+    add("Compare", [["extremes", "best and worst by median"], ["all", "all settings"]], study.compare, "compare",
       (value) => { study.compare = value; highlight(); remember(); });
     controls.append(...link);
   }

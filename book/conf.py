@@ -1,0 +1,12 @@
+"""Settings of Sphinx: those of ``_config.yml``, as Jupyter Book reads them."""
+
+from pathlib import Path
+
+from jupyter_book.config import get_final_config
+
+_book = Path(__file__).parent
+_cli = {"latex_individualpages": False}
+_settings, _ = get_final_config(
+    user_yaml=_book.parent / "_config.yml", sourcedir=_book, cli_config=_cli
+)
+globals().update(_settings)

@@ -1,1 +1,0 @@
-"""The page that the tests write: every check, its tolerance and today's value."""
