@@ -83,6 +83,6 @@ def test_every_text_in_plain_values_is_looked_at(values):
 
 
 def test_a_package_that_is_missing_is_told_with_what_installs_it():
-    said = cli._said(ModuleNotFoundError("No module named 'rocrate'", name="rocrate.model"))
-    assert said == "needs the package rocrate: pip install 'thesis-lib[book]'"
+    said = cli._said(ModuleNotFoundError("No module named 'lxml'", name="lxml.html"))
+    assert said == "needs the package lxml: pip install 'thesis-lib[book]'"
     assert cli._said(KeyError("case")) == "KeyError: 'case'"
